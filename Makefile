@@ -1,0 +1,95 @@
+# Two commands matter: `make thesis` runs the study, `make test` runs the tests. `make help` lists the rest.
+# Needs make and python3 (3.11 or newer) with venv; everything else goes into $(VENV).
+
+SHELL := /bin/bash
+.SHELLFLAGS := -eu -o pipefail -c
+.DEFAULT_GOAL := help
+.DELETE_ON_ERROR:
+
+PYTHON ?= python3
+VENV ?= .venv
+OUT ?= out/thesis
+BIN := $(VENV)/bin
+CREATED := $(VENV)/.created
+INSTALLED := $(VENV)/.installed
+SOURCES := hmtb_twin sysid scenarios tests
+
+# One thread per library: the matrices are small, and threads that wait for each other cost more than they give.
+export OPENBLAS_NUM_THREADS ?= 1
+export OMP_NUM_THREADS ?= 1
+export PIP_DISABLE_PIP_VERSION_CHECK := 1
+export PYTHONUTF8 := 1
+
+.PHONY: help
+help: ## list the commands
+	@awk -F ':.*## ' '/^[a-z-]+:.*## /{printf "  make %-12s %s\n", $$1, $$2}' $(firstword $(MAKEFILE_LIST))
+
+.PHONY: install
+install: $(INSTALLED) ## create the environment and install the project in it
+
+$(CREATED):
+	@"$(PYTHON)" -c '' 2>/dev/null || { echo "error: no '$(PYTHON)' found; on Debian or Ubuntu: sudo apt-get install python3 python3-venv" >&2; exit 1; }
+	@"$(PYTHON)" -c 'import sys; sys.exit(sys.version_info < (3, 11))' || { echo "error: $$("$(PYTHON)" --version) is too old, Python 3.11 or newer is needed; name one with: make PYTHON=python3.12 ..." >&2; exit 1; }
+	@"$(PYTHON)" -c 'import venv, ensurepip' 2>/dev/null || { echo "error: '$(PYTHON)' has no venv; on Debian or Ubuntu: sudo apt-get install python3-venv" >&2; exit 1; }
+	@echo "==> Creating the environment $(VENV) with $$("$(PYTHON)" --version)"
+	@rm -rf "$(VENV)"
+	@"$(PYTHON)" -m venv "$(VENV)"
+	@touch $@
+
+$(INSTALLED): $(CREATED) pyproject.toml constraints.txt
+	@echo "==> Installing hmtb-twin and what it needs into $(VENV) (about 700 MB the first time)"
+	@"$(BIN)/python" -m pip install --quiet --constraint constraints.txt --editable '.[dev]'
+	@touch $@
+
+.PHONY: thesis
+thesis: $(INSTALLED) ## run the whole study and write its report
+	@echo "==> Running the study: simulate, identify, compare with the truth, report"
+	@"$(BIN)/hmtb" thesis --out "$(OUT)"
+	@echo "==> The report is $(abspath $(OUT))/report.html"
+
+.PHONY: test
+test: $(INSTALLED) ## run all tests
+	@echo "==> Running the tests"
+	@"$(BIN)/python" -m pytest
+
+.PHONY: format-check
+format-check: $(INSTALLED)
+	@echo "==> Checking the format"
+	@"$(BIN)/ruff" format --check $(SOURCES)
+
+.PHONY: lint
+lint: $(INSTALLED)
+	@echo "==> Checking the code with ruff"
+	@"$(BIN)/ruff" check $(SOURCES)
+
+.PHONY: types
+types: $(INSTALLED)
+	@echo "==> Checking the types"
+	@"$(BIN)/python" -m mypy
+
+.PHONY: check
+check: format-check lint types test ## format, lint, types and tests: what continuous integration runs
+
+.PHONY: format
+format: $(INSTALLED) ## put the code into the house format and mend what ruff can mend
+	@"$(BIN)/ruff" format $(SOURCES)
+	@"$(BIN)/ruff" check --fix $(SOURCES)
+
+.PHONY: bench
+bench: $(INSTALLED) ## run the benchmarks alone, with their figures printed
+	@echo "==> Running the benchmarks"
+	@"$(BIN)/python" -m pytest tests/benchmarks -s
+
+.PHONY: constraints
+constraints: ## renew constraints.txt from the newest versions that pyproject.toml allows
+	@echo "==> Resolving the newest versions in a new environment"
+	@rm -rf .venv-new && "$(PYTHON)" -m venv .venv-new
+	@.venv-new/bin/python -m pip install --quiet --editable '.[dev]'
+	@{ sed -n '/^#/p' constraints.txt; .venv-new/bin/python -m pip freeze --exclude-editable --exclude hmtb-twin; } > constraints.new
+	@mv constraints.new constraints.txt && rm -rf .venv-new
+
+.PHONY: clean
+clean: ## remove the environment, caches, builds and results
+	@echo "==> Removing $(VENV), caches, builds and out/"
+	@rm -rf "$(VENV)" .ci/venv build dist out .pytest_cache .mypy_cache .ruff_cache .hypothesis *.egg-info
+	@find $(wildcard $(SOURCES)) -name __pycache__ -prune -exec rm -rf {} +
