@@ -22,7 +22,8 @@ def models_directory() -> Path:
         if place.is_dir():
             return place
     raise FileNotFoundError(
-        f"no model folder found, expected one of {', '.join(map(str, places))}: the installation of hmtb-twin is incomplete"
+        f"no model folder found, expected one of {', '.join(map(str, places))}: "
+        "the installation of hmtb-twin is incomplete"
     )
 
 
