@@ -1,0 +1,38 @@
+"""Pseudorandom binary sequence."""
+
+import numpy as np
+from scipy.signal import max_len_seq
+
+from scenarios.errors import ScenarioError
+from scenarios.waveform import POINTS, Waveform
+
+
+def prbs(*, amplitude: float = 1.0, clock: int = 2, seed: int = 0) -> Waveform:
+    """Maximum-length binary sequence between -amplitude and +amplitude [Soderstrom1989, compl. C5.3].
+
+    The shortest register whose sequence fills the file is used, cut after 100 points: the file may keep a mean of up to
+    0.28 of the amplitude (at two samples per bit), and its spectrum is only nearly flat under the sinc-shaped envelope of
+    the held bits, with zeros at multiples of 50/clock Hz.
+    Equation (2.11) of [Morris1996] as printed has levels 2 C1 and 2 C2; here the levels are the amplitude itself.
+
+    Args:
+        amplitude: Level, V.
+        clock: Samples per bit; a divisor of 100 keeps every bit equally long.
+        seed: Chooses the start state of the register.
+
+    Returns:
+        The 100-point file.
+
+    Raises:
+        ScenarioError: `clock` is not between 1 and 50.
+    """
+    if not 1 <= clock <= POINTS // 2:
+        raise ScenarioError(f"clock must be 1 to {POINTS // 2} samples per bit, given {clock}")
+    bits = -(-POINTS // clock)
+    register = max(2, int(np.ceil(np.log2(bits + 1))))
+    state = np.random.default_rng(seed).integers(0, 2, register)
+    if not state.any():
+        state[0] = 1  # a register of zeros never leaves zero
+    sequence, _ = max_len_seq(register, state=state, length=bits)
+    points = amplitude * np.repeat(2.0 * sequence - 1.0, clock)[:POINTS]
+    return Waveform(points, "prbs", {"amplitude": amplitude, "clock": clock, "seed": seed})

@@ -1,0 +1,172 @@
+"""The excitations hold what the thesis says of them."""
+
+import numpy as np
+import pytest
+
+from scenarios.errors import ScenarioError
+from scenarios.excitation import (
+    KINDS,
+    bipolar_ramping_pulse,
+    chirp,
+    chirp_as_printed,
+    chirp_franklin,
+    multisine,
+    prbs,
+    sine,
+    two_sines,
+    white_noise,
+)
+from scenarios.waveform import POINTS, RATE, Waveform
+
+EXAMPLES = [
+    sine(frequency=5.0),
+    two_sines(frequency=2.5),
+    two_sines(frequency=1.25, amplitude=2.0),
+    prbs(),
+    chirp(f_start=5.0, f_end=10.0),
+    chirp_as_printed(f_low=1.0, f_high=2.0, f_center=4.0),
+    chirp_franklin(f_start=1.0, f_end=5.0),
+    bipolar_ramping_pulse(),
+    multisine(),
+    white_noise(),
+]
+
+
+def tones(waveform: Waveform) -> dict[float, float]:
+    """Frequencies with power, and the amplitude of each."""
+    lines = np.fft.rfft(waveform.points) / POINTS
+    frequency = np.fft.rfftfreq(POINTS, 1 / waveform.update_rate)
+    return {float(f): float(2 * a) for f, a in zip(frequency, np.abs(lines), strict=True) if a > 1e-9}
+
+
+def test_every_kind_has_an_example() -> None:
+    assert {waveform.kind for waveform in EXAMPLES} == set(KINDS)
+
+
+@pytest.mark.parametrize("waveform", EXAMPLES, ids=lambda w: w.kind)
+def test_parameters_make_the_same_file_again_within_the_amplitude(waveform: Waveform) -> None:
+    again = KINDS[waveform.kind](**waveform.parameters)
+    np.testing.assert_array_equal(again.points, waveform.points)
+    assert np.abs(waveform.points).max() <= waveform.parameters["amplitude"] + 1e-12
+    with pytest.raises(ValueError, match="read-only"):
+        waveform.points[0] = 1.0
+
+
+@pytest.mark.parametrize("waveform", EXAMPLES, ids=lambda w: w.kind)
+def test_psd_integrates_to_the_mean_square(waveform: Waveform) -> None:
+    psd = waveform.psd()
+    np.testing.assert_allclose(psd.density.sum() / waveform.period, np.mean(waveform.points**2), rtol=1e-12)
+
+
+def test_sine_and_two_sines_are_pure() -> None:
+    assert tones(sine(frequency=5.0, amplitude=2.0)) == pytest.approx({5.0: 2.0})
+    assert tones(two_sines(frequency=2.5)) == pytest.approx({2.5: 0.5, 10.0: 0.5})
+    assert tones(two_sines(frequency=1.25)) == pytest.approx({1.25: 0.5, 5.0: 0.5})
+
+
+@pytest.mark.parametrize(
+    ("waveform", "order"),
+    [(sine(frequency=5.0), 2), (two_sines(frequency=2.5), 4), (two_sines(frequency=1.25), 4)],
+)
+def test_order_of_excitation_of_sinusoids_is_twice_their_number(waveform: Waveform, order: int) -> None:
+    assert waveform.order_of_excitation() == order
+
+
+def test_order_of_excitation_of_prbs_is_rich_and_at_most_the_file() -> None:
+    assert 90 <= prbs(clock=1).order_of_excitation() <= 100
+    # A bit of two samples puts zeros at multiples of 25 Hz: the Nyquist line falls out.
+    held = prbs(clock=2)
+    assert held.psd().density[-1] == pytest.approx(0.0, abs=1e-20)
+    assert 90 <= held.order_of_excitation() <= 99
+
+
+@pytest.mark.parametrize("clock", [1, 2, 3, 5])
+def test_prbs_has_two_levels_and_bits_of_the_clock(clock: int) -> None:
+    points = prbs(amplitude=2.0, clock=clock, seed=7).points
+    assert set(points) == {-2.0, 2.0}
+    changes = np.flatnonzero(np.diff(points)) + 1
+    assert np.all(changes % clock == 0)
+    # A whole maximum-length sequence sums to one level; the cut file cannot miss by more than the bits cut off.
+    bits = -(-POINTS // clock)
+    dropped = 2 ** int(np.ceil(np.log2(bits + 1))) - 1 - bits
+    assert abs(points[::clock].sum()) / 2.0 <= dropped + 1
+
+
+def test_prbs_seed_chooses_the_start() -> None:
+    assert np.array_equal(prbs(seed=3).points, prbs(seed=3).points)
+    assert len({prbs(seed=seed).points.tobytes() for seed in range(10)}) > 5
+
+
+@pytest.mark.parametrize(("f_start", "f_end"), [(0, 1), (0, 5), (5, 10), (5, 15)])
+def test_chirps_of_both_tables_repeat_without_a_jump(f_start: float, f_end: float) -> None:
+    played = chirp(f_start=f_start, f_end=f_end).play(4.0)[:, 0]
+    t = np.arange(POINTS + 1) / RATE
+    phase = 2 * np.pi * (f_start * t + (f_end - f_start) * t**2 / 4)
+    assert played[POINTS] == pytest.approx(np.cos(phase[-1]), abs=1e-9)
+
+
+def test_chirp_sweeps_the_band() -> None:
+    psd = chirp(f_start=5.0, f_end=10.0).psd()
+    inside = (psd.frequency >= 4.5) & (psd.frequency <= 10.5)
+    assert psd.density[inside].sum() > 0.95 * psd.density.sum()
+    assert (psd.density[inside] > 0.02 * psd.density.max()).sum() >= 9
+
+
+def test_the_printed_chirp_is_one_tone() -> None:
+    assert tones(chirp_as_printed(f_low=1.0, f_high=2.0, f_center=4.0)) == pytest.approx({5.0: 1.0})
+
+
+def test_franklins_chirp_starts_and_ends_softly() -> None:
+    points = chirp_franklin(f_start=1.0, f_end=5.0, offset=0.5).points
+    assert points[0] == pytest.approx(0.5)
+    assert abs(points[-1] - 0.5) <= 0.1 + 1e-12
+
+
+def test_bipolar_ramping_pulse_alternates() -> None:
+    points = bipolar_ramping_pulse(amplitude=4.0).points
+    ramp = 4.0 * np.arange(1, 6) / 5
+    np.testing.assert_allclose(points[:5], ramp)
+    np.testing.assert_allclose(points[25:30], -ramp)
+    np.testing.assert_allclose(points[50:55], ramp)
+    assert np.count_nonzero(points) == 20
+    growing = bipolar_ramping_pulse(amplitude=4.0, growing=True).points
+    assert [abs(growing[start + 4]) for start in (0, 25, 50, 75)] == pytest.approx([1.0, 2.0, 3.0, 4.0])
+
+
+def test_multisine_has_equal_lines_in_its_band_only() -> None:
+    lines = tones(multisine(f_min=1.0, f_max=4.0, odd=True))
+    assert sorted(lines) == [1.5, 2.5, 3.5]
+    assert max(lines.values()) == pytest.approx(min(lines.values()))
+
+
+@pytest.mark.parametrize("waveform", EXAMPLES, ids=lambda w: w.kind)
+def test_play_repeats_the_period(waveform: Waveform) -> None:
+    played = waveform.play(2.5 * waveform.period)
+    period = round(RATE * waveform.period)
+    assert played.shape == (round(2.5 * period), 1)
+    np.testing.assert_array_equal(played[period : 2 * period], played[:period])
+    assert set(np.unique(played)) == set(np.unique(waveform.points))
+
+
+@pytest.mark.parametrize(
+    "bad",
+    [
+        lambda: sine(frequency=5.1),
+        lambda: sine(frequency=0.0),
+        lambda: two_sines(frequency=1.3),
+        lambda: two_sines(frequency=5.0, amplitude=1.0).play(float("nan")),
+        lambda: two_sines(frequency=20.0),
+        lambda: prbs(clock=0),
+        lambda: chirp(f_start=-1.0, f_end=5.0),
+        lambda: chirp_franklin(f_start=1.0, f_end=5.0, ramp=0.9),
+        lambda: bipolar_ramping_pulse(pulse_width=0.6),
+        lambda: multisine(f_min=5.0, f_max=4.0),
+        lambda: prbs().play(-1.0),
+        lambda: Waveform(np.zeros(99), "sine"),
+        lambda: Waveform(np.full(100, np.nan), "sine"),
+        lambda: Waveform(np.zeros(100), "sine", update_rate=0.0),
+    ],
+)
+def test_bad_values_are_refused(bad: object) -> None:
+    with pytest.raises(ScenarioError, match=r"given|expected|does not"):
+        bad()  # type: ignore[operator]

@@ -1,0 +1,119 @@
+"""A scenario is a TOML file, read strictly."""
+
+import pickle
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from hmtb_twin import JOINTS
+from scenarios import Excitation, Scenario, ScenarioError
+
+EXCITATIONS = st.one_of(
+    st.builds(
+        lambda amplitude, clock, seed: Excitation("prbs", {"amplitude": amplitude, "clock": clock, "seed": seed}),
+        st.floats(0.01, 10),
+        st.integers(1, 50),
+        st.integers(0, 2**31),
+    ),
+    st.builds(lambda n: Excitation("sine", {"frequency": n / 2}), st.integers(1, 50)),
+    st.builds(lambda g: Excitation("bipolar_ramping_pulse", {"growing": g}), st.booleans()),
+)
+
+
+@st.composite
+def scenarios(draw: st.DrawFn) -> Scenario:
+    axes = tuple(draw(st.lists(st.sampled_from(JOINTS), min_size=1, max_size=3, unique=True)))
+    count = draw(st.sampled_from([1, len(axes)]))
+    return Scenario(
+        name=draw(st.text(min_size=1)),
+        axes=axes,
+        excitation=tuple(draw(st.lists(EXCITATIONS, min_size=count, max_size=count))),
+        duration=draw(st.floats(0.02, 1e4)),
+        seed=draw(st.integers(0, 2**63 - 1)),
+        friction=draw(st.booleans()),
+        noise=draw(st.booleans()),
+        quantisation=draw(st.booleans()),
+        description=draw(st.text()),
+        tags=tuple(draw(st.lists(st.text(), max_size=3))),
+    )
+
+
+@given(scenarios())
+def test_toml_round_trip(scenario: Scenario) -> None:
+    again = Scenario.from_toml(scenario.to_toml())
+    assert again == scenario
+    assert hash(again) == hash(scenario)
+    assert pickle.loads(pickle.dumps(scenario)) == scenario
+
+
+MINIMAL = """
+name = "mine"
+axes = ["elbow_pitch"]
+[excitation]
+kind = "sine"
+frequency = 5
+"""
+
+
+def test_a_short_file_gets_the_defaults() -> None:
+    scenario = Scenario.from_toml(MINIMAL)
+    assert scenario.duration == 240.0
+    assert dict(scenario.excitation[0].parameters) == {"frequency": 5.0, "amplitude": 1.0}
+    assert scenario.volts().shape == (12_000, 1)
+
+
+def test_volts_are_shared_or_one_per_axis() -> None:
+    axes = ("shoulder_yaw", "elbow_pitch")
+    sine, prbs = Excitation("sine", {"frequency": 5.0}), Excitation("prbs")
+    shared = Scenario("shared", axes, (sine,), duration=2.0).volts()
+    np.testing.assert_array_equal(shared[:, 0], shared[:, 1])
+    apart = Scenario("apart", axes, (sine, prbs), duration=2.0).volts()
+    assert apart.shape == (100, 2)
+    np.testing.assert_array_equal(apart, np.column_stack([sine.waveform().points, prbs.waveform().points]))
+
+
+def test_reseeding_draws_another_seed_for_every_name_and_keeps_the_file() -> None:
+    one = Scenario("one", ("elbow_pitch",), (Excitation("prbs"),))
+    two = Scenario("two", ("elbow_pitch",), (Excitation("prbs"),))
+    assert one.reseeded(1) == one.reseeded(1)
+    assert len({one.reseeded(1).seed, one.reseeded(2).seed, two.reseeded(1).seed}) == 3
+    assert one.reseeded(1).excitation == one.excitation
+
+
+@pytest.mark.parametrize(
+    ("change", "says"),
+    [
+        (lambda t: t.replace("elbow_pitch", "elbow_ptich"), "did you mean 'elbow_pitch'.*shoulder_yaw"),
+        (lambda t: t.replace('"sine"', '"sin"'), "unknown excitation 'sin'.*did you mean 'sine'.*prbs"),
+        (lambda t: t.replace("frequency", "frequencies"), "unknown parameter 'frequencies'.*amplitude"),
+        (lambda t: t.replace("frequency = 5", ""), "needs frequency"),
+        (lambda t: t.replace("frequency = 5", "frequency = true"), "must be a finite number, given True"),
+        (lambda t: t.replace("frequency = 5", "frequency = nan"), "must be a finite number, given nan"),
+        (lambda t: t.replace("frequency = 5", "frequency = 5.1"), "5.1 Hz does not repeat"),
+        (lambda t: "durations = 3\n" + t, "unknown key 'durations'.*did you mean 'duration'"),
+        (lambda t: "duration = '3'\n" + t, "duration must be a finite number"),
+        (lambda t: "duration = 0.001\n" + t, "duration of at least"),
+        (lambda t: "seed = 1.5\n" + t, "seed must be a whole number"),
+        (lambda t: "seed = -1\n" + t, "seed of 0 or more, given -1"),
+        (lambda t: "noise = 1\n" + t, "noise must be true or false"),
+        (lambda t: "tags = 'a'\n" + t, "tags must be a list of texts"),
+        (lambda t: "variant = 'nominals'\n" + t, "unknown variant 'nominals'.*nominal"),
+        (lambda t: "payload = 'rpmc'\n" + t, "unknown payload 'rpmc'.*rpcm"),
+        (lambda t: "pose = 'hom'\n" + t, "unknown pose 'hom'.*home"),
+        (lambda t: t.replace('["elbow_pitch"]', "[]"), "one or more different joints"),
+        (lambda t: t.replace('name = "mine"', ""), "missing name"),
+        (lambda t: t + "kind = 3", "not a TOML file"),
+        (lambda t: t.replace("[excitation]\nkind", "[excitation]\nsort"), "must be a table with a kind"),
+    ],
+)
+def test_a_wrong_file_is_refused_with_what_there_is(change: object, says: str) -> None:
+    with pytest.raises(ScenarioError, match=says):
+        Scenario.from_toml(change(MINIMAL))  # type: ignore[operator]
+
+
+def test_one_excitation_per_axis_or_one_for_all() -> None:
+    sine = Excitation("sine", {"frequency": 5.0})
+    with pytest.raises(ScenarioError, match="2 excitations for 1 axes"):
+        Scenario("two", ("elbow_pitch",), (sine, sine))
