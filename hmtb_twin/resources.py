@@ -3,6 +3,8 @@
 from importlib.resources import files
 from pathlib import Path
 
+from hmtb_twin.errors import TwinError
+
 
 def models_directory() -> Path:
     """Return the folder that holds the model folders.
@@ -37,11 +39,11 @@ def model_file(name: str) -> Path:
         The file's path; MuJoCo and Pinocchio both read it from there.
 
     Raises:
-        FileNotFoundError: There is no such file; the message lists the files that exist.
+        TwinError: There is no such file; the message lists the files that exist.
     """
     models = models_directory()
     path = models / name
     if path.is_file():
         return path
     available = sorted(p.relative_to(models).as_posix() for p in models.rglob("*.xml"))
-    raise FileNotFoundError(f"no model file {name!r}, available: {', '.join(available) or 'none'}")
+    raise TwinError(f"no model file {name!r}, available: {', '.join(available) or 'none'}")

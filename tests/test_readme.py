@@ -1,0 +1,36 @@
+"""What the README shows, works."""
+
+import re
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parents[1]
+README = (ROOT / "README.md").read_text(encoding="utf-8")
+
+
+def test_the_python_example_runs(tmp_path: Path) -> None:
+    (example,) = re.findall(r"^```python\n(.*?)^```", README, re.M | re.S)
+    path = tmp_path / "example.py"
+    path.write_text(f"import sys\nsys.path.insert(0, {str(ROOT)!r})\n{example}", encoding="utf-8")
+    done = subprocess.run([sys.executable, path], cwd=tmp_path, capture_output=True, text=True, timeout=60)
+    assert done.returncode == 0, done.stderr
+    true, recovered = map(float, re.findall(r"(\d+\.\d+)", done.stdout)[:2])
+    assert recovered == pytest.approx(true, rel=0.25), done.stdout
+
+
+@pytest.mark.parametrize("command", sorted(set(re.findall(r"`hmtb ([a-z]+)", README))))
+def test_every_command_exists(command: str) -> None:
+    script = f"import sys; sys.path.insert(0, {str(ROOT)!r}); from scenarios.cli import main; main()"
+    done = subprocess.run([sys.executable, "-c", script, command, "--help"], capture_output=True, text=True, timeout=60)
+    assert done.returncode == 0, done.stderr
+    assert done.stdout.strip(), "help goes to stdout"
+
+
+def test_the_make_targets_exist() -> None:
+    makefile = (ROOT / "Makefile").read_text(encoding="utf-8")
+    targets = set(re.findall(r"^make ([a-z]+)", README, re.M))
+    assert targets == {"thesis", "test"}
+    assert targets <= set(re.findall(r"^([a-z-]+):", makefile, re.M))
