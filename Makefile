@@ -37,7 +37,7 @@ $(CREATED):
 	@touch $@
 
 $(INSTALLED): $(CREATED) pyproject.toml constraints.txt
-	@echo "==> Installing hmtb-twin and what it needs into $(VENV) (about 700 MB the first time)"
+	@echo "==> Installing hmtb-twin and what it needs into $(VENV) (the first time: some minutes, 1.5 GB on disk)"
 	@"$(BIN)/python" -m pip install --quiet --constraint constraints.txt --editable '.[dev]'
 	@touch $@
 
