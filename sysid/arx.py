@@ -1,0 +1,96 @@
+"""ARX models by linear least squares."""
+
+import warnings
+from collections.abc import Sequence
+from functools import partial
+
+import numpy as np
+
+from sysid.arrays import FloatArray
+from sysid.data import IOData, as_experiments
+from sysid.errors import SysidWarning
+from sysid.estimate import Estimate
+from sysid.excitation import check_excitation
+from sysid.least_squares import solve
+from sysid.orders import make_orders
+from sysid.polynomial_estimate import check_enough_data, check_single_output, make_estimate
+from sysid.regressors import arx_regressors
+
+
+def arx(data: IOData | Sequence[IOData], na: int, nb: int | Sequence[int], nk: int | Sequence[int] = 1) -> Estimate:
+    """Fit A(q) y = B(q) u + e by least squares [Ljung1999, eqs. 4.7, 7.32].
+
+    Args:
+        data: One experiment, or several that share the model.
+        na: Degree of A.
+        nb: Number of coefficients of B, one for all inputs or one per input.
+        nk: Delay in samples, likewise; nk = 1 means y(t) depends on u(t-1) first, nk = 0 gives a direct term.
+
+    Returns:
+        The estimate; parameters a1.., b1...
+
+    Raises:
+        SysidError: Constant input, several outputs, orders negative or too many for the data.
+
+    Warns:
+        SysidWarning: The input excites too little, or the regressors are rank deficient.
+    """
+    experiments = as_experiments(data)
+    check_single_output(experiments)
+    orders = make_orders(experiments[0].nu, na=na, nb=nb, nk=nk)
+    texts = check_excitation(experiments, orders.nb)
+    check_enough_data(experiments, orders, transients=0)
+    starts = [orders.first_row(e.window) for e in experiments]
+    phi = np.vstack(
+        [
+            arx_regressors(e.y[:, 0], e.u, orders.na, orders.nb, orders.nk, start)
+            for e, start in zip(experiments, starts, strict=True)
+        ]
+    )
+    target = np.concatenate([e.y[start:] for e, start in zip(experiments, starts, strict=True)])
+    fit = solve(phi, target)
+    variance = float(fit.residual_gram[0, 0]) / (len(phi) - orders.count)
+    if fit.rank < orders.count:
+        texts.append(
+            f"the regressors have rank {fit.rank} for {orders.count} parameters: the solution of least norm is given"
+        )
+    for text in texts:
+        warnings.warn(text, SysidWarning, stacklevel=2)
+    return make_estimate(
+        "arx",
+        experiments,
+        orders,
+        {"na": orders.na, "nb": orders.nb, "nk": orders.nk},
+        theta=fit.solution[:, 0],
+        covariance=variance * fit.inverse_gram,
+        variance=variance,
+        diagnostics={"condition": fit.condition, "rank": fit.rank, "iterations": 0, "converged": True},
+        texts=texts,
+    )
+
+
+def arx_solution(
+    y: Sequence[FloatArray],
+    u: Sequence[FloatArray],
+    na: int,
+    nb: Sequence[int],
+    nk: Sequence[int],
+    starts: Sequence[int],
+) -> FloatArray:
+    """Bare least-squares parameters, for iterations that begin with an ARX fit.
+
+    Args:
+        y: Output per experiment (N,).
+        u: Inputs per experiment (N, nu).
+        na: Degree of A.
+        nb: Coefficients of B per input.
+        nk: Delay per input.
+        starts: First row per experiment.
+
+    Returns:
+        Parameters (na + sum(nb),).
+    """
+    build = partial(arx_regressors, na=na, nb=nb, nk=nk)
+    phi = np.vstack([build(yi, ui, start=s) for yi, ui, s in zip(y, u, starts, strict=True)])
+    target = np.concatenate([yi[s:] for yi, s in zip(y, starts, strict=True)])
+    return solve(phi, target[:, None]).solution[:, 0]

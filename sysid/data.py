@@ -1,0 +1,214 @@
+"""The input-output record: one experiment as the analyst sees it."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
+from typing import Literal
+
+import numpy as np
+
+from sysid.arrays import FloatArray, lock, real_array
+from sysid.errors import SysidError
+
+
+@dataclass(frozen=True, eq=False)
+class IOData:
+    """Uniformly sampled inputs and outputs of one experiment, time first.
+
+    Slicing, detrending and selecting return new records that keep names, units and inter-sample behaviour.
+    A sequence of `IOData` is a multi-experiment data set; every estimator accepts one.
+
+    Attributes:
+        u: Inputs (N, nu); a 1-D array is taken as one channel.
+        y: Outputs (N, ny); a 1-D array is taken as one channel.
+        dt: Sampling interval in s.
+        input_names: One name per input; `u1, u2, ...` when not given.
+        output_names: One name per output; `y1, y2, ...` when not given.
+        input_units: One unit per input; empty when not given.
+        output_units: One unit per output; empty when not given.
+        intersample: Behaviour of the input between samples: held (`zoh`), linear (`foh`), band-limited (`bl`).
+        window: Number of leading samples that only initialise a model: they enter no cost and no score.
+        name: What the experiment is called.
+
+    Raises:
+        SysidError: Empty, non-real, NaN or infinite values, unequal lengths, more channels than samples,
+            `dt <= 0`, a window that leaves nothing, or names and units that do not match the channels.
+    """
+
+    u: FloatArray
+    y: FloatArray
+    dt: float
+    input_names: tuple[str, ...] | None = field(default=None, kw_only=True)
+    output_names: tuple[str, ...] | None = field(default=None, kw_only=True)
+    input_units: tuple[str, ...] | None = field(default=None, kw_only=True)
+    output_units: tuple[str, ...] | None = field(default=None, kw_only=True)
+    intersample: Literal["zoh", "foh", "bl"] = field(default="zoh", kw_only=True)
+    window: int = field(default=0, kw_only=True)
+    name: str = field(default="", kw_only=True)
+
+    def __post_init__(self) -> None:
+        """Check and lock."""
+        u, y = _channels("u", self.u), _channels("y", self.y)
+        if len(u) != len(y):
+            raise SysidError(f"u and y must be equally long: u has {len(u)} samples, y has {len(y)}")
+        if not (np.isscalar(self.dt) and np.isreal(self.dt) and np.isfinite(self.dt) and self.dt > 0):
+            raise SysidError(f"dt must be a positive number of seconds, got {self.dt!r}")
+        if self.intersample not in ("zoh", "foh", "bl"):
+            raise SysidError(f"intersample must be one of zoh, foh, bl; got {self.intersample!r}")
+        if isinstance(self.window, bool) or not isinstance(self.window, int | np.integer) or self.window < 0:
+            raise SysidError(f"window must be a whole number of samples >= 0, got {self.window!r}")
+        if self.window >= len(u):
+            raise SysidError(f"window of {self.window} samples leaves nothing of a record of {len(u)}")
+        nu, ny = u.shape[1], y.shape[1]
+        checked = {
+            "u": u,
+            "y": y,
+            "dt": float(self.dt),
+            "window": int(self.window),
+            "input_names": _labels("input_names", self.input_names, tuple(f"u{i + 1}" for i in range(nu))),
+            "output_names": _labels("output_names", self.output_names, tuple(f"y{i + 1}" for i in range(ny))),
+            "input_units": _labels("input_units", self.input_units, ("",) * nu),
+            "output_units": _labels("output_units", self.output_units, ("",) * ny),
+        }
+        for attribute, value in checked.items():
+            object.__setattr__(self, attribute, value)
+
+    def __len__(self) -> int:
+        """Number of samples N."""
+        return len(self.u)
+
+    @property
+    def nu(self) -> int:
+        """Number of inputs."""
+        return int(self.u.shape[1])
+
+    @property
+    def ny(self) -> int:
+        """Number of outputs."""
+        return int(self.y.shape[1])
+
+    @property
+    def time(self) -> FloatArray:
+        """Sampling instants in s, from 0, (N,)."""
+        return np.arange(len(self)) * self.dt
+
+    def __getitem__(self, part: slice) -> "IOData":
+        """Return consecutive samples `data[a:b]`; what is left of the initialisation window stays one.
+
+        Raises:
+            SysidError: Not a slice, a step other than 1, or an empty part.
+        """
+        if not isinstance(part, slice) or part.step not in (None, 1):
+            raise SysidError(f"a record is cut by data[a:b] without a step, got data[{part!r}]")
+        start, stop, _ = part.indices(len(self))
+        if stop <= start:
+            raise SysidError(f"data[{part.start}:{part.stop}] of a record of {len(self)} samples is empty")
+        window = max(self.window - start, 0)
+        return replace(self, u=self.u[start:stop], y=self.y[start:stop], window=window)
+
+    def detrend(self, order: int = 0) -> "IOData":
+        """Remove from every channel its least-squares polynomial in time (0: the mean).
+
+        Raises:
+            SysidError: Negative order, or an order that the number of samples does not allow.
+        """
+        if isinstance(order, bool) or not isinstance(order, int | np.integer) or not 0 <= order < len(self):
+            raise SysidError(f"detrend order must be a whole number from 0 to {len(self) - 1}, got {order!r}")
+        basis = np.polynomial.legendre.legvander(np.linspace(-1.0, 1.0, max(len(self), 2))[: len(self)], order)
+        q, _ = np.linalg.qr(basis)
+        return replace(self, u=self.u - q @ (q.T @ self.u), y=self.y - q @ (q.T @ self.y))
+
+    def select(
+        self, *, inputs: Sequence[int | str] | None = None, outputs: Sequence[int | str] | None = None
+    ) -> "IOData":
+        """Keep the channels named by name or index, in the order given; None keeps all.
+
+        Raises:
+            SysidError: Unknown name or index, or no channel left.
+        """
+        i = _indices("input", inputs, self.input_names)
+        o = _indices("output", outputs, self.output_names)
+        return replace(
+            self,
+            u=self.u[:, i],
+            y=self.y[:, o],
+            input_names=_pick(self.input_names, i),
+            output_names=_pick(self.output_names, o),
+            input_units=_pick(self.input_units, i),
+            output_units=_pick(self.output_units, o),
+        )
+
+
+def as_experiments(data: IOData | Sequence[IOData]) -> tuple[IOData, ...]:
+    """Return the experiments of a data set as a tuple, checked to belong together.
+
+    Raises:
+        SysidError: No experiment, something that is no `IOData`, or records that differ in `dt` or channels.
+    """
+    records = (data,) if isinstance(data, IOData) else tuple(data)
+    if not records:
+        raise SysidError("expected at least one experiment, got an empty sequence")
+    for i, record in enumerate(records):
+        if not isinstance(record, IOData):
+            raise SysidError(f"experiment {i}: expected an IOData record, got {type(record).__name__}")
+        first = records[0]
+        if (record.nu, record.ny) != (first.nu, first.ny):
+            raise SysidError(
+                f"experiment {i} has {record.nu} input(s) and {record.ny} output(s), "
+                f"the first has {first.nu} and {first.ny}"
+            )
+        if not np.isclose(record.dt, first.dt, rtol=1e-9, atol=0.0):
+            raise SysidError(f"experiment {i} is sampled every {record.dt} s, the first every {first.dt} s")
+    return records
+
+
+def _channels(name: str, value: FloatArray) -> FloatArray:
+    raw = np.asarray(value)
+    if raw.dtype.kind in "biuf" and not np.isfinite(raw).all() and raw.ndim in (1, 2):
+        table = raw[:, None] if raw.ndim == 1 else raw
+        index, channel = np.argwhere(~np.isfinite(table))[0]
+        count = int((~np.isfinite(table)).sum())
+        raise SysidError(f"{name}: {count} sample(s) NaN or infinite, the first in channel {channel} at index {index}")
+    out = real_array(name, value)
+    if out.ndim == 1:
+        out = out[:, None]
+    if out.ndim != 2:
+        raise SysidError(f"{name}: expected time first, shape (N, channels) or (N,), got shape {out.shape}")
+    if out.size == 0:
+        raise SysidError(f"{name}: expected at least one sample and one channel, got shape {out.shape}")
+    if out.shape[1] > out.shape[0]:
+        raise SysidError(
+            f"{name}: shape {out.shape} has more channels than samples; expected time first, (N, channels)"
+        )
+    return lock(out)
+
+
+def _labels(what: str, given: Sequence[str] | None, default: tuple[str, ...]) -> tuple[str, ...]:
+    if given is None:
+        return default
+    labels = (given,) if isinstance(given, str) else tuple(str(label) for label in given)
+    if len(labels) != len(default):
+        raise SysidError(f"{what}: expected {len(default)}, one per channel, got {len(labels)}: {labels}")
+    if what.endswith("names") and len(set(labels)) != len(labels):
+        raise SysidError(f"{what}: names must differ, got {labels}")
+    return labels
+
+
+def _pick(labels: tuple[str, ...] | None, index: list[int]) -> tuple[str, ...]:
+    return tuple((labels or ())[i] for i in index)
+
+
+def _indices(what: str, wanted: Sequence[int | str] | None, names: tuple[str, ...] | None) -> list[int]:
+    available = names or ()
+    if wanted is None:
+        return list(range(len(available)))
+    out: list[int] = []
+    for item in (wanted,) if isinstance(wanted, str | int) else wanted:
+        if isinstance(item, str) and item in available:
+            out.append(available.index(item))
+        elif isinstance(item, int | np.integer) and not isinstance(item, bool) and 0 <= item < len(available):
+            out.append(int(item))
+        else:
+            raise SysidError(f"no {what} {item!r}; available are 0..{len(available) - 1}: {', '.join(available)}")
+    if not out:
+        raise SysidError(f"expected at least one {what}; available are {', '.join(available)}")
+    return out

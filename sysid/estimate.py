@@ -1,0 +1,179 @@
+"""What every parametric estimator returns."""
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from sysid.arrays import FloatArray, lock, real_array
+from sysid.data import IOData
+from sysid.delta_method import spread
+from sysid.errors import SysidError
+from sysid.frequency import NORMAL_95, FrequencyResponse
+from sysid.polynomials import Polynomials
+from sysid.state_space import StateSpace
+
+
+@dataclass(frozen=True, eq=False)
+class Bandwidth:
+    """Half-power bandwidths with 95 % intervals.
+
+    Attributes:
+        hz: First frequency 3.01 dB below the gain at 0 Hz (ny, nu); NaN where there is none below Nyquist.
+        ci95: Lower and upper end (ny, nu) each, symmetric on a logarithmic scale; NaN where `hz` is.
+    """
+
+    hz: FloatArray
+    ci95: tuple[FloatArray, FloatArray]
+
+    def __post_init__(self) -> None:
+        """Lock."""
+        object.__setattr__(self, "hz", lock(self.hz))
+        object.__setattr__(self, "ci95", (lock(self.ci95[0]), lock(self.ci95[1])))
+
+    def covers(self, hz: ArrayLike) -> np.ndarray[Any, np.dtype[np.bool_]]:
+        """Whether the interval holds `hz`, entry by entry (ny, nu); never where there is no bandwidth."""
+        value = np.asarray(hz, dtype=float)
+        return (self.ci95[0] <= value) & (value <= self.ci95[1])
+
+
+@dataclass(frozen=True)
+class DataSummary:
+    """What an estimate remembers of its data.
+
+    Attributes:
+        samples: Length of each experiment.
+        dt: Sampling interval in s.
+        input_names: One name per input.
+        output_names: One name per output.
+        input_units: One unit per input.
+        output_units: One unit per output.
+        names: Name of each experiment.
+    """
+
+    samples: tuple[int, ...]
+    dt: float
+    input_names: tuple[str, ...]
+    output_names: tuple[str, ...]
+    input_units: tuple[str, ...]
+    output_units: tuple[str, ...]
+    names: tuple[str, ...]
+
+    @staticmethod
+    def of(experiments: Sequence[IOData]) -> "DataSummary":
+        """Describe a data set."""
+        first = experiments[0]
+        return DataSummary(
+            samples=tuple(len(e) for e in experiments),
+            dt=first.dt,
+            input_names=first.input_names or (),
+            output_names=first.output_names or (),
+            input_units=first.input_units or (),
+            output_units=first.output_units or (),
+            names=tuple(e.name for e in experiments),
+        )
+
+
+@dataclass(frozen=True, eq=False)
+class Estimate:
+    """A model, how it was found and how well it is known.
+
+    Attributes:
+        model: Innovation form.
+        polynomials: A, B, C, D, F; None for state-space methods.
+        parameters: Estimated parameters (p,).
+        parameter_names: One name per parameter.
+        covariance: Of the parameters (p, p).
+        noise_variance: Unbiased covariance of the innovation (ny, ny).
+        residuals: One-step prediction errors of `model` on its own data, the initial state fitted, (N, ny); experiments
+            one after the other.
+        method: Name of the estimator.
+        orders: What it was asked for.
+        diagnostics: Condition number, iterations, convergence, starts, `warnings` (a tuple of texts), and more that
+            belongs to the method.
+        data: What the data were.
+        realise: Pure function from parameters to the model; the delta method differentiates it.
+    """
+
+    model: StateSpace
+    polynomials: Polynomials | None
+    parameters: FloatArray
+    parameter_names: tuple[str, ...]
+    covariance: FloatArray
+    noise_variance: FloatArray
+    residuals: FloatArray
+    method: str
+    orders: Mapping[str, Any]
+    diagnostics: Mapping[str, Any]
+    data: DataSummary
+    realise: Callable[[FloatArray], StateSpace]
+
+    def __post_init__(self) -> None:
+        """Lock arrays, copy mappings."""
+        p = len(self.parameters)
+        if self.covariance.shape != (p, p) or len(self.parameter_names) != p:
+            raise SysidError(
+                f"{p} parameters need {p} names and a {p} x {p} covariance, got {len(self.parameter_names)} and "
+                f"{self.covariance.shape}"
+            )
+        for attribute in ("parameters", "covariance", "noise_variance", "residuals"):
+            object.__setattr__(self, attribute, lock(getattr(self, attribute)))
+        for attribute in ("orders", "diagnostics"):
+            object.__setattr__(self, attribute, dict(getattr(self, attribute)))
+
+    def bandwidth(self) -> Bandwidth:
+        """Half-power bandwidth with its 95 % interval, by the delta method on its logarithm.
+
+        The crossing moves by d(log f) = -d(log ratio) / (d log ratio / d log f), ratio = |G(f)|^2 / |G(0)|^2, so that the
+        crossing is solved for only once [Ljung1999, eq. 9.56].
+        """
+        hz = self.model.bandwidth()
+        deviation = np.full(hz.shape, np.nan)
+        for i, j in np.argwhere(np.isfinite(hz)):
+            f = hz[i, j]
+
+            def log_ratio(model: StateSpace, at: float, i: int = int(i), j: int = int(j)) -> float:
+                g = model.frequency_response([0.0, at])[:, i, j]
+                return float(2.0 * np.log(np.abs(g[1]) / np.abs(g[0])))
+
+            h = 1e-4
+            nyquist = 0.5 / self.model.dt
+            up, down = min(f * (1 + h), nyquist), f * (1 - h)
+            slope = (log_ratio(self.model, up) - log_ratio(self.model, down)) / np.log(up / down)
+            moves = spread(
+                lambda theta, at=f, ratio=log_ratio: np.asarray(ratio(self.realise(theta), at)),
+                self.parameters,
+                self.covariance,
+            )
+            deviation[i, j] = np.linalg.norm(moves) / abs(slope) if slope else np.inf
+        with np.errstate(over="ignore"):
+            factor = np.exp(NORMAL_95 * deviation)
+        return Bandwidth(hz, (hz / factor, hz * factor))
+
+    def frequency_response(self, f_hz: ArrayLike) -> FrequencyResponse:
+        """Response, its covariance by the delta method, and the disturbance spectrum of the noise model.
+
+        Args:
+            f_hz: Frequencies in Hz (nf,).
+        """
+        f = np.atleast_1d(real_array("f_hz", f_hz))
+
+        def parts(theta: FloatArray) -> FloatArray:
+            g = self.realise(theta).frequency_response(f)
+            return np.stack((g.real, g.imag), axis=-1)
+
+        moves = spread(parts, self.parameters, self.covariance)
+        covariance = np.einsum("k...i,k...j->...ij", moves, moves)
+        h = self.model.noise_response(f)
+        return FrequencyResponse(
+            frequencies=f,
+            response=self.model.frequency_response(f),
+            dt=self.model.dt,
+            method=self.method,
+            covariance=covariance,
+            noise_spectrum=self.model.dt * h @ self.noise_variance @ h.conj().transpose(0, 2, 1),
+            input_names=self.data.input_names,
+            output_names=self.data.output_names,
+        )

@@ -1,0 +1,77 @@
+"""How much an input excites, and what that forbids."""
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from sysid.arrays import FloatArray, real_array
+from sysid.data import IOData
+from sysid.errors import SysidError
+from sysid.regressors import lagged
+
+
+def order_of_excitation(u: ArrayLike, *, max_order: int = 50, tolerance: float = 1e-6) -> int:
+    """Order of persistent excitation: the largest n with a nonsingular n x n covariance matrix [Ljung1999, def. 13.1].
+
+    A sinusoid has order 2, a constant 1, a sum of m sinusoids 2m; white noise has no limit.
+
+    Args:
+        u: One input (N,) or (N, 1).
+        max_order: Where to stop looking; a return value of `max_order` means "at least".
+        tolerance: Singular values of the matrix of lagged inputs below it, relative to the largest, count as zero.
+
+    Raises:
+        SysidError: Several channels, or max_order not between 1 and N/2.
+    """
+    signal = real_array("u", u)
+    signal = signal[:, 0] if signal.ndim == 2 and signal.shape[1] == 1 else signal
+    if signal.ndim != 1:
+        raise SysidError(f"order_of_excitation looks at one input at a time, got shape {np.shape(u)}")
+    if not 1 <= max_order <= len(signal) // 2:
+        raise SysidError(f"max_order must lie between 1 and N/2 = {len(signal) // 2}, got {max_order}")
+    return _rank([signal], max_order, tolerance)
+
+
+def _rank(signals: Sequence[FloatArray], order: int, tolerance: float) -> int:
+    gram = np.zeros((order, order))
+    for signal in signals:
+        columns = lagged(signal, range(order), order - 1)
+        gram += columns.T @ columns
+    # eigenvalues are squares of singular values; rounding of the Gram matrix sets the floor
+    values = np.linalg.eigvalsh(gram)
+    floor = max(tolerance**2, order * np.finfo(float).eps)
+    return int((values > floor * values[-1]).sum()) if values[-1] > 0.0 else 0
+
+
+def check_excitation(experiments: Sequence[IOData], needed: Sequence[int]) -> list[str]:
+    """Refuse constant inputs; describe inputs that excite less than the model needs.
+
+    Args:
+        experiments: The data set.
+        needed: Order of excitation wanted of each input.
+
+    Returns:
+        One text per weak input.
+
+    Raises:
+        SysidError: An input is constant in every experiment.
+    """
+    texts = []
+    for j, name in enumerate(experiments[0].input_names or ()):
+        signals = [e.u[:, j] for e in experiments]
+        if all(np.ptp(s) == 0.0 for s in signals):
+            value = ", ".join(f"{s[0]:g}" for s in signals)
+            raise SysidError(
+                f"input {name} is constant ({value}): nothing can be identified from it; expected a varying input"
+            )
+        order = min(needed[j], min(len(s) for s in signals) // 2)
+        if order < 1:
+            continue
+        found = _rank(signals, order, 1e-6)
+        if found < needed[j]:
+            texts.append(
+                f"input {name} is persistently exciting of order {found} only, the model needs {needed[j]}: "
+                "some parameters rest on noise"
+            )
+    return texts

@@ -1,0 +1,112 @@
+"""Frequency responses with their uncertainty, from any method."""
+
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from sysid.arrays import ComplexArray, FloatArray, lock
+from sysid.errors import SysidError
+
+NORMAL_95 = 1.959963984540054
+
+
+@dataclass(frozen=True, eq=False)
+class FrequencyResponse:
+    """A response over frequency, and the spectra that came with it.
+
+    Spectra are two-sided densities: the sum over -Nyquist..Nyquist times the spacing in Hz is the variance.
+
+    Attributes:
+        frequencies: Hz, ascending (nf,).
+        response: Complex response (nf, ny, nu).
+        dt: Sampling interval in s.
+        method: What made it.
+        covariance: Of (real part, imaginary part) of every entry (nf, ny, nu, 2, 2); None when unknown.
+        coherence: |Phi_yu|^2 / (Phi_y Phi_u) per pair (nf, ny, nu), 0..1; None where the method has none.
+        noise_spectrum: Spectrum of the disturbance (nf, ny, ny), unit^2/Hz.
+        input_spectrum: Phi_u (nf, nu, nu), unit^2/Hz.
+        output_spectrum: Phi_y (nf, ny, ny), unit^2/Hz.
+        cross_spectrum: Phi_yu (nf, ny, nu).
+        input_names: One name per input.
+        output_names: One name per output.
+    """
+
+    frequencies: FloatArray
+    response: ComplexArray
+    dt: float
+    method: str
+    covariance: FloatArray | None = None
+    coherence: FloatArray | None = None
+    noise_spectrum: ComplexArray | None = None
+    input_spectrum: ComplexArray | None = None
+    output_spectrum: ComplexArray | None = None
+    cross_spectrum: ComplexArray | None = None
+    input_names: tuple[str, ...] = field(default=(), kw_only=True)
+    output_names: tuple[str, ...] = field(default=(), kw_only=True)
+
+    def __post_init__(self) -> None:
+        """Check shapes and lock."""
+        nf = len(self.frequencies)
+        if self.response.ndim != 3 or len(self.response) != nf:
+            raise SysidError(f"response: expected shape ({nf}, ny, nu), got {self.response.shape}")
+        _, ny, nu = self.response.shape
+        shapes = {
+            "covariance": (nf, ny, nu, 2, 2),
+            "coherence": (nf, ny, nu),
+            "noise_spectrum": (nf, ny, ny),
+            "input_spectrum": (nf, nu, nu),
+            "output_spectrum": (nf, ny, ny),
+            "cross_spectrum": (nf, ny, nu),
+        }
+        for attribute, shape in shapes.items():
+            value = getattr(self, attribute)
+            if value is None:
+                continue
+            if value.shape != shape:
+                raise SysidError(f"{attribute}: expected shape {shape}, got {value.shape}")
+            object.__setattr__(self, attribute, lock(value))
+        object.__setattr__(self, "frequencies", lock(np.asarray(self.frequencies, dtype=float)))
+        object.__setattr__(self, "response", lock(np.asarray(self.response, dtype=complex)))
+
+    @property
+    def magnitude(self) -> FloatArray:
+        """Modulus of the response (nf, ny, nu)."""
+        return np.abs(self.response)
+
+    @property
+    def phase(self) -> FloatArray:
+        """Phase in rad, unwrapped along frequency (nf, ny, nu)."""
+        return np.unwrap(np.angle(self.response), axis=0)
+
+    def magnitude_deviation(self) -> FloatArray:
+        """Standard deviation of the magnitude to first order (nf, ny, nu).
+
+        Raises:
+            SysidError: The method gave no covariance.
+        """
+        return self._along(self.response / np.maximum(np.abs(self.response), np.finfo(float).tiny))
+
+    def phase_deviation(self) -> FloatArray:
+        """Standard deviation of the phase in rad to first order (nf, ny, nu).
+
+        Raises:
+            SysidError: The method gave no covariance.
+        """
+        size = np.maximum(np.abs(self.response), np.finfo(float).tiny)
+        return self._along(1j * self.response / size) / size
+
+    def magnitude_ci95(self) -> tuple[FloatArray, FloatArray]:
+        """95 % interval of the magnitude, on a logarithmic scale so that it stays positive, (nf, ny, nu) each.
+
+        Raises:
+            SysidError: The method gave no covariance.
+        """
+        size = np.maximum(self.magnitude, np.finfo(float).tiny)
+        factor = np.exp(np.minimum(NORMAL_95 * self.magnitude_deviation() / size, 700.0))
+        return size / factor, size * factor
+
+    def _along(self, direction: ComplexArray) -> FloatArray:
+        if self.covariance is None:
+            raise SysidError(f"{self.method} gives no covariance of its frequency response")
+        d = np.stack((direction.real, direction.imag), axis=-1)
+        return np.sqrt(np.maximum(np.einsum("...i,...ij,...j->...", d, self.covariance, d), 0.0))

@@ -1,0 +1,348 @@
+"""Figures: one palette, axes with units, frequency in Hz on a logarithmic axis.
+
+Every function returns a matplotlib `Figure` that belongs to no window; save it with `figure.savefig(path)`.
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from types import MappingProxyType
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from sysid.arrays import FloatArray
+from sysid.data import IOData
+from sysid.frequency import FrequencyResponse
+from sysid.state_space import StateSpace
+
+
+@dataclass(frozen=True)
+class Style:
+    """How one thing is drawn, everywhere.
+
+    Attributes:
+        colour: Colour, readable by the colour-blind.
+        line: Line pattern, so that a print in grey still tells the lines apart.
+        width: Line width in points.
+        marker: Marker for points.
+    """
+
+    colour: str
+    line: str = "-"
+    width: float = 1.4
+    marker: str = "o"
+
+
+PALETTE: Mapping[str, Style] = MappingProxyType(
+    {
+        "truth": Style("#000000", "-", 2.2, "o"),
+        "measured": Style("#8a8a8a", "-", 1.0, "."),
+        "armax": Style("#0072b2", "-", 1.4, "s"),
+        "oe": Style("#d55e00", "--", 1.4, "^"),
+        "okid": Style("#009e73", "-.", 1.4, "D"),
+        "arx": Style("#56b4e9", ":", 1.4, "v"),
+        "bj": Style("#7a5195", "--", 1.4, "P"),
+        "iv4": Style("#a6761d", ":", 1.4, "X"),
+        "n4sid": Style("#006d5b", ":", 1.4, "h"),
+        "spa": Style("#cc79a7", "-", 1.0, "."),
+        "etfe": Style("#e3b8d0", "-", 0.8, "."),
+        "published": Style("#b8860b", (0, (4, 1.5, 1, 1.5, 1, 1.5)), 1.4, "*"),  # type: ignore[arg-type]
+    }
+)
+"""Truth, measurement and every method, each always in the same colour (after Okabe and Ito's palette)."""
+
+BOUND = Style("#666666", "--", 0.9)
+GRID = "#d9d9d9"
+INK = "#222222"
+
+
+@dataclass(frozen=True, eq=False)
+class Curve:
+    """A frequency response to draw; with a covariance it gets a 95 % band.
+
+    Attributes:
+        label: Text of the legend.
+        response: The response.
+        style: How it looks; by default as its method does everywhere.
+    """
+
+    label: str
+    response: FrequencyResponse
+    style: Style | None = None
+
+
+@dataclass(frozen=True, eq=False)
+class Roots:
+    """Poles and zeros to draw.
+
+    Attributes:
+        label: Text of the legend.
+        model: The model.
+        style: How it looks.
+    """
+
+    label: str
+    model: StateSpace
+    style: Style
+
+
+@dataclass(frozen=True, eq=False)
+class Trace:
+    """Something over time or lag or frequency.
+
+    Attributes:
+        label: Text of the legend.
+        values: Values (N,).
+        style: How it looks.
+    """
+
+    label: str
+    values: FloatArray
+    style: Style
+
+
+def bode(
+    curves: Sequence[Curve],
+    *,
+    output: int = 0,
+    input: int = 0,
+    relative_to_dc: bool = False,
+    mark_hz: float | None = None,
+    limits_hz: tuple[float, float] | None = None,
+    phase_limits: tuple[float, float] | None = None,
+    size: tuple[float, float] = (7.0, 5.4),
+) -> Figure:
+    """Magnitude in dB and phase in degrees over frequency, with 95 % bands where the response has a covariance.
+
+    Args:
+        curves: The responses.
+        output: Row of the response.
+        input: Column of the response.
+        relative_to_dc: Draw a line 3 dB below unity, where a unit-gain servo has its bandwidth.
+        mark_hz: A frequency to mark in both panels, Hz.
+        limits_hz: Range of the frequency axis, Hz.
+        phase_limits: Range of the phase axis, degrees.
+        size: Width and height, inch.
+
+    Returns:
+        The figure.
+    """
+    figure, (upper, lower) = _panels(2, size, sharex=True)
+    for curve in curves:
+        style = curve.style or PALETTE.get(curve.response.method, PALETTE["measured"])
+        f = curve.response.frequencies
+        keep = f > 0.0
+        magnitude = curve.response.magnitude[keep, output, input]
+        phase = np.degrees(curve.response.phase[keep, output, input])
+        _line(upper, f[keep], _decibel(magnitude), style, curve.label)
+        _line(lower, f[keep], phase, style, None)
+        if curve.response.covariance is not None:
+            low, high = (part[keep, output, input] for part in curve.response.magnitude_ci95())
+            upper.fill_between(f[keep], _decibel(low), _decibel(high), color=style.colour, alpha=0.18, lw=0)
+            spread = 1.96 * np.degrees(curve.response.phase_deviation()[keep, output, input])
+            lower.fill_between(f[keep], phase - spread, phase + spread, color=style.colour, alpha=0.18, lw=0)
+    if relative_to_dc:
+        upper.axhline(20 * np.log10(np.sqrt(0.5)), color=BOUND.colour, ls=BOUND.line, lw=BOUND.width)
+        upper.annotate(
+            "−3 dB",
+            (1, -3.01),
+            xycoords=("axes fraction", "data"),
+            xytext=(-3, 2),
+            ha="right",
+            textcoords="offset points",
+            fontsize=8,
+            color=BOUND.colour,
+        )
+    for axes in (upper, lower):
+        axes.set_xscale("log")
+        if mark_hz is not None:
+            axes.axvline(mark_hz, color=BOUND.colour, ls=":", lw=1.0)
+        if limits_hz is not None:
+            axes.set_xlim(*limits_hz)
+    _plain_frequencies(lower)
+    upper.set_ylabel("magnitude / dB")
+    lower.set_ylabel("phase / degrees")
+    if phase_limits is not None:
+        lower.set_ylim(*phase_limits)
+    lower.set_xlabel("frequency / Hz")
+    _legend(figure, upper)
+    return figure
+
+
+def pzmap(systems: Sequence[Roots], *, size: tuple[float, float] = (4.6, 4.9)) -> Figure:
+    """Poles (crosses) and zeros (rings) in the z plane with the unit circle; roots far outside are counted in the legend.
+
+    Args:
+        systems: The models.
+        size: Width and height, inch.
+
+    Returns:
+        The figure.
+    """
+    figure, (axes,) = _panels(1, size)
+    angle = np.linspace(0.0, 2.0 * np.pi, 361)
+    axes.plot(np.cos(angle), np.sin(angle), color=BOUND.colour, lw=0.9)
+    axes.axhline(0.0, color=GRID, lw=0.8, zorder=0)
+    axes.axvline(0.0, color=GRID, lw=0.8, zorder=0)
+    reach = 1.6
+    for number, system in enumerate(systems):
+        poles, zeros = system.model.poles(), system.model.zeros()
+        beyond = int((np.abs(zeros) > reach).sum() + (np.abs(poles) > reach).sum())
+        label = system.label + (f" ({beyond} outside)" if beyond else "")
+        grow = 9 - 1.2 * number
+        axes.plot(poles.real, poles.imag, "x", color=system.style.colour, ms=grow, mew=1.7, label=label)
+        axes.plot(zeros.real, zeros.imag, "o", color=system.style.colour, ms=grow, mew=1.3, mfc="none")
+    axes.set(xlim=(-reach, reach), ylim=(-reach, reach), aspect="equal")
+    axes.set_xlabel("real part of z (× pole, ○ zero)")
+    axes.set_ylabel("imaginary part of z")
+    _legend(figure, axes)
+    return figure
+
+
+def output_comparison(
+    data: IOData,
+    outputs: Sequence[Trace],
+    *,
+    output: int = 0,
+    start: float = 0.0,
+    length: float = 6.0,
+    scale: float = 1.0,
+    unit: str | None = None,
+    size: tuple[float, float] = (7.0, 4.6),
+) -> Figure:
+    """Measured output and model outputs over a piece of time, and their differences below.
+
+    Args:
+        data: The measurement.
+        outputs: Model outputs (N,) on the same samples.
+        output: Which output of the data.
+        start: Start of the piece, s.
+        length: Length of the piece, s.
+        scale: Factor on all values, e.g. 1000 for mrad.
+        unit: Unit after scaling; that of the data by default.
+        size: Width and height, inch.
+
+    Returns:
+        The figure.
+    """
+    first = min(round(start / data.dt), max(len(data) - 2, 0))
+    piece = slice(first, first + max(round(length / data.dt), 2))
+    time, measured = data.time[piece], data.y[piece, output] * scale
+    unit = unit if unit is not None else (data.output_units or ("",))[output]
+    figure, (upper, lower) = _panels(2, size, sharex=True, ratios=(2, 1))
+    _line(upper, time, measured, PALETTE["measured"], "measured", width=2.6)
+    for trace in outputs:
+        _line(upper, time, trace.values[piece] * scale, trace.style, trace.label)
+        _line(lower, time, measured - trace.values[piece] * scale, trace.style, None)
+    upper.set_ylabel(f"output / {unit}" if unit else "output")
+    lower.set_ylabel(f"error / {unit}" if unit else "error")
+    lower.set_xlabel("time / s")
+    _legend(figure, upper)
+    return figure
+
+
+def correlations(
+    panels: Sequence[tuple[str, FloatArray, FloatArray, FloatArray | float]],
+    style: Style,
+    *,
+    size: tuple[float, float] = (7.0, 4.4),
+) -> Figure:
+    """Correlation coefficients over lag with their bounds: whiteness and independence of residuals.
+
+    Args:
+        panels: Per panel: what is on the vertical axis, lags (n,) in samples, coefficients (n,), bound (scalar or (n,)).
+        style: Colour of the method.
+        size: Width and height, inch.
+
+    Returns:
+        The figure.
+    """
+    figure, axes_list = _panels(len(panels), size)
+    for axes, (label, lags, values, bound) in zip(axes_list, panels, strict=True):
+        limit = np.broadcast_to(np.asarray(bound, dtype=float), lags.shape)
+        axes.fill_between(lags, -limit, limit, color=GRID, alpha=0.7, lw=0, label="99 % bounds")
+        axes.vlines(lags, 0.0, values, color=style.colour, lw=1.3)
+        axes.plot(lags, values, ls="none", marker="o", ms=2.6, color=style.colour)
+        axes.axhline(0.0, color=INK, lw=0.8)
+        # The zero lag of an autocorrelation is one by definition; the axis is for the lags that carry information.
+        shown = values[lags != 0] if label.startswith("auto") else values
+        top = 1.25 * max(float(np.abs(shown).max(initial=0.0)), float(limit.max()), 1e-6)
+        axes.set_ylim(-top, top)
+        axes.set_ylabel(label)
+    axes_list[-1].set_xlabel("lag / samples")
+    _legend(figure, axes_list[0])
+    return figure
+
+
+def spectra(
+    frequencies: FloatArray,
+    traces: Sequence[Trace],
+    *,
+    unit: str = "",
+    limits_hz: tuple[float, float] | None = None,
+    size: tuple[float, float] = (7.0, 3.6),
+) -> Figure:
+    """Power spectral densities on logarithmic axes.
+
+    Args:
+        frequencies: Hz (nf,).
+        traces: Densities (nf,), positive.
+        unit: Unit of the signal; the axis shows its square per Hz.
+        limits_hz: Range of the frequency axis, Hz.
+        size: Width and height, inch.
+
+    Returns:
+        The figure.
+    """
+    figure, (axes,) = _panels(1, size)
+    keep = frequencies > 0.0
+    for trace in traces:
+        _line(axes, frequencies[keep], np.maximum(trace.values[keep], np.finfo(float).tiny), trace.style, trace.label)
+    axes.set_xscale("log")
+    axes.set_yscale("log")
+    if limits_hz is not None:
+        axes.set_xlim(*limits_hz)
+    _plain_frequencies(axes)
+    axes.set_xlabel("frequency / Hz")
+    axes.set_ylabel(f"spectral density / ({unit}²/Hz)" if unit else "spectral density")
+    _legend(figure, axes)
+    return figure
+
+
+def _panels(
+    count: int, size: tuple[float, float], *, sharex: bool = False, ratios: Sequence[float] | None = None
+) -> tuple[Figure, list[Axes]]:
+    figure = Figure(figsize=size, layout="constrained")
+    grid = figure.subplots(count, 1, sharex=sharex, squeeze=False, height_ratios=ratios)
+    panels = [axes for (axes,) in grid]
+    for axes in panels:
+        axes.grid(True, which="major", color=GRID, lw=0.6)
+        axes.set_axisbelow(True)
+        axes.tick_params(labelsize=9, colors=INK)
+        for side in ("top", "right"):
+            axes.spines[side].set_visible(False)
+    return figure, panels
+
+
+def _line(
+    axes: Axes, x: FloatArray, y: FloatArray, style: Style, label: str | None, *, width: float | None = None
+) -> None:
+    axes.plot(x, y, color=style.colour, ls=style.line, lw=width or style.width, label=label)
+
+
+def _legend(figure: Figure, axes: Axes) -> None:
+    """A legend above the figure, where it never covers data."""
+    handles, labels = axes.get_legend_handles_labels()
+    if handles:
+        columns = min(len(handles), max(1, round(figure.get_figwidth() / 1.7)))
+        figure.legend(handles, labels, loc="outside upper left", ncols=columns, frameon=False, fontsize=9)
+
+
+def _plain_frequencies(axes: Axes) -> None:
+    """Write 0.1, 1, 10 instead of powers of ten."""
+    axes.xaxis.set_major_formatter(lambda value, _: f"{value:g}")
+
+
+def _decibel(magnitude: FloatArray) -> FloatArray:
+    return 20.0 * np.log10(np.maximum(magnitude, np.finfo(float).tiny))

@@ -1,0 +1,107 @@
+"""Prediction: the output k steps ahead, from past outputs and from inputs."""
+
+import warnings
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from sysid.arrays import FloatArray
+from sysid.data import IOData
+from sysid.errors import SysidError, SysidWarning
+from sysid.estimate import Estimate
+from sysid.recursion import free_response, state_trajectory
+from sysid.simulate import as_model, as_state, output
+from sysid.state_space import StateSpace
+
+
+def predict(
+    model: StateSpace | Estimate, data: IOData, *, steps: int | None = 1, x0: ArrayLike | None = None
+) -> FloatArray:
+    """Prediction of y(t) from outputs up to t - steps and inputs up to t [Ljung1999, eqs. 3.29, 4.86].
+
+    Args:
+        model: The model, or an estimate of it.
+        data: Inputs and outputs.
+        steps: Horizon in samples, >= 1; None simulates (an infinite horizon).
+        x0: State at the first sample (n,). None fits it by least squares to the data: to the initialisation window where
+            the record has one, else to the whole record.
+
+    Returns:
+        Predicted outputs (N, ny). The first `steps` samples are simulated from the initial state.
+
+    Raises:
+        SysidError: Channels that do not fit the model, steps < 1.
+
+    Warns:
+        SysidWarning: The predictor A - K C is not stable, so that its errors grow.
+    """
+    m = as_model(model)
+    check_channels(m, data)
+    if steps is not None and (isinstance(steps, bool) or not isinstance(steps, int | np.integer) or steps < 1):
+        raise SysidError(f"steps must be a whole number >= 1, or None to simulate; got {steps!r}")
+    gain = np.zeros_like(m.gain) if steps is None else m.gain
+    start = initial_state(m, data, gain) if x0 is None else as_state(m, x0)
+    if steps is None or not gain.any():
+        return output(m, data.u, start)
+    observer = m.A - m.gain @ m.C
+    if m.order and np.abs(np.linalg.eigvals(observer)).max() > 1.0 + 1e-9:
+        radius = float(np.abs(np.linalg.eigvals(observer)).max())
+        warnings.warn(
+            f"the predictor is unstable: A - K C has spectral radius {radius:.6g}; its predictions grow without bound",
+            SysidWarning,
+            stacklevel=2,
+        )
+    drive = data.u @ (m.B - m.gain @ m.D).T + data.y @ m.gain.T
+    states = state_trajectory(observer, drive, start)
+    if steps == 1:
+        return states @ m.C.T + data.u @ m.D.T
+    horizon = min(int(steps), len(data))
+    ahead = states[: len(data) - horizon + 1]
+    for k in range(horizon - 1):
+        ahead = ahead @ m.A.T + data.u[k : k + len(ahead)] @ m.B.T
+    out = output(m, data.u, start)
+    out[horizon - 1 :] = ahead @ m.C.T + data.u[horizon - 1 :] @ m.D.T
+    return out
+
+
+def initial_state(model: StateSpace, data: IOData, gain: FloatArray | None = None) -> FloatArray:
+    """State at the first sample that makes the (predicted) output fit best, by least squares.
+
+    Args:
+        model: The model.
+        data: Inputs and outputs; with an initialisation window only that is looked at.
+        gain: Innovation gain of the predictor (n, ny); None takes the model's, zeros simulate.
+
+    Returns:
+        State (n,), of least norm where the data do not determine it.
+    """
+    check_channels(model, data)
+    if model.order == 0:
+        return np.zeros(0)
+    K = model.gain if gain is None else gain
+    part = data[: data.window] if data.window else data
+    observer = model.A - K @ model.C
+    drive = part.u @ (model.B - K @ model.D).T + part.y @ K.T
+    error = part.y - state_trajectory(observer, drive, np.zeros(model.order)) @ model.C.T - part.u @ model.D.T
+    free = free_response(observer, model.C, len(part))
+    usable = np.isfinite(free).all(axis=(1, 2)) & np.isfinite(error[: len(free)]).all(axis=1)
+    rows = int(np.argmin(usable)) if not usable.all() else len(free)
+    solution, *_ = np.linalg.lstsq(free[:rows].reshape(-1, model.order), error[:rows].ravel(), rcond=None)
+    return solution
+
+
+def check_channels(model: StateSpace, data: IOData) -> None:
+    """Refuse data that the model has no channels for.
+
+    Raises:
+        SysidError: Not a record, or other numbers of inputs and outputs, or another sampling interval.
+    """
+    if not isinstance(data, IOData):
+        raise SysidError(f"expected an IOData record, got {type(data).__name__}")
+    if (data.nu, data.ny) != (model.nu, model.ny):
+        raise SysidError(
+            f"the data have {data.nu} input(s) and {data.ny} output(s), the model {model.nu} and {model.ny}; "
+            "data.select(inputs=..., outputs=...) picks channels"
+        )
+    if not np.isclose(data.dt, model.dt, rtol=1e-6, atol=0.0):
+        raise SysidError(f"the data are sampled every {data.dt} s, the model every {model.dt} s")

@@ -1,0 +1,74 @@
+"""Simulation: the output that the input alone makes."""
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from sysid.arrays import FloatArray, real_array
+from sysid.errors import SysidError
+from sysid.estimate import Estimate
+from sysid.recursion import state_trajectory
+from sysid.state_space import StateSpace
+
+
+def simulate(model: StateSpace | Estimate, u: ArrayLike, *, x0: ArrayLike | None = None) -> FloatArray:
+    """Output of x(t+1) = A x + B u, y = C x + D u, without noise.
+
+    Args:
+        model: The model, or an estimate of it.
+        u: Inputs (N, nu); 1-D for one input.
+        x0: State at the first sample (n,); zero when None. (`predict` and `compare` estimate it instead.)
+
+    Returns:
+        Outputs (N, ny).
+
+    Raises:
+        SysidError: Inputs or initial state that do not fit the model.
+    """
+    m = as_model(model)
+    return output(m, as_inputs(m, u), as_state(m, x0))
+
+
+def output(model: StateSpace, u: FloatArray, x0: FloatArray) -> FloatArray:
+    """Output for checked inputs."""
+    return state_trajectory(model.A, u @ model.B.T, x0) @ model.C.T + u @ model.D.T
+
+
+def as_model(model: StateSpace | Estimate) -> StateSpace:
+    """The state-space model itself.
+
+    Raises:
+        SysidError: Something else was given.
+    """
+    if isinstance(model, Estimate):
+        return model.model
+    if not isinstance(model, StateSpace):
+        raise SysidError(f"expected a StateSpace or an Estimate, got {type(model).__name__}")
+    return model
+
+
+def as_inputs(model: StateSpace, u: ArrayLike) -> FloatArray:
+    """Inputs as (N, nu), checked against the model.
+
+    Raises:
+        SysidError: Wrong shape, NaN.
+    """
+    out = real_array("u", u)
+    if out.ndim == 1:
+        out = out[:, None]
+    if out.ndim != 2 or out.shape[1] != model.nu or not len(out):
+        raise SysidError(f"u: expected shape (N, {model.nu}), time first, got {np.shape(u)}")
+    return out
+
+
+def as_state(model: StateSpace, x0: ArrayLike | None) -> FloatArray:
+    """Initial state (n,), zero when None.
+
+    Raises:
+        SysidError: Wrong length, NaN.
+    """
+    if x0 is None:
+        return np.zeros(model.order)
+    out = np.atleast_1d(real_array("x0", x0))
+    if out.shape != (model.order,):
+        raise SysidError(f"x0: expected one value per state, shape ({model.order},), got {out.shape}")
+    return out

@@ -1,0 +1,282 @@
+"""Linear state-space models in innovation form."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+
+import control
+import numpy as np
+import scipy.linalg
+from numpy.typing import ArrayLike
+from scipy.optimize import brentq
+
+from sysid.arrays import ComplexArray, FloatArray, lock, real_array
+from sysid.errors import SysidError
+from sysid.transmission_zeros import transmission_zeros
+
+HALF_POWER = 0.5  # -3.0103 dB
+
+
+@dataclass(frozen=True, eq=False)
+class StateSpace:
+    """Discrete-time model x(t+1) = A x + B u + K e, y(t) = C x + D u + e [Ljung1999, eq. 4.92].
+
+    Attributes:
+        A: State matrix (n, n); n may be 0.
+        B: Input matrix (n, nu).
+        C: Output matrix (ny, n).
+        D: Direct term (ny, nu).
+        K: Innovation gain (n, ny); None means zero: the model has no dynamics of the noise.
+        dt: Sampling interval in s.
+        innovation_covariance: Covariance of e (ny, ny), in output units squared; None when not known.
+        input_names: One name per input.
+        output_names: One name per output.
+        input_units: One unit per input.
+        output_units: One unit per output.
+
+    Raises:
+        SysidError: Matrices that do not fit together, `dt <= 0`, NaN.
+    """
+
+    A: FloatArray
+    B: FloatArray
+    C: FloatArray
+    D: FloatArray
+    K: FloatArray | None
+    dt: float
+    innovation_covariance: FloatArray | None = None
+    input_names: tuple[str, ...] | None = field(default=None, kw_only=True)
+    output_names: tuple[str, ...] | None = field(default=None, kw_only=True)
+    input_units: tuple[str, ...] | None = field(default=None, kw_only=True)
+    output_units: tuple[str, ...] | None = field(default=None, kw_only=True)
+
+    def __post_init__(self) -> None:
+        """Check and lock."""
+        D = np.atleast_2d(real_array("D", self.D))
+        ny, nu = D.shape
+        A = real_array("A", self.A)
+        A = A.reshape(0, 0) if A.size == 0 else np.atleast_2d(A)
+        n = len(A)
+        fitting = {"A": (A, (n, n)), "D": (D, (ny, nu))}
+        fitting["B"] = (real_array("B", self.B), (n, nu))
+        fitting["C"] = (real_array("C", self.C), (ny, n))
+        fitting["K"] = (np.zeros((n, ny)) if self.K is None else real_array("K", self.K), (n, ny))
+        if self.innovation_covariance is not None:
+            given = np.atleast_2d(real_array("innovation_covariance", self.innovation_covariance))
+            fitting["innovation_covariance"] = (given, (ny, ny))
+        for attribute, (matrix, shape) in fitting.items():
+            shaped = matrix.reshape(shape) if matrix.size == 0 == np.prod(shape) else matrix
+            if shaped.shape != shape:
+                raise SysidError(
+                    f"{attribute}: expected shape {shape} for {n} states, {nu} inputs, {ny} outputs, got {matrix.shape}"
+                )
+            object.__setattr__(self, attribute, lock(shaped))
+        if not (np.isfinite(self.dt) and self.dt > 0):
+            raise SysidError(f"dt must be a positive number of seconds, got {self.dt!r}")
+        object.__setattr__(self, "dt", float(self.dt))
+        for attribute, count, default in (
+            ("input_names", nu, tuple(f"u{i + 1}" for i in range(nu))),
+            ("output_names", ny, tuple(f"y{i + 1}" for i in range(ny))),
+            ("input_units", nu, ("",) * nu),
+            ("output_units", ny, ("",) * ny),
+        ):
+            labels = getattr(self, attribute)
+            labels = default if labels is None else tuple(labels)
+            if len(labels) != count:
+                raise SysidError(f"{attribute}: expected {count}, one per channel, got {len(labels)}: {labels}")
+            object.__setattr__(self, attribute, labels)
+
+    @property
+    def order(self) -> int:
+        """Number of states n."""
+        return int(self.A.shape[0])
+
+    @property
+    def nu(self) -> int:
+        """Number of inputs."""
+        return int(self.D.shape[1])
+
+    @property
+    def ny(self) -> int:
+        """Number of outputs."""
+        return int(self.D.shape[0])
+
+    @property
+    def gain(self) -> FloatArray:
+        """Innovation gain K (n, ny), zero where none was given."""
+        return np.zeros((self.order, self.ny)) if self.K is None else self.K
+
+    def poles(self) -> ComplexArray:
+        """Eigenvalues of A (n,), largest modulus first."""
+        values = np.linalg.eigvals(self.A).astype(complex)
+        return values[np.argsort(-np.abs(values), kind="stable")]
+
+    def zeros(self) -> ComplexArray:
+        """Finite transmission zeros: where the system matrix [A - zI, B; C, D] loses rank."""
+        return transmission_zeros(self.A, self.B, self.C, self.D)
+
+    def is_stable(self) -> bool:
+        """Whether every pole lies strictly inside the unit circle."""
+        return bool((np.abs(self.poles()) < 1.0).all())
+
+    def frequency_response(self, f_hz: ArrayLike) -> ComplexArray:
+        """Response C (zI - A)^-1 B + D at z = exp(2 pi i f dt).
+
+        Args:
+            f_hz: Frequencies in Hz (nf,).
+
+        Returns:
+            Complex response (nf, ny, nu), in output units per input unit.
+        """
+        return self._response(f_hz, self.B, self.D)
+
+    def noise_response(self, f_hz: ArrayLike) -> ComplexArray:
+        """Response C (zI - A)^-1 K + I from the innovation to the output (nf, ny, ny)."""
+        return self._response(f_hz, self.gain, np.eye(self.ny))
+
+    def _response(self, f_hz: ArrayLike, B: FloatArray, D: FloatArray) -> ComplexArray:
+        z = np.exp(2j * np.pi * self.dt * np.atleast_1d(real_array("f_hz", f_hz)))
+        if self.order == 0:
+            return np.broadcast_to(D.astype(complex), (len(z), *D.shape)).copy()
+        pencil = z[:, None, None] * np.eye(self.order) - self.A
+        try:
+            states = np.linalg.solve(pencil, np.broadcast_to(B.astype(complex), (len(z), *B.shape)))
+        except np.linalg.LinAlgError as error:
+            raise SysidError(
+                "a frequency falls exactly on a pole on the unit circle: the response is infinite"
+            ) from error
+        return self.C @ states + D
+
+    def dc_gain(self) -> FloatArray:
+        """Response at 0 Hz (ny, nu); infinite where the model integrates."""
+        try:
+            return self.C @ np.linalg.solve(np.eye(self.order) - self.A, self.B) + self.D
+        except np.linalg.LinAlgError:
+            return np.full((self.ny, self.nu), np.inf)
+
+    def bandwidth(self) -> FloatArray:
+        """First frequency in Hz where the magnitude has fallen to 1/sqrt(2) (-3.0103 dB) of that at 0 Hz.
+
+        Searched on a grid that is logarithmic, linear and dense round every pole; the crossing is then solved for.
+
+        Returns:
+            Bandwidths (ny, nu); NaN where the response never falls so far below the Nyquist frequency, or where the
+            gain at 0 Hz is zero or infinite.
+        """
+        grid = self._search_grid()
+        dc = self.dc_gain()
+        out = np.full((self.ny, self.nu), np.nan)
+        magnitude = np.abs(self.frequency_response(grid))
+        for i, j in np.ndindex(out.shape):
+            level = abs(dc[i, j]) * np.sqrt(HALF_POWER)
+            if not np.isfinite(level) or level <= 1e-13 * magnitude[:, i, j].max():
+                continue
+            below = np.flatnonzero(magnitude[:, i, j] < level)
+            if len(below):
+                k = int(below[0])
+                channel = StateSpace(self.A, self.B[:, [j]], self.C[[i]], self.D[[i]][:, [j]], None, self.dt)
+                lower = grid[k - 1] if k else 0.0
+                out[i, j] = brentq(
+                    lambda f, m=channel, v=level: abs(m.frequency_response(f)[0, 0, 0]) - v,
+                    lower,
+                    grid[k],
+                    xtol=1e-14 * grid[k],
+                    rtol=1e-13,
+                )
+        return out
+
+    def _search_grid(self) -> FloatArray:
+        nyquist = 0.5 / self.dt
+        parts = [np.geomspace(1e-7 * nyquist, nyquist, 1200), np.linspace(0.0, nyquist, 801)[1:]]
+        poles = self.poles()
+        poles = poles[(np.abs(poles) > 1e-12) & (np.abs(poles) < 1.5)]
+        for pole in poles:
+            s = np.log(pole) / (2 * np.pi * self.dt)
+            width = max(abs(s.real), 1e-6 * nyquist)
+            parts.append(abs(s.imag) + width * np.linspace(-4.0, 4.0, 41))
+        grid = np.unique(np.concatenate(parts))
+        return grid[(grid > 0.0) & (grid <= nyquist)]
+
+    def markov(self, n: int) -> FloatArray:
+        """First n Markov parameters D, CB, CAB, ... (n, ny, nu): the pulse response, sample by sample.
+
+        Raises:
+            SysidError: n < 1.
+        """
+        if n < 1:
+            raise SysidError(f"expected at least one Markov parameter, got n = {n}")
+        out = np.empty((n, self.ny, self.nu))
+        out[0] = self.D
+        state = self.B
+        for k in range(1, n):
+            out[k] = self.C @ state
+            state = self.A @ state
+        return out
+
+    def impulse_response(self, n: int) -> FloatArray:
+        """Response to a unit pulse in each input (n, ny, nu); another name of `markov`."""
+        return self.markov(n)
+
+    def step_response(self, n: int) -> FloatArray:
+        """Response to a unit step in each input (n, ny, nu)."""
+        return np.cumsum(self.markov(n), axis=0)
+
+    def to_control(self) -> control.StateSpace:
+        """The path from u to y as a python-control system."""
+        return control.ss(
+            self.A,
+            self.B,
+            self.C,
+            self.D,
+            self.dt,
+            inputs=list(self.input_names or ()),
+            outputs=list(self.output_names or ()),
+        )
+
+    @staticmethod
+    def from_control(system: control.LTI) -> "StateSpace":
+        """Take over a discrete-time python-control system; it has no noise model, so K = 0.
+
+        Raises:
+            SysidError: The system is continuous or has no sampling interval.
+        """
+        ss = control.ss(system)
+        if not isinstance(ss.dt, float | int) or isinstance(ss.dt, bool) or ss.dt <= 0:
+            raise SysidError(f"expected a discrete-time system with a sampling interval, got dt = {ss.dt!r}")
+        return StateSpace(ss.A, ss.B, ss.C, ss.D, None, float(ss.dt))
+
+
+def block_diagonal(models: Sequence[StateSpace]) -> StateSpace:
+    """Put models side by side without coupling, inputs and outputs in order [Morris1996, eq. 4.14].
+
+    Names are kept where they stay unique; otherwise channels are renumbered.
+
+    Raises:
+        SysidError: No model, or models with different sampling intervals.
+    """
+    if not models:
+        raise SysidError("expected at least one model, got none")
+    if not all(np.isclose(m.dt, models[0].dt, rtol=1e-9, atol=0.0) for m in models):
+        raise SysidError(f"models must share one sampling interval, got {[m.dt for m in models]} s")
+    covariances = [m.innovation_covariance for m in models]
+    known = [c for c in covariances if c is not None]
+
+    def unique(labels: list[str]) -> tuple[str, ...] | None:
+        return tuple(labels) if len(set(labels)) == len(labels) else None
+
+    def block(matrices: list[FloatArray]) -> FloatArray:
+        # scipy's block_diag turns an empty (0, n) block into the right number of columns, but a 1-D one into a row
+        return np.asarray(scipy.linalg.block_diag(*matrices), dtype=float)
+
+    return StateSpace(
+        block([m.A for m in models]),
+        block([m.B for m in models]),
+        block([m.C for m in models]),
+        block([m.D for m in models]),
+        block([m.gain for m in models]),
+        models[0].dt,
+        block(known) if len(known) == len(models) else None,
+        input_names=unique([name for m in models for name in m.input_names or ()]),
+        output_names=unique([name for m in models for name in m.output_names or ()]),
+        input_units=tuple(unit for m in models for unit in m.input_units or ()),
+        output_units=tuple(unit for m in models for unit in m.output_units or ()),
+    )
