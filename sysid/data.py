@@ -50,7 +50,8 @@ class IOData:
         u, y = _channels("u", self.u), _channels("y", self.y)
         if len(u) != len(y):
             raise SysidError(f"u and y must be equally long: u has {len(u)} samples, y has {len(y)}")
-        if not (np.isscalar(self.dt) and np.isreal(self.dt) and np.isfinite(self.dt) and self.dt > 0):
+        numeric = isinstance(self.dt, int | float | np.integer | np.floating) and not isinstance(self.dt, bool)
+        if not numeric or not 0.0 < self.dt < np.inf:
             raise SysidError(f"dt must be a positive number of seconds, got {self.dt!r}")
         if self.intersample not in ("zoh", "foh", "bl"):
             raise SysidError(f"intersample must be one of zoh, foh, bl; got {self.intersample!r}")
@@ -89,7 +90,7 @@ class IOData:
     @property
     def time(self) -> FloatArray:
         """Sampling instants in s, from 0, (N,)."""
-        return np.arange(len(self)) * self.dt
+        return np.arange(len(self), dtype=np.float64) * self.dt
 
     def __getitem__(self, part: slice) -> "IOData":
         """Return consecutive samples `data[a:b]`; what is left of the initialisation window stays one.

@@ -57,4 +57,4 @@ def solve(phi: FloatArray, target: FloatArray) -> LeastSquares:
 
 def triangular_factor(matrix: FloatArray) -> FloatArray:
     """R of the QR factorisation, (min(rows, columns), columns), without forming Q."""
-    return np.linalg.qr(matrix, mode="r")
+    return np.asarray(np.linalg.qr(matrix, mode="r"))

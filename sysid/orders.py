@@ -114,8 +114,8 @@ def _order(name: str, value: int, least: int = 0) -> int:
 
 
 def _per_input(name: str, value: int | Sequence[int], nu: int, least: int = 0) -> tuple[int, ...]:
-    if isinstance(value, int | np.integer | float):
-        return (_order(name, value, least),) * nu  # type: ignore[arg-type]
+    if isinstance(value, int | np.integer):
+        return (_order(name, value, least),) * nu
     values = tuple(_order(name, v, least) for v in value)
     if len(values) != nu:
         raise SysidError(f"{name}: expected one value or one per input ({nu}), got {values}")

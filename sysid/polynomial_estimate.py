@@ -94,7 +94,8 @@ def check_single_output(experiments: Sequence[IOData]) -> None:
     if experiments[0].ny != 1:
         names = ", ".join(experiments[0].output_names or ())
         raise SysidError(
-            f"expected one output, got {experiments[0].ny} ({names}): identify them one by one with data.select(outputs=[...])"
+            f"expected one output, got {experiments[0].ny} ({names}): "
+            "identify them one by one with data.select(outputs=[...])"
         )
 
 
@@ -114,8 +115,8 @@ def check_enough_data(experiments: Sequence[IOData], orders: Orders, transients:
     short = [len(e) for e in experiments if len(e) <= orders.first_row(e.window) + transients]
     if rows <= unknown or short:
         raise SysidError(
-            f"too many orders for the data: {orders.count} parameters and {transients} initial conditions per experiment "
-            f"from {rows} usable samples in {len(experiments)} experiment(s)"
+            f"too many orders for the data: {orders.count} parameters and {transients} initial conditions "
+            f"per experiment from {rows} usable samples in {len(experiments)} experiment(s)"
         )
     return rows
 

@@ -23,8 +23,8 @@ def predict(
         model: The model, or an estimate of it.
         data: Inputs and outputs.
         steps: Horizon in samples, >= 1; None simulates (an infinite horizon).
-        x0: State at the first sample (n,). None fits it by least squares to the data: to the initialisation window where
-            the record has one, else to the whole record.
+        x0: State at the first sample (n,). None fits it by least squares to the data: to the initialisation window
+            where the record has one, else to the whole record.
 
     Returns:
         Predicted outputs (N, ny). The first `steps` samples are simulated from the initial state.
@@ -87,7 +87,7 @@ def initial_state(model: StateSpace, data: IOData, gain: FloatArray | None = Non
     usable = np.isfinite(free).all(axis=(1, 2)) & np.isfinite(error[: len(free)]).all(axis=1)
     rows = int(np.argmin(usable)) if not usable.all() else len(free)
     solution, *_ = np.linalg.lstsq(free[:rows].reshape(-1, model.order), error[:rows].ravel(), rcond=None)
-    return solution
+    return np.asarray(solution, dtype=np.float64)
 
 
 def check_channels(model: StateSpace, data: IOData) -> None:

@@ -1,7 +1,7 @@
 """The one regressor builder, and with it the one delay convention.
 
-y(t) = b1 u(t - nk) + b2 u(t - nk - 1) + ...: with nk = 1 the output depends on the previous input first; with nk = 0 there is
-a direct term. B(q) carries nk leading zeros.
+y(t) = b1 u(t - nk) + b2 u(t - nk - 1) + ...: with nk = 1 the output depends on the previous input first; with
+nk = 0 there is a direct term. B(q) carries nk leading zeros.
 """
 
 from collections.abc import Sequence

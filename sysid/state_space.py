@@ -1,7 +1,7 @@
 """Linear state-space models in innovation form."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import control
 import numpy as np
@@ -11,6 +11,7 @@ from scipy.optimize import brentq
 
 from sysid.arrays import ComplexArray, FloatArray, lock, real_array
 from sysid.errors import SysidError
+from sysid.reduction import balanced_truncation
 from sysid.transmission_zeros import transmission_zeros
 
 HALF_POWER = 0.5  # -3.0103 dB
@@ -219,6 +220,23 @@ class StateSpace:
     def step_response(self, n: int) -> FloatArray:
         """Response to a unit step in each input (n, ny, nu)."""
         return np.cumsum(self.markov(n), axis=0)
+
+    def minimal(self, tolerance: float = 1e-9) -> "StateSpace":
+        """Drop the states that input and output hardly share, by balanced truncation [Moore1981].
+
+        Args:
+            tolerance: States with a Hankel singular value below `tolerance` times the largest are dropped.
+
+        Returns:
+            A balanced model of the same input-output behaviour, with no dynamics of the noise.
+
+        Raises:
+            SysidError: The model is not stable, or has dynamics of the noise, which the truncation would lose.
+        """
+        if np.any(self.gain):
+            raise SysidError("minimal drops states of the input-output path only: given a model with K other than zero")
+        A, B, C, _ = balanced_truncation(self.A, self.B, self.C, tolerance)
+        return replace(self, A=A, B=B, C=C, K=None)
 
     def to_control(self) -> control.StateSpace:
         """The path from u to y as a python-control system."""

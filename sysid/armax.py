@@ -1,0 +1,45 @@
+"""ARMAX models by the prediction-error method."""
+
+from collections.abc import Sequence
+
+from sysid.data import IOData, as_experiments
+from sysid.estimate import Estimate
+from sysid.minimised_estimate import prediction_error_estimate
+from sysid.orders import make_orders
+from sysid.starts import armax_starts
+
+
+def armax(
+    data: IOData | Sequence[IOData],
+    na: int,
+    nb: int | Sequence[int],
+    nc: int,
+    nk: int | Sequence[int] = 1,
+    *,
+    max_iterations: int = 100,
+) -> Estimate:
+    """Fit A(q) y = B(q) u + C(q) e by minimising the one-step prediction errors [Ljung1999, eqs. 4.15, 10.40].
+
+    C stays stable at every step; the unknown past of each experiment is projected out.
+
+    Args:
+        data: One experiment, or several that share the model.
+        na: Degree of A.
+        nb: Number of coefficients of B, one for all inputs or one per input.
+        nc: Degree of C.
+        nk: Delay in samples, likewise; nk = 1 means y(t) depends on u(t-1) first, nk = 0 gives a direct term.
+        max_iterations: Steps of the final minimisation at most.
+
+    Returns:
+        The estimate; parameters a1.., b1.., c1...
+
+    Raises:
+        SysidError: Constant input, several outputs, orders negative or too many for the data.
+
+    Warns:
+        SysidWarning: Poor excitation, no convergence, bad conditioning, C at the edge of stability.
+    """
+    experiments = as_experiments(data)
+    orders = make_orders(experiments[0].nu, na=na, nb=nb, nc=nc, nk=nk)
+    asked = {"na": orders.na, "nb": orders.nb, "nc": orders.nc, "nk": orders.nk}
+    return prediction_error_estimate("armax", experiments, orders, asked, armax_starts, max_iterations=max_iterations)

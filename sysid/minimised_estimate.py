@@ -1,0 +1,104 @@
+"""From a minimum of the prediction-error criterion to the public record."""
+
+import warnings
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any
+
+import numpy as np
+
+from sysid.arrays import FloatArray
+from sysid.data import IOData
+from sysid.errors import SysidWarning
+from sysid.estimate import Estimate
+from sysid.excitation import check_excitation
+from sysid.orders import Orders
+from sysid.polynomial_estimate import check_enough_data, check_single_output, make_estimate
+from sysid.prediction_error import Linearisation
+from sysid.starts import Start, search
+
+ILL_CONDITIONED = 1e10
+
+
+def prediction_error_estimate(
+    method: str,
+    experiments: Sequence[IOData],
+    orders: Orders,
+    asked: Mapping[str, Any],
+    starts: Callable[[Sequence[IOData], Orders], list[Start]],
+    *,
+    max_iterations: int,
+) -> Estimate:
+    """Check the data, search, and turn the minimum into an estimate.
+
+    The covariance is variance * (J' J)^-1 with J the exact Jacobian of the errors, initial conditions projected out
+    [Ljung1999, eqs. 9.17, 10.74]; the variance is unbiased: parameters and initial conditions are counted.
+
+    Args:
+        method: Name of the estimator.
+        experiments: Single-output experiments.
+        orders: The structure.
+        asked: Orders as the user knows them.
+        starts: Makes the beginnings.
+        max_iterations: Steps of the polishing.
+
+    Warns:
+        SysidWarning: Poor excitation, no convergence, bad conditioning, roots of C or F at the unit circle.
+    """
+    check_single_output(experiments)
+    transients = max(orders.nc, orders.nd) + sum(orders.nf)
+    texts = check_excitation(experiments, [n + max(orders.na, f) for n, f in zip(orders.nb, orders.nf, strict=True)])
+    rows = check_enough_data(experiments, orders, transients)
+    found = search(experiments, orders, starts(experiments, orders), max_iterations=max_iterations)
+    at = found.best.at
+    variance = at.cost / (rows - orders.count - at.transients)
+    covariance, condition = covariance_of(at, variance)
+    if not found.best.converged and found.best.iterations >= max_iterations:
+        texts.append(f"{method} did not converge: {found.best.reason}")
+    if condition > ILL_CONDITIONED and at.cost > 0.0:
+        texts.append(f"the parameters are poorly determined: condition number {condition:.2g} of the scaled Jacobian")
+    texts += _near_unit_circle(orders, at.theta)
+    for text in texts:
+        warnings.warn(text, SysidWarning, stacklevel=3)
+    return make_estimate(
+        method,
+        experiments,
+        orders,
+        asked,
+        theta=at.theta,
+        covariance=covariance,
+        variance=variance,
+        diagnostics={
+            "condition": condition,
+            "iterations": found.best.iterations,
+            "evaluations": found.best.evaluations,
+            "converged": found.best.converged,
+            "reason": found.best.reason,
+            "starts": found.costs,
+            "start": found.chosen,
+            "sum_of_squares": at.cost,
+            "rows": rows,
+            "initial_conditions": at.transients,
+        },
+        texts=texts,
+    )
+
+
+def covariance_of(at: Linearisation, variance: float) -> tuple[FloatArray, float]:
+    """Covariance of the parameters (p, p), and the condition number of the scaled Jacobian."""
+    _, values, right = np.linalg.svd(at.triangle)
+    if not len(values):
+        return np.zeros((0, 0)), 1.0
+    kept = values > 1e-14 * values[0]
+    half = right[kept].T / values[kept] / at.scale[:, None]
+    condition = float(values[0] / values[-1]) if values[-1] > 0.0 else np.inf
+    return variance * (half @ half.T), condition
+
+
+def _near_unit_circle(orders: Orders, theta: FloatArray) -> list[str]:
+    _, _, c, _, f = orders.split(theta)
+    texts = []
+    for name, polynomial in [("C", c), *(("F", fj) for fj in f)]:
+        radius = float(np.abs(np.roots(polynomial)).max(initial=0.0))
+        if radius > 1.0 - 1e-4:
+            texts.append(f"{name} has a root of modulus {radius:.7f}, at the edge of stability: intervals may not hold")
+    return texts

@@ -1,0 +1,44 @@
+"""Output-error models by the prediction-error method."""
+
+from collections.abc import Sequence
+
+from sysid.data import IOData, as_experiments
+from sysid.estimate import Estimate
+from sysid.minimised_estimate import prediction_error_estimate
+from sysid.orders import make_orders
+from sysid.starts import oe_starts
+
+
+def oe(
+    data: IOData | Sequence[IOData],
+    nb: int | Sequence[int],
+    nf: int | Sequence[int],
+    nk: int | Sequence[int] = 1,
+    *,
+    max_iterations: int = 100,
+) -> Estimate:
+    """Fit y = B(q)/F(q) u + e by minimising the simulation error [Ljung1999, eqs. 4.25, 10.40].
+
+    F stays stable at every step; the unknown past of each experiment is projected out. The covariance holds for a white
+    disturbance.
+
+    Args:
+        data: One experiment, or several that share the model.
+        nb: Number of coefficients of B, one for all inputs or one per input.
+        nf: Degree of F, likewise.
+        nk: Delay in samples, likewise; nk = 1 means y(t) depends on u(t-1) first, nk = 0 gives a direct term.
+        max_iterations: Steps of the final minimisation at most.
+
+    Returns:
+        The estimate; parameters b1.., f1...
+
+    Raises:
+        SysidError: Constant input, several outputs, orders negative or too many for the data.
+
+    Warns:
+        SysidWarning: Poor excitation, no convergence, bad conditioning, F at the edge of stability.
+    """
+    experiments = as_experiments(data)
+    orders = make_orders(experiments[0].nu, nb=nb, nf=nf, nk=nk)
+    asked = {"nb": orders.nb, "nf": orders.nf, "nk": orders.nk}
+    return prediction_error_estimate("oe", experiments, orders, asked, oe_starts, max_iterations=max_iterations)

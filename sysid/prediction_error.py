@@ -1,0 +1,241 @@
+"""The prediction-error engine: one minimiser for every polynomial structure.
+
+eps = D/C (A y - sum_j B_j/F_j u_j), minimised in the mean square. ARMAX, OE and what lies between differ only in orders.
+The unknown past of a record is a linear matter, given C and F: a few transient columns that are projected out (variable
+projection [GolubPereyra2003]), so that no parameter is spent on it and none is biased by it.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.signal import lfilter
+
+from sysid.arrays import FloatArray
+from sysid.data import IOData
+from sysid.least_squares import triangular_factor
+from sysid.orders import Orders
+from sysid.polynomials import is_stable
+from sysid.regressors import input_lags, lagged, output_lags
+
+STABILITY_MARGIN = 1e-7
+CONVERGED = 1e-9  # decrease still to be had, as a part of the sum of squares
+ROUNDING = 1e-30  # sum of squares, as a part of that of the output, below which nothing is left to explain
+SQUARE_SAFE = 1e5  # condition up to which normal equations keep enough digits
+
+
+@dataclass(frozen=True, eq=False)
+class Linearisation:
+    """The criterion and its first-order model at one parameter vector.
+
+    Attributes:
+        theta: Parameters (p,).
+        cost: Sum of squared prediction errors, initial conditions optimal.
+        triangle: R of the projected Jacobian of the errors, columns scaled to unit length (p, p).
+        target: Q' eps, so that the errors change as triangle @ (scale * step) + target (p,).
+        scale: Lengths of the projected Jacobian's columns (p,).
+        transients: Number of independent initial conditions taken out.
+    """
+
+    theta: FloatArray
+    cost: float
+    triangle: FloatArray
+    target: FloatArray
+    scale: FloatArray
+    transients: int
+
+
+@dataclass(frozen=True, eq=False)
+class Minimum:
+    """Where the minimiser stopped.
+
+    Attributes:
+        at: Criterion and derivatives there.
+        iterations: Accepted steps.
+        evaluations: Evaluations of the criterion.
+        converged: The decrease still to be had is negligible, or the errors are at rounding level.
+        reason: Why it stopped.
+    """
+
+    at: Linearisation
+    iterations: int
+    evaluations: int
+    converged: bool
+    reason: str
+
+
+def minimise(experiments: Sequence[IOData], orders: Orders, start: FloatArray, *, max_iterations: int = 100) -> Minimum:
+    """Levenberg-Marquardt with exact gradients; C and every F stay stable at every accepted step [More1978].
+
+    Args:
+        experiments: Single-output experiments.
+        orders: The structure.
+        start: Initial parameters (p,), C and F stable.
+        max_iterations: Accepted steps at most.
+    """
+    energy = sum(float(e.y[:, 0] @ e.y[:, 0]) for e in experiments)
+    at = linearise(experiments, orders, start)
+    damping, iterations, evaluations = 1e-4, 0, 1
+    while True:
+        if at.cost <= ROUNDING * energy:
+            return Minimum(at, iterations, evaluations, True, "errors at rounding level")
+        left, values, right = np.linalg.svd(at.triangle)
+        g = left.T @ at.target
+        significant = values > 1e-13 * values[0] if len(values) else values > 0
+        if float(g[significant] @ g[significant]) <= CONVERGED * at.cost:
+            return Minimum(at, iterations, evaluations, True, "no decrease left")
+        if iterations >= max_iterations:
+            return Minimum(at, iterations, evaluations, False, f"stopped after {iterations} iterations")
+        accepted = False
+        while damping < 1e10:
+            weights = np.where(significant, values / (values**2 + damping), 0.0)
+            step = -(right.T @ (weights * g)) / at.scale
+            theta = at.theta + step
+            if admissible(orders, theta):
+                trial = linearise(experiments, orders, theta)
+                evaluations += 1
+                if trial.cost < at.cost:
+                    # decrease that the linear model promised
+                    remaining = g * (1.0 - values * weights)
+                    promised = float(g @ g - remaining @ remaining)
+                    gain = (at.cost - trial.cost) / promised if promised > 0.0 else 0.0
+                    accepted = True
+                    break
+            damping = max(damping * 10.0, 1e-8)
+        if not accepted:
+            return Minimum(at, iterations, evaluations, False, "no step decreases the errors further")
+        tiny = at.cost - trial.cost <= 1e-15 * at.cost
+        at = trial
+        iterations += 1
+        if gain > 0.75:
+            damping /= 30.0
+        elif gain < 0.25:
+            damping = max(damping * 4.0, 1e-8)
+        if tiny:
+            return Minimum(at, iterations, evaluations, True, "decrease at rounding level")
+
+
+def admissible(orders: Orders, theta: FloatArray) -> bool:
+    """Whether the predictor is stable: C and every F have their roots inside the unit circle."""
+    if not np.isfinite(theta).all():
+        return False
+    _, _, c, _, f = orders.split(theta)
+    return is_stable(c, STABILITY_MARGIN) and all(is_stable(fj, STABILITY_MARGIN) for fj in f)
+
+
+def linearise(experiments: Sequence[IOData], orders: Orders, theta: FloatArray) -> Linearisation:
+    """Evaluate the criterion and its exact first derivatives.
+
+    Args:
+        experiments: Single-output experiments.
+        orders: The structure.
+        theta: Parameters (p,).
+    """
+    parts = [_projected(e.y[:, 0], e.u, orders, theta, orders.first_row(e.window)) for e in experiments]
+    columns = np.vstack([part for part, _ in parts]) if len(parts) > 1 else parts[0][0]
+    p = orders.count
+    scale = np.sqrt(np.einsum("ij,ij->j", columns[:, :p], columns[:, :p]))
+    scale[scale == 0.0] = 1.0
+    errors = columns[:, p]
+    cost = float(errors @ errors)
+    size = np.sqrt(cost) if cost > 0.0 else 1.0
+    columns /= np.concatenate((scale, [size]))
+    triangle = _triangle(columns)
+    return Linearisation(theta, cost, triangle[:p, :p], size * triangle[:p, p], scale, sum(n for _, n in parts))
+
+
+def _triangle(columns: FloatArray) -> FloatArray:
+    gram = columns.T @ columns
+    try:
+        triangle = np.linalg.cholesky(gram).T
+    except np.linalg.LinAlgError:
+        return triangular_factor(columns)
+    diagonal = np.abs(np.diag(triangle))
+    # the last diagonal entry belongs to the errors, whose explained part may be anything
+    if diagonal[:-1].min(initial=1.0) * SQUARE_SAFE < 1.0:
+        return triangular_factor(columns)
+    return triangle
+
+
+def _projected(y: FloatArray, u: FloatArray, orders: Orders, theta: FloatArray, start: int) -> tuple[FloatArray, int]:
+    """Jacobian and errors [d eps / d theta, eps] of one experiment with the unknown past projected out.
+
+    Filters run over the whole record from rest. What that gets wrong about the time before `start` is, from `start` on, a
+    free response of 1/C or of D/(C F), hence lies in the span of the transient columns.
+    """
+    a, b, c, d, f = orders.split(theta)
+    n = len(y)
+    pulse = np.zeros(n - start)
+    pulse[0] = 1.0
+    responses = [lfilter(bj, fj, u[:, j]) for j, (bj, fj) in enumerate(zip(b, f, strict=True))]
+    v = lfilter(a, [1.0], y) - sum(responses)
+    eps = lfilter(d, c, v)[start:]
+
+    noise_count = max(orders.nc, orders.nd)
+    blocks = [_shifts(lfilter([1.0], c, pulse), noise_count)] if noise_count else []
+    inputs = [j for j, nf in enumerate(orders.nf) if nf]
+    blocks += [_shifts(lfilter(d, np.convolve(c, f[j]), pulse), orders.nf[j]) for j in inputs]
+    basis, tau = _orthonormal(np.hstack(blocks), eps) if blocks else (None, np.zeros(0))
+    if basis is not None:
+        lasting = len(basis)
+        eps[:lasting] -= basis @ (basis.T @ eps[:lasting])
+
+    # past of the errors does not matter below: it is again a transient
+    columns = np.empty((n - start, orders.count + 1), order="F")
+    k = 0
+    if orders.na:
+        columns[:, : orders.na] = lagged(lfilter(d, c, y), output_lags(orders.na), start)
+        k = orders.na
+    for j, (nb, nk) in enumerate(zip(orders.nb, orders.nk, strict=True)):
+        filtered = lfilter(d, np.convolve(c, f[j]), u[:, j])
+        columns[:, k : k + nb] = -lagged(filtered, input_lags(nb, nk), start)
+        k += nb
+    # w and v with their fitted initial conditions, as eps has them
+    used = noise_count
+    corrected = v[start:]
+    outputs = []
+    for j in range(len(f)):
+        w = responses[j][start:]
+        if orders.nf[j]:
+            initial = np.zeros(n - start)
+            initial[: orders.nf[j]] = tau[used : used + orders.nf[j]]
+            missing = lfilter([1.0], f[j], initial)
+            w, corrected = w + missing, corrected - missing
+            used += orders.nf[j]
+        outputs.append(w)
+    if orders.nc:
+        columns[:, k : k + orders.nc] = -_shifts(lfilter([1.0], c, eps), orders.nc, first=1)
+        k += orders.nc
+    if orders.nd:
+        columns[:, k : k + orders.nd] = _shifts(lfilter([1.0], c, corrected), orders.nd, first=1)
+        k += orders.nd
+    for j, nf in enumerate(orders.nf):
+        if nf:
+            columns[:, k : k + nf] = _shifts(lfilter(d, np.convolve(c, f[j]), outputs[j]), nf, first=1)
+            k += nf
+    if basis is not None:
+        columns[:lasting, :k] -= basis @ (basis.T @ columns[:lasting, :k])
+    columns[:, k] = eps
+    return columns, 0 if basis is None else basis.shape[1]
+
+
+def _shifts(signal: FloatArray, count: int, first: int = 0) -> FloatArray:
+    """Columns of `signal` delayed by first, first + 1, ..., from rest."""
+    out = np.zeros((len(signal), count), order="F")
+    for i in range(count):
+        delay = first + i
+        out[delay:, i] = signal[: len(signal) - delay]
+    return out
+
+
+def _orthonormal(transients: FloatArray, eps: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Orthonormal basis of the transients, as long as they last, and the coefficients of eps in them.
+
+    Transients that repeat others (inputs with equal F) are left out.
+    """
+    alive = np.flatnonzero(np.abs(transients).max(axis=1) > 1e-17 * np.abs(transients).max())
+    lasting = int(alive[-1]) + 1
+    left, values, right = np.linalg.svd(transients[:lasting], full_matrices=False)
+    kept = values > 1e-12 * values[0]
+    basis = left[:, kept]
+    return basis, right[kept].T @ ((basis.T @ eps[:lasting]) / values[kept])
