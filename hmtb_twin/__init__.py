@@ -1,0 +1,31 @@
+"""The laboratory: arm, hydraulics, servos, hand controller, recorder; and the truth about them."""
+
+from hmtb_twin.arm import VARIANTS, Arm, load_arm
+from hmtb_twin.errors import TwinError, TwinWarning
+from hmtb_twin.experiment import Experiment
+from hmtb_twin.joint_log import JointLog
+from hmtb_twin.linearization import linearize
+from hmtb_twin.modes import MODES
+from hmtb_twin.parameters import JOINTS, PAYLOADS, POSES, STUDIED_JOINTS
+from hmtb_twin.simulation import Logs, simulate
+from hmtb_twin.truth import JointTruth, Truth
+
+__all__ = [
+    "JOINTS",
+    "MODES",
+    "PAYLOADS",
+    "POSES",
+    "STUDIED_JOINTS",
+    "VARIANTS",
+    "Arm",
+    "Experiment",
+    "JointLog",
+    "JointTruth",
+    "Logs",
+    "Truth",
+    "TwinError",
+    "TwinWarning",
+    "linearize",
+    "load_arm",
+    "simulate",
+]

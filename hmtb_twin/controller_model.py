@@ -1,0 +1,76 @@
+"""What the controller knows of the arm: a Pinocchio model read from the same MJCF, never the plant itself."""
+
+from collections.abc import Iterable
+from functools import lru_cache
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from xml.etree import ElementTree
+
+import numpy as np
+import pinocchio as pin
+
+from hmtb_twin.parameters import PAYLOADS
+from hmtb_twin.resources import model_file
+
+
+class ControllerModel:
+    """Rigid-body model of the arm in the controller's computer.
+
+    Args:
+        mjcf: The model as MJCF text.
+    """
+
+    def __init__(self, mjcf: str) -> None:
+        with TemporaryDirectory() as folder:
+            path = Path(folder, "arm.xml")
+            path.write_text(mjcf, encoding="utf-8")
+            self._model = pin.buildModelFromMJCF(str(path))
+        self._data = self._model.createData()
+
+    def gravity_torque(self, angles: Iterable[np.ndarray]) -> np.ndarray:
+        """Return the torque that holds the arm at each pose.
+
+        Args:
+            angles: Poses, each (7,), rad.
+
+        Returns:
+            Torques (n, 7), N m.
+        """
+        model, data = self._model, self._data
+        # Pinocchio overwrites its result in place: copy each.
+        return np.array([pin.computeGeneralizedGravity(model, data, q).copy() for q in angles])
+
+    def gravity_gradient(self, angles: np.ndarray) -> np.ndarray:
+        """Return how the holding torques change with the pose (7,), shape (7, 7), N m/rad."""
+        return np.array(pin.computeGeneralizedGravityDerivatives(self._model, self._data, np.asarray(angles, float)))
+
+    def inertia_matrix(self, angles: np.ndarray) -> np.ndarray:
+        """Return the joint-space inertia matrix at a pose (7,), shape (7, 7), kg m^2."""
+        upper = np.triu(pin.crba(self._model, self._data, np.asarray(angles, float)))
+        return upper + np.triu(upper, 1).T
+
+    def bias_torque(self, angles: np.ndarray, velocities: np.ndarray) -> np.ndarray:
+        """Return Coriolis, centrifugal and gravity torques at a state, shape (7,), N m."""
+        return np.array(pin.nonLinearEffects(self._model, self._data, angles, velocities))
+
+    def inverse_dynamics(self, angles: np.ndarray, velocities: np.ndarray, accelerations: np.ndarray) -> np.ndarray:
+        """Return the torques that produce the accelerations (7,) rad/s^2 at a state, shape (7,), N m."""
+        return np.array(pin.rnea(self._model, self._data, angles, velocities, accelerations))
+
+
+@lru_cache(maxsize=16)
+def controller_model(payload: str) -> ControllerModel:
+    """Return the controller's model of the arm with a payload, built once.
+
+    Args:
+        payload: One of `PAYLOADS`.
+
+    Returns:
+        The model, read from `models/hmtb/hmtb.xml`; its arithmetic is shared and must not be used by several threads.
+    """
+    root = ElementTree.fromstring(model_file("hmtb/hmtb.xml").read_text(encoding="utf-8"))
+    if PAYLOADS[payload] is None:
+        for parent in root.iter("body"):
+            for child in parent.findall("body[@name='rpcm']"):
+                parent.remove(child)
+    return ControllerModel(ElementTree.tostring(root, encoding="unicode"))

@@ -1,0 +1,201 @@
+"""What the 1553 bus recorded of one experiment, and beside it what only a simulation knows."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from importlib.metadata import PackageNotFoundError, version
+from pathlib import Path
+from types import MappingProxyType
+
+import numpy as np
+
+from hmtb_twin.errors import TwinError
+from hmtb_twin.modes import joint_index
+from hmtb_twin.parameters import JOINTS
+from sysid import IOData
+
+WRENCH = ("force_x", "force_y", "force_z", "torque_x", "torque_y", "torque_z")
+"""Components of the wrist force/torque sensor, in its own frame."""
+
+_CHANNELS = {
+    "commanded": ("joint", "rad", "commanded joint angle after quantisation, hold and velocity limit"),
+    "measured": ("joint", "rad", "resolver angle, read before the command of the same tick acts"),
+    "wrench": ("component", "N, N m", "wrist force/torque sensor, force then torque, sensor frame"),
+    "true_angles": ("joint", "rad", "joint angle without noise and quantisation"),
+    "load_pressure": ("joint", "MPa", "pressure across each actuator"),
+    "volts": ("axis", "V", "voltage at the hand-controller converter"),
+    "counts": ("axis", "1", "hand-controller counts"),
+}
+
+
+@dataclass(frozen=True)
+class JointLog:
+    """Log of one experiment at 50 Hz; row k holds what was read at tick k and the command that then acted.
+
+    Attributes:
+        name: The experiment.
+        seed: Its seed.
+        dt: Sampling time, s.
+        axes: The excited joints.
+        commanded: Commanded angles (N, 7), rad: the analyst's input.
+        measured: Measured angles (N, 7), rad: the analyst's output.
+        wrench: Wrist force and torque (N, 6), N and N m.
+        true_angles: Joint angles as they are (N, 7), rad.
+        load_pressure: Load pressures (N, 7), MPa.
+        volts: Voltage at the hand-controller converter (N, n_axes), V.
+        counts: Hand-controller counts (N, n_axes).
+        provenance: Versions, arm and switches with which the log was made.
+    """
+
+    name: str
+    seed: int
+    dt: float
+    axes: tuple[str, ...]
+    commanded: np.ndarray
+    measured: np.ndarray
+    wrench: np.ndarray
+    true_angles: np.ndarray
+    load_pressure: np.ndarray
+    volts: np.ndarray
+    counts: np.ndarray
+    provenance: Mapping[str, str] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        for channel in _CHANNELS:
+            array = np.array(getattr(self, channel), dtype=float)
+            array.setflags(write=False)
+            object.__setattr__(self, channel, array)
+        object.__setattr__(self, "provenance", MappingProxyType(dict(self.provenance)))
+
+    def __len__(self) -> int:
+        return len(self.commanded)
+
+    @property
+    def time(self) -> np.ndarray:
+        """Sampling instants (N,), s."""
+        return np.arange(len(self)) * self.dt
+
+    def iodata(self, joint: str | None = None) -> IOData:
+        """Hand one joint's command and measurement to the analyst.
+
+        Args:
+            joint: The joint; the excited one by default.
+
+        Returns:
+            Commanded angle as input, measured angle as output, rad.
+
+        Raises:
+            TwinError: Unknown joint, or none named where several are excited.
+        """
+        if joint is None:
+            if len(self.axes) != 1:
+                raise TwinError(f"{self.name} excites {', '.join(self.axes)}: name the joint")
+            joint = self.axes[0]
+        column = joint_index(joint)
+        return IOData(
+            self.commanded[:, column],
+            self.measured[:, column],
+            self.dt,
+            input_names=(f"{joint} commanded",),
+            output_names=(f"{joint} measured",),
+            input_units=("rad",),
+            output_units=("rad",),
+        )
+
+    def save(self, path: str | Path) -> Path:
+        """Write the log as NetCDF4.
+
+        Args:
+            path: The file, written under a temporary name and then renamed.
+
+        Returns:
+            The path.
+
+        Raises:
+            TwinError: The file cannot be written.
+        """
+        import xarray as xr
+
+        path = Path(path)
+        coordinates = {
+            "sample": np.arange(len(self)),
+            "joint": list(JOINTS),
+            "component": list(WRENCH),
+            "axis": list(self.axes),
+        }
+        variables = {
+            name: (("sample", along), getattr(self, name), {"units": unit, "long_name": text})
+            for name, (along, unit, text) in _CHANNELS.items()
+        }
+        attributes = {
+            "title": self.name,
+            "format": FORMAT,
+            "seed": self.seed,
+            "sampling_time": self.dt,
+            "intersample": "zoh",
+            **{f"provenance_{key}": value for key, value in self.provenance.items()},
+        }
+        partial = path.with_name(path.name + ".partial")
+        try:
+            xr.Dataset(variables, coords=coordinates, attrs=attributes).to_netcdf(partial, engine="h5netcdf")
+            partial.replace(path)
+        except OSError as error:
+            raise TwinError(f"cannot write the log {path}: {error.strerror or error}") from error
+        return path
+
+    @classmethod
+    def load(cls, path: str | Path) -> "JointLog":
+        """Read a log written by `save`.
+
+        Args:
+            path: The file.
+
+        Returns:
+            The log.
+
+        Raises:
+            TwinError: The file is missing or is no joint log.
+        """
+        import xarray as xr
+
+        path = Path(path)
+        if not path.is_file():
+            raise TwinError(f"no file {path}: expected a joint log, NetCDF4")
+        try:
+            with xr.open_dataset(path, engine="h5netcdf") as stored:
+                dataset = stored.load()
+        except (OSError, ValueError, KeyError) as error:
+            raise TwinError(f"{path} is not a NetCDF4 file") from error
+        missing = [name for name in _CHANNELS if name not in dataset]
+        if dataset.attrs.get("format") != FORMAT or missing:
+            raise TwinError(
+                f"{path} is no joint log: expected format {FORMAT!r} with {', '.join(_CHANNELS)}; "
+                f"found {', '.join(map(str, dataset)) or 'nothing'}"
+            )
+        prefix = "provenance_"
+        return cls(
+            name=str(dataset.attrs["title"]),
+            seed=int(dataset.attrs["seed"]),
+            dt=float(dataset.attrs["sampling_time"]),
+            axes=tuple(map(str, dataset["axis"].values)),
+            provenance={
+                str(key).removeprefix(prefix): str(value)
+                for key, value in dataset.attrs.items()
+                if str(key).startswith(prefix)
+            },
+            **{name: dataset[name].values for name in _CHANNELS},
+        )
+
+
+FORMAT = "hmtb joint log 1"
+"""Marks the files of this version."""
+
+
+def software_versions() -> dict[str, str]:
+    """Return the versions that a log depends on."""
+    found = {}
+    for package in ("hmtb-twin", "mujoco", "numpy", "pin"):
+        try:
+            found[package.replace("-", "_")] = version(package)
+        except PackageNotFoundError:
+            found[package.replace("-", "_")] = "not installed"
+    return found

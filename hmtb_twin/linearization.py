@@ -1,0 +1,148 @@
+"""The truth from the physics: finite differences of the physics step, lifted to the position loop's rate."""
+
+from copy import copy
+
+import mujoco
+import numpy as np
+from scipy.linalg import block_diag
+
+from hmtb_twin.arm import Arm, load_arm
+from hmtb_twin.joint_log import software_versions
+from hmtb_twin.parameters import JOINTS, OPERATING_POSE, RECORDER, SAMPLE_TIME, STUDIED_JOINTS
+from hmtb_twin.truth import Truth
+from sysid import StateSpace
+
+AMPLITUDES = (1e-4, 1e-3, 1e-2)
+"""Command amplitudes at which the linear model is tried against simulation, rad."""
+
+STEP = 1e-5
+"""Step of the centred finite differences: truncation and rounding errors are near 1e-9 here."""
+
+
+def linearize(arm: Arm, pose: str = OPERATING_POSE) -> Truth:
+    """Linearise the arm at rest and lift the result to 50 Hz.
+
+    One physics step is x+ = f(x, u) with x joint angles, velocities and load pressures and u commanded angle and
+    feedforward torque of each joint. Its Jacobians, held over the steps of a tick, give the 50 Hz map; the feedforward
+    of the controller's own model folds the torques into the commanded angles, and the bus delays follow the outputs.
+    Friction is off: at rest it would show the stuck arm, not the moving one.
+
+    Args:
+        arm: The arm, with friction or without: the truth is the same.
+        pose: Operating point, by name.
+
+    Returns:
+        The truth, with its error against simulation.
+
+    Raises:
+        TwinError: There is no such pose.
+    """
+    smooth = load_arm(arm.variant, arm.payload, friction=False) if arm.friction else arm
+    angles = smooth.pose(pose)
+    model = _sampled_model(smooth, angles)
+    errors = {amplitude: small_signal_error(smooth, model, angles, amplitude) for amplitude in AMPLITUDES}
+    return Truth(
+        model=model,
+        variant=arm.variant,
+        payload=arm.payload,
+        pose=pose,
+        angles=angles,
+        small_signal_error=errors,
+        provenance={"method": "mjd_transitionFD, centred, zero-order hold to 50 Hz", **software_versions()},
+    )
+
+
+def _sampled_model(arm: Arm, angles: np.ndarray) -> StateSpace:
+    data = arm.rest(angles)
+    model = copy(arm.model)
+    # The pin of the shoulder roll is a constraint: solved only to the default tolerance it would blur the differences.
+    model.opt.tolerance = 0.0
+    states = 2 * model.nv + model.na
+    A, B = np.empty((states, states)), np.empty((states, model.nu))
+    mujoco.mjd_transitionFD(model, data, STEP, True, A, B, None, None)
+    # Zero-order hold over the tick: x+ = A^n x + (I + A + ... + A^(n-1)) B u, by the powers of an augmented matrix.
+    held = np.block([[A, B], [np.zeros((model.nu, states)), np.eye(model.nu)]])
+    tick = np.linalg.matrix_power(held, round(SAMPLE_TIME / model.opt.timestep))[:states]
+    A, B = tick[:, :states], tick[:, states:]
+    B = B[:, 0::2] + B[:, 1::2] @ arm.controller.gravity_gradient(angles)
+    C = np.eye(len(JOINTS), states)
+    variance = RECORDER.noise**2 + RECORDER.resolver_step**2 / 12.0
+    return _delayed(A, B, C, arm.delays, variance)
+
+
+def _delayed(A: np.ndarray, B: np.ndarray, C: np.ndarray, delays: np.ndarray, variance: float) -> StateSpace:
+    """Append to each output the shift register of its bus delay."""
+    registers = [np.eye(d, k=-1) for d in delays]
+    shift = block_diag(*registers) if delays.any() else np.zeros((0, 0))
+    feed, read, direct = np.zeros((len(shift), len(C))), np.zeros((len(C), len(shift))), C.copy()
+    last = 0
+    for output, delay in enumerate(delays):
+        if delay:
+            feed[last, output] = 1.0
+            last += delay
+            read[output, last - 1] = 1.0
+            direct[output] = 0.0
+    whole = np.block([[A, np.zeros((len(A), len(shift)))], [feed @ C, shift]])
+    inputs = np.vstack([B, np.zeros((len(shift), B.shape[1]))])
+    outputs = np.hstack([direct, read])
+    return StateSpace(
+        whole,
+        inputs,
+        outputs,
+        np.zeros((len(C), B.shape[1])),
+        None,
+        SAMPLE_TIME,
+        variance * np.eye(len(C)),
+        input_names=tuple(f"{name} commanded" for name in JOINTS),
+        output_names=tuple(f"{name} measured" for name in JOINTS),
+        input_units=("rad",) * len(JOINTS),
+        output_units=("rad",) * len(JOINTS),
+    )
+
+
+def small_signal_error(arm: Arm, model: StateSpace, angles: np.ndarray, amplitude: float) -> float:
+    """Compare the linear model with simulation from the same commands.
+
+    Args:
+        arm: The arm, without friction.
+        model: Its linear model.
+        angles: Operating point (7,), rad.
+        amplitude: Amplitude of a pseudo-random binary command, rad.
+
+    Returns:
+        Root mean square of the difference over that of the response, largest over the studied joints, each excited
+        alone for 10 s.
+    """
+    bits = np.random.default_rng(0).choice([-amplitude, amplitude], 100)
+    offsets = np.repeat(bits, 5)
+    worst = 0.0
+    for name in STUDIED_JOINTS:
+        j = JOINTS.index(name)
+        command = np.tile(angles, (len(offsets), 1))
+        command[:, j] += offsets
+        response = linear(model, command - angles)[:, j]
+        difference = simulated(arm, angles, command)[:, j] - response
+        worst = max(worst, float(np.linalg.norm(difference) / np.linalg.norm(response)))
+    return worst
+
+
+def simulated(arm: Arm, angles: np.ndarray, command: np.ndarray) -> np.ndarray:
+    """Return the deviations of the delayed joint angles (N, 7) from the operating point under commands (N, 7), rad."""
+    data = arm.rest(angles)
+    substeps = round(SAMPLE_TIME / arm.model.opt.timestep)
+    read = np.empty_like(command)
+    for k, control in enumerate(arm.controls(command)):
+        read[k] = data.qpos
+        data.ctrl[:] = control
+        mujoco.mj_step(arm.model, data, nstep=substeps)
+    ticks = np.maximum(np.arange(len(read))[:, None] - arm.delays, 0)
+    return np.take_along_axis(read, ticks, axis=0) - angles
+
+
+def linear(model: StateSpace, offsets: np.ndarray) -> np.ndarray:
+    """Return the linear model's response (N, 7) from rest to command offsets (N, 7), rad."""
+    state, response = np.zeros(model.order), np.empty((len(offsets), model.ny))
+    for k, offset in enumerate(offsets):
+        response[k] = model.C @ state + model.D @ offset
+        state = model.A @ state + model.B @ offset
+    return response

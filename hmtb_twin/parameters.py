@@ -1,0 +1,271 @@
+"""Every number of the twin, with unit, tag and source; what follows from others is computed."""
+
+from dataclasses import dataclass, field
+from math import pi, radians
+
+from hmtb_twin.quantity import Provenance, provenance, quantity
+
+JOINTS = (
+    "shoulder_roll",
+    "shoulder_yaw",
+    "shoulder_pitch",
+    "elbow_pitch",
+    "wrist_pitch",
+    "wrist_yaw",
+    "wrist_roll",
+)
+"""The seven joints from the base outward."""
+
+STUDIED_JOINTS = ("shoulder_yaw", "shoulder_pitch", "elbow_pitch")
+"""The three joints that the thesis identified."""
+
+OPERATING_POSE = "rpcm_holster_out_approach"
+"""Keyframe at which the joints are excited and the servos are tuned."""
+
+SAMPLE_RATE = 50
+"""Rate of the position loop and of the bus record, Hz [Morris1996, II.4]."""
+
+SAMPLE_TIME = 1.0 / SAMPLE_RATE
+"""Period of the position loop, s."""
+
+
+@dataclass(frozen=True)
+class Link:
+    """A link as a uniform solid cylinder along its own x axis."""
+
+    length: float = quantity(0.0, "m", "assumed", "sized to the Atlas 7R hydraulic arm, reach 1.664 m")
+    mass: float = quantity(0.0, "kg", "assumed", "80 kg in all; Atlas 7R 73 kg, Titan 4 100 kg")
+    radius: float = quantity(0.0, "m", "assumed", "outer radius of a hydraulic link of that mass")
+
+    @property
+    def axial_inertia(self) -> float:
+        """Moment of inertia about the link's axis, kg m^2."""
+        return 0.5 * self.mass * self.radius**2
+
+    @property
+    def transverse_inertia(self) -> float:
+        """Moment of inertia about a transverse axis through the centre of mass, kg m^2."""
+        return self.mass * (3.0 * self.radius**2 + self.length**2) / 12.0
+
+
+LINKS = {
+    "shoulder_roll": Link(0.15, 9.0, 0.10),
+    "shoulder_yaw": Link(0.10, 9.0, 0.10),
+    "shoulder_pitch": Link(0.61, 22.0, 0.09),
+    "elbow_pitch": Link(0.56, 14.0, 0.075),
+    "wrist_pitch": Link(0.15, 6.0, 0.06),
+    "wrist_yaw": Link(0.15, 5.0, 0.055),
+    "wrist_roll": Link(0.06, 2.0, 0.05),
+    "end_effector": Link(0.14, 4.0, 0.045),
+}
+"""The link that each joint moves; the end effector is fixed to the wrist roll flange behind the force/torque sensor."""
+
+
+@dataclass(frozen=True)
+class Payload:
+    """The RPCM orbital replacement unit in the end effector, a uniform box."""
+
+    mass: float = quantity(4.1, "kg", "analogue", "9 lb flight unit, press reports of 2011; mock-up mass unstated")
+    size: tuple[float, float, float] = quantity((0.20, 0.17, 0.09), "m", "assumed", "size of a hand-sized unit")
+
+    @property
+    def inertia(self) -> tuple[float, float, float]:
+        """Principal moments of inertia about the centre of mass, kg m^2."""
+        x, y, z = (side**2 for side in self.size)
+        return (self.mass * (y + z) / 12.0, self.mass * (x + z) / 12.0, self.mass * (x + y) / 12.0)
+
+
+PAYLOADS: dict[str, Payload | None] = {"rpcm": Payload(), "none": None}
+"""What the end effector may hold."""
+
+
+@dataclass(frozen=True)
+class Hydraulics:
+    """The oil and its supply."""
+
+    supply_pressure: float = quantity(20.7, "MPa", "analogue", "Titan 4 manual, 1500-3000 psi")
+    return_pressure: float = quantity(3.4, "MPa", "analogue", "Titan 4 manual, 500 psi")
+    bulk_modulus: float = quantity(700.0, "MPa", "assumed", "published models 300 (hoses, air) to 1550 (oil)")
+    leakage: float = quantity(0.015, "1", "assumed", "internal leakage at full pressure, part of the rated flow")
+
+    @property
+    def pressure(self) -> float:
+        """Pressure available across an actuator, MPa."""
+        return self.supply_pressure - self.return_pressure
+
+
+@dataclass(frozen=True)
+class Friction:
+    """LuGre friction of an actuator's seals [Canudas1995], scaled to its maximum torque."""
+
+    coulomb: float = quantity(0.01, "1", "derived", "part of maximum torque; published DC gains near one allow no more")
+    static_ratio: float = quantity(1.5, "1", "assumed", "breakaway over Coulomb torque of lip seals")
+    stribeck_velocity: float = quantity(radians(1.5), "rad/s", "assumed", "1 to 2 deg/s")
+    presliding: float = quantity(1e-3, "rad", "assumed", "bristle deflection at Coulomb torque: 30 um at the rack")
+    bristle_time: float = quantity(0.01, "s", "assumed", "bristle damping over bristle stiffness")
+
+
+@dataclass(frozen=True)
+class Actuator:
+    """A rack-and-pinion actuator with its servo valve, linear between no-load flow and stall.
+
+    In cm^3, MPa and s the load-pressure equation V/(4 beta) dP/dt = Q - (K + C) P - D w has coefficients of order one,
+    and D P is a torque in N m. K is the slope of the straight line from no-load flow at zero load pressure to stall at
+    full pressure [Merritt1967, ch. 5 and 6]; C is the internal leakage.
+    """
+
+    displacement: float = quantity(
+        0.0, "cm3/rad", "assumed", "gives wrist torques like Titan 4 and Atlas 7R, 170-205 N m"
+    )
+    trapped_volume: float = quantity(0.0, "cm3", "assumed", "both chambers and lines")
+    no_load_speed: float = quantity(0.0, "rad/s", "assumed", "a 5 gal/min valve on the shoulder")
+    hydraulics: Hydraulics = field(default_factory=Hydraulics)
+    friction: Friction | None = field(default_factory=Friction)
+
+    @property
+    def maximum_torque(self) -> float:
+        """Stall torque at supply pressure, N m."""
+        return self.displacement * self.hydraulics.pressure
+
+    @property
+    def rated_flow(self) -> float:
+        """Flow of the fully open valve without load, cm^3/s: the hydraulic velocity limit times the displacement."""
+        return self.displacement * self.no_load_speed
+
+    @property
+    def compliance(self) -> float:
+        """Oil compressibility V/(4 beta), cm^3/MPa."""
+        return self.trapped_volume / (4.0 * self.hydraulics.bulk_modulus)
+
+    @property
+    def flow_pressure_gain(self) -> float:
+        """Flow lost per load pressure, K + C, cm^3/(s MPa)."""
+        return (1.0 + self.hydraulics.leakage) * self.rated_flow / self.hydraulics.pressure
+
+    @property
+    def pressure_lag(self) -> float:
+        """Time constant from commanded to delivered torque, s."""
+        return self.compliance / self.flow_pressure_gain
+
+
+_SHOULDER = Actuator(60.0, 100.0, 5.0)
+_ELBOW = Actuator(25.0, 60.0, 5.0)
+_WRIST = Actuator(10.0, 40.0, 8.0)
+
+ACTUATORS = dict(zip(JOINTS, (_SHOULDER,) * 3 + (_ELBOW,) + (_WRIST,) * 3, strict=True))
+"""The actuator of each joint."""
+
+
+@dataclass(frozen=True)
+class Servo:
+    """A joint's position servo: the poles wanted at the operating pose."""
+
+    slow_pole: float = quantity(-6.7, "rad/s", "derived", "published models: poles near -6..-9, bandwidth about 1 Hz")
+    fast_pole: float = quantity(-36.0, "rad/s", "derived", "published models -28..-44; faster outward, see README")
+
+
+SERVOS = {
+    "shoulder_roll": Servo(fast_pole=-36.0),
+    "shoulder_yaw": Servo(fast_pole=-36.0),
+    "shoulder_pitch": Servo(fast_pole=-44.0),
+    "elbow_pitch": Servo(fast_pole=-80.0),
+    "wrist_pitch": Servo(fast_pole=-120.0),
+    "wrist_yaw": Servo(fast_pole=-120.0),
+    "wrist_roll": Servo(fast_pole=-120.0),
+}
+"""The servo of each joint. Outer joints are damped more, so that the coupled arm keeps real dominant poles."""
+
+
+@dataclass(frozen=True)
+class Motion:
+    """A joint's range and the velocity limit of its command."""
+
+    lower: float = quantity(0.0, "rad", "assumed", "range of comparable arms")
+    upper: float = quantity(0.0, "rad", "assumed", "range of comparable arms")
+    velocity_limit: float = quantity(0.0, "rad/s", "assumed", "that limits exist: thesis III.4; value 20-30 deg/s")
+
+
+def _motion(lower: float, upper: float, velocity: float) -> Motion:
+    return Motion(radians(lower), radians(upper), radians(velocity))
+
+
+MOTIONS = {
+    "shoulder_roll": _motion(-180.0, 180.0, 25.0),
+    "shoulder_yaw": _motion(-90.0, 90.0, 25.0),
+    "shoulder_pitch": _motion(-90.0, 90.0, 25.0),
+    "elbow_pitch": _motion(0.0, 150.0, 25.0),
+    "wrist_pitch": _motion(-90.0, 90.0, 45.0),
+    "wrist_yaw": _motion(-90.0, 90.0, 45.0),
+    "wrist_roll": _motion(-180.0, 180.0, 45.0),
+}
+"""Range and velocity limit of each joint."""
+
+POSES = {
+    "home": tuple(map(radians, (0.0, 0.0, 70.0, 120.0, 0.0, 0.0, 0.0))),
+    OPERATING_POSE: tuple(map(radians, (0.0, 20.0, 50.0, 90.0, -50.0, 0.0, 0.0))),
+}
+"""Joint angles of the keyframes, rad; assumed. The shoulder roll stands at its index position."""
+
+
+@dataclass(frozen=True)
+class HandController:
+    """The hand-controller interface between the excitation computer and the position loop."""
+
+    gain: float = quantity(
+        0.067, "rad/V", "derived", "OKID matrices (5.8)-(5.10) read as normalised data; 'very small'"
+    )
+    adc_bits: int = quantity(12, "bit", "assumed", "that it quantises: thesis III.2A and III.4")
+    adc_range: float = quantity(10.0, "V", "assumed", "plus and minus, like the excitation computer's converter")
+    hold: int = quantity(1, "samples", "assumed", "that it samples and holds: thesis III.4; at the loop's own rate")
+    noise: float = quantity(0.01, "V", "assumed", "standard deviation; unshielded wires: thesis III.4")
+    bias: float = quantity(
+        0.02, "V", "assumed", "standard deviation over experiments; compensated for MIMO: thesis II.3B"
+    )
+
+    @property
+    def adc_step(self) -> float:
+        """One count of the converter, V."""
+        return 2.0 * self.adc_range / 2**self.adc_bits
+
+
+@dataclass(frozen=True)
+class Recorder:
+    """The joint resolvers and the 1553 record."""
+
+    resolver_bits: int = quantity(16, "bit", "assumed", "over one turn; 12 and 14 bit are the alternatives")
+    noise: float = quantity(1e-4, "rad", "assumed", "standard deviation, about one count of the resolver")
+
+    @property
+    def resolver_step(self) -> float:
+        """One count of the resolver, rad."""
+        return 2.0 * pi / 2**self.resolver_bits
+
+
+@dataclass(frozen=True)
+class BusTerminal:
+    """A joint's terminal on the 1553 bus."""
+
+    delay: int = quantity(1, "samples", "derived", "nk - 1 of the published models (study joints); assumed elsewhere")
+
+
+HAND_CONTROLLER = HandController()
+RECORDER = Recorder()
+
+BUS = {name: BusTerminal(0 if name == "shoulder_pitch" else 1) for name in JOINTS}
+"""How late each measured angle reaches the record. The analyst finds nk = 2 on yaw, 1 on shoulder pitch, 2 on elbow."""
+
+
+def provenance_table() -> tuple[Provenance, ...]:
+    """List every tagged parameter of the nominal arm.
+
+    Returns:
+        One line per parameter of links, payload, oil, friction, actuators, servos, motion, hand controller, recorder.
+    """
+    owners: list[tuple[str, object]] = [(f"link {name}", link) for name, link in LINKS.items()]
+    owners += [("payload rpcm", Payload()), ("hydraulics", Hydraulics()), ("friction", Friction())]
+    owners += [(f"actuator {name}", actuator) for name, actuator in ACTUATORS.items()]
+    owners += [(f"servo {name}", servo) for name, servo in SERVOS.items()]
+    owners += [(f"motion {name}", motion) for name, motion in MOTIONS.items()]
+    owners += [(f"bus terminal {name}", terminal) for name, terminal in BUS.items()]
+    owners += [("hand controller", HAND_CONTROLLER), ("recorder", RECORDER)]
+    return tuple(line for owner, record in owners for line in provenance(owner, record))
