@@ -11,14 +11,24 @@ ROOT = Path(__file__).parents[1]
 README = (ROOT / "README.md").read_text(encoding="utf-8")
 
 
-def test_the_python_example_runs(tmp_path: Path) -> None:
-    (example,) = re.findall(r"^```python\n(.*?)^```", README, re.M | re.S)
+def block(language: str) -> str:
+    """Return the one fenced block of a language."""
+    (text,) = re.findall(rf"^```{language}\n(.*?)^```", README, re.M | re.S)
+    return text
+
+
+def test_the_python_example_prints_what_the_readme_shows(tmp_path: Path) -> None:
     path = tmp_path / "example.py"
-    path.write_text(f"import sys\nsys.path.insert(0, {str(ROOT)!r})\n{example}", encoding="utf-8")
+    path.write_text(f"import sys\nsys.path.insert(0, {str(ROOT)!r})\n{block('python')}", encoding="utf-8")
     done = subprocess.run([sys.executable, path], cwd=tmp_path, capture_output=True, text=True, timeout=60)
     assert done.returncode == 0, done.stderr
-    true, recovered = map(float, re.findall(r"(\d+\.\d+)", done.stdout)[:2])
-    assert recovered == pytest.approx(true, rel=0.25), done.stdout
+    number = re.compile(r"\d+\.\d+")
+    printed, shown = done.stdout.strip(), block("text").strip()
+    assert number.sub("#", printed) == number.sub("#", shown)
+    # One step in the last digit is left to other compilers and processors.
+    assert list(map(float, number.findall(printed))) == pytest.approx(
+        list(map(float, number.findall(shown))), abs=1.5e-3
+    ), printed
 
 
 @pytest.mark.parametrize("command", sorted(set(re.findall(r"`hmtb ([a-z]+)", README))))
