@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -134,23 +135,20 @@ class Estimate:
         for i, j in np.argwhere(np.isfinite(hz)):
             f = hz[i, j]
 
-            def log_ratio(model: StateSpace, at: float, i: int = int(i), j: int = int(j)) -> float:
-                g = model.frequency_response([0.0, at])[:, i, j]
-                return float(2.0 * np.log(np.abs(g[1]) / np.abs(g[0])))
-
             h = 1e-4
             nyquist = 0.5 / self.model.dt
             up, down = min(f * (1 + h), nyquist), f * (1 - h)
-            slope = (log_ratio(self.model, up) - log_ratio(self.model, down)) / np.log(up / down)
-            moves = spread(
-                lambda theta, at=f, ratio=log_ratio: np.asarray(ratio(self.realise(theta), at)),
-                self.parameters,
-                self.covariance,
-            )
+            at_ends = [_log_ratio(self.model, end, i, j) for end in (down, up)]
+            slope = (at_ends[1] - at_ends[0]) / np.log(up / down)
+            ratio = partial(self._ratio, at=f, i=int(i), j=int(j))
+            moves = spread(ratio, self.parameters, self.covariance)
             deviation[i, j] = np.linalg.norm(moves) / abs(slope) if slope else np.inf
         with np.errstate(over="ignore"):
             factor = np.exp(NORMAL_95 * deviation)
         return Bandwidth(hz, (hz / factor, hz * factor))
+
+    def _ratio(self, theta: FloatArray, at: float, i: int, j: int) -> FloatArray:
+        return np.asarray(_log_ratio(self.realise(theta), at, i, j))
 
     def frequency_response(self, f_hz: ArrayLike) -> FrequencyResponse:
         """Response, its covariance by the delta method, and the disturbance spectrum of the noise model.
@@ -177,3 +175,9 @@ class Estimate:
             input_names=self.data.input_names,
             output_names=self.data.output_names,
         )
+
+
+def _log_ratio(model: StateSpace, at: float, i: int, j: int) -> float:
+    """Logarithm of |G(at)|^2 / |G(0)|^2."""
+    g = model.frequency_response([0.0, at])[:, i, j]
+    return float(2.0 * np.log(np.abs(g[1]) / np.abs(g[0])))

@@ -52,7 +52,7 @@ def prediction_error_estimate(
     at = found.best.at
     variance = at.cost / (rows - orders.count - at.transients)
     covariance, condition = covariance_of(at, variance)
-    if not found.best.converged and found.best.iterations >= max_iterations:
+    if not found.best.converged:
         texts.append(f"{method} did not converge: {found.best.reason}")
     if condition > ILL_CONDITIONED and at.cost > 0.0:
         texts.append(f"the parameters are poorly determined: condition number {condition:.2g} of the scaled Jacobian")

@@ -1,8 +1,8 @@
 """The prediction-error engine: one minimiser for every polynomial structure.
 
-eps = D/C (A y - sum_j B_j/F_j u_j), minimised in the mean square. ARMAX, OE and what lies between differ only in orders.
-The unknown past of a record is a linear matter, given C and F: a few transient columns that are projected out (variable
-projection [GolubPereyra2003]), so that no parameter is spent on it and none is biased by it.
+eps = D/C (A y - sum_j B_j/F_j u_j), minimised in the mean square. ARMAX, OE and what lies between differ only in
+orders. The unknown past of a record is a linear matter, given C and F: a few transient columns that are projected
+out (variable projection [GolubPereyra2003]), so that no parameter is spent on it and none is biased by it.
 """
 
 from collections.abc import Sequence
@@ -21,7 +21,6 @@ from sysid.regressors import input_lags, lagged, output_lags
 STABILITY_MARGIN = 1e-7
 CONVERGED = 1e-9  # decrease still to be had, as a part of the sum of squares
 ROUNDING = 1e-30  # sum of squares, as a part of that of the output, below which nothing is left to explain
-SQUARE_SAFE = 1e5  # condition up to which normal equations keep enough digits
 
 
 @dataclass(frozen=True, eq=False)
@@ -103,7 +102,9 @@ def minimise(experiments: Sequence[IOData], orders: Orders, start: FloatArray, *
                     break
             damping = max(damping * 10.0, 1e-8)
         if not accepted:
-            return Minimum(at, iterations, evaluations, False, "no step decreases the errors further")
+            left_over = float(g[significant] @ g[significant])
+            flat = left_over <= 1e-4 * at.cost or at.cost <= 1e-16 * energy
+            return Minimum(at, iterations, evaluations, flat, "no step decreases the errors further")
         tiny = at.cost - trial.cost <= 1e-15 * at.cost
         at = trial
         iterations += 1
@@ -140,28 +141,15 @@ def linearise(experiments: Sequence[IOData], orders: Orders, theta: FloatArray) 
     cost = float(errors @ errors)
     size = np.sqrt(cost) if cost > 0.0 else 1.0
     columns /= np.concatenate((scale, [size]))
-    triangle = _triangle(columns)
+    triangle = triangular_factor(columns, guarded=p)
     return Linearisation(theta, cost, triangle[:p, :p], size * triangle[:p, p], scale, sum(n for _, n in parts))
-
-
-def _triangle(columns: FloatArray) -> FloatArray:
-    gram = columns.T @ columns
-    try:
-        triangle = np.linalg.cholesky(gram).T
-    except np.linalg.LinAlgError:
-        return triangular_factor(columns)
-    diagonal = np.abs(np.diag(triangle))
-    # the last diagonal entry belongs to the errors, whose explained part may be anything
-    if diagonal[:-1].min(initial=1.0) * SQUARE_SAFE < 1.0:
-        return triangular_factor(columns)
-    return triangle
 
 
 def _projected(y: FloatArray, u: FloatArray, orders: Orders, theta: FloatArray, start: int) -> tuple[FloatArray, int]:
     """Jacobian and errors [d eps / d theta, eps] of one experiment with the unknown past projected out.
 
-    Filters run over the whole record from rest. What that gets wrong about the time before `start` is, from `start` on, a
-    free response of 1/C or of D/(C F), hence lies in the span of the transient columns.
+    Filters run over the whole record from rest. What that gets wrong about the time before `start` is, from `start` on,
+    a free response of 1/C or of D/(C F), hence lies in the span of the transient columns.
     """
     a, b, c, d, f = orders.split(theta)
     n = len(y)

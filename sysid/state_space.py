@@ -145,7 +145,7 @@ class StateSpace:
             raise SysidError(
                 "a frequency falls exactly on a pole on the unit circle: the response is infinite"
             ) from error
-        return self.C @ states + D
+        return np.asarray(self.C @ states + D, dtype=np.complex128)
 
     def dc_gain(self) -> FloatArray:
         """Response at 0 Hz (ny, nu); infinite where the model integrates."""

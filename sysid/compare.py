@@ -1,0 +1,104 @@
+"""Fits of models to data: in simulation and one step ahead, always both."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from sysid.arrays import FloatArray, lock
+from sysid.data import IOData
+from sysid.errors import SysidError
+from sysid.estimate import Estimate
+from sysid.predict import predict
+from sysid.state_space import StateSpace
+
+Model = StateSpace | Estimate
+
+
+@dataclass(frozen=True, eq=False)
+class ModelFit:
+    """How well one model explains one record.
+
+    Attributes:
+        name: The model.
+        simulation: Fit in percent of the output simulated from the input alone, per output (ny,).
+        one_step: Fit in percent of the one-step prediction, per output (ny,).
+        simulated: Simulated output, initial state fitted (N, ny).
+        predicted: One-step prediction, initial state fitted (N, ny).
+        output_names: One name per output.
+    """
+
+    name: str
+    simulation: FloatArray
+    one_step: FloatArray
+    simulated: FloatArray
+    predicted: FloatArray
+    output_names: tuple[str, ...] = field(default=(), kw_only=True)
+
+    def __post_init__(self) -> None:
+        """Lock."""
+        for attribute in ("simulation", "one_step", "simulated", "predicted"):
+            object.__setattr__(self, attribute, lock(getattr(self, attribute)))
+
+
+def compare(models: Model | Sequence[Model] | Mapping[str, Model], data: IOData) -> tuple[ModelFit, ...]:
+    """Fit 100 (1 - |y - yhat| / |y - mean(y)|) of every model, without the initialisation window.
+
+    The initial state is fitted by least squares: to the initialisation window where the record has one, else to the
+    whole record.
+
+    Args:
+        models: A model or estimate, several, or several by name.
+        data: The record to explain, best one that no model was fitted to.
+
+    Returns:
+        One record per model, in the sequence given.
+
+    Raises:
+        SysidError: No model, channels that do not fit, an output that is constant.
+    """
+    named: Mapping[str, Model]
+    if isinstance(models, Mapping):
+        named = models
+    else:
+        several = [models] if isinstance(models, StateSpace | Estimate) else list(models)
+        named = {_name(model, k): model for k, model in enumerate(several)}
+    if not named:
+        raise SysidError("expected at least one model, got none")
+    out = []
+    for name, model in named.items():
+        simulated = predict(model, data, steps=None)
+        predicted = predict(model, data)
+        out.append(
+            ModelFit(
+                name=name,
+                simulation=fit_percent(data.y[data.window :], simulated[data.window :]),
+                one_step=fit_percent(data.y[data.window :], predicted[data.window :]),
+                simulated=simulated,
+                predicted=predicted,
+                output_names=data.output_names or (),
+            )
+        )
+    return tuple(out)
+
+
+def fit_percent(y: FloatArray, yhat: FloatArray) -> FloatArray:
+    """100 (1 - |y - yhat| / |y - mean(y)|) per output (ny,); 100 is perfect, 0 no better than the mean.
+
+    Args:
+        y: Measured (N, ny).
+        yhat: Explained (N, ny).
+
+    Raises:
+        SysidError: Shapes differ, or an output is constant.
+    """
+    if y.shape != yhat.shape:
+        raise SysidError(f"y and yhat must have one shape, got {y.shape} and {yhat.shape}")
+    spread = np.linalg.norm(y - y.mean(axis=0), axis=0)
+    if (spread == 0.0).any():
+        raise SysidError(f"output {int(np.argmin(spread))} is constant: its fit is not defined")
+    return np.asarray(100.0 * (1.0 - np.linalg.norm(y - yhat, axis=0) / spread))
+
+
+def _name(model: Model, index: int) -> str:
+    return f"{index + 1}: {model.method}" if isinstance(model, Estimate) else f"{index + 1}: model"

@@ -1,0 +1,31 @@
+"""Sample covariance functions, over one or several experiments."""
+
+from collections.abc import Sequence
+
+import numpy as np
+from scipy.fft import irfft, next_fast_len, rfft
+
+from sysid.arrays import FloatArray
+
+
+def covariance_function(x: Sequence[FloatArray], z: Sequence[FloatArray], lags: int) -> FloatArray:
+    """R_xz(tau) = 1/N sum_t x(t + tau) z(t)', tau = -lags..lags [Ljung1999, eq. 6.10].
+
+    Division is by the total N at every lag (biased, positive semidefinite). Means are left as they are. Products never
+    reach over the boundary of an experiment.
+
+    Args:
+        x: First signal per experiment (N_i, nx).
+        z: Second signal per experiment (N_i, nz).
+        lags: Largest lag.
+
+    Returns:
+        Covariances (2 lags + 1, nx, nz), lag zero in the middle.
+    """
+    total = np.zeros((2 * lags + 1, x[0].shape[1], z[0].shape[1]))
+    for xi, zi in zip(x, z, strict=True):
+        size = next_fast_len(len(xi) + lags + 1, real=True)
+        products = rfft(xi, size, axis=0)[:, :, None] * rfft(zi, size, axis=0).conj()[:, None, :]
+        circular = irfft(products, size, axis=0)
+        total += np.concatenate((circular[size - lags :] if lags else circular[:0], circular[: lags + 1]))
+    return total / sum(len(xi) for xi in x)

@@ -1,0 +1,273 @@
+"""Observer/Kalman filter identification."""
+
+import warnings
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+
+from sysid.arrays import FloatArray
+from sysid.data import IOData, as_experiments
+from sysid.era import Realisation, era
+from sysid.errors import SysidError, SysidWarning
+from sysid.estimate import DataSummary, Estimate
+from sysid.excitation import check_excitation
+from sysid.least_squares import solve
+from sysid.recursion import free_response
+from sysid.regressors import lagged
+from sysid.residuals import residuals
+from sysid.state_space import StateSpace
+
+
+class Realiser(Protocol):
+    """What turns Markov parameters into a model: `era` or `era_dc`."""
+
+    def __call__(self, markov: FloatArray, order: int, *, dt: float) -> Realisation:
+        """Realise `order` states from Markov parameters (K, ny, nu)."""
+        ...
+
+
+@dataclass(frozen=True, eq=False)
+class ObserverParameters:
+    """Markov parameters that one set of observer Markov parameters stands for.
+
+    Attributes:
+        system: D, CB, CAB, ... (K, ny, nu).
+        gain: CK, CAK, ... of the innovation gain K = -G (K - 1, ny, ny).
+    """
+
+    system: FloatArray
+    gain: FloatArray
+
+
+@dataclass(frozen=True)
+class Realise:
+    """Pure function from observer Markov parameters to the model.
+
+    Attributes:
+        p: Number of observer Markov parameters.
+        order: Number of states.
+        count: Number of Markov parameters to realise from.
+        direct: Whether D is estimated.
+        realiser: `era` or `era_dc`.
+        input_scale: Inputs are divided by it (nu,).
+        output_scale: Outputs are divided by it (ny,).
+        data: Sampling interval and names.
+        covariance: Innovation covariance for the model, in output units squared (ny, ny).
+    """
+
+    p: int
+    order: int
+    count: int
+    direct: bool
+    realiser: Callable[..., Realisation]
+    input_scale: FloatArray
+    output_scale: FloatArray
+    data: DataSummary
+    covariance: FloatArray
+
+    def __call__(self, theta: FloatArray) -> StateSpace:
+        """Model for observer Markov parameters, flattened output by output."""
+        return self.model(self.realisation(theta), theta)
+
+    def markov(self, theta: FloatArray) -> ObserverParameters:
+        """System and gain Markov parameters, unscaled, by recursion [Juang1993]."""
+        direct, from_u, from_y = self.blocks(theta)
+        ny, nu = direct.shape
+        y = np.zeros((self.count, ny, nu + ny))
+        y[0, :, :nu] = direct
+        own = np.concatenate((from_u, from_y), axis=2)
+        for k in range(1, self.count):
+            past = min(k, self.p)
+            # the gain's sequence begins one step later: nothing stands at k = 0
+            y[k] = np.einsum("iab,ibc->ac", from_y[:past], y[k - 1 :: -1][:past] if k > past else y[:k][::-1])
+            if k <= self.p:
+                y[k] += own[k - 1]
+        return ObserverParameters(y[:, :, :nu], y[1:, :, nu:])
+
+    def blocks(self, theta: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """D (ny, nu), coefficients of u(t-i) (p, ny, nu) and of y(t-i) (p, ny, ny)."""
+        nu, ny = len(self.input_scale), len(self.output_scale)
+        table = theta.reshape(ny, -1)
+        direct = table[:, :nu] if self.direct else np.zeros((ny, nu))
+        rest = table[:, nu if self.direct else 0 :].reshape(ny, self.p, nu + ny).transpose(1, 0, 2)
+        return direct, rest[:, :, :nu], rest[:, :, nu:]
+
+    def realisation(self, theta: FloatArray) -> Realisation:
+        """What the realiser makes of the Markov parameters in scaled channels."""
+        system = self.markov(theta).system
+        scaled = system * self.input_scale / self.output_scale[:, None]
+        return self.realiser(scaled, self.order, dt=self.data.dt)
+
+    def model(self, found: Realisation, theta: FloatArray) -> StateSpace:
+        """Un-scale, and add K by least squares on the observability matrix [Juang1993]."""
+        C = found.model.C * self.output_scale[:, None]
+        B = found.model.B / self.input_scale
+        D = found.model.D * self.output_scale[:, None] / self.input_scale
+        gain = self.markov(theta).gain
+        observability = free_response(found.model.A, C, len(gain))
+        rows = len(observability)
+        weighted = (observability / self.output_scale[:, None]).reshape(rows * len(C), -1)
+        target = (gain[:rows] / self.output_scale[:, None]).reshape(rows * len(C), -1)
+        K = np.asarray(np.linalg.lstsq(weighted, target, rcond=None)[0], dtype=np.float64)
+        return StateSpace(
+            found.model.A,
+            B,
+            C,
+            D,
+            K,
+            self.data.dt,
+            self.covariance,
+            input_names=self.data.input_names,
+            output_names=self.data.output_names,
+            input_units=self.data.input_units,
+            output_units=self.data.output_units,
+        )
+
+
+def okid(
+    data: IOData | Sequence[IOData],
+    order: int,
+    *,
+    p: int,
+    realiser: Realiser = era,
+    block_rows: int | None = None,
+    normalise: bool = True,
+    direct: bool = True,
+) -> Estimate:
+    """Identify an observer, then the system behind it [Juang1993; Juang1992].
+
+    Least squares y(t) = D u(t) + sum_i Ybar_i [u(t-i); y(t-i)], i = 1..p, the first p samples dropped (the past is
+    unknown); system and gain Markov parameters by recursion; a realisation of `order` states; K = -G. K is a Kalman gain only
+    where the residuals are white.
+
+    Args:
+        data: One experiment, or several that share the model; any numbers of inputs and outputs.
+        order: Number of states.
+        p: Number of observer Markov parameters; p * ny >= order.
+        realiser: `era` or `era_dc`, or either with options fixed by `functools.partial`.
+        block_rows: Block rows and columns of the Hankel matrix; by default max(40, p, 2 order).
+        normalise: Divide channels by their largest magnitude before the realisation, un-scale after it, as SOCIT does.
+        direct: Whether D is estimated; otherwise it is zero.
+
+    Returns:
+        The estimate. `parameters` and `covariance` are those of the observer Markov parameters, output by output; the
+        covariance does not know of the bias of too small a p. Diagnostics: `observer_markov_u`, `observer_markov_y`,
+        `system_markov`, `gain_markov`, `hankel_singular_values`, `percent_described` (SOCIT's, of squared values),
+        `percent_described_unsquared`, `modal_singular_values`.
+
+    Raises:
+        SysidError: Constant input, p * ny < order, too little data.
+
+    Warns:
+        SysidWarning: Poor excitation, rank deficient regressors, unstable model or predictor.
+    """
+    experiments = as_experiments(data)
+    first = experiments[0]
+    nu, ny = first.nu, first.ny
+    for name, value in (("order", order), ("p", p)):
+        if isinstance(value, bool) or not isinstance(value, int | np.integer) or value < 1:
+            raise SysidError(f"{name} must be a whole number >= 1, got {value!r}")
+    if p * ny < order:
+        raise SysidError(f"p * ny must be at least the order {order}: got p = {p} with {ny} output(s)")
+    rows_of_h = max(40, p, 2 * order) if block_rows is None else block_rows
+    if rows_of_h * min(ny, nu) < order:
+        raise SysidError(f"block_rows = {rows_of_h} is too small for order {order}")
+    texts = check_excitation(experiments, [p + (1 if direct else 0)] * nu)
+    starts = [max(p, e.window) for e in experiments]
+    width = p * (nu + ny) + (nu if direct else 0)
+    rows = sum(max(len(e) - s, 0) for e, s in zip(experiments, starts, strict=True))
+    if rows <= width or any(len(e) <= s for e, s in zip(experiments, starts, strict=True)):
+        raise SysidError(
+            f"too many observer parameters for the data: p = {p} gives {width} per output, "
+            f"{rows} usable samples in {len(experiments)} experiment(s)"
+        )
+    phi = np.vstack([_regressors(e, p, s, direct) for e, s in zip(experiments, starts, strict=True)])
+    fit = solve(phi, np.vstack([e.y[s:] for e, s in zip(experiments, starts, strict=True)]))
+    variance = fit.residual_gram / (rows - width)
+    if fit.rank < width:
+        texts.append(f"the regressors have rank {fit.rank} for {width} columns: the solution of least norm is given")
+
+    u_max = np.max([np.abs(e.u).max(axis=0) for e in experiments], axis=0)
+    y_max = np.max([np.abs(e.y).max(axis=0) for e in experiments], axis=0)
+    summary = DataSummary.of(experiments)
+    realise = Realise(
+        p=int(p),
+        order=int(order),
+        count=2 * rows_of_h + 1,
+        direct=direct,
+        realiser=realiser,
+        input_scale=np.where(u_max > 0.0, u_max, 1.0) if normalise else np.ones(nu),
+        output_scale=np.where(y_max > 0.0, y_max, 1.0) if normalise else np.ones(ny),
+        data=summary,
+        covariance=variance,
+    )
+    theta = fit.solution.T.ravel()
+    found = realise.realisation(theta)
+    realise = Realise(**{**realise.__dict__, "order": found.model.order})
+    model = realise.model(found, theta)
+    texts += _stability(model)
+    for text in texts:
+        warnings.warn(text, SysidWarning, stacklevel=2)
+    with warnings.catch_warnings():
+        # said above
+        warnings.simplefilter("ignore", SysidWarning)
+        errors = np.concatenate([residuals(model, e) for e in experiments])
+    _, from_u, from_y = realise.blocks(theta)
+    markov = realise.markov(theta)
+    return Estimate(
+        model=model,
+        polynomials=None,
+        parameters=theta,
+        parameter_names=_names(summary, int(p), direct),
+        covariance=np.asarray(np.kron(variance, fit.inverse_gram), dtype=np.float64),
+        noise_variance=variance,
+        residuals=errors,
+        method="okid",
+        orders={"order": int(order), "p": int(p)},
+        diagnostics={
+            "condition": fit.condition,
+            "rank": fit.rank,
+            "iterations": 0,
+            "converged": True,
+            "observer_markov_u": from_u,
+            "observer_markov_y": from_y,
+            "system_markov": markov.system,
+            "gain_markov": markov.gain,
+            "hankel_singular_values": found.hankel_singular_values,
+            "percent_described": found.percent_described,
+            "percent_described_unsquared": found.percent_described_unsquared,
+            "modal_singular_values": found.modal_singular_values,
+            "warnings": tuple(texts),
+        },
+        data=summary,
+        realise=realise,
+    )
+
+
+def _regressors(e: IOData, p: int, start: int, direct: bool) -> FloatArray:
+    """Rows [u(t)], u(t-1), y(t-1), u(t-2), y(t-2), ..., u(t-p), y(t-p)."""
+    v = np.hstack((e.u, e.y))
+    past = np.stack([lagged(v[:, j], range(1, p + 1), start) for j in range(v.shape[1])], axis=2)
+    flat = past.reshape(len(past), -1)
+    return np.hstack((e.u[start:], flat)) if direct else flat
+
+
+def _names(data: DataSummary, p: int, direct: bool) -> tuple[str, ...]:
+    lagged_names = [f"{v}(t-{i})" for i in range(1, p + 1) for v in (*data.input_names, *data.output_names)]
+    row = ([f"{u}(t)" for u in data.input_names] if direct else []) + lagged_names
+    return tuple(f"{y}: {name}" for y in data.output_names for name in row)
+
+
+def _stability(model: StateSpace) -> list[str]:
+    texts = []
+    radius = float(np.abs(model.poles()).max(initial=0.0))
+    if radius >= 1.0:
+        texts.append(f"the model is unstable: largest pole modulus {radius:.6g}; a larger p or another order may help")
+    observer = float(np.abs(np.linalg.eigvals(model.A - model.gain @ model.C)).max(initial=0.0))
+    if observer >= 1.0:
+        texts.append(
+            f"the predictor is unstable: A - K C has spectral radius {observer:.6g}; use the model to simulate"
+        )
+    return texts
