@@ -8,7 +8,7 @@ SHELL := /bin/bash
 
 PYTHON ?= python3
 VENV ?= .venv
-OUT ?= out/thesis
+OUT ?= thesis-report
 BIN := $(VENV)/bin
 CREATED := $(VENV)/.created
 INSTALLED := $(VENV)/.installed
@@ -90,6 +90,6 @@ constraints: ## renew constraints.txt from the newest versions that pyproject.to
 
 .PHONY: clean
 clean: ## remove the environment, caches, builds and results
-	@echo "==> Removing $(VENV), caches, builds and out/"
-	@rm -rf "$(VENV)" .ci/venv build dist out .pytest_cache .mypy_cache .ruff_cache .hypothesis *.egg-info
+	@echo "==> Removing $(VENV), caches, builds and the default report"
+	@rm -rf "$(VENV)" .ci/venv build dist thesis-report .pytest_cache .mypy_cache .ruff_cache .hypothesis *.egg-info
 	@find $(wildcard $(SOURCES)) -name __pycache__ -prune -exec rm -rf {} +

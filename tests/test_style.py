@@ -25,7 +25,7 @@ TEXT = {
     ".yaml",
     "",
 }
-MADE = {"out", "dist", "build", "__pycache__"}
+MADE = {"thesis-report", "dist", "build", "__pycache__"}
 MACHINE_PATH = re.compile(r"(?<![\w.<~-])/(?:work|root|tmp/dev|opt/pypi\S*|home/\w+)(?=[/\s\"'`,;:)]|$)", re.M)
 REGISTRY_HOST = re.compile(r"\b(?:pypi|pythonhosted|npmjs|deb\.debian|archive\.ubuntu|anaconda)\.(?:org|com)\b")
 LOCAL_LINK = re.compile(r"\[[^\]]*\]\((?!\w+:|#)([^)\s#]+)")
