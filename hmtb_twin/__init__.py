@@ -7,6 +7,7 @@ from hmtb_twin.joint_log import JointLog
 from hmtb_twin.linearization import linearize
 from hmtb_twin.modes import MODES
 from hmtb_twin.parameters import JOINTS, PAYLOADS, POSES, STUDIED_JOINTS
+from hmtb_twin.rendering import render
 from hmtb_twin.simulation import Logs, simulate
 from hmtb_twin.truth import JointTruth, Truth
 
@@ -27,5 +28,6 @@ __all__ = [
     "TwinWarning",
     "linearize",
     "load_arm",
+    "render",
     "simulate",
 ]

@@ -3,7 +3,7 @@
 from dataclasses import dataclass, field
 from math import pi, radians
 
-from hmtb_twin.quantity import Provenance, provenance, quantity
+from hmtb_twin.quantity import quantity
 
 JOINTS = (
     "shoulder_roll",
@@ -253,19 +253,3 @@ RECORDER = Recorder()
 
 BUS = {name: BusTerminal(0 if name == "shoulder_pitch" else 1) for name in JOINTS}
 """How late each measured angle reaches the record. The analyst finds nk = 2 on yaw, 1 on shoulder pitch, 2 on elbow."""
-
-
-def provenance_table() -> tuple[Provenance, ...]:
-    """List every tagged parameter of the nominal arm.
-
-    Returns:
-        One line per parameter of links, payload, oil, friction, actuators, servos, motion, hand controller, recorder.
-    """
-    owners: list[tuple[str, object]] = [(f"link {name}", link) for name, link in LINKS.items()]
-    owners += [("payload rpcm", Payload()), ("hydraulics", Hydraulics()), ("friction", Friction())]
-    owners += [(f"actuator {name}", actuator) for name, actuator in ACTUATORS.items()]
-    owners += [(f"servo {name}", servo) for name, servo in SERVOS.items()]
-    owners += [(f"motion {name}", motion) for name, motion in MOTIONS.items()]
-    owners += [(f"bus terminal {name}", terminal) for name, terminal in BUS.items()]
-    owners += [("hand controller", HAND_CONTROLLER), ("recorder", RECORDER)]
-    return tuple(line for owner, record in owners for line in provenance(owner, record))

@@ -1,0 +1,46 @@
+"""The table of every number of the nominal arm: value, unit, tag and source. Run as a module it prints the table."""
+
+import sys
+
+from hmtb_twin.parameters import (
+    ACTUATORS,
+    BUS,
+    HAND_CONTROLLER,
+    LINKS,
+    MOTIONS,
+    PAYLOADS,
+    RECORDER,
+    SERVOS,
+    Friction,
+    Hydraulics,
+)
+from hmtb_twin.quantity import Provenance, provenance
+
+
+def provenance_table() -> tuple[Provenance, ...]:
+    """List every tagged parameter of the nominal arm.
+
+    Returns:
+        One line per parameter of links, payload, oil, friction, actuators, servos, motion, bus, hand controller and
+        recorder.
+    """
+    owners: list[tuple[str, object]] = [(f"link {name}", link) for name, link in LINKS.items()]
+    owners += [(f"payload {name}", payload) for name, payload in PAYLOADS.items() if payload is not None]
+    owners += [("hydraulics", Hydraulics()), ("friction", Friction())]
+    owners += [(f"actuator {name}", actuator) for name, actuator in ACTUATORS.items()]
+    owners += [(f"servo {name}", servo) for name, servo in SERVOS.items()]
+    owners += [(f"motion {name}", motion) for name, motion in MOTIONS.items()]
+    owners += [(f"bus terminal {name}", terminal) for name, terminal in BUS.items()]
+    owners += [("hand controller", HAND_CONTROLLER), ("recorder", RECORDER)]
+    return tuple(line for owner, record in owners for line in provenance(owner, record))
+
+
+def markdown(line: Provenance) -> str:
+    """Return one line of the table as Markdown."""
+    value = " x ".join(f"{v:.5g}" for v in line.value) if isinstance(line.value, tuple) else f"{line.value:.5g}"
+    parameter = line.parameter.replace("_", " ")
+    return f"| {line.owner.replace('_', ' ')} | {parameter} | {value} | {line.unit} | {line.tag} | {line.source} |"
+
+
+if __name__ == "__main__":
+    sys.stdout.write("".join(f"{markdown(line)}\n" for line in provenance_table()))

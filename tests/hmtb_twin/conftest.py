@@ -1,0 +1,49 @@
+from dataclasses import dataclass, field
+
+import numpy as np
+import pytest
+
+from hmtb_twin import Arm, Truth, linearize, load_arm
+
+
+@dataclass(frozen=True)
+class BinaryTest:
+    """A short pseudo-random binary experiment, as plain as `simulate` accepts."""
+
+    name: str = "binary"
+    axes: tuple[str, ...] = ("elbow_pitch",)
+    seed: int = 1
+    duration: float = 4.0
+    amplitude: float = 1.0
+    hold: int = 5
+    variant: str = "nominal"
+    payload: str = "rpcm"
+    pose: str = "rpcm_holster_out_approach"
+    mode: str = "single_joint"
+    friction: bool = True
+    noise: bool = True
+    quantisation: bool = True
+    spoil: dict[int, float] = field(default_factory=dict)
+
+    def volts(self) -> np.ndarray:
+        ticks = round(50 * self.duration)
+        bits = np.random.default_rng(7).choice([-1.0, 1.0], (ticks // self.hold + 1, len(self.axes)))
+        volts = self.amplitude * np.repeat(bits, self.hold, axis=0)[:ticks]
+        for row, value in self.spoil.items():
+            volts[row] = value
+        return volts
+
+
+@pytest.fixture(scope="session")
+def arm() -> Arm:
+    return load_arm()
+
+
+@pytest.fixture(scope="session")
+def truth(arm: Arm) -> Truth:
+    return linearize(arm)
+
+
+@pytest.fixture(scope="session")
+def experiment() -> type[BinaryTest]:
+    return BinaryTest

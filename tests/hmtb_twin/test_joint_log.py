@@ -1,0 +1,54 @@
+import numpy as np
+import pytest
+
+from hmtb_twin import JointLog, TwinError, simulate
+
+
+@pytest.fixture(scope="module")
+def log(experiment):
+    return simulate([experiment(duration=1.0)])[0]
+
+
+def test_file_gives_back_every_bit(log, tmp_path):
+    back = JointLog.load(log.save(tmp_path / "log.nc"))
+    for name in ("commanded", "measured", "wrench", "true_angles", "load_pressure", "volts", "counts", "time"):
+        np.testing.assert_array_equal(getattr(back, name), getattr(log, name))
+    assert (back.name, back.seed, back.dt, back.axes) == (log.name, log.seed, log.dt, log.axes)
+    assert dict(back.provenance) == dict(log.provenance)
+    assert [path.name for path in tmp_path.iterdir()] == ["log.nc"]
+
+
+def test_analyst_gets_command_and_measurement_only(log):
+    data = log.iodata()
+    np.testing.assert_array_equal(data.u[:, 0], log.commanded[:, 3])
+    np.testing.assert_array_equal(data.y[:, 0], log.measured[:, 3])
+    assert data.dt == 0.02
+    np.testing.assert_array_equal(log.iodata("wrist_yaw").y[:, 0], log.measured[:, 5])
+
+
+def test_log_is_locked(log):
+    with pytest.raises(ValueError, match="read-only"):
+        log.measured[0, 0] = 0.0
+
+
+def test_missing_and_foreign_files(log, tmp_path):
+    with pytest.raises(TwinError, match="no file"):
+        JointLog.load(tmp_path / "absent.nc")
+    (tmp_path / "text.nc").write_text("u,y\n1,2\n")
+    with pytest.raises(TwinError, match="not a NetCDF4 file"):
+        JointLog.load(tmp_path / "text.nc")
+    import xarray as xr
+
+    xr.Dataset({"tide": ("t", np.zeros(3))}).to_netcdf(tmp_path / "tide.nc", engine="h5netcdf")
+    with pytest.raises(TwinError, match=r"no joint log.*tide"):
+        JointLog.load(tmp_path / "tide.nc")
+
+
+def test_unwritable_place(log, tmp_path):
+    with pytest.raises(TwinError, match="cannot write"):
+        log.save(tmp_path / "absent" / "log.nc")
+
+
+def test_unknown_joint(log):
+    with pytest.raises(TwinError, match=r"'knee'.*elbow_pitch"):
+        log.iodata("knee")
