@@ -83,13 +83,13 @@ def realisation(
     b = np.linalg.norm(np.linalg.lstsq(modes, B.astype(complex), rcond=None)[0], axis=1)
     c = np.linalg.norm(C @ modes, axis=0)
     modal = np.sqrt(b * c / np.maximum(np.abs(1.0 - np.abs(poles)), np.finfo(float).tiny))
-    xi = np.asarray(xi, dtype=np.float64)
-    squares = xi**2
+    spectrum = np.asarray(xi, dtype=np.float64)
+    squares = spectrum**2
     return Realisation(
         model=StateSpace(A, B, C, D, None, dt),
-        hankel_singular_values=xi,
-        percent_described=float(100.0 * squares[:order].sum() / squares.sum()) if squares.sum() > 0.0 else 100.0,
-        percent_described_unsquared=float(100.0 * xi[:order].sum() / xi.sum()) if xi.sum() > 0.0 else 100.0,
+        hankel_singular_values=spectrum,
+        percent_described=_percent(squares, order),
+        percent_described_unsquared=_percent(spectrum, order),
         modal_singular_values=modal[sequence],
     )
 
@@ -151,3 +151,8 @@ def checked_order(order: int, xi: FloatArray) -> int:
             stacklevel=3,
         )
     return min(int(order), rank)
+
+
+def _percent(values: FloatArray, order: int) -> float:
+    total = float(values.sum())
+    return float(100.0 * values[:order].sum() / total) if total > 0.0 else 100.0

@@ -19,7 +19,8 @@ def era_dc(
     """Realise from R_k = H(k) H(0)', k = 0, 1, ..., in which noise averages out [JuangCooperWright1988].
 
     The correlations form a block Hankel matrix U(0), lags x lags; U(0) = P S Q', A = S^-1/2 P' U(1) Q S^-1/2, C is the
-    first block of P S^1/2, and B follows from H(0) through the observability matrix. With one lag it is ERA in other words.
+    first block of P S^1/2, and B follows from H(0) through the observability matrix. With one lag it is ERA
+    in other words.
 
     Args:
         markov: Y_0 = D, Y_1 = CB, Y_2 = CAB, ... (K, ny, nu); (K,) for one input and one output.

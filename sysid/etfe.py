@@ -17,8 +17,8 @@ def etfe(data: IOData | Sequence[IOData]) -> FrequencyResponse:
     """Ratio of Fourier transforms Y(f) / U(f) [Ljung1999, eq. 6.24].
 
     Unbiased apart from transients, but its variance does not fall with N: it is for looking, and for periodic inputs,
-    where it is exact in the limit. Several experiments of equal length give sum(Y conj U) / sum |U|^2, and from two on a
-    covariance. Detrend first.
+    where it is exact in the limit. Several experiments of equal length give sum(Y conj U) / sum |U|^2, and from two
+    on a covariance. Detrend first.
 
     Args:
         data: One experiment with one input, or several of equal length.

@@ -139,8 +139,8 @@ def okid(
     """Identify an observer, then the system behind it [Juang1993; Juang1992].
 
     Least squares y(t) = D u(t) + sum_i Ybar_i [u(t-i); y(t-i)], i = 1..p, the first p samples dropped (the past is
-    unknown); system and gain Markov parameters by recursion; a realisation of `order` states; K = -G. K is a Kalman gain only
-    where the residuals are white.
+    unknown); system and gain Markov parameters by recursion; a realisation of `order` states; K = -G. K is a
+    Kalman gain only where the residuals are white.
 
     Args:
         data: One experiment, or several that share the model; any numbers of inputs and outputs.

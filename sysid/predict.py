@@ -79,11 +79,12 @@ def initial_state(model: StateSpace, data: IOData, gain: FloatArray | None = Non
     if model.order == 0:
         return np.zeros(0)
     K = model.gain if gain is None else gain
-    part = data[: data.window] if data.window else data
+    seen = data.window or len(data)
+    u, y = data.u[:seen], data.y[:seen]
     observer = model.A - K @ model.C
-    drive = part.u @ (model.B - K @ model.D).T + part.y @ K.T
-    error = part.y - state_trajectory(observer, drive, np.zeros(model.order)) @ model.C.T - part.u @ model.D.T
-    free = free_response(observer, model.C, len(part))
+    drive = u @ (model.B - K @ model.D).T + y @ K.T
+    error = y - state_trajectory(observer, drive, np.zeros(model.order)) @ model.C.T - u @ model.D.T
+    free = free_response(observer, model.C, seen)
     usable = np.isfinite(free).all(axis=(1, 2)) & np.isfinite(error[: len(free)]).all(axis=1)
     rows = int(np.argmin(usable)) if not usable.all() else len(free)
     solution, *_ = np.linalg.lstsq(free[:rows].reshape(-1, model.order), error[:rows].ravel(), rcond=None)

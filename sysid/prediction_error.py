@@ -85,7 +85,7 @@ def minimise(experiments: Sequence[IOData], orders: Orders, start: FloatArray, *
             return Minimum(at, iterations, evaluations, True, "no decrease left")
         if iterations >= max_iterations:
             return Minimum(at, iterations, evaluations, False, f"stopped after {iterations} iterations")
-        accepted = False
+        accepted = blocked = False
         while damping < 1e10:
             weights = np.where(significant, values / (values**2 + damping), 0.0)
             step = -(right.T @ (weights * g)) / at.scale
@@ -100,11 +100,14 @@ def minimise(experiments: Sequence[IOData], orders: Orders, start: FloatArray, *
                     gain = (at.cost - trial.cost) / promised if promised > 0.0 else 0.0
                     accepted = True
                     break
+            else:
+                blocked = True
             damping = max(damping * 10.0, 1e-8)
         if not accepted:
             left_over = float(g[significant] @ g[significant])
             flat = left_over <= 1e-4 * at.cost or at.cost <= 1e-16 * energy
-            return Minimum(at, iterations, evaluations, flat, "no step decreases the errors further")
+            why = "the edge of stability bars the way" if blocked else "no step decreases the errors further"
+            return Minimum(at, iterations, evaluations, flat, why)
         tiny = at.cost - trial.cost <= 1e-15 * at.cost
         at = trial
         iterations += 1

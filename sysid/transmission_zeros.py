@@ -23,8 +23,9 @@ def transmission_zeros(A: FloatArray, B: FloatArray, C: FloatArray, D: FloatArra
         Zeros, largest modulus first.
     """
     size = max(float(np.linalg.norm(A)), 1.0) if A.size else 1.0
-    b, c = _norm(B, D), _norm(C, D)
-    scaled = (A, B * (size / b), C * (size / c), D * (size / b) * (size / c) / size)
+    # scaling inputs and outputs moves no zero
+    into, out = size / _norm(B, D), size / _norm(C, D)
+    scaled = (A, B * into, C * out, D * into * out)
     floor = 1e-12 * size * max(1, len(A))
     a, b2, c2, d2 = _without_infinite(*scaled, floor)
     # the dual reduction removes what is left when inputs outnumber outputs
