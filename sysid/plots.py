@@ -171,7 +171,7 @@ def bode(
 
 
 def pzmap(systems: Sequence[Roots], *, size: tuple[float, float] = (4.6, 4.9)) -> Figure:
-    """Poles (crosses) and zeros (rings) in the z plane with the unit circle; roots far outside are counted in the legend.
+    """Poles (crosses) and zeros (rings) in the z plane; roots far outside the unit circle are counted in the legend.
 
     Args:
         systems: The models.
@@ -251,7 +251,7 @@ def correlations(
     """Correlation coefficients over lag with their bounds: whiteness and independence of residuals.
 
     Args:
-        panels: Per panel: what is on the vertical axis, lags (n,) in samples, coefficients (n,), bound (scalar or (n,)).
+        panels: Per panel: what is on the vertical axis, lags (n,) in samples, coefficients (n,), bound, one or (n,).
         style: Colour of the method.
         size: Width and height, inch.
 

@@ -1,0 +1,82 @@
+"""Why an interval misses the truth: the same experiment again, with what is not linear or not known switched off."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import sysid
+from hmtb_twin import JointLog
+from scenarios.preparation import prepared
+from scenarios.scenario import Excitation, Scenario
+
+
+@dataclass(frozen=True)
+class Attribution:
+    """The recovered bandwidth under one condition.
+
+    Attributes:
+        condition: What was switched off, in words.
+        bandwidth_hz: Recovered bandwidth of the sufficient-order output-error model, Hz.
+        ci95: Its 95 % interval, Hz.
+        covers: Whether the interval holds the small-signal truth.
+    """
+
+    condition: str
+    bandwidth_hz: float
+    ci95: tuple[float, float]
+    covers: bool
+
+
+CONDITIONS = (
+    "as on the arm",
+    "seal friction off",
+    "friction off, a fifth of the amplitude",
+    "friction off, a fifth of the amplitude, no rounding",
+)
+"""What is switched off, one thing more each time."""
+
+
+def conditions(scenario: Scenario) -> tuple[Scenario, ...]:
+    """The experiment under every condition but the first, which is the experiment itself.
+
+    Args:
+        scenario: The experiment that models are identified from.
+
+    Returns:
+        Scenarios in the order of `CONDITIONS[1:]`, with the noise of the original.
+    """
+    smooth = replace(scenario, name=f"{scenario.name}-no-friction", friction=False)
+    small = replace(
+        smooth, name=f"{scenario.name}-small", excitation=tuple(_scaled(entry, 0.2) for entry in scenario.excitation)
+    )
+    exact = replace(small, name=f"{scenario.name}-small-exact", quantisation=False)
+    return smooth, small, exact
+
+
+def _scaled(excitation: Excitation, factor: float) -> Excitation:
+    amplitude = float(excitation.parameters["amplitude"])
+    return Excitation(excitation.kind, {**excitation.parameters, "amplitude": factor * amplitude})
+
+
+def attribute(
+    scenario: Scenario, joint: str, logs: Mapping[str, JointLog], true_hz: float, orders: Sequence[int]
+) -> tuple[Attribution, ...]:
+    """Recover the bandwidth under every condition.
+
+    Args:
+        scenario: The experiment itself.
+        joint: The joint.
+        logs: Logs by scenario name; conditions without a log are left out.
+        true_hz: Small-signal bandwidth, Hz.
+        orders: nb, nf, nk of the output-error model.
+
+    Returns:
+        One record for each condition.
+    """
+    names = [scenario.name, *(entry.name for entry in conditions(scenario))]
+    found = []
+    for condition, name in zip(CONDITIONS, names, strict=True):
+        if name in logs:
+            band = sysid.oe(prepared(logs[name], joint), orders[0], orders[1], orders[2]).bandwidth()
+            hz, ci95 = float(band.hz[0, 0]), (float(band.ci95[0][0, 0]), float(band.ci95[1][0, 0]))
+            found.append(Attribution(condition, hz, ci95, bool(band.covers(true_hz)[0, 0])))
+    return tuple(found)

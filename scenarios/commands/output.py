@@ -1,0 +1,95 @@
+"""What commands print: results on stdout as a table or as JSON, progress on stderr."""
+
+import json
+import math
+import sys
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+
+from scenarios.errors import ScenarioError
+
+
+def plain(value: object) -> object:
+    """Turn a value into what JSON holds; numbers that are not finite become null.
+
+    Args:
+        value: Mappings, sequences, arrays, numbers (complex as `[re, im]`), paths, texts.
+    """
+    if hasattr(value, "tolist"):
+        value = value.tolist()
+    if isinstance(value, Mapping):
+        return {str(key): plain(entry) for key, entry in value.items()}
+    if isinstance(value, list | tuple):
+        return [plain(entry) for entry in value]
+    if isinstance(value, complex):
+        return [plain(value.real), plain(value.imag)]
+    if isinstance(value, float):
+        return value if math.isfinite(value) else None
+    return value if isinstance(value, bool | int | str | None) else str(value)
+
+
+def say(text: str) -> None:
+    """Write a line on stdout."""
+    sys.stdout.write(text + "\n")
+
+
+def json_text(record: Mapping[str, object]) -> str:
+    """One object as JSON."""
+    return json.dumps(plain(record), indent=2, allow_nan=False)
+
+
+def print_json(record: Mapping[str, object]) -> None:
+    """Print one object on stdout, and nothing else."""
+    say(json_text(record))
+
+
+def print_table(title: str, columns: Sequence[str], rows: Sequence[Sequence[str]]) -> None:
+    """Print a table on stdout; the first column left, the others right."""
+    from rich import box
+    from rich.console import Console
+    from rich.table import Table
+
+    table = Table(title=title, box=box.SIMPLE_HEAD, title_justify="left", title_style="bold", pad_edge=False)
+    for number, column in enumerate(columns):
+        table.add_column(column, justify="left" if number == 0 else "right", overflow="fold")
+    for row in rows:
+        table.add_row(*row)
+    # A pipe has no width of its own; eighty columns would break the rows that a script wants to read.
+    Console(width=None if sys.stdout.isatty() else 160, highlight=False, markup=False).print(table)
+
+
+@contextmanager
+def progress(label: str) -> Iterator[Callable[[int, int], None]]:
+    """A bar on stderr while something long runs; silent where stderr is no terminal.
+
+    Yields:
+        A function to call with (done, total).
+    """
+    if not sys.stderr.isatty():
+        yield lambda done, total: None
+        return
+    from rich.console import Console
+    from rich.progress import Progress
+
+    with Progress(console=Console(stderr=True), transient=True) as bar:
+        job = bar.add_task(label, total=None)
+        yield lambda done, total: bar.update(job, completed=done, total=total)
+
+
+def writable_folder(path: Path) -> Path:
+    """Create a folder for results and make sure that it can be written.
+
+    Raises:
+        ScenarioError: It cannot.
+    """
+    try:
+        path.mkdir(parents=True, exist_ok=True)
+        probe = path / ".hmtb-write-test"
+        probe.touch()
+        probe.unlink()
+    except OSError as error:
+        raise ScenarioError(
+            f"cannot write to folder {str(path)!r}: {error.strerror}; expected a folder that can be created and written"
+        ) from error
+    return path

@@ -1,0 +1,67 @@
+"""`hmtb scenarios`: what there is, and the TOML to start one's own from."""
+
+from typing import Annotated, Literal
+
+import tyro
+
+from scenarios.commands.output import print_json, print_table, say
+
+
+def scenarios(
+    action: Annotated[Literal["list", "show"], tyro.conf.Positional] = "list",
+    name: Annotated[str | None, tyro.conf.Positional] = None,
+    /,
+    *,
+    tag: str | None = None,
+    json: bool = False,
+) -> int:
+    """List the experiments that exist, or show one as TOML to start your own from.
+
+    hmtb scenarios show siso-5-elbow_pitch > mine.toml, edit it, then hmtb simulate mine.toml.
+
+    Args:
+        action: list them all, or show one.
+        name: Which one to show.
+        tag: List only those with this tag.
+        json: Print JSON.
+    """
+    from scenarios.errors import ScenarioError
+    from scenarios.registry import load, names, registered
+
+    if action == "show":
+        if name is None:
+            raise ScenarioError(f"hmtb scenarios show needs a name; there are: {', '.join(names())}")
+        scenario = load(name)
+        if json:
+            record = {key: value for key, value in vars(scenario).items() if key != "excitation"}
+            entries = [{"kind": entry.kind, **entry.parameters} for entry in scenario.excitation]
+            print_json({**record, "excitation": entries})
+        else:
+            say(scenario.to_toml().rstrip())
+        return 0
+    if name is not None:
+        raise ScenarioError(
+            f"hmtb scenarios list takes no name, given {name!r}; did you mean: hmtb scenarios show {name}"
+        )
+    listed = [load(entry) for entry in names(tag)]
+    if json:
+        print_json(
+            {
+                "scenarios": [
+                    {
+                        "name": entry.name,
+                        "description": entry.description,
+                        "duration": entry.duration,
+                        "axes": entry.axes,
+                        "tags": entry.tags,
+                    }
+                    for entry in listed
+                ]
+            }
+        )
+        return 0
+    rows = [(entry.name, f"{entry.duration:g} s", entry.description) for entry in listed]
+    print_table(
+        f"{len(rows)} scenarios; tags: {', '.join(registered().tags())}", ("name", "length", "what it does"), rows
+    )
+    return 0

@@ -1,0 +1,65 @@
+"""`hmtb truth`: what an estimator should have found."""
+
+from scenarios.commands.output import print_json, print_table, say
+
+
+def truth(*, variant: str = "nominal", payload: str = "rpcm", json: bool = False) -> int:
+    """Poles, zeros, bandwidth, gain and delay of each joint of the linearised arm, sampled at 50 Hz.
+
+    Args:
+        variant: Which arm.
+        payload: What the end effector holds.
+        json: Print JSON.
+    """
+    import numpy as np
+
+    from hmtb_twin import JOINTS, linearize, load_arm
+
+    record = linearize(load_arm(variant, payload))
+    joints = {name: record.joint(name) for name in JOINTS}
+    if json:
+        print_json(
+            {
+                "dt": record.dt,
+                "variant": variant,
+                "payload": payload,
+                "joints": {
+                    name: {
+                        "bandwidth_hz": entry.bandwidth_hz,
+                        "dc_gain": entry.dc_gain,
+                        "poles": np.asarray(entry.poles, dtype=complex),
+                        "zeros": np.asarray(entry.zeros, dtype=complex),
+                        "delay_samples": entry.delay_samples,
+                    }
+                    for name, entry in joints.items()
+                },
+                "small_signal_error": record.small_signal_error,
+            }
+        )
+        return 0
+    rows = [
+        (
+            name,
+            f"{entry.bandwidth_hz:.3f}",
+            f"{entry.dc_gain:.4f}",
+            str(entry.delay_samples),
+            ", ".join(_text(pole, record.dt) for pole in _dominant(np.asarray(entry.poles))),
+        )
+        for name, entry in joints.items()
+    ]
+    columns = ("joint", "bandwidth / Hz", "gain at 0 Hz", "delay / samples", "slowest poles / (rad/s)")
+    print_table(f"Linearised truth of the arm '{variant}' with payload '{payload}'", columns, rows)
+    errors = ", ".join(f"{error:.1e} at {amplitude:g} rad" for amplitude, error in record.small_signal_error.items())
+    say(f"Relative error of the linear model against the simulated arm (friction off): {errors}")
+    return 0
+
+
+def _dominant(poles: "np.ndarray", count: int = 3) -> "np.ndarray":  # type: ignore[name-defined]  # noqa: F821
+    return poles[abs(poles).argsort()[::-1]][:count]
+
+
+def _text(pole: complex, dt: float) -> str:
+    import numpy as np
+
+    s = np.log(complex(pole)) / dt if abs(pole) > 1e-9 else complex(-np.inf)
+    return f"{s.real:.1f}" if abs(s.imag) < 1e-6 else f"{s.real:.1f}{s.imag:+.1f}j"

@@ -1,0 +1,164 @@
+"""What the study concludes from: models beside the truth and beside held-out data."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from hmtb_twin import JointLog, JointTruth, Truth
+from scenarios.attribution import Attribution
+from scenarios.published import PublishedModel
+from sysid import Estimate, FrequencyResponse, IOData, ResidualTest, StateSpace
+
+
+@dataclass(frozen=True)
+class Fit:
+    """How well a model follows one record.
+
+    Attributes:
+        test: Number of the test in the thesis' table.
+        simulation: 100 (1 - |y - yhat| / |y - mean y|) of the simulated output, percent.
+        one_step: The same of the one-step prediction, percent.
+    """
+
+    test: int
+    simulation: float
+    one_step: float
+
+
+@dataclass(frozen=True, eq=False)
+class ModelResult:
+    """One identified model and how it fares.
+
+    Attributes:
+        method: Key of the method: `armax`, `oe`, `okid` with the thesis' orders, `oe_high` with a sufficient order.
+        label: Method and orders for tables and legends.
+        estimate: The estimate.
+        chosen: Whether the thesis takes this structure into one of its three-joint models.
+        bandwidth_hz: Recovered bandwidth, Hz.
+        ci95: Its 95 % interval, Hz.
+        covers: Whether the interval holds the small-signal truth.
+        fits: Fits to all eight tests, by number.
+        residual_test: Whiteness and independence of the residuals on the data of estimation.
+    """
+
+    method: str
+    label: str
+    estimate: Estimate
+    chosen: bool
+    bandwidth_hz: float
+    ci95: tuple[float, float]
+    covers: bool
+    fits: Mapping[int, Fit]
+    residual_test: ResidualTest
+
+    def held_out(self, estimation_test: int) -> tuple[Fit, ...]:
+        """Fits to the tests that the model has not seen."""
+        return tuple(fit for number, fit in self.fits.items() if number != estimation_test)
+
+
+@dataclass(frozen=True, eq=False)
+class JointResult:
+    """Everything about one joint.
+
+    Attributes:
+        joint: Name.
+        truth: Small-signal truth.
+        data: Detrended records by number of the test.
+        models: Identified models by method.
+        spa: Spectral estimate from the data of estimation.
+        etfe: Empirical transfer function estimate of the same.
+        published: The thesis' models of this joint.
+    """
+
+    joint: str
+    truth: JointTruth
+    data: Mapping[int, IOData]
+    models: Mapping[str, ModelResult]
+    spa: FrequencyResponse
+    etfe: FrequencyResponse
+    published: tuple[PublishedModel, ...]
+
+    @property
+    def chosen(self) -> ModelResult:
+        """The prediction-error model that the thesis chose for this joint."""
+        return next(entry for entry in self.models.values() if entry.chosen and entry.method != "okid")
+
+
+@dataclass(frozen=True, eq=False)
+class ThreeJointModel:
+    """A block-diagonal model of the three joints.
+
+    Attributes:
+        name: `SysID model`, `OKID model` or `hybrid model`.
+        model: The model, 3 inputs and 3 outputs.
+        error: Relative error of its response against the true coupled 3 x 3 response, 0.1 to 10 Hz.
+        diagonal_error: The same of the diagonal alone.
+    """
+
+    name: str
+    model: StateSpace
+    error: float
+    diagonal_error: float
+
+
+@dataclass(frozen=True)
+class Cost:
+    """Where the time went.
+
+    Attributes:
+        physics_s: Inside the physics engine, s.
+        simulation_s: Simulation as a whole, s.
+        total_s: The study, s.
+    """
+
+    physics_s: float
+    simulation_s: float
+    total_s: float
+
+
+@dataclass(frozen=True, eq=False)
+class Comparison:
+    """The study's result: what the report draws.
+
+    Attributes:
+        truth: The laboratory's truth.
+        joints: By joint.
+        three_joint: The thesis' three-joint models, re-identified.
+        logs: Logs of all tests by scenario name.
+        failed: Scenarios that failed, with the reason.
+        attribution: Why intervals miss the truth, by joint.
+        cost: Time spent.
+        estimation_test: Number of the test that models were identified from.
+        seed: Seed of the study, None for the scenarios' own seeds.
+        provenance: Versions of what was used.
+    """
+
+    truth: Truth
+    joints: Mapping[str, JointResult]
+    three_joint: tuple[ThreeJointModel, ...]
+    logs: Mapping[str, JointLog]
+    failed: Mapping[str, str]
+    attribution: Mapping[str, tuple[Attribution, ...]]
+    cost: Cost
+    estimation_test: int
+    seed: int | None
+    provenance: Mapping[str, str]
+
+
+def relative_error(model: StateSpace, truth: StateSpace, *, diagonal: bool = False) -> float:
+    """Root-mean-square error of a frequency response over that of the truth, log-spaced 0.1 to 10 Hz.
+
+    Args:
+        model: The model.
+        truth: The truth, of the same size.
+        diagonal: Compare only channels from each input to its own output.
+
+    Returns:
+        The ratio.
+    """
+    f = np.geomspace(0.1, 10.0, 200)
+    found, true = model.frequency_response(f), truth.frequency_response(f)
+    if diagonal:
+        found, true = (np.diagonal(response, axis1=1, axis2=2) for response in (found, true))
+    return float(np.linalg.norm(found - true) / np.linalg.norm(true))

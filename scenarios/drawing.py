@@ -1,0 +1,54 @@
+"""Figures and pictures as text inside a page: nothing is loaded from anywhere."""
+
+import base64
+import io
+import re
+from html import escape
+
+import matplotlib
+import numpy as np
+from matplotlib.figure import Figure
+
+SETTINGS = {
+    "font.size": 9,
+    "font.family": "DejaVu Sans",
+    "svg.fonttype": "path",  # the page looks the same whatever fonts the reader has
+    "svg.hashsalt": "hmtb",  # equal figures give equal text
+    "path.simplify_threshold": 0.5,
+}
+
+
+def svg(figure: Figure, description: str, mark: str) -> str:
+    """Turn a figure into an `<svg>` element that scales with the page.
+
+    Args:
+        figure: The figure.
+        description: What it shows, for those who cannot see it.
+        mark: Unique on the page; identifiers inside the element are prefixed with it.
+
+    Returns:
+        The element.
+    """
+    buffer = io.StringIO()
+    with matplotlib.rc_context(SETTINGS):
+        figure.savefig(buffer, format="svg", metadata={"Date": None, "Creator": None, "Format": None, "Type": None})
+    text = buffer.getvalue()
+    text = text[text.index("<svg") :]
+    text = re.sub(r"<metadata>.*?</metadata>", "", text, flags=re.S)
+    # Identifiers of several figures would meet on one page.
+    text = re.sub(r'\bid="([^"]+)"', rf'id="{mark}-\1"', text)
+    text = re.sub(r'(xlink:href|href)="#([^"]+)"', rf'\1="#{mark}-\2"', text)
+    text = re.sub(r"url\(#([^)]+)\)", rf"url(#{mark}-\1)", text)
+    head, rest = text.split(">", 1)
+    head = re.sub(r'\s(?:width|height|version)="[^"]*"', "", head)
+    label = escape(description, quote=True)
+    return f'{head} role="img" aria-label="{label}"><title>{escape(description)}</title>{rest}'
+
+
+def png(picture: np.ndarray) -> str:
+    """Turn a picture (height, width, 3), 8-bit RGB, into the address of an embedded PNG."""
+    from matplotlib.image import imsave
+
+    buffer = io.BytesIO()
+    imsave(buffer, picture, format="png")
+    return "data:image/png;base64," + base64.b64encode(buffer.getvalue()).decode("ascii")

@@ -1,0 +1,29 @@
+"""From a log to what an estimator gets: the settled part, without its mean."""
+
+from dataclasses import replace
+
+from hmtb_twin import JointLog
+from sysid import IOData
+
+SETTLING = 4.0
+"""What is cut off at the start, s: every waveform file repeats in it, and the arm has settled into its periodic answer.
+
+Detrending a record with its start takes different constants off input and output, because the output lags; a constant
+of a hundredth of a milliradian is enough to make an output-error model of high order invent a pole at 0.002 Hz. The
+thesis too let each excitation reach steady state [Morris1996, sec. II.2B].
+"""
+
+
+def prepared(log: JointLog, joint: str) -> IOData:
+    """Cut off the start, then remove the means.
+
+    Args:
+        log: The log of an experiment.
+        joint: The joint to look at.
+
+    Returns:
+        Commanded and measured angle of the joint, rad, named after the experiment.
+    """
+    data = log.iodata(joint)
+    start = round(SETTLING / data.dt)
+    return replace((data[start:] if len(data) > 2 * start else data).detrend(), name=log.name)

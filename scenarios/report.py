@@ -1,0 +1,189 @@
+"""The report: one HTML file that needs nothing else."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from importlib.resources import files
+from pathlib import Path
+
+import matplotlib
+import numpy as np
+from jinja2 import Environment, StrictUndefined
+from matplotlib.figure import Figure
+
+from hmtb_twin import TwinError, load_arm, render
+from hmtb_twin.provenance import provenance_table
+from scenarios import report_figures as draw
+from scenarios.comparison import Comparison, JointResult
+from scenarios.drawing import SETTINGS, png, svg
+from scenarios.errors import ScenarioError
+from scenarios.finding import Finding
+from scenarios.results import answer, stands
+
+
+@dataclass(frozen=True)
+class Picture:
+    """A figure on the page.
+
+    Attributes:
+        svg: The element.
+        caption: What it shows and how to read it.
+    """
+
+    svg: str
+    caption: str
+
+
+class _Gallery:
+    """Numbers figures as they are drawn."""
+
+    def __init__(self) -> None:
+        self.count = 0
+
+    def add(self, figure: Figure, caption: str) -> Picture:
+        self.count += 1
+        return Picture(svg(figure, caption, f"f{self.count}"), f"Figure {self.count}. {caption}")
+
+
+def write_report(study: Comparison, findings: Sequence[Finding], path: Path) -> Path:
+    """Write the report.
+
+    Args:
+        study: The study.
+        findings: The decided findings.
+        path: The HTML file.
+
+    Returns:
+        The path.
+
+    Raises:
+        ScenarioError: The file cannot be written.
+    """
+    environment = Environment(autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True)
+    environment.filters["si"] = lambda value, digits=4: "–" if not np.isfinite(value) else f"{value:.{digits}g}"
+    environment.filters["root"] = root
+    environment.filters["words"] = lambda name: name.replace("_", " ")
+    template = environment.from_string(
+        (files("scenarios") / "templates" / "report.html.j2").read_text(encoding="utf-8")
+    )
+    with matplotlib.rc_context(SETTINGS):
+        page = template.render(_context(study, findings))
+    try:
+        path.write_text(page, encoding="utf-8")
+    except OSError as error:
+        raise ScenarioError(f"cannot write the report {str(path)!r}: {error.strerror}") from error
+    return path
+
+
+def root(value: complex, digits: int = 3) -> str:
+    """A pole or zero as text."""
+    value = complex(value)
+    if abs(value.imag) < 0.5 * 10.0**-digits:
+        return f"{value.real:.{digits}f}"
+    sign = "+" if value.imag > 0 else "−"
+    return f"{value.real:.{digits}f} {sign} {abs(value.imag):.{digits}f}j"
+
+
+def _context(study: Comparison, findings: Sequence[Finding]) -> dict[str, object]:
+    gallery = _Gallery()
+    arm, no_arm = _arm()
+    overview = gallery.add(
+        draw.bandwidths(study),
+        "Bandwidth of each joint: recovered by every method with its 95 % interval, and of the published models (stars), "
+        "against the true value of the twin.",
+    )
+    joints = [_joint(study, entry, gallery) for entry in study.joints.values()]
+    coupled = gallery.add(
+        draw.coupled(study),
+        "Gain from each commanded to each measured angle: the true arm couples its pitch joints a little, the "
+        "block-diagonal models by construction not at all.",
+    )
+    return {
+        "study": study,
+        "findings": findings,
+        "answer": answer(study),
+        "stands": stands(study),
+        "overview": overview,
+        "arm": arm,
+        "no_arm": no_arm,
+        "parameters": _parameters(),
+        "joints": joints,
+        "coupled": coupled,
+        "samples": len(next(iter(study.logs.values())).commanded),
+    }
+
+
+def _joint(study: Comparison, entry: JointResult, gallery: _Gallery) -> dict[str, object]:
+    name = draw.short(entry.joint)
+    own = study.estimation_test
+    captions = {
+        5: "the PRBS that they were identified from",
+        4: "the two sines at 2.5 and 10 Hz",
+        8: "the 5-10 Hz chirp",
+    }
+    return {
+        "result": entry,
+        "tests": gallery.add(
+            draw.tests(study, entry),
+            f"{name}: two settled seconds of each test, commanded and measured angle about their means.",
+        ),
+        "spectra": gallery.add(
+            draw.data_spectra(study, entry),
+            f"{name}: input, output and disturbance spectra of the PRBS test (Hamming lag window of 250 samples).",
+        ),
+        "bode": gallery.add(
+            draw.model_bode(entry),
+            f"{name}: frequency response of the truth, of the spectral estimate on the excited lines and of the "
+            "identified models, with 95 % bands. Dashed: −3 dB; dotted: 1 Hz.",
+        ),
+        "published": gallery.add(
+            draw.published_bode(entry), f"{name}: the models that the thesis prints, beside the truth of the twin."
+        ),
+        "roots": gallery.add(draw.roots(entry), f"{name}: poles and zeros in the z plane with the unit circle."),
+        "outputs": [
+            gallery.add(
+                draw.outputs(entry, number, length=length),
+                f"{name}: simulated outputs of the models against the measurement of test {number}, {captions[number]}, "
+                "with their fits over the whole record; below, what is left.",
+            )
+            for number, length in ((own, 4.0), (4, 1.6), (8, 2.0))
+            if number in entry.data
+        ],
+        "residuals": [
+            gallery.add(
+                draw.residuals(model),
+                f"{name}, {model.label}: correlations of the residuals on the PRBS test with 99 % bounds "
+                f"(whiteness p = {model.residual_test.whiteness_p[0]:.2g}, independence p = "
+                f"{model.residual_test.independence_p[0, 0]:.2g}).",
+            )
+            for model in entry.models.values()
+            if model.method != "oe_high"
+        ],
+        "attribution": study.attribution[entry.joint],
+    }
+
+
+def _arm() -> tuple[str, str]:
+    """The picture of the arm, or what is missing to draw one."""
+    try:
+        return png(render(load_arm(), width=1200, height=750)), ""
+    except TwinError as error:
+        return "", str(error)
+
+
+def _parameters() -> list[dict[str, str]]:
+    def text(value: object) -> str:
+        if isinstance(value, tuple | list):
+            return " × ".join(text(part) for part in value)
+        return f"{value:.5g}" if isinstance(value, float | int) else str(value)
+
+    return [
+        {
+            "owner": line.owner.replace("_", " "),
+            "parameter": line.parameter.replace("_", " "),
+            "value": text(line.value),
+            "unit": line.unit,
+            "tag": line.tag,
+            "source": line.source,
+        }
+        for line in provenance_table()
+    ]
