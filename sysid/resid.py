@@ -1,11 +1,12 @@
 """Residual tests: are the prediction errors white, and independent of the input?"""
 
 from dataclasses import dataclass, field
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.linalg import toeplitz
+from scipy.fft import irfft, rfft
+from scipy.linalg import solve_toeplitz, toeplitz
+from scipy.signal import lfilter
 from scipy.stats import chi2, norm
 
 from sysid.arrays import FloatArray, lock
@@ -118,19 +119,18 @@ def resid(estimate: Estimate | StateSpace, data: IOData, *, lags: int = 25, leve
     single = np.einsum("kii->ki", auto)[1:]
     box = n * (n + 2) * np.sum(single**2 / (n - np.arange(1, lags + 1))[:, None], axis=0)
 
-    reach = min(n - 1, max(4 * lags, 200))
-    r_e = np.einsum("kii->ki", covariance_function([e], [e], reach)) / e_size**2
-    r_u = np.einsum("kjj->kj", covariance_function([v], [v], reach + lags)) / v_size**2
-    bound = np.empty((ny, nu))
-    p_cross = np.empty((ny, nu))
-    # beyond chance only: sample correlations at long lags are noise that would add up
-    kept = np.where(np.abs(r_e) > 3.0 / np.sqrt(n), r_e, 0.0)
-    kept[reach] = 1.0
-    for i, j in np.ndindex(ny, nu):
-        row = np.array([kept[:, i] @ r_u[lags + s : lags + s + 2 * reach + 1, j] for s in range(lags + 1)])
-        variance = max(row[0], 1.0 / n)
-        bound[i, j] = z * np.sqrt(variance / n)
-        p_cross[i, j] = _quadratic_p(cross[lags:, i, j], row / n)
+    bound, p_cross = np.empty((ny, nu)), np.empty((ny, nu))
+    for i in range(ny):
+        whitener, r_e = _autoregression(e[:, i], lags)
+        white_e = lfilter(whitener, [1.0], e[:, i])[lags:, None]
+        reach = len(r_e) - 1
+        for j in range(nu):
+            r_u = covariance_function([v[:, [j]]], [v[:, [j]]], reach)[reach:, 0, 0] / v_size[j] ** 2
+            # the sum is a spectrum's integral and positive, but the sample correlations in it are not exact
+            variance = max(r_u[0] * r_e[0] + 2.0 * float(r_u[1:] @ r_e[1:]), 1.0 / n)
+            bound[i, j] = z * np.sqrt(variance / n)
+            white_u = lfilter(whitener, [1.0], v[:, j])[lags:, None]
+            p_cross[i, j] = _independence_p(white_e, white_u, lags)
     outside = (np.abs(cross[lags:]) > bound).sum(axis=0)
     return ResidualTest(
         residuals=errors,
@@ -150,9 +150,28 @@ def resid(estimate: Estimate | StateSpace, data: IOData, *, lags: int = 25, leve
     )
 
 
-def _quadratic_p(r: FloatArray, covariance_row: FloatArray) -> float:
-    """p-value of r' P^-1 r with Toeplitz P, over the directions in which P is not negligible."""
-    values, vectors = np.linalg.eigh(toeplitz(covariance_row))
+def _autoregression(e: FloatArray, order: int) -> tuple[FloatArray, FloatArray]:
+    """Autoregressive whitener of the residuals (order + 1,), and the correlations that it stands for (k,).
+
+    Unlike sample correlations these fall off smoothly, so that a sum over lags does not gather noise.
+    """
+    r = covariance_function([e[:, None]], [e[:, None]], order)[order:, 0, 0]
+    whitener = np.concatenate(([1.0], -solve_toeplitz(r[:-1], r[1:])))
+    spectrum = 1.0 / np.abs(rfft(whitener, 8192)) ** 2
+    correlations = irfft(spectrum)[: min(len(e), 4096)]
+    return whitener, correlations / correlations[0]
+
+
+def _independence_p(white_e: FloatArray, filtered_u: FloatArray, lags: int) -> float:
+    """p-value of r' P^-1 r, r the covariances of e and u at lags 0..lags, P = R_e(0) R_u / N.
+
+    With the whitener of the residuals applied to both, P is the input's Toeplitz matrix alone. Directions in which the
+    input has no power are left out.
+    """
+    n = len(white_e)
+    r = covariance_function([white_e], [filtered_u], lags)[lags:, 0, 0]
+    r_u = covariance_function([filtered_u], [filtered_u], lags)[lags:, 0, 0]
+    values, vectors = np.linalg.eigh(toeplitz(r_u))
     kept = values > 1e-6 * values[-1]
-    statistic: Any = np.sum((vectors[:, kept].T @ r) ** 2 / values[kept])
+    statistic = float(np.sum((vectors[:, kept].T @ r) ** 2 / values[kept])) * n / float(np.mean(white_e**2))
     return float(chi2.sf(statistic, int(kept.sum())))

@@ -69,7 +69,7 @@ def test_select_by_name_and_index() -> None:
     part = data.select(inputs=["b"], outputs=[2, "x"])
     np.testing.assert_array_equal(part.y, data.y[:, [2, 0]])
     assert (part.input_names, part.input_units, part.output_names) == (("b",), ("A",), ("z", "x"))
-    with pytest.raises(SysidError, match="available are .* x, y, z"):
+    with pytest.raises(SysidError, match=r"available are .* x, y, z"):
         data.select(outputs=["w"])
     with pytest.raises(SysidError, match="at least one input"):
         data.select(inputs=[])

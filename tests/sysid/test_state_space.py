@@ -17,7 +17,7 @@ def random_model(seed: int, n: int = 4, nu: int = 2, ny: int = 3) -> StateSpace:
 
 
 def test_first_order_lag_by_hand() -> None:
-    """y(t+1) = a y + (1 - a) u: |G|^2 = (1-a)^2 / (1 - 2 a cos w + a^2), half of it where cos w = (4a - 1 - a^2) / 2a."""
+    """y(t+1) = a y + (1 - a) u: |G|^2 = (1-a)^2 / (1 - 2a cos w + a^2) is 1/2 where cos w = (4a - 1 - a^2) / 2a."""
     a, dt = 0.9, 0.02
     model = StateSpace([[a]], [[1 - a]], [[1.0]], [[0.0]], None, dt)
     expected = np.arccos((4 * a - 1 - a**2) / (2 * a)) / (2 * np.pi * dt)

@@ -1,0 +1,46 @@
+"""Empirical transfer function estimates."""
+
+import numpy as np
+import pytest
+from scipy.signal import lfilter
+
+from sysid import IOData, SysidError, etfe
+
+B, A = [0, 0.5], [1, -0.5]
+
+
+def periodic(seed: int, noise: float = 0.0) -> IOData:
+    """Third period of a periodic input: the transient is gone."""
+    rng = np.random.default_rng(seed)
+    u = np.tile(np.random.default_rng(99).standard_normal(200), 3)
+    return IOData(u, lfilter(B, A, u) + noise * rng.standard_normal(600), 0.1)[400:]
+
+
+def test_exact_on_a_whole_period() -> None:
+    found = etfe(periodic(0))
+    z = np.exp(-2j * np.pi * found.frequencies * 0.1)
+    np.testing.assert_allclose(found.response[:, 0, 0], 0.5 * z / (1 - 0.5 * z), rtol=1e-9)
+    assert len(found.frequencies) == 100
+    assert found.covariance is None
+
+
+def test_silent_frequencies_are_left_out() -> None:
+    t = np.arange(400)
+    u = np.sin(2 * np.pi * 10 * t / 400) + np.sin(2 * np.pi * 30 * t / 400)
+    np.testing.assert_allclose(etfe(IOData(u, 2 * u, 0.1)).frequencies, [10 / 40, 30 / 40])
+
+
+def test_averaging_and_its_covariance() -> None:
+    found = etfe([periodic(seed, 0.3) for seed in range(60)])
+    z = np.exp(-2j * np.pi * found.frequencies * 0.1)
+    error = found.response[:, 0, 0] - 0.5 * z / (1 - 0.5 * z)
+    # the noise of a mean of 60 stands in the single variances already: compare after averaging
+    scaled = np.abs(error) ** 2 / np.einsum("...ii->...", found.covariance)[:, 0, 0]
+    assert 0.7 < np.mean(scaled) < 1.4
+
+
+def test_refusals() -> None:
+    with pytest.raises(SysidError, match="one input, got 2"):
+        etfe(IOData(np.random.default_rng(0).standard_normal((20, 2)), np.ones(20), 0.1))
+    with pytest.raises(SysidError, match="equal length"):
+        etfe([periodic(0), periodic(0)[:100]])

@@ -1,0 +1,100 @@
+"""Prediction k steps ahead, initial states, one-step residuals."""
+
+import numpy as np
+import pytest
+from scipy.signal import lfilter
+
+from sysid import (
+    IOData,
+    Polynomials,
+    StateSpace,
+    SysidError,
+    SysidWarning,
+    innovations_form,
+    predict,
+    residuals,
+    simulate,
+)
+from sysid.predict import initial_state
+
+A, B, C = [1, -1.5, 0.7], [0, 1, 0.5], [1, -0.3, 0.1]
+MODEL = innovations_form(Polynomials(A, B, C, [1.0], [1.0]), 0.1)
+
+
+def record(samples: int = 300, cut: int = 0, window: int = 0) -> tuple[IOData, np.ndarray]:
+    rng = np.random.default_rng(0)
+    u, e = rng.standard_normal((2, samples + cut))
+    y = lfilter(B, A, u) + lfilter(C, A, e)
+    return IOData(u[cut:], y[cut:], 0.1, window=window), e[cut:]
+
+
+def test_from_rest_the_residuals_are_the_noise() -> None:
+    data, e = record()
+    np.testing.assert_allclose(residuals(MODEL, data, x0=np.zeros(2))[:, 0], e, atol=1e-11)
+
+
+def test_fitted_initial_state_forgets_the_past() -> None:
+    data, e = record(cut=50)
+    errors = residuals(MODEL, data)[:, 0]
+    np.testing.assert_allclose(errors[30:], e[30:], atol=1e-6)
+    assert np.sum(errors**2) <= np.sum(e**2)
+
+
+@pytest.mark.parametrize("steps", [1, 2, 5, 400])
+def test_k_step_predictor_is_its_definition(steps: int) -> None:
+    """From the predicted state at t - k + 1, the model runs on with inputs alone."""
+    data, _ = record(60)
+    x0 = np.array([0.5, -1.0])
+    states = [x0]
+    for t in range(60):
+        x = states[-1]
+        error = data.y[t] - MODEL.C @ x - MODEL.D @ data.u[t]
+        states.append(MODEL.A @ x + MODEL.B @ data.u[t] + MODEL.gain @ error)
+    expected = np.empty(60)
+    for t in range(60):
+        first = max(t - steps + 1, 0)
+        x = states[first]
+        for s in range(first, t):
+            x = MODEL.A @ x + MODEL.B @ data.u[s]
+        expected[t] = (MODEL.C @ x + MODEL.D @ data.u[t])[0]
+    np.testing.assert_allclose(predict(MODEL, data, steps=steps, x0=x0)[:, 0], expected, atol=1e-10)
+
+
+def test_no_horizon_is_simulation() -> None:
+    data, _ = record()
+    x0 = initial_state(MODEL, data, np.zeros((2, 1)))
+    np.testing.assert_allclose(predict(MODEL, data, steps=None), simulate(MODEL, data.u, x0=x0), atol=1e-12)
+
+
+def test_initial_state_is_found_exactly_without_noise() -> None:
+    x0 = np.array([3.0, -1.0])
+    u = np.random.default_rng(1).standard_normal(80)
+    y = simulate(MODEL, u, x0=x0)
+    still = StateSpace(MODEL.A, MODEL.B, MODEL.C, MODEL.D, None, 0.1)
+    np.testing.assert_allclose(initial_state(still, IOData(u, y, 0.1)), x0, atol=1e-10)
+
+
+def test_the_window_alone_initialises() -> None:
+    """What comes after the window may be anything: the initial state does not see it."""
+    data, _ = record(window=30)
+    spoilt = IOData(data.u, np.vstack((data.y[:30], data.y[30:] + 9.0)), 0.1, window=30)
+    np.testing.assert_allclose(initial_state(MODEL, data), initial_state(MODEL, spoilt), atol=1e-12)
+
+
+def test_unstable_predictor_is_said() -> None:
+    bad = StateSpace([[0.5]], [[1.0]], [[1.0]], [[0.0]], [[-1.0]], 0.1)
+    data, _ = record(40)
+    with pytest.warns(SysidWarning, match="spectral radius 1.5"):
+        predict(bad, data)
+
+
+def test_refusals() -> None:
+    data, _ = record()
+    with pytest.raises(SysidError, match="steps must be"):
+        predict(MODEL, data, steps=0)
+    with pytest.raises(SysidError, match="2 input"):
+        predict(MODEL, IOData(np.ones((9, 2)), np.ones(9), 0.1))
+    with pytest.raises(SysidError, match=r"sampled every 0\.2 s, the model every 0\.1 s"):
+        predict(MODEL, IOData(np.ones(9), np.ones(9), 0.2))
+    with pytest.raises(SysidError, match="expected an IOData"):
+        predict(MODEL, np.ones(9))  # type: ignore[arg-type]
