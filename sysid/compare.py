@@ -83,7 +83,9 @@ def compare(models: Model | Sequence[Model] | Mapping[str, Model], data: IOData)
 
 
 def fit_percent(y: FloatArray, yhat: FloatArray) -> FloatArray:
-    """100 (1 - |y - yhat| / |y - mean(y)|) per output (ny,); 100 is perfect, 0 no better than the mean.
+    """100 (1 - |y - yhat| / |y - mean(y)|) per output (ny,).
+
+    100 is perfect, 0 no better than the mean, minus infinity what grows beyond all numbers.
 
     Args:
         y: Measured (N, ny).
@@ -97,7 +99,13 @@ def fit_percent(y: FloatArray, yhat: FloatArray) -> FloatArray:
     spread = np.linalg.norm(y - y.mean(axis=0), axis=0)
     if (spread == 0.0).any():
         raise SysidError(f"output {int(np.argmin(spread))} is constant: its fit is not defined")
-    return np.asarray(100.0 * (1.0 - np.linalg.norm(y - yhat, axis=0) / spread))
+    error = np.abs(y - yhat)
+    largest = error.max(axis=0)
+    finite = np.isfinite(largest)
+    # scaled first: an unstable predictor's errors may be too large to square
+    scale = np.where(finite & (largest > 0.0), largest, 1.0)
+    size = np.where(finite, scale * np.linalg.norm(np.where(finite, error, 0.0) / scale, axis=0), np.inf)
+    return np.asarray(100.0 * (1.0 - size / spread))
 
 
 def _name(model: Model, index: int) -> str:

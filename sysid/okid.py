@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from typing import Protocol
 
 import numpy as np
+import scipy.linalg
 
 from sysid.arrays import FloatArray
 from sysid.data import IOData, as_experiments
@@ -18,6 +19,36 @@ from sysid.recursion import free_response
 from sysid.regressors import lagged
 from sysid.residuals import residuals
 from sysid.state_space import StateSpace
+
+
+def stable_gain(A: FloatArray, C: FloatArray, K: FloatArray, covariance: FloatArray) -> FloatArray:
+    """Keep K where A - K C is stable, else replace it by the gain of the same disturbance spectrum whose predictor is.
+
+    The Riccati equation with noise K e in the state and e in the output gives the minimum-phase spectral factor.
+
+    Args:
+        A: State matrix (n, n).
+        C: Output matrix (ny, n).
+        K: Innovation gain (n, ny).
+        covariance: Of the innovation (ny, ny).
+
+    Returns:
+        Gain (n, ny); K itself where there is no such factor.
+    """
+    if _radius(A - K @ C) < 1.0:
+        return K
+    # only the ratios of the innovation's variances matter
+    r = covariance / max(float(np.trace(covariance)), np.finfo(float).tiny)
+    try:
+        P = scipy.linalg.solve_discrete_are(A.T, C.T, K @ r @ K.T, r, s=K @ r)
+        factor = np.linalg.solve((C @ P @ C.T + r).T, (A @ P @ C.T + K @ r).T).T
+    except (np.linalg.LinAlgError, ValueError):
+        return K
+    return factor if np.isfinite(factor).all() and _radius(A - factor @ C) < 1.0 else K
+
+
+def _radius(matrix: FloatArray) -> float:
+    return float(np.abs(np.linalg.eigvals(matrix)).max(initial=0.0))
 
 
 class Realiser(Protocol):
@@ -101,16 +132,11 @@ class Realise:
         return self.realiser(scaled, self.order, dt=self.data.dt)
 
     def model(self, found: Realisation, theta: FloatArray) -> StateSpace:
-        """Un-scale, and add K by least squares on the observability matrix [Juang1993]."""
+        """Un-scale, and add K [Juang1993]."""
         C = found.model.C * self.output_scale[:, None]
         B = found.model.B / self.input_scale
         D = found.model.D * self.output_scale[:, None] / self.input_scale
-        gain = self.markov(theta).gain
-        observability = free_response(found.model.A, C, len(gain))
-        rows = len(observability)
-        weighted = (observability / self.output_scale[:, None]).reshape(rows * len(C), -1)
-        target = (gain[:rows] / self.output_scale[:, None]).reshape(rows * len(C), -1)
-        K = np.asarray(np.linalg.lstsq(weighted, target, rcond=None)[0], dtype=np.float64)
+        K = stable_gain(found.model.A, C, self.observer_gain(found, theta), self.covariance)
         return StateSpace(
             found.model.A,
             B,
@@ -124,6 +150,16 @@ class Realise:
             input_units=self.data.input_units,
             output_units=self.data.output_units,
         )
+
+    def observer_gain(self, found: Realisation, theta: FloatArray) -> FloatArray:
+        """K = -G by least squares on the observability matrix, outputs un-scaled (n, ny)."""
+        C = found.model.C * self.output_scale[:, None]
+        gain = self.markov(theta).gain
+        observability = free_response(found.model.A, C, len(gain))
+        rows = len(observability)
+        weighted = (observability / self.output_scale[:, None]).reshape(rows * len(C), -1)
+        target = (gain[:rows] / self.output_scale[:, None]).reshape(rows * len(C), -1)
+        return np.asarray(np.linalg.lstsq(weighted, target, rcond=None)[0], dtype=np.float64)
 
 
 def okid(
@@ -140,7 +176,8 @@ def okid(
 
     Least squares y(t) = D u(t) + sum_i Ybar_i [u(t-i); y(t-i)], i = 1..p, the first p samples dropped (the past is
     unknown); system and gain Markov parameters by recursion; a realisation of `order` states; K = -G. K is a
-    Kalman gain only where the residuals are white.
+    Kalman gain only where the residuals are white. Where it makes the predictor unstable (an order too small for the
+    observer), the gain of the same disturbance spectrum with a stable predictor takes its place.
 
     Args:
         data: One experiment, or several that share the model; any numbers of inputs and outputs.
@@ -207,7 +244,7 @@ def okid(
     found = realise.realisation(theta)
     realise = Realise(**{**realise.__dict__, "order": found.model.order})
     model = realise.model(found, theta)
-    texts += _stability(model)
+    texts += _stability(model, _radius(model.A - realise.observer_gain(found, theta) @ model.C))
     for text in texts:
         warnings.warn(text, SysidWarning, stacklevel=2)
     with warnings.catch_warnings():
@@ -260,14 +297,15 @@ def _names(data: DataSummary, p: int, direct: bool) -> tuple[str, ...]:
     return tuple(f"{y}: {name}" for y in data.output_names for name in row)
 
 
-def _stability(model: StateSpace) -> list[str]:
+def _stability(model: StateSpace, observer: float) -> list[str]:
     texts = []
-    radius = float(np.abs(model.poles()).max(initial=0.0))
+    radius = _radius(model.A)
     if radius >= 1.0:
         texts.append(f"the model is unstable: largest pole modulus {radius:.6g}; a larger p or another order may help")
-    observer = float(np.abs(np.linalg.eigvals(model.A - model.gain @ model.C)).max(initial=0.0))
     if observer >= 1.0:
-        texts.append(
-            f"the predictor is unstable: A - K C has spectral radius {observer:.6g}; use the model to simulate"
-        )
+        if _radius(model.A - model.gain @ model.C) < 1.0:
+            remedy = "the gain of the same disturbance spectrum with a stable predictor is given"
+        else:
+            remedy = "use the model to simulate"
+        texts.append(f"K = -G makes the predictor unstable (A + G C has spectral radius {observer:.6g}): {remedy}")
     return texts

@@ -9,7 +9,7 @@ from sysid.arrays import FloatArray
 from sysid.data import IOData
 from sysid.errors import SysidError, SysidWarning
 from sysid.estimate import Estimate
-from sysid.recursion import free_response, state_trajectory
+from sysid.recursion import LARGEST, free_response, state_trajectory
 from sysid.simulate import as_model, as_state, output
 from sysid.state_space import StateSpace
 
@@ -85,8 +85,8 @@ def initial_state(model: StateSpace, data: IOData, gain: FloatArray | None = Non
     drive = u @ (model.B - K @ model.D).T + y @ K.T
     error = y - state_trajectory(observer, drive, np.zeros(model.order)) @ model.C.T - u @ model.D.T
     free = free_response(observer, model.C, seen)
-    usable = np.isfinite(free).all(axis=(1, 2)) & np.isfinite(error[: len(free)]).all(axis=1)
-    rows = int(np.argmin(usable)) if not usable.all() else len(free)
+    usable = (np.abs(error[: len(free)]) < LARGEST).all(axis=1)
+    rows = len(free) if usable.all() else int(np.argmin(usable))
     solution, *_ = np.linalg.lstsq(free[:rows].reshape(-1, model.order), error[:rows].ravel(), rcond=None)
     return np.asarray(solution, dtype=np.float64)
 

@@ -6,6 +6,8 @@ from scipy.signal import lfilter
 
 from sysid.arrays import FloatArray
 
+LARGEST = 1e100
+
 
 def state_trajectory(A: FloatArray, w: FloatArray, x0: FloatArray) -> FloatArray:
     """Return x(0), ..., x(N-1) of x(t+1) = A x(t) + w(t).
@@ -28,18 +30,21 @@ def state_trajectory(A: FloatArray, w: FloatArray, x0: FloatArray) -> FloatArray
     drive = w @ basis.conj()
     z = np.zeros((n, steps), dtype=complex)
     start = basis.conj().T @ x0
-    for i in range(n - 1, -1, -1):
-        forced = drive[:, i] + triangle[i, i + 1 :] @ z[i + 1 :]
-        # the state at t is driven by what acted at t-1
-        entering = np.concatenate(([start[i]], forced[:-1]))
-        z[i] = lfilter([1.0], [1.0, -triangle[i, i]], entering)
-    return np.ascontiguousarray((basis @ z).real.T)
+    # an unstable model may grow beyond all numbers: that is its answer, not a fault
+    with np.errstate(over="ignore", invalid="ignore"):
+        for i in range(n - 1, -1, -1):
+            forced = drive[:, i] + triangle[i, i + 1 :] @ z[i + 1 :]
+            # the state at t is driven by what acted at t-1
+            entering = np.concatenate(([start[i]], forced[:-1]))
+            z[i] = lfilter([1.0], [1.0, -triangle[i, i]], entering)
+        return np.ascontiguousarray((basis @ z).real.T)
 
 
 def free_response(A: FloatArray, C: FloatArray, steps: int) -> FloatArray:
     """Return C A^t for t = 0, ..., up to where it has died out, at most `steps` rows.
 
-    Powers are formed by doubling. Rows that are left out are zero to rounding.
+    Powers are formed by doubling. Rows that are left out are zero to rounding, or (of an unstable A) too large to
+    compute with.
 
     Args:
         A: State matrix (n, n).
@@ -52,10 +57,12 @@ def free_response(A: FloatArray, C: FloatArray, steps: int) -> FloatArray:
     rows = C[None]
     power = A
     scale = np.abs(C).max() if C.size else 0.0
-    while len(rows) < steps:
-        new = rows @ power
-        rows = np.concatenate((rows, new))
-        power = power @ power
-        if not np.isfinite(power).all() or np.abs(new).max(initial=0.0) <= 1e-17 * scale:
-            break
-    return rows[:steps]
+    with np.errstate(over="ignore", invalid="ignore"):
+        while len(rows) < steps:
+            new = rows @ power
+            rows = np.concatenate((rows, new))
+            power = power @ power
+            if not np.isfinite(power).all() or np.abs(new).max(initial=0.0) <= 1e-17 * scale:
+                break
+    usable = (np.abs(rows) < LARGEST).all(axis=(1, 2))
+    return rows[: min(steps, len(rows) if usable.all() else int(np.argmin(usable)))]

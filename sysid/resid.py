@@ -107,10 +107,15 @@ def resid(estimate: Estimate | StateSpace, data: IOData, *, lags: int = 25, leve
     nu = u.shape[1]
     if isinstance(lags, bool) or not isinstance(lags, int | np.integer) or not 1 <= lags < n // 2:
         raise SysidError(f"lags must be a whole number from 1 to {n // 2 - 1}, got {lags!r}")
-    e, v = errors - errors.mean(axis=0), u - u.mean(axis=0)
-    e_size, v_size = e.std(axis=0), v.std(axis=0)
-    if not np.isfinite(errors).all() or (e_size <= 1e-14 * np.abs(data.y).max()).any():
+    largest = float(np.abs(errors).max())
+    if not np.isfinite(largest) or largest <= 1e-14 * np.abs(data.y).max():
         raise SysidError("the residuals vanish or are not finite: there is nothing to test")
+    # an unstable predictor's residuals may be too large to square
+    errors_scaled = errors / largest
+    e, v = errors_scaled - errors_scaled.mean(axis=0), u - u.mean(axis=0)
+    e_size, v_size = e.std(axis=0), v.std(axis=0)
+    if (e_size <= 1e-14).any():
+        raise SysidError("the residuals of an output vanish beside those of another: there is nothing to test")
     if (v_size == 0.0).any():
         raise SysidError("an input is constant: independence of it cannot be tested")
     auto = covariance_function([e], [e], lags)[lags:] / (e_size[:, None] * e_size)
@@ -156,6 +161,8 @@ def _autoregression(e: FloatArray, order: int) -> tuple[FloatArray, FloatArray]:
     Unlike sample correlations these fall off smoothly, so that a sum over lags does not gather noise.
     """
     r = covariance_function([e[:, None]], [e[:, None]], order)[order:, 0, 0]
+    # keeps the equations regular where the residuals are a few sinusoids, or grow
+    r[0] *= 1.0 + 1e-9
     whitener = np.concatenate(([1.0], -solve_toeplitz(r[:-1], r[1:])))
     spectrum = 1.0 / np.abs(rfft(whitener, 8192)) ** 2
     correlations = irfft(spectrum)[: min(len(e), 4096)]

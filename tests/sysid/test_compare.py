@@ -17,6 +17,7 @@ def test_fit_by_hand() -> None:
         fit_percent(y, y[:2])
     with pytest.raises(SysidError, match="output 0 is constant"):
         fit_percent(np.ones((3, 1)), y)
+    np.testing.assert_array_equal(fit_percent(y, np.full((3, 1), np.inf)), [-np.inf])
 
 
 def test_both_fits_for_every_model(p3: Any) -> None:

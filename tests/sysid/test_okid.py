@@ -9,13 +9,14 @@ from scipy.signal import lfilter
 
 import sysid
 from sysid import IOData, StateSpace, SysidError, SysidWarning, era, era_dc, okid, simulate
+from sysid.okid import stable_gain
 
 GRID = np.linspace(0.1, 24.0, 40)
 DEPENDENT = pytest.mark.filterwarnings("ignore:the regressors have rank")
 
 
 @DEPENDENT
-@pytest.mark.filterwarnings("ignore:the predictor is unstable")
+@pytest.mark.filterwarnings("ignore:K = -G makes")
 @pytest.mark.parametrize("realiser", [era, era_dc])
 @pytest.mark.parametrize("nk", range(4))
 @pytest.mark.parametrize("order", range(1, 7))
@@ -133,6 +134,13 @@ def test_unstable_realisation_is_said() -> None:
     y = lfilter([0, 1.0], [1, -1.02], u)
     with pytest.warns(SysidWarning, match="the model is unstable: largest pole modulus 1.02"):
         okid(IOData(u, y, 0.1), 1, p=1)
+
+
+def test_unstable_gains_are_replaced_by_the_factor_of_the_same_spectrum() -> None:
+    """H = (z + 1.5) / (z - 0.5) and (z + 2/3) / (z - 0.5) differ by a factor 1.5 in magnitude only."""
+    A, C = np.array([[0.5]]), np.array([[1.0]])
+    np.testing.assert_allclose(stable_gain(A, C, np.array([[2.0]]), np.eye(1)), [[0.5 + 2 / 3]], rtol=1e-10)
+    np.testing.assert_array_equal(stable_gain(A, C, np.array([[0.3]]), np.eye(1)), [[0.3]])
 
 
 @pytest.mark.parametrize(

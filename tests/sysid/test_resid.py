@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.signal import lfilter
 
-from sysid import IOData, Polynomials, SysidError, arx, innovations_form, resid
+from sysid import IOData, Polynomials, StateSpace, SysidError, arx, compare, innovations_form, resid
 
 ONE = np.ones(1)
 MODEL = innovations_form(Polynomials([1, -1.5, 0.7], [0, 1, 0.5], [1, -1.0, 0.2], ONE, ONE), 0.1)
@@ -79,3 +79,16 @@ def test_refusals(p3: Any) -> None:
     perfect = IOData(data.u, lfilter([0, 1, 0.5], [1, -1.5, 0.7], data.u[:, 0]), data.dt)
     with pytest.raises(SysidError, match="residuals vanish"):
         resid(p3.model, perfect)
+
+
+@pytest.mark.filterwarnings("ignore:the predictor is unstable")
+def test_exploding_residuals_fail_the_tests_without_breaking_them() -> None:
+    rng = np.random.default_rng(0)
+    data = IOData(*rng.standard_normal((2, 1500)), 0.1)
+    unstable = StateSpace([[0.5]], [[1.0]], [[1.0]], [[0.0]], [[-1.0]], 0.1)
+    test = resid(unstable, data)
+    assert not test.white[0]
+    assert test.whiteness_p[0] < 1e-100
+    (scored,) = compare(unstable, data)
+    assert scored.one_step[0] < -1e10
+    assert -200 < scored.simulation[0] < 100
