@@ -13,10 +13,11 @@ from sysid.estimate import Estimate
 from sysid.excitation import check_excitation
 from sysid.orders import Orders
 from sysid.polynomial_estimate import check_enough_data, check_single_output, make_estimate
-from sysid.prediction_error import Linearisation
+from sysid.prediction_error import Linearisation, coloured_information
 from sysid.starts import Start, search
 
 ILL_CONDITIONED = 1e10
+COLOUR = 30  # coefficients of the autoregressive model of a coloured disturbance
 
 
 def prediction_error_estimate(
@@ -27,6 +28,7 @@ def prediction_error_estimate(
     starts: Callable[[Sequence[IOData], Orders], list[Start]],
     *,
     max_iterations: int,
+    coloured: bool = False,
 ) -> Estimate:
     """Check the data, search, and turn the minimum into an estimate.
 
@@ -40,6 +42,7 @@ def prediction_error_estimate(
         asked: Orders as the user knows them.
         starts: Makes the beginnings.
         max_iterations: Steps of the polishing.
+        coloured: Whether the covariance allows for errors that are not white.
 
     Warns:
         SysidWarning: Poor excitation, no convergence, bad conditioning, roots of C or F at the unit circle.
@@ -52,6 +55,10 @@ def prediction_error_estimate(
     at = found.best.at
     variance = at.cost / (rows - orders.count - at.transients)
     covariance, condition = covariance_of(at, variance)
+    if coloured and at.cost > 0.0:
+        half = covariance / variance
+        information = coloured_information(experiments, orders, at.theta, min(COLOUR, rows // 20))
+        covariance = half @ information @ half
     if not found.best.converged:
         texts.append(f"{method} did not converge: {found.best.reason}")
     if condition > ILL_CONDITIONED and at.cost > 0.0:

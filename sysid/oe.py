@@ -16,11 +16,12 @@ def oe(
     nk: int | Sequence[int] = 1,
     *,
     max_iterations: int = 100,
+    coloured: bool = False,
 ) -> Estimate:
     """Fit y = B(q)/F(q) u + e by minimising the simulation error [Ljung1999, eqs. 4.25, 10.40].
 
     F stays stable at every step; the unknown past of each experiment is projected out. The covariance holds for a white
-    disturbance.
+    disturbance, unless `coloured` is set.
 
     Args:
         data: One experiment, or several that share the model.
@@ -28,6 +29,8 @@ def oe(
         nf: Degree of F, likewise.
         nk: Delay in samples, likewise; nk = 1 means y(t) depends on u(t-1) first, nk = 0 gives a direct term.
         max_iterations: Steps of the final minimisation at most.
+        coloured: Whether the covariance allows for a disturbance that is not white (but independent of the input), by
+            an autoregressive model of it [Ljung1999, eq. 9.42]. The estimate itself is the same.
 
     Returns:
         The estimate; parameters b1.., f1...
@@ -41,4 +44,6 @@ def oe(
     experiments = as_experiments(data)
     orders = make_orders(experiments[0].nu, nb=nb, nf=nf, nk=nk)
     asked = {"nb": orders.nb, "nf": orders.nf, "nk": orders.nk}
-    return prediction_error_estimate("oe", experiments, orders, asked, oe_starts, max_iterations=max_iterations)
+    return prediction_error_estimate(
+        "oe", experiments, orders, asked, oe_starts, max_iterations=max_iterations, coloured=coloured
+    )

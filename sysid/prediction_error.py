@@ -12,6 +12,7 @@ import numpy as np
 from scipy.signal import lfilter
 
 from sysid.arrays import FloatArray
+from sysid.autoregression import autoregression
 from sysid.data import IOData
 from sysid.least_squares import triangular_factor
 from sysid.orders import Orders
@@ -125,6 +126,30 @@ def admissible(orders: Orders, theta: FloatArray) -> bool:
         return False
     _, _, c, _, f = orders.split(theta)
     return is_stable(c, STABILITY_MARGIN) and all(is_stable(fj, STABILITY_MARGIN) for fj in f)
+
+
+def coloured_information(experiments: Sequence[IOData], orders: Orders, theta: FloatArray, order: int) -> FloatArray:
+    """J' R J of the errors' true covariance R, where they are independent of the input but not white.
+
+    R stands for an autoregressive model of the errors: J is filtered by its inverse [Ljung1999, eq. 9.42].
+
+    Args:
+        experiments: Single-output experiments.
+        orders: The structure.
+        theta: Parameters (p,).
+        order: Coefficients of the autoregressive model.
+
+    Returns:
+        Matrix (p, p).
+    """
+    parts = [_projected(e.y[:, 0], e.u, orders, theta, orders.first_row(e.window))[0] for e in experiments]
+    errors = np.concatenate([part[:, -1] for part in parts])
+    whitener, _ = autoregression(errors, order)
+    total = np.zeros((orders.count,) * 2)
+    for part in parts:
+        filtered = lfilter([1.0], whitener, part[:, :-1], axis=0)
+        total += filtered.T @ filtered
+    return total * float(np.mean(lfilter(whitener, [1.0], errors) ** 2))
 
 
 def linearise(experiments: Sequence[IOData], orders: Orders, theta: FloatArray) -> Linearisation:

@@ -4,12 +4,12 @@ from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.fft import irfft, rfft
-from scipy.linalg import solve_toeplitz, toeplitz
+from scipy.linalg import toeplitz
 from scipy.signal import lfilter
 from scipy.stats import chi2, norm
 
 from sysid.arrays import FloatArray, lock
+from sysid.autoregression import autoregression
 from sysid.correlation import covariance_function
 from sysid.data import IOData
 from sysid.errors import SysidError
@@ -126,7 +126,7 @@ def resid(estimate: Estimate | StateSpace, data: IOData, *, lags: int = 25, leve
 
     bound, p_cross = np.empty((ny, nu)), np.empty((ny, nu))
     for i in range(ny):
-        whitener, r_e = _autoregression(e[:, i], lags)
+        whitener, r_e = autoregression(e[:, i], lags)
         white_e = lfilter(whitener, [1.0], e[:, i])[lags:, None]
         reach = len(r_e) - 1
         for j in range(nu):
@@ -153,20 +153,6 @@ def resid(estimate: Estimate | StateSpace, data: IOData, *, lags: int = 25, leve
         output_names=data.output_names or (),
         input_names=data.input_names or (),
     )
-
-
-def _autoregression(e: FloatArray, order: int) -> tuple[FloatArray, FloatArray]:
-    """Autoregressive whitener of the residuals (order + 1,), and the correlations that it stands for (k,).
-
-    Unlike sample correlations these fall off smoothly, so that a sum over lags does not gather noise.
-    """
-    r = covariance_function([e[:, None]], [e[:, None]], order)[order:, 0, 0]
-    # keeps the equations regular where the residuals are a few sinusoids, or grow
-    r[0] *= 1.0 + 1e-9
-    whitener = np.concatenate(([1.0], -solve_toeplitz(r[:-1], r[1:])))
-    spectrum = 1.0 / np.abs(rfft(whitener, 8192)) ** 2
-    correlations = irfft(spectrum)[: min(len(e), 4096)]
-    return whitener, correlations / correlations[0]
 
 
 def _independence_p(white_e: FloatArray, filtered_u: FloatArray, lags: int) -> float:

@@ -95,26 +95,41 @@ def _problem(
     return Problem(A, b, C, F, nk, samples, hold, variance, parameters)
 
 
-@pytest.fixture(scope="session")
-def p1() -> Problem:
+def make_p1() -> Problem:
     """The published yaw ARMAX model, badly conditioned."""
     c = np.poly([0.5, 0.3 + 0.4j, 0.3 - 0.4j, -0.2, 0.1]).real
     a = np.array([1, -2.542, 2.367, -0.8523, -0.08044, 0.1103])
     return _problem(a, np.array([0.003804, 0.003504, -0.004285]), c, np.ones(1), 2, 12_000, 5, None)
 
 
-@pytest.fixture(scope="session")
-def p2() -> Problem:
+def make_p2() -> Problem:
     """The published shoulder-pitch OE model."""
     one = np.ones(1)
     return _problem(one, np.array([0.03459, 0.07584]), one, np.array([1, -0.9776, 0.07922]), 1, 12_000, 5, None)
 
 
-@pytest.fixture(scope="session")
-def p3() -> Problem:
+def make_p3() -> Problem:
     """A second-order ARMAX textbook system."""
     c = np.array([1, -1.0, 0.2])
     return _problem(np.array([1, -1.5, 0.7]), np.array([1.0, 0.5]), c, np.ones(1), 1, 2000, 1, 1.0)
+
+
+@pytest.fixture(scope="session")
+def p1() -> Problem:
+    """See `make_p1`."""
+    return make_p1()
+
+
+@pytest.fixture(scope="session")
+def p2() -> Problem:
+    """See `make_p2`."""
+    return make_p2()
+
+
+@pytest.fixture(scope="session")
+def p3() -> Problem:
+    """See `make_p3`."""
+    return make_p3()
 
 
 @dataclass(frozen=True, eq=False)
