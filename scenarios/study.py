@@ -55,10 +55,16 @@ class Structure:
     label: str
 
 
-HIGH_ORDER = (4, 4, 1)
-"""nb, nf, nk of the output-error model whose order suffices: more changes the fit by less than its noise."""
+SUFFICIENT = {"shoulder_yaw": (4, 3, 2), "shoulder_pitch": (4, 3, 1), "elbow_pitch": (4, 3, 2)}
+"""nb, nf, nk of the output-error model whose order suffices: higher ones leave the residual of the frictionless arm at
+the noise of the resolvers, lower ones do not."""
 
-_HIGH = Structure("oe_high", "oe", HIGH_ORDER, False, "OE 4/4, delay 1 (sufficient)")
+
+def _sufficient(joint: str) -> "Structure":
+    nb, nf, nk = SUFFICIENT[joint]
+    return Structure("oe_high", "oe", (nb, nf, nk), False, f"OE {nb}/{nf}, delay {nk} (sufficient)")
+
+
 _OKID = Structure("okid", "okid", (2, 5), True, "OKID order 2, p = 5")
 
 STRUCTURES: Mapping[str, tuple[Structure, ...]] = {
@@ -66,19 +72,19 @@ STRUCTURES: Mapping[str, tuple[Structure, ...]] = {
         Structure("armax", "armax", (5, 3, 5, 2), True, "ARMAX 5/3/5, delay 2"),
         Structure("oe", "oe", (2, 2, 2), False, "OE 2/2, delay 2"),
         _OKID,
-        _HIGH,
+        _sufficient("shoulder_yaw"),
     ),
     "shoulder_pitch": (
         Structure("armax", "armax", (2, 2, 2, 1), False, "ARMAX 2/2/2, delay 1"),
         Structure("oe", "oe", (2, 2, 1), True, "OE 2/2, delay 1"),
         _OKID,
-        _HIGH,
+        _sufficient("shoulder_pitch"),
     ),
     "elbow_pitch": (
         Structure("armax", "armax", (2, 2, 2, 2), True, "ARMAX 2/2/2, delay 2"),
         Structure("oe", "oe", (2, 2, 1), False, "OE 2/2, delay 1"),
         _OKID,
-        _HIGH,
+        _sufficient("elbow_pitch"),
     ),
 }
 """What is identified: the thesis' structures, those it does not use filled in so that the table is complete, and one
@@ -133,7 +139,7 @@ def run_study(
         joints[joint] = study_joint(joint, by_test, truth.joint(joint))
         with warnings.catch_warnings():
             warnings.simplefilter("ignore", SysidWarning)
-            attribution[joint] = attribute(scenario, joint, logs, truth.joint(joint).bandwidth_hz, HIGH_ORDER)
+            attribution[joint] = attribute(scenario, joint, logs, truth.joint(joint).bandwidth_hz, SUFFICIENT[joint])
     report("identify", steps, steps)
     return Comparison(
         truth=truth,

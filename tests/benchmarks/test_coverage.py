@@ -1,0 +1,31 @@
+"""Which nonlinearity keeps the intervals from the truth: coverage over 20 seeds with one thing after another off."""
+
+from dataclasses import replace
+
+import sysid
+from hmtb_twin import STUDIED_JOINTS, linearize, load_arm, simulate
+from scenarios import load
+from scenarios.attribution import CONDITIONS, conditions
+from scenarios.study import SUFFICIENT
+
+SEEDS = range(1, 21)
+
+
+def test_coverage_by_condition():
+    truth = linearize(load_arm())
+    planned = {joint: load(f"siso-5-{joint}") for joint in STUDIED_JOINTS}
+    print("\n| condition | " + " | ".join(joint.replace("_", " ") for joint in STUDIED_JOINTS) + " |")
+    print("|---" * (1 + len(STUDIED_JOINTS)) + "|")
+    for number, condition in enumerate(CONDITIONS):
+        runs = {joint: (test, *conditions(test))[number] for joint, test in planned.items()}
+        covered = dict.fromkeys(STUDIED_JOINTS, 0)
+        found: dict[str, list[float]] = {joint: [] for joint in STUDIED_JOINTS}
+        for log in simulate([replace(test, seed=seed) for test in runs.values() for seed in SEEDS]):
+            (joint,) = log.axes
+            band = sysid.oe(log.iodata().detrend(), *SUFFICIENT[joint]).bandwidth()
+            covered[joint] += int(band.covers(truth.joint(joint).bandwidth_hz)[0, 0])
+            found[joint].append(float(band.hz[0, 0]))
+        cells = [f"{covered[j]} of {len(SEEDS)}, mean {sum(found[j]) / len(SEEDS):.4f} Hz" for j in STUDIED_JOINTS]
+        print(f"| {condition} | " + " | ".join(cells) + " |")
+    print("| true bandwidth | " + " | ".join(f"{truth.joint(j).bandwidth_hz:.4f} Hz" for j in STUDIED_JOINTS) + " |")
+    assert min(covered.values()) >= 17
