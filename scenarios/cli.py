@@ -2,7 +2,7 @@
 
 import os
 import sys
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 
 import tyro
 
@@ -26,7 +26,7 @@ Start with:
 Every command has its own --help. Exit codes: 0 done, 1 a check found a difference, 2 bad input, 130 interrupted.
 """
 
-COMMANDS = {
+COMMANDS: dict[str, Callable[..., int]] = {
     "thesis": thesis,
     "simulate": simulate,
     "scenarios": scenarios,
@@ -47,7 +47,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     """
     words = list(sys.argv[1:] if arguments is None else arguments) or ["--help"]
     try:
-        code = tyro.extras.subcommand_cli_from_dict(
+        code: int = tyro.extras.subcommand_cli_from_dict(
             COMMANDS,
             prog="hmtb",
             description=DESCRIPTION,
@@ -55,7 +55,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
             config=(tyro.conf.FlagCreatePairsOff, tyro.conf.HelptextFromCommentsOff),
         )
         sys.stdout.flush()
-        return int(code)
+        return code
     except SystemExit as leaving:  # --help and usage errors; the latter already carry 2
         return leaving.code if isinstance(leaving.code, int) else 2
     except KeyboardInterrupt:

@@ -4,12 +4,13 @@ import base64
 import io
 import re
 from html import escape
+from typing import Any
 
 import matplotlib
 import numpy as np
 from matplotlib.figure import Figure
 
-SETTINGS = {
+SETTINGS: dict[Any, Any] = {
     "font.size": 9,
     "font.family": "DejaVu Sans",
     "svg.fonttype": "path",  # the page looks the same whatever fonts the reader has

@@ -6,6 +6,7 @@ import sysid
 from hmtb_twin import JOINTS
 from scenarios.comparison import Comparison, JointResult
 from scenarios.finding import Finding, verdict
+from scenarios.period_spectra import period_spectra
 from scenarios.published import BREAK_FREQUENCY
 from scenarios.waveform import POINTS
 from sysid import FrequencyResponse, IOData
@@ -35,19 +36,19 @@ def crossing(response: FrequencyResponse, level: float) -> float:
 
 def gain_and_cutoff(study: Comparison) -> Finding:
     """F1: the gain stays below one and falls off at 6 to 7 rad/s."""
-    cutoff = {name: 2 * np.pi * crossing(entry.spa, np.sqrt(0.5)) for name, entry in study.joints.items()}
+    cutoff = {name: 2 * np.pi * crossing(entry.etfe, np.sqrt(0.5)) for name, entry in study.joints.items()}
     near = sum(abs(cutoff[name] / BREAK_FREQUENCY[name] - 1) <= NEAR for name in cutoff)
-    peak = max(float(entry.spa.magnitude[entry.spa.frequencies <= 10.0].max()) for entry in study.joints.values())
+    peak = max(float(entry.etfe.magnitude[entry.etfe.frequencies <= 10.0].max()) for entry in study.joints.values())
     return Finding(
         "F1",
         "gain below one over the band, low-frequency cutoff near 6 rad/s (yaw) and 7 rad/s (pitches)",
         "III.2A, III.3",
         verdict(near + (peak < 1.0), len(cutoff) + 1),
         cutoff,
-        "rad/s, where the spectral estimate falls 3 dB below one",
+        "rad/s, where the response on the excited lines falls 3 dB below one",
         "6 (yaw), 7 and 7 (pitches)",
-        f"the largest gain on the excited lines up to 10 Hz is {peak:.3f}, and {near} of {len(cutoff)} cutoffs lie within "
-        f"{100 * NEAR:.0f} % of the thesis' figures",
+        f"the largest gain on the excited lines up to 10 Hz is {peak:.3f}, and {near} of {len(cutoff)} cutoffs lie "
+        f"within {100 * NEAR:.0f} % of the thesis' figures",
     )
 
 
@@ -55,8 +56,8 @@ def slope(study: Comparison) -> Finding:
     """F2: a second-order slope between the break and 10 rad/s."""
     found = {}
     for name, entry in study.joints.items():
-        f, gain = entry.spa.frequencies, entry.spa.magnitude[:, 0, 0]
-        ends = np.array([crossing(entry.spa, np.sqrt(0.5)), 10.0 / (2 * np.pi)])
+        f, gain = entry.etfe.frequencies, entry.etfe.magnitude[:, 0, 0]
+        ends = np.array([crossing(entry.etfe, np.sqrt(0.5)), 10.0 / (2 * np.pi)])
         decibel = 20 * np.interp(np.log10(ends), np.log10(f), np.log10(gain))
         found[name] = float((decibel[1] - decibel[0]) / (np.log10(ends[1]) - np.log10(ends[0])))
     steep = sum(value <= -30.0 for value in found.values())
@@ -91,7 +92,8 @@ def delay(study: Comparison) -> Finding:
         found,
         "samples to the first impulse-response value above 5 % of the largest",
         "2 to 5",
-        f"the twin's own delays are {true} samples: one for the hold, and a bus delay where the published models have one",
+        f"the twin's own delays are {true} samples: one for the hold, and one on the bus where the published models "
+        "have it",
     )
 
 
@@ -112,8 +114,8 @@ def prbs_looks_white(study: Comparison) -> Finding:
         peak,
         "autocorrelation of the command one file later (100 samples)",
         "white, with small periodic peaks",
-        f"between the peaks the correlation is {rest:.2f} (root mean square, lags 10 to 90); the peaks are as high as the "
-        "centre because a 100-point file repeats exactly",
+        f"between the peaks the correlation is {rest:.2f} (root mean square, lags 10 to 90): the velocity limit of the "
+        "command takes the corners off; the peaks are as high as the centre because a 100-point file repeats exactly",
     )
 
 
@@ -121,16 +123,16 @@ def pulse_spectra(study: Comparison) -> Finding:
     """F5: with the bipolar ramping pulse the disturbance lies around and below 1 Hz."""
     low, band = {}, {}
     for name, entry in study.joints.items():
-        spectrum = sysid.spa(entry.data[7])
-        f, noise = spectrum.frequencies, _power(spectrum.noise_spectrum)
+        spectrum = period_spectra(entry.data[7])
+        f, noise, output = spectrum.frequencies, spectrum.disturbance, spectrum.output
         low[name] = float(100 * noise[f <= 1.5].sum() / noise.sum())
-        output = _power(spectrum.output_spectrum)
         band[name] = float(100 * output[(f >= 0.75) & (f <= 5.25)].sum() / output.sum())
     passed = sum(value > 50 for value in low.values()) + sum(value > 50 for value in band.values())
     shares = ", ".join(f"{value:.0f} %" for value in band.values())
     return Finding(
         "F5",
-        "with the bipolar ramping pulse the disturbance spectrum concentrates around and below 1 Hz, the output's in 1-5 Hz",
+        "with the bipolar ramping pulse the disturbance spectrum concentrates around and below 1 Hz, the output's "
+        "in 1-5 Hz",
         "III.2C",
         verdict(passed, 2 * len(low)),
         low,
@@ -144,21 +146,22 @@ def sinusoid_disturbance(study: Comparison) -> Finding:
     """F6: with two sines up to 10 Hz the disturbance lies orders below the output."""
     found = {}
     for name, entry in study.joints.items():
-        spectrum = sysid.spa(entry.data[4])
-        keep = spectrum.frequencies <= 10.5
-        noise, output = _power(spectrum.noise_spectrum)[keep].sum(), _power(spectrum.output_spectrum)[keep].sum()
-        found[name] = float(np.log10(output / max(noise, np.finfo(float).tiny)))
+        spectrum = period_spectra(entry.data[4])
+        keep = spectrum.frequencies <= 10.0
+        found[name] = float(np.log10(spectrum.output[keep].sum() / spectrum.disturbance[keep].sum()))
     wanted = {"shoulder_yaw": 2.0, "shoulder_pitch": 1.0, "elbow_pitch": 1.0}
     passed = sum(found[name] >= wanted[name] for name in found)
     return Finding(
         "F6",
-        "with two sines at 2.5 and 10 Hz the disturbance lies two orders (yaw) and one order (pitches) below the output",
+        "with two sines at 2.5 and 10 Hz the disturbance lies two orders (yaw) and one order (pitches) below the "
+        "output",
         "III.2C, III.3",
         verdict(passed, len(found)),
         found,
         "orders of magnitude between output and disturbance power up to 10 Hz",
         "2 (yaw), 1 (pitches)",
-        "the disturbance is what is not linear in the input: noise, rounding and what friction adds between the two tones",
+        "the disturbance is what does not follow the input from one period to the next: noise, rounding, and friction "
+        "that answers them",
     )
 
 
@@ -173,8 +176,8 @@ def measurement_against_process(study: Comparison) -> Finding:
         ratio,
         "measurement over process disturbance, root mean square, PRBS test",
         "above one, judged from spectra",
-        "on the twin both are known: resolver noise and rounding against what the true angle departs from the linear truth; "
-        "the latter is mostly seal friction, which a spectrum cannot tell from noise",
+        "on the twin both are known: resolver noise and rounding against what the true angle departs from the linear "
+        "truth; the latter is mostly seal friction, which a spectrum cannot tell from noise",
     )
 
 
@@ -216,10 +219,3 @@ def _off_diagonal(study: Comparison) -> float:
     response = study.truth.model.frequency_response(f)[:, chosen][:, :, chosen]
     apart = response * ~np.eye(len(chosen), dtype=bool)
     return float(np.linalg.norm(apart) / np.linalg.norm(response))
-
-
-def _power(spectrum: np.ndarray | None) -> np.ndarray:
-    """Diagonal of a spectrum of one channel, without the negative values that a lag window can leave."""
-    if spectrum is None:
-        raise ValueError("the spectral estimate has no such spectrum")
-    return np.maximum(spectrum[:, 0, 0].real, 0.0)

@@ -52,8 +52,8 @@ def yaw_oe(study: Comparison) -> Finding:
         float(test.whiteness_p[0]),
         "p-value of whiteness at 25 lags",
         "not white",
-        "an output-error model leaves all disturbance dynamics in its residuals; that more poles turn unstable cannot be "
-        "told here, because the estimator keeps every model stable",
+        "an output-error model leaves all disturbance dynamics in its residuals; that more poles turn unstable cannot "
+        "be told here, because the estimator keeps every model stable",
     )
 
 
@@ -69,7 +69,10 @@ def best_structure(study: Comparison, key: str, joint: str, best: str, other: st
     else:
         outside = {name: int(models[name].residual_test.outside_whiteness[0]) for name in (best, other)}
         second = outside[best] < outside[other]
-        said = f"{outside[best]} of 25 lags lie outside the whiteness bounds for {best.upper()}, {outside[other]} for {other.upper()}"
+        said = (
+            f"{outside[best]} of 25 lags lie outside the whiteness bounds for {best.upper()}, "
+            f"{outside[other]} for {other.upper()}"
+        )
     return Finding(
         key,
         claim,
@@ -116,8 +119,8 @@ def percent_described(study: Comparison) -> Finding:
         found,
         "percent of the squared Hankel singular values",
         "99.87, 96.11, 98.88",
-        f"this measure says how much of the Hankel matrix two states hold and is no fit; median simulation fits to tests "
-        f"not seen are {fits}",
+        "this measure says how much of the Hankel matrix two states hold and is no fit; median simulation fits to "
+        f"tests not seen are {fits}",
     )
 
 
@@ -149,7 +152,7 @@ def real_poles(study: Comparison) -> Finding:
         counts,
         "number of roots with an imaginary part, three joints",
         "0; all; some",
-        "the true dominant poles are real; the delay that a second-order model cannot hold goes into its zeros",
+        "the true dominant poles are real; further roots of the larger models are hardly determined by the data",
     )
 
 
@@ -199,8 +202,8 @@ def follows_5_hz(study: Comparison) -> Finding:
         fits,
         "percent, worst simulation fit of the chosen model to the tests with 5 Hz content (1 to 3)",
         "follow",
-        f"bandwidths {shown} Hz; a fit above 80 % is taken as following: above its bandwidth a linear model still knows "
-        "by how much the arm lags",
+        f"bandwidths {shown} Hz; a fit above 80 % is taken as following: above its bandwidth a linear model still "
+        "knows by how much the arm lags",
     )
 
 
@@ -224,7 +227,8 @@ def above_5_hz(study: Comparison) -> Finding:
         found,
         "percentage points, simulation fit of OKID less that of the SysID model, 5-10 Hz chirp",
         "slightly better",
-        f"one step ahead the differences are {ahead}; a model with K = 0 cannot predict, so its one-step fit is a simulation",
+        f"one step ahead the differences are {ahead}; a model with K = 0 cannot predict, so its one-step fit is a "
+        "simulation",
     )
 
 
@@ -244,8 +248,8 @@ def parsimony(study: Comparison) -> Finding:
         found,
         "percentage points, median held-out simulation fit of OKID less that of the SysID model",
         "2/2/2 suffice",
-        f"the orders are {orders} against {own}; they are imposed, what the twin decides is whether fewer states cost fit "
-        "(a point is allowed)",
+        f"the orders are {orders} against {own}; they are imposed, what the twin decides is whether fewer states cost "
+        "fit (a point is allowed)",
     )
 
 

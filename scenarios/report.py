@@ -3,6 +3,7 @@
 from collections.abc import Sequence
 from dataclasses import dataclass
 from importlib.resources import files
+from itertools import count
 from pathlib import Path
 
 import matplotlib
@@ -26,7 +27,7 @@ class Picture:
 
     Attributes:
         svg: The element.
-        caption: What it shows and how to read it.
+        caption: What it shows and how to read it; the page numbers it.
     """
 
     svg: str
@@ -34,14 +35,14 @@ class Picture:
 
 
 class _Gallery:
-    """Numbers figures as they are drawn."""
+    """Marks figures apart as they are drawn."""
 
     def __init__(self) -> None:
         self.count = 0
 
     def add(self, figure: Figure, caption: str) -> Picture:
         self.count += 1
-        return Picture(svg(figure, caption, f"f{self.count}"), f"Figure {self.count}. {caption}")
+        return Picture(svg(figure, caption, f"f{self.count}"), caption[:1].upper() + caption[1:])
 
 
 def write_report(study: Comparison, findings: Sequence[Finding], path: Path) -> Path:
@@ -58,6 +59,10 @@ def write_report(study: Comparison, findings: Sequence[Finding], path: Path) -> 
     Raises:
         ScenarioError: The file cannot be written.
     """
+    try:
+        path.touch()  # before the work, not after it
+    except OSError as error:
+        raise ScenarioError(f"cannot write the report {str(path)!r}: {error.strerror}") from error
     environment = Environment(autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True)
     environment.filters["si"] = lambda value, digits=4: "–" if not np.isfinite(value) else f"{value:.{digits}g}"
     environment.filters["root"] = root
@@ -67,10 +72,7 @@ def write_report(study: Comparison, findings: Sequence[Finding], path: Path) -> 
     )
     with matplotlib.rc_context(SETTINGS):
         page = template.render(_context(study, findings))
-    try:
-        path.write_text(page, encoding="utf-8")
-    except OSError as error:
-        raise ScenarioError(f"cannot write the report {str(path)!r}: {error.strerror}") from error
+    path.write_text(page, encoding="utf-8")
     return path
 
 
@@ -88,14 +90,14 @@ def _context(study: Comparison, findings: Sequence[Finding]) -> dict[str, object
     arm, no_arm = _arm()
     overview = gallery.add(
         draw.bandwidths(study),
-        "Bandwidth of each joint: recovered by every method with its 95 % interval, and of the published models (stars), "
-        "against the true value of the twin.",
+        "Bandwidth of each joint: recovered by every method with its 95 % interval, and of the published models "
+        "(stars), against the true value of the twin.",
     )
     joints = [_joint(study, entry, gallery) for entry in study.joints.values()]
     coupled = gallery.add(
         draw.coupled(study),
         "Gain from each commanded to each measured angle: the true arm couples its pitch joints a little, the "
-        "block-diagonal models by construction not at all.",
+        "block-diagonal models by construction not at all. Panels without a line: gain below 0.0001.",
     )
     return {
         "study": study,
@@ -108,6 +110,7 @@ def _context(study: Comparison, findings: Sequence[Finding]) -> dict[str, object
         "parameters": _parameters(),
         "joints": joints,
         "coupled": coupled,
+        "number": count(1).__next__,
         "samples": len(next(iter(study.logs.values())).commanded),
     }
 
@@ -118,6 +121,7 @@ def _joint(study: Comparison, entry: JointResult, gallery: _Gallery) -> dict[str
     captions = {
         5: "the PRBS that they were identified from",
         4: "the two sines at 2.5 and 10 Hz",
+        7: "the bipolar ramping pulse",
         8: "the 5-10 Hz chirp",
     }
     return {
@@ -128,12 +132,13 @@ def _joint(study: Comparison, entry: JointResult, gallery: _Gallery) -> dict[str
         ),
         "spectra": gallery.add(
             draw.data_spectra(study, entry),
-            f"{name}: input, output and disturbance spectra of the PRBS test (Hamming lag window of 250 samples).",
+            f"{name}: input, output and disturbance spectra on the lines of the PRBS; the disturbance is what differs "
+            "between periods.",
         ),
         "bode": gallery.add(
             draw.model_bode(entry),
-            f"{name}: frequency response of the truth, of the spectral estimate on the excited lines and of the "
-            "identified models, with 95 % bands. Dashed: −3 dB; dotted: 1 Hz.",
+            f"{name}: frequency response of the truth, of spectral and empirical estimate on the excited lines and of "
+            "the identified models, with 95 % bands. Dashed: −3 dB; dotted: 1 Hz.",
         ),
         "published": gallery.add(
             draw.published_bode(entry), f"{name}: the models that the thesis prints, beside the truth of the twin."
@@ -142,10 +147,10 @@ def _joint(study: Comparison, entry: JointResult, gallery: _Gallery) -> dict[str
         "outputs": [
             gallery.add(
                 draw.outputs(entry, number, length=length),
-                f"{name}: simulated outputs of the models against the measurement of test {number}, {captions[number]}, "
-                "with their fits over the whole record; below, what is left.",
+                f"{name}: simulated outputs of the models against the measurement of test {number}, "
+                f"{captions[number]}, with their fits over the whole record; below, what is left.",
             )
-            for number, length in ((own, 4.0), (4, 1.6), (8, 2.0))
+            for number, length in ((own, 4.0), (4, 1.6), (7, 3.0), (8, 2.0))
             if number in entry.data
         ],
         "residuals": [

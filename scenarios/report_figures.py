@@ -1,13 +1,15 @@
 """The report's figures, drawn from a study's result."""
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 
 import numpy as np
+from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 import sysid
 from hmtb_twin import JOINTS
 from scenarios.comparison import Comparison, JointResult, ModelResult
+from scenarios.period_spectra import period_spectra
 from scenarios.registry import load
 from scenarios.waveform import RATE
 from sysid import FrequencyResponse, StateSpace
@@ -52,7 +54,7 @@ def bandwidths(study: Comparison) -> Figure:
     figure = Figure(figsize=(WIDTH, 6.2), layout="constrained")
     panels = figure.subplots(len(study.joints), 1, sharex=True)
     for axes, (name, entry) in zip(panels, study.joints.items(), strict=True):
-        labels = []
+        labels: list[str] = []
         for model in entry.models.values():
             style, hz = style_of(model), model.bandwidth_hz
             reach = [[hz - model.ci95[0]], [model.ci95[1] - hz]]
@@ -97,23 +99,22 @@ def tests(study: Comparison, entry: JointResult) -> Figure:
 
 def data_spectra(study: Comparison, entry: JointResult) -> Figure:
     """Input, output and disturbance spectrum of the estimation data [Morris1996, fig. 27 to 29]."""
-    data = entry.data[study.estimation_test]
-    estimate = sysid.spa(data, lag=min(250, len(data) // 4))
+    found = period_spectra(entry.data[study.estimation_test])
     traces = [
-        Trace(label, np.maximum(density[:, 0, 0].real, 0.0), style)
-        for label, density, style in (
-            ("input", estimate.input_spectrum, PALETTE["measured"]),
-            ("output", estimate.output_spectrum, PALETTE["armax"]),
-            ("disturbance", estimate.noise_spectrum, PALETTE["oe"]),
-        )
-        if density is not None
+        Trace("input", found.input, PALETTE["measured"]),
+        Trace("output", found.output, PALETTE["armax"]),
+        Trace("disturbance", found.disturbance, PALETTE["oe"]),
     ]
-    return spectra(estimate.frequencies, traces, unit="rad", limits_hz=(0.05, 25.0), size=(WIDTH, 3.2))
+    return spectra(found.frequencies, traces, unit="rad", limits_hz=(0.4, 25.0), size=(WIDTH, 3.6))
 
 
 def model_bode(entry: JointResult) -> Figure:
-    """Truth, spectral estimate and the identified models with their bands."""
-    curves = [Curve("spectral estimate", entry.spa), Curve("truth", _response(entry.truth.model), PALETTE["truth"])]
+    """Truth, nonparametric estimates on the excited lines, and the identified models, with their bands."""
+    curves = [
+        Curve("truth", _response(entry.truth.model), PALETTE["truth"]),
+        Curve("spectral estimate", _well_known(entry.spa)),
+        Curve("empirical estimate", _well_known(entry.etfe)),
+    ]
     curves += [
         Curve(model.label, model.estimate.frequency_response(FREQUENCIES), style_of(model))
         for model in entry.models.values()
@@ -207,11 +208,23 @@ def _bode(curves: Sequence[Curve]) -> Figure:
     return bode(curves, relative_to_dc=True, mark_hz=1.0, limits_hz=(0.05, 25.0), size=(WIDTH, 5.0))
 
 
+def _well_known(response: FrequencyResponse) -> FrequencyResponse:
+    """The lines up to half of Nyquist whose gain is known to a fifth; the others show noise and distortion."""
+    covariance = response.covariance
+    if covariance is None:
+        return response
+    spread = np.sqrt(np.trace(covariance[:, 0, 0], axis1=1, axis2=2))
+    kept = (spread < 0.2 * response.magnitude[:, 0, 0]) & (response.frequencies <= RATE / 4)
+    return FrequencyResponse(
+        response.frequencies[kept], response.response[kept], response.dt, response.method, covariance[kept]
+    )
+
+
 def _response(model: StateSpace) -> FrequencyResponse:
     return FrequencyResponse(FREQUENCIES, model.frequency_response(FREQUENCIES), model.dt, "model")
 
 
-def _dress(panels: Sequence["object"] | np.ndarray) -> None:
+def _dress(panels: Iterable[Axes]) -> None:
     for axes in panels:
         axes.grid(True, color=GRID, lw=0.6)
         axes.set_axisbelow(True)

@@ -109,13 +109,13 @@ def answer(study: Comparison) -> str:
     if covered < len(models) and clean:
         held = sum(part.covers for part in clean)
         cause = (
-            f" With friction off, a small amplitude and no rounding, {held} of {len(clean)} sufficient-order intervals hold it: "
-            "what the intervals miss is what the arm does not do linearly, not chance."
+            f" With friction off and a small amplitude, {held} of {len(clean)} sufficient-order intervals "
+            "hold it: what the intervals miss is what the arm does not do linearly, not chance."
         )
     return (
         f"{verdict}: the true small-signal bandwidths are {shown} Hz (yaw, shoulder pitch, elbow pitch) and the "
         f"thesis' methods recover {min(recovered):.2f} to {max(recovered):.2f} Hz. "
         f"{covered} of {len(models)} 95 % intervals hold the small-signal truth.{cause} "
-        f"The thesis' own published models have it for the pitches ({min(others):.2f} to {max(others):.2f} Hz) but not for "
-        f"the yaw joint ({min(yaw):.2f} to {max(yaw):.2f} Hz)."
+        f"The thesis' own published models have it for the pitches ({min(others):.3g} to {max(others):.3g} Hz) but not "
+        f"for the yaw joint ({min(yaw):.3g} to {max(yaw):.3g} Hz)."
     )

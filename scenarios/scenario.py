@@ -192,8 +192,8 @@ def _choices() -> dict[str, tuple[str, ...]]:
 
     return {
         "variant": hmtb_twin.VARIANTS,
-        "payload": hmtb_twin.PAYLOADS,
-        "pose": hmtb_twin.POSES,
+        "payload": tuple(hmtb_twin.PAYLOADS),
+        "pose": tuple(hmtb_twin.POSES),
         "mode": hmtb_twin.MODES,
     }
 

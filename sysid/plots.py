@@ -10,10 +10,11 @@ from types import MappingProxyType
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from numpy.typing import NDArray
 
 from sysid.arrays import FloatArray
 from sysid.data import IOData
-from sysid.frequency import FrequencyResponse
+from sysid.frequency import NORMAL_95, FrequencyResponse
 from sysid.state_space import StateSpace
 
 
@@ -23,7 +24,7 @@ class Style:
 
     Attributes:
         colour: Colour, readable by the colour-blind.
-        line: Line pattern, so that a print in grey still tells the lines apart.
+        line: Line pattern, so that a print in grey still tells the lines apart; empty for markers alone.
         width: Line width in points.
         marker: Marker for points.
     """
@@ -46,7 +47,7 @@ PALETTE: Mapping[str, Style] = MappingProxyType(
         "iv4": Style("#a6761d", ":", 1.4, "X"),
         "n4sid": Style("#006d5b", ":", 1.4, "h"),
         "spa": Style("#cc79a7", "-", 1.0, "."),
-        "etfe": Style("#e3b8d0", "-", 0.8, "."),
+        "etfe": Style("#c06595", "", 1.0, "."),
         "published": Style("#b8860b", (0, (4, 1.5, 1, 1.5, 1, 1.5)), 1.4, "*"),  # type: ignore[arg-type]
     }
 )
@@ -138,10 +139,20 @@ def bode(
         _line(upper, f[keep], _decibel(magnitude), style, curve.label)
         _line(lower, f[keep], phase, style, None)
         if curve.response.covariance is not None:
-            low, high = (part[keep, output, input] for part in curve.response.magnitude_ci95())
-            upper.fill_between(f[keep], _decibel(low), _decibel(high), color=style.colour, alpha=0.18, lw=0)
-            spread = 1.96 * np.degrees(curve.response.phase_deviation()[keep, output, input])
-            lower.fill_between(f[keep], phase - spread, phase + spread, color=style.colour, alpha=0.18, lw=0)
+            # Where the input has no power the band has no end; it is left out there, not drawn over everything.
+            known = keep & np.isfinite(curve.response.covariance[:, output, input]).all(axis=(1, 2))
+            part = FrequencyResponse(
+                f[known],
+                curve.response.response[known][:, [output]][:, :, [input]],
+                curve.response.dt,
+                curve.response.method,
+                curve.response.covariance[known][:, [output]][:, :, [input]],
+            )
+            low, high = (edge[:, 0, 0] for edge in part.magnitude_ci95())
+            upper.fill_between(f[known], _decibel(low), _decibel(high), color=style.colour, alpha=0.18, lw=0)
+            spread = NORMAL_95 * np.degrees(part.phase_deviation()[:, 0, 0])
+            centre = phase[known[keep]]
+            lower.fill_between(f[known], centre - spread, centre + spread, color=style.colour, alpha=0.18, lw=0)
     if relative_to_dc:
         upper.axhline(20 * np.log10(np.sqrt(0.5)), color=BOUND.colour, ls=BOUND.line, lw=BOUND.width)
         upper.annotate(
@@ -154,6 +165,8 @@ def bode(
             fontsize=8,
             color=BOUND.colour,
         )
+    _fit_to_lines(upper, floor=-90.0)
+    _fit_to_lines(lower, floor=-np.inf)
     for axes in (upper, lower):
         axes.set_xscale("log")
         if mark_hz is not None:
@@ -243,7 +256,7 @@ def output_comparison(
 
 
 def correlations(
-    panels: Sequence[tuple[str, FloatArray, FloatArray, FloatArray | float]],
+    panels: Sequence[tuple[str, FloatArray | NDArray[np.int_], FloatArray, FloatArray | float]],
     style: Style,
     *,
     size: tuple[float, float] = (7.0, 4.4),
@@ -287,7 +300,7 @@ def spectra(
 
     Args:
         frequencies: Hz (nf,).
-        traces: Densities (nf,), positive.
+        traces: Densities (nf,); a lag window can leave negative ones, which are left out.
         unit: Unit of the signal; the axis shows its square per Hz.
         limits_hz: Range of the frequency axis, Hz.
         size: Width and height, inch.
@@ -298,7 +311,8 @@ def spectra(
     figure, (axes,) = _panels(1, size)
     keep = frequencies > 0.0
     for trace in traces:
-        _line(axes, frequencies[keep], np.maximum(trace.values[keep], np.finfo(float).tiny), trace.style, trace.label)
+        positive = np.where(trace.values > 0.0, trace.values, np.nan)
+        _line(axes, frequencies[keep], positive[keep], trace.style, trace.label)
     axes.set_xscale("log")
     axes.set_yscale("log")
     if limits_hz is not None:
@@ -328,15 +342,27 @@ def _panels(
 def _line(
     axes: Axes, x: FloatArray, y: FloatArray, style: Style, label: str | None, *, width: float | None = None
 ) -> None:
-    axes.plot(x, y, color=style.colour, ls=style.line, lw=width or style.width, label=label)
+    marker = "" if style.line else style.marker
+    axes.plot(x, y, color=style.colour, ls=style.line, lw=width or style.width, marker=marker, ms=5, label=label)
 
 
 def _legend(figure: Figure, axes: Axes) -> None:
     """A legend above the figure, where it never covers data."""
     handles, labels = axes.get_legend_handles_labels()
     if handles:
-        columns = min(len(handles), max(1, round(figure.get_figwidth() / 1.7)))
+        # An entry takes its handle, about half an inch, and its text, at 9 points about 0.068 inch a letter.
+        entry = 0.55 + 0.068 * max(len(label) for label in labels)
+        columns = min(len(handles), max(1, int(figure.get_figwidth() / entry)))
         figure.legend(handles, labels, loc="outside upper left", ncols=columns, frameon=False, fontsize=9)
+
+
+def _fit_to_lines(axes: Axes, *, floor: float) -> None:
+    """Let the lines set the vertical range, not their bands."""
+    values = np.concatenate([np.asarray(line.get_ydata(), dtype=float) for line in axes.get_lines()] or [np.zeros(1)])
+    values = values[np.isfinite(values)]
+    low, high = max(float(values.min(initial=0.0)), floor), float(values.max(initial=0.0))
+    margin = 0.06 * max(high - low, 1.0)
+    axes.set_ylim(low - margin, high + margin)
 
 
 def _plain_frequencies(axes: Axes) -> None:

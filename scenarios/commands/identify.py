@@ -110,4 +110,10 @@ def _prepare(record: "IOData", skip: float, keep_mean: bool) -> "IOData":
     if not 0 <= skip < (len(record) - 1) * record.dt:
         raise ScenarioError(f"skip must be 0 to less than the record's {len(record) * record.dt:g} s, given {skip:g} s")
     part = record[round(skip / record.dt) :]
+    # Seen before the mean is removed, which would leave rounding where there was a constant.
+    for what, values in (("input", part.u), ("output", part.y)):
+        if values.min() == values.max():
+            raise ScenarioError(
+                f"the {what} is constant at {values[0, 0]:g}; expected one that moves in {len(part)} samples"
+            )
     return part if keep_mean else part.detrend()

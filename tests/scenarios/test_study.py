@@ -1,0 +1,112 @@
+"""The whole pipeline on short records, against the truth."""
+
+import numpy as np
+import pytest
+
+from hmtb_twin import STUDIED_JOINTS
+from scenarios.attribution import CONDITIONS, conditions
+from scenarios.comparison import Comparison, relative_error
+from scenarios.period_spectra import period_spectra
+from scenarios.preparation import SETTLING, prepared
+from scenarios.registry import load
+from scenarios.study import ESTIMATION_TEST, STRUCTURES, TESTS
+from sysid import IOData, StateSpace
+
+METHODS = {"armax", "oe", "okid", "oe_high"}
+
+
+def test_every_joint_has_every_method_and_every_fit(study: Comparison) -> None:
+    assert tuple(study.joints) == STUDIED_JOINTS
+    assert not study.failed
+    for entry in study.joints.values():
+        assert set(entry.models) == METHODS
+        assert set(entry.data) == set(TESTS)
+        for model in entry.models.values():
+            assert set(model.fits) == set(TESTS)
+            assert {fit.test for fit in model.held_out(ESTIMATION_TEST)} == set(TESTS) - {ESTIMATION_TEST}
+
+
+def test_structures_are_the_thesis_own() -> None:
+    chosen = {
+        joint: {entry.estimator: entry.orders for entry in entries if entry.chosen}
+        for joint, entries in STRUCTURES.items()
+    }
+    assert chosen == {
+        "shoulder_yaw": {"armax": (5, 3, 5, 2), "okid": (2, 5)},
+        "shoulder_pitch": {"oe": (2, 2, 1), "okid": (2, 5)},
+        "elbow_pitch": {"armax": (2, 2, 2, 2), "okid": (2, 5)},
+    }
+
+
+def test_bandwidths_are_recovered_to_what_friction_allows(study: Comparison) -> None:
+    for entry in study.joints.values():
+        for model in entry.models.values():
+            assert model.bandwidth_hz == pytest.approx(entry.truth.bandwidth_hz, rel=0.2)
+            assert model.ci95[0] < model.bandwidth_hz < model.ci95[1]
+            assert model.covers == (model.ci95[0] <= entry.truth.bandwidth_hz <= model.ci95[1])
+
+
+def test_without_friction_and_at_small_amplitude_the_truth_comes_back(study: Comparison) -> None:
+    for name, parts in study.attribution.items():
+        true = study.joints[name].truth.bandwidth_hz
+        assert tuple(part.condition for part in parts) == CONDITIONS
+        assert parts[-1].bandwidth_hz == pytest.approx(true, rel=0.01)
+        assert abs(parts[0].bandwidth_hz - true) > abs(parts[1].bandwidth_hz - true)
+
+
+def test_models_follow_data_that_they_have_not_seen(study: Comparison) -> None:
+    for entry in study.joints.values():
+        for model in entry.models.values():
+            assert min(fit.simulation for fit in model.held_out(ESTIMATION_TEST)) > 70.0
+
+
+def test_three_joint_models_are_near_the_true_coupled_response(study: Comparison) -> None:
+    orders = {entry.name: entry.model.order for entry in study.three_joint}
+    assert orders == {"SysID model": 10, "OKID model": 6, "hybrid model": 9}
+    for entry in study.three_joint:
+        assert entry.diagonal_error < entry.error < 0.15
+
+
+def test_same_seed_same_result(study: Comparison) -> None:
+    from scenarios.study import _planned
+
+    again = _planned(ESTIMATION_TEST, "elbow_pitch", 11, 24.0)
+    assert study.logs[again.name].seed == again.seed
+    assert _planned(ESTIMATION_TEST, "elbow_pitch", 12, 24.0).seed != again.seed
+
+
+def test_conditions_switch_off_one_thing_more_each_time() -> None:
+    scenario = load("siso-5-elbow_pitch")
+    smooth, small = conditions(scenario)
+    assert (smooth.friction, small.friction) == (False, False)
+    np.testing.assert_array_equal(smooth.volts(), scenario.volts())
+    np.testing.assert_allclose(small.volts(), 0.3 * scenario.volts())
+    assert {entry.noise and entry.quantisation for entry in (smooth, small)} == {True}
+    assert {smooth.seed, small.seed} == {scenario.seed}
+    assert len({scenario.name, smooth.name, small.name}) == 3
+
+
+def test_preparation_leaves_whole_settled_periods_without_mean(study: Comparison) -> None:
+    log = study.logs["siso-5-elbow_pitch"]
+    data = prepared(log, "elbow_pitch")
+    assert len(data) == len(log.commanded) - round(50 * SETTLING)
+    assert len(data) % 200 == 0
+    assert abs(data.u.mean()) < 1e-15
+    assert abs(data.y.mean()) < 1e-15
+
+
+def test_relative_error_is_that_of_the_response() -> None:
+    truth = StateSpace([[0.9]], [[0.1]], [[1.0]], [[0.0]], None, 0.02)
+    off = StateSpace([[0.9]], [[0.11]], [[1.0]], [[0.0]], None, 0.02)
+    assert relative_error(truth, truth) == 0.0
+    assert relative_error(off, truth) == pytest.approx(0.1)
+
+
+def test_period_spectra_tell_the_disturbance_apart() -> None:
+    rng = np.random.default_rng(3)
+    u = np.tile(rng.standard_normal(100), 200)
+    noise = 0.1 * rng.standard_normal(len(u))
+    found = period_spectra(IOData(u, 2.0 * u + noise, 0.02))
+    np.testing.assert_allclose(found.output, 4.0 * found.input, rtol=0.1)
+    # White noise of variance 0.01 has the two-sided density 0.01 dt at every frequency.
+    assert found.disturbance.mean() == pytest.approx(0.01 * 0.02, rel=0.05)
