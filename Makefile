@@ -75,6 +75,11 @@ format: $(INSTALLED) ## put the code into the house format and mend what ruff ca
 	@"$(BIN)/ruff" format $(SOURCES)
 	@"$(BIN)/ruff" check --fix $(SOURCES)
 
+.PHONY: images
+images: $(INSTALLED) ## make the pictures of the README anew
+	@echo "==> Rendering the arm, running the study and drawing its result"
+	@"$(BIN)/python" docs/images/make.py
+
 .PHONY: bench
 bench: $(INSTALLED) ## run the benchmarks alone, with their figures printed
 	@echo "==> Running the benchmarks"

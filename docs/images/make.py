@@ -1,0 +1,23 @@
+"""Make the pictures of the README: the arm, and the bandwidths that the study recovers. Run by `make images`."""
+
+from pathlib import Path
+
+import matplotlib
+import matplotlib.image
+
+from hmtb_twin import load_arm, render
+from scenarios.report_figures import bandwidths
+from scenarios.study import run_study
+
+FOLDER = Path(__file__).parent
+
+
+def main() -> None:
+    """Write `arm.png` and `result.png` beside this file."""
+    matplotlib.use("Agg")
+    matplotlib.image.imsave(FOLDER / "arm.png", render(load_arm(), "overview", 1200, 900))
+    bandwidths(run_study()).savefig(FOLDER / "result.png", dpi=130, bbox_inches="tight")
+
+
+if __name__ == "__main__":
+    main()
