@@ -136,13 +136,15 @@ def checked_order(order: int, xi: FloatArray) -> int:
     """The order, reduced to the numerical rank of the Hankel matrix.
 
     Raises:
-        SysidError: Not a whole number between 1 and the smaller side of the Hankel matrix.
+        SysidError: Not a whole number between 1 and the smaller side of the Hankel matrix, or a matrix of zeros.
 
     Warns:
         SysidWarning: It was reduced.
     """
     if isinstance(order, bool) or not isinstance(order, int | np.integer) or not 1 <= order <= len(xi):
         raise SysidError(f"order must be a whole number from 1 to {len(xi)} (the smaller side of H), got {order!r}")
+    if xi[0] == 0.0:
+        raise SysidError("the Markov parameters behind the first are all zero: there are no dynamics to realise")
     rank = max(int((xi > NUMERICAL_RANK * xi[0]).sum()), 1)
     if rank < order:
         warnings.warn(

@@ -18,10 +18,11 @@ class FrequencyResponse:
 
     Attributes:
         frequencies: Hz, ascending (nf,).
-        response: Complex response (nf, ny, nu).
+        response: Complex response (nf, ny, nu); NaN where the data say nothing.
         dt: Sampling interval in s.
         method: What made it.
-        covariance: Of (real part, imaginary part) of every entry (nf, ny, nu, 2, 2); None when unknown.
+        covariance: Of (real part, imaginary part) of every entry (nf, ny, nu, 2, 2), NaN where the data say nothing;
+            None where the method has none.
         coherence: |Phi_yu|^2 / (Phi_y Phi_u) per pair (nf, ny, nu), 0..1; None where the method has none.
         noise_spectrum: Spectrum of the disturbance (nf, ny, ny), unit^2/Hz.
         input_spectrum: Phi_u (nf, nu, nu), unit^2/Hz.
@@ -75,8 +76,12 @@ class FrequencyResponse:
 
     @property
     def phase(self) -> FloatArray:
-        """Phase in rad, unwrapped along frequency (nf, ny, nu)."""
-        return np.unwrap(np.angle(self.response), axis=0)
+        """Phase in rad, unwrapped along frequency (nf, ny, nu); NaN where the response is."""
+        out = np.full(self.response.shape, np.nan)
+        for i, j in np.ndindex(out.shape[1:]):
+            known = np.isfinite(self.response[:, i, j])
+            out[known, i, j] = np.unwrap(np.angle(self.response[known, i, j]))
+        return out
 
     def magnitude_deviation(self) -> FloatArray:
         """Standard deviation of the magnitude to first order (nf, ny, nu).
@@ -84,7 +89,7 @@ class FrequencyResponse:
         Raises:
             SysidError: The method gave no covariance.
         """
-        return self._along(self.response / np.maximum(np.abs(self.response), np.finfo(float).tiny))
+        return self._along(self._direction())
 
     def phase_deviation(self) -> FloatArray:
         """Standard deviation of the phase in rad to first order (nf, ny, nu).
@@ -92,8 +97,7 @@ class FrequencyResponse:
         Raises:
             SysidError: The method gave no covariance.
         """
-        size = np.maximum(np.abs(self.response), np.finfo(float).tiny)
-        return self._along(1j * self.response / size) / size
+        return self._along(1j * self._direction()) / np.maximum(self.magnitude, np.finfo(float).tiny)
 
     def magnitude_ci95(self) -> tuple[FloatArray, FloatArray]:
         """95 % interval of the magnitude, on a logarithmic scale so that it stays positive, (nf, ny, nu) each.
@@ -104,6 +108,11 @@ class FrequencyResponse:
         size = np.maximum(self.magnitude, np.finfo(float).tiny)
         factor = np.exp(np.minimum(NORMAL_95 * self.magnitude_deviation() / size, 700.0))
         return size / factor, size * factor
+
+    def _direction(self) -> ComplexArray:
+        # NaN stays NaN, without a complaint of numpy
+        with np.errstate(invalid="ignore"):
+            return np.asarray(self.response / np.maximum(self.magnitude, np.finfo(float).tiny))
 
     def _along(self, direction: ComplexArray) -> FloatArray:
         if self.covariance is None:

@@ -100,7 +100,10 @@ class Realise:
 
     def __call__(self, theta: FloatArray) -> StateSpace:
         """Model for observer Markov parameters, flattened output by output."""
-        return self.model(self.realisation(theta), theta)
+        with warnings.catch_warnings():
+            # the order has been settled by the estimate itself
+            warnings.simplefilter("ignore", SysidWarning)
+            return self.model(self.realisation(theta), theta)
 
     def markov(self, theta: FloatArray) -> ObserverParameters:
         """System and gain Markov parameters, unscaled, by recursion [Juang1993]."""
@@ -241,7 +244,15 @@ def okid(
         covariance=variance,
     )
     theta = fit.solution.T.ravel()
-    found = realise.realisation(theta)
+    with warnings.catch_warnings():
+        # said below, and kept in the record
+        warnings.simplefilter("ignore", SysidWarning)
+        found = realise.realisation(theta)
+    if found.model.order < order:
+        texts.append(
+            f"the system Markov parameters have numerical rank {found.model.order}: a model of that order instead of "
+            f"{order} is given"
+        )
     realise = Realise(**{**realise.__dict__, "order": found.model.order})
     model = realise.model(found, theta)
     texts += _stability(model, _radius(model.A - realise.observer_gain(found, theta) @ model.C))

@@ -31,7 +31,7 @@ def spa(
 
     Returns:
         Response with covariance [Ljung1999, eqs. 6.62, 6.63], coherence, and the four spectra (two-sided, unit^2/Hz).
-        The covariance is infinite where the input has no power to speak of.
+        Response and covariance are NaN where the input has no power to speak of.
 
     Raises:
         SysidError: Constant input, lag not between 1 and N - 1, frequencies beyond Nyquist.
@@ -66,13 +66,15 @@ def spa(
     noise = np.einsum("fii->fi", phi_v).real
     output_power = np.maximum(np.einsum("fii->fi", phi_y).real, np.finfo(float).tiny)
     # the window leaks into nulls of the input; where that explains more than the output has, nothing is known
-    noise = np.where(noise < -1e-9 * output_power, np.inf, np.maximum(noise, 0.0))
+    noise = np.where(noise < -1e-9 * output_power, np.nan, np.maximum(noise, 0.0))
     gain = np.maximum(np.einsum("fjj->fj", inverse).real, 0.0)
     variance = float(window @ window) / samples * noise[:, :, None] * gain[:, None, :]
-    input_power = np.maximum(power, np.finfo(float).tiny)
-    coherence = np.abs(phi_yu) ** 2 / (output_power[:, :, None] * input_power[:, None, :])
+    products = output_power[:, :, None] * np.maximum(power, 0.0)[:, None, :]
+    audible = products > 1e-24 * products.max()
+    coherence = np.where(audible, np.abs(phi_yu) ** 2 / np.where(audible, products, 1.0), 0.0)
     covariance = _complex_covariance(variance, f, dt)
-    covariance[silent] = np.diag([np.inf, np.inf])
+    g[silent] = np.nan
+    covariance[silent] = np.nan
     return FrequencyResponse(
         frequencies=f,
         response=g,

@@ -75,6 +75,8 @@ def test_refusals() -> None:
         era(y, 0)
     with pytest.raises(SysidError, match="order must be"):
         era(y, 500)
+    with pytest.raises(SysidError, match="all zero"):
+        era([1.0, 0.0, 0.0, 0.0], 1)
     with pytest.raises(SysidError, match="at least 3"):
         era([1.0, 2.0], 1)
     with pytest.raises(SysidError, match="lags"):

@@ -136,6 +136,14 @@ def test_unstable_realisation_is_said() -> None:
         okid(IOData(u, y, 0.1), 1, p=1)
 
 
+@DEPENDENT
+def test_orders_beyond_the_rank_are_reduced_and_kept_in_the_record(exact_system: Callable[[int, int], Any]) -> None:
+    with pytest.warns(SysidWarning, match="numerical rank 2: a model of that order instead of 5"):
+        estimate = okid(exact_system(2, 1).data, 5, p=5)
+    assert estimate.model.order == 2
+    assert any("numerical rank 2" in text for text in estimate.diagnostics["warnings"])
+
+
 def test_unstable_gains_are_replaced_by_the_factor_of_the_same_spectrum() -> None:
     """H = (z + 1.5) / (z - 0.5) and (z + 2/3) / (z - 0.5) differ by a factor 1.5 in magnitude only."""
     A, C = np.array([[0.5]]), np.array([[1.0]])

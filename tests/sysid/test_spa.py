@@ -49,8 +49,11 @@ def test_errors_are_as_large_as_claimed(p2: Any) -> None:
         error = found.response - truth
         parts = np.stack((error.real, error.imag), axis=-1)
         scaled.append(parts**2 / np.einsum("...ii->...i", found.covariance))
+    # now and then the spectra leave no noise at all, and no claim
+    claimed = np.isfinite(scaled)
+    assert claimed.mean() > 0.97
     # mean of 480 chi-squares with one degree of freedom
-    assert 0.75 < np.mean(scaled) < 1.3
+    assert 0.75 < np.mean(np.array(scaled)[claimed]) < 1.3
 
 
 def test_disturbance_spectrum_is_the_noise() -> None:
@@ -88,3 +91,19 @@ def test_refusals() -> None:
         spa(data, frequencies=[6.0])
     with pytest.raises(SysidError, match="constant"):
         spa(IOData(np.ones(50), np.arange(50.0), 0.1))
+
+
+def test_nothing_is_claimed_where_the_input_is_silent() -> None:
+    """Beside a single tone there are gaps, and everything made of the response keeps them."""
+    t = np.arange(2000)
+    u = np.sin(0.3 * t)
+    found = spa(IOData(u, np.roll(u, 1) + 0.1 * np.random.default_rng(0).standard_normal(2000), 0.05))
+    unknown = np.isnan(found.covariance[:, 0, 0, 0, 0])
+    assert 0.2 < np.mean(unknown) < 1.0
+    low, high = found.magnitude_ci95()
+    np.testing.assert_array_equal(np.isnan(low[:, 0, 0]), unknown)
+    np.testing.assert_array_equal(np.isnan(high[:, 0, 0]), unknown)
+    np.testing.assert_array_equal(np.isfinite(found.phase), np.isfinite(found.response))
+    assert found.coherence.min() >= 0.0
+    at_tone = int(np.argmin(np.abs(found.frequencies - 0.3 / (2 * np.pi * 0.05))))
+    assert abs(found.response[at_tone, 0, 0]) == pytest.approx(1.0, rel=0.02)
