@@ -8,6 +8,7 @@ import numpy as np
 from hmtb_twin import JointLog, JointTruth, Truth
 from scenarios.attribution import Attribution
 from scenarios.published import PublishedModel
+from scenarios.sensitivity import OrderEffect
 from sysid import Estimate, FrequencyResponse, IOData, ResidualTest, StateSpace
 
 
@@ -128,6 +129,7 @@ class Comparison:
         logs: Logs of all tests by scenario name.
         failed: Scenarios that failed, with the reason.
         attribution: Why intervals miss the truth, by joint.
+        orders: What the choice of order does to the bandwidth, by joint.
         cost: Time spent.
         estimation_test: Number of the test that models were identified from.
         seed: Seed of the study, None for the scenarios' own seeds.
@@ -140,6 +142,7 @@ class Comparison:
     logs: Mapping[str, JointLog]
     failed: Mapping[str, str]
     attribution: Mapping[str, tuple[Attribution, ...]]
+    orders: Mapping[str, tuple[OrderEffect, ...]]
     cost: Cost
     estimation_test: int
     seed: int | None

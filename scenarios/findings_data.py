@@ -36,16 +36,16 @@ def crossing(response: FrequencyResponse, level: float) -> float:
 
 def gain_and_cutoff(study: Comparison) -> Finding:
     """F1: the gain stays below one and falls off at 6 to 7 rad/s."""
-    cutoff = {name: 2 * np.pi * crossing(entry.etfe, np.sqrt(0.5)) for name, entry in study.joints.items()}
+    cutoff = {name: 2 * np.pi * crossing(entry.spa, np.sqrt(0.5)) for name, entry in study.joints.items()}
     near = sum(abs(cutoff[name] / BREAK_FREQUENCY[name] - 1) <= NEAR for name in cutoff)
-    peak = max(float(entry.etfe.magnitude[entry.etfe.frequencies <= 10.0].max()) for entry in study.joints.values())
+    peak = max(float(entry.spa.magnitude[entry.spa.frequencies <= 10.0].max()) for entry in study.joints.values())
     return Finding(
         "F1",
         "gain below one over the band, low-frequency cutoff near 6 rad/s (yaw) and 7 rad/s (pitches)",
         "III.2A, III.3",
         verdict(near + (peak < 1.0), len(cutoff) + 1),
         cutoff,
-        "rad/s, where the response on the excited lines falls 3 dB below one",
+        "rad/s, where the spectral estimate falls 3 dB below one",
         "6 (yaw), 7 and 7 (pitches)",
         f"the largest gain on the excited lines up to 10 Hz is {peak:.3f}, and {near} of {len(cutoff)} cutoffs lie "
         f"within {100 * NEAR:.0f} % of the thesis' figures",
@@ -56,8 +56,8 @@ def slope(study: Comparison) -> Finding:
     """F2: a second-order slope between the break and 10 rad/s."""
     found = {}
     for name, entry in study.joints.items():
-        f, gain = entry.etfe.frequencies, entry.etfe.magnitude[:, 0, 0]
-        ends = np.array([crossing(entry.etfe, np.sqrt(0.5)), 10.0 / (2 * np.pi)])
+        f, gain = entry.spa.frequencies, entry.spa.magnitude[:, 0, 0]
+        ends = np.array([crossing(entry.spa, np.sqrt(0.5)), 10.0 / (2 * np.pi)])
         decibel = 20 * np.interp(np.log10(ends), np.log10(f), np.log10(gain))
         found[name] = float((decibel[1] - decibel[0]) / (np.log10(ends[1]) - np.log10(ends[0])))
     steep = sum(value <= -30.0 for value in found.values())
@@ -114,18 +114,20 @@ def prbs_looks_white(study: Comparison) -> Finding:
         peak,
         "autocorrelation of the command one file later (100 samples)",
         "white, with small periodic peaks",
-        f"between the peaks the correlation is {rest:.2f} (root mean square, lags 10 to 90): the velocity limit of the "
-        "command takes the corners off; the peaks are as high as the centre because a 100-point file repeats exactly",
+        f"between the peaks the correlation is {rest:.2f} (root mean square, lags 10 to 90), so the command is "
+        "not white; the peaks are as high as the centre because a 100-point file repeats exactly",
     )
 
 
 def pulse_spectra(study: Comparison) -> Finding:
     """F5: with the bipolar ramping pulse the disturbance lies around and below 1 Hz."""
-    low, band = {}, {}
+    low, band, repeated = {}, {}, []
     for name, entry in study.joints.items():
-        spectrum = period_spectra(entry.data[7])
-        f, noise, output = spectrum.frequencies, spectrum.disturbance, spectrum.output
+        spectrum = sysid.spa(entry.data[7])
+        f, noise, output = spectrum.frequencies, _power(spectrum.noise_spectrum), _power(spectrum.output_spectrum)
         low[name] = float(100 * noise[f <= 1.5].sum() / noise.sum())
+        again = period_spectra(entry.data[7])
+        repeated.append(100 * again.disturbance[again.frequencies <= 1.5].sum() / again.disturbance.sum())
         band[name] = float(100 * output[(f >= 0.75) & (f <= 5.25)].sum() / output.sum())
     passed = sum(value > 50 for value in low.values()) + sum(value > 50 for value in band.values())
     shares = ", ".join(f"{value:.0f} %" for value in band.values())
@@ -138,17 +140,22 @@ def pulse_spectra(study: Comparison) -> Finding:
         low,
         "percent of the disturbance power below 1.5 Hz",
         "predominantly around 1 Hz",
-        f"{shares} of the output power lies in 1 to 5 Hz (yaw, shoulder, elbow)",
+        f"{shares} of the output power lies in 1 to 5 Hz (yaw, shoulder, elbow); told apart by repetition instead, "
+        f"{min(repeated):.0f} to {max(repeated):.0f} % of the disturbance lies below 1.5 Hz",
     )
 
 
 def sinusoid_disturbance(study: Comparison) -> Finding:
     """F6: with two sines up to 10 Hz the disturbance lies orders below the output."""
-    found = {}
+    found, repeated = {}, []
     for name, entry in study.joints.items():
-        spectrum = period_spectra(entry.data[4])
-        keep = spectrum.frequencies <= 10.0
-        found[name] = float(np.log10(spectrum.output[keep].sum() / spectrum.disturbance[keep].sum()))
+        spectrum = sysid.spa(entry.data[4])
+        keep = spectrum.frequencies <= 10.5
+        noise, output = _power(spectrum.noise_spectrum)[keep].sum(), _power(spectrum.output_spectrum)[keep].sum()
+        found[name] = float(np.log10(output / noise))
+        again = period_spectra(entry.data[4])
+        near = again.frequencies <= 10.5
+        repeated.append(float(np.log10(again.output[near].sum() / again.disturbance[near].sum())))
     wanted = {"shoulder_yaw": 2.0, "shoulder_pitch": 1.0, "elbow_pitch": 1.0}
     passed = sum(found[name] >= wanted[name] for name in found)
     return Finding(
@@ -160,8 +167,9 @@ def sinusoid_disturbance(study: Comparison) -> Finding:
         found,
         "orders of magnitude between output and disturbance power up to 10 Hz",
         "2 (yaw), 1 (pitches)",
-        "the disturbance is what does not follow the input from one period to the next: noise, rounding, and friction "
-        "that answers them",
+        "the verdict rests on the thesis' own estimator, output less what correlates with the input; its lag window "
+        "leaks where the input has no power. Told apart by repetition from period to period the disturbance lies "
+        f"{min(repeated):.1f} to {max(repeated):.1f} orders below the output: the method decides this finding",
     )
 
 
@@ -177,7 +185,7 @@ def measurement_against_process(study: Comparison) -> Finding:
         "measurement over process disturbance, root mean square, PRBS test",
         "above one, judged from spectra",
         "on the twin both are known: resolver noise and rounding against what the true angle departs from the linear "
-        "truth; the latter is mostly seal friction, which a spectrum cannot tell from noise",
+        "truth; the latter holds seal friction and what is not linear, which a spectrum cannot tell from noise",
     )
 
 
@@ -219,3 +227,11 @@ def _off_diagonal(study: Comparison) -> float:
     response = study.truth.model.frequency_response(f)[:, chosen][:, :, chosen]
     apart = response * ~np.eye(len(chosen), dtype=bool)
     return float(np.linalg.norm(apart) / np.linalg.norm(response))
+
+
+def _power(spectrum: np.ndarray | None) -> np.ndarray:
+    """Density of one channel; what a lag window leaves negative or undetermined counts as nothing."""
+    if spectrum is None:
+        raise ValueError("the spectral estimate has no such spectrum")
+    density = spectrum[:, 0, 0].real
+    return np.where(np.isfinite(density), np.maximum(density, 0.0), 0.0)

@@ -37,7 +37,7 @@ def yaw_armax(study: Comparison) -> Finding:
         },
         "p-values at 25 lags (below 0.01: rejected); distance in the z plane (below 0.1: near)",
         "white, independent, one near cancellation",
-        "12,000 samples with little noise show departures that friction makes and that no linear model can follow",
+        "the tests grow sharper with every sample; how much of the departure is friction is not told apart here",
     )
 
 
@@ -152,7 +152,7 @@ def real_poles(study: Comparison) -> Finding:
         counts,
         "number of roots with an imaginary part, three joints",
         "0; all; some",
-        "the true dominant poles are real; further roots of the larger models are hardly determined by the data",
+        "the dominant poles of the truth are real, so complex ones in a model are not the arm's slow dynamics",
     )
 
 

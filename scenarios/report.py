@@ -18,7 +18,7 @@ from scenarios.comparison import Comparison, JointResult
 from scenarios.drawing import SETTINGS, png, svg
 from scenarios.errors import ScenarioError
 from scenarios.finding import Finding
-from scenarios.results import answer, stands
+from scenarios.results import answer, departures, stands
 
 
 @dataclass(frozen=True)
@@ -104,6 +104,7 @@ def _context(study: Comparison, findings: Sequence[Finding]) -> dict[str, object
         "findings": findings,
         "answer": answer(study),
         "stands": stands(study),
+        "departures": departures(study),
         "overview": overview,
         "arm": arm,
         "no_arm": no_arm,

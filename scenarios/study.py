@@ -26,6 +26,7 @@ from scenarios.provenance import versions
 from scenarios.published import published
 from scenarios.registry import load
 from scenarios.scenario import Scenario
+from scenarios.sensitivity import order_effects
 from scenarios.waveform import POINTS, RATE
 from sysid import FrequencyResponse, IOData, StateSpace, SysidWarning, block_diagonal
 
@@ -128,7 +129,7 @@ def run_study(
     )
     simulation_s = perf_counter() - started
     logs = {log.name: log for log in result.logs}
-    joints, attribution = {}, {}
+    joints, attribution, orders = {}, {}, {}
     steps = len(STUDIED_JOINTS)
     for number, joint in enumerate(STUDIED_JOINTS):
         report("identify", number, steps)
@@ -140,6 +141,7 @@ def run_study(
         with warnings.catch_warnings():
             warnings.simplefilter("ignore", SysidWarning)
             attribution[joint] = attribute(scenario, joint, logs, truth.joint(joint).bandwidth_hz, SUFFICIENT[joint])
+        orders[joint] = order_effects(joints[joint].data[ESTIMATION_TEST], SUFFICIENT[joint][2])
     report("identify", steps, steps)
     return Comparison(
         truth=truth,
@@ -148,6 +150,7 @@ def run_study(
         logs=logs,
         failed=dict(result.failed),
         attribution=attribution,
+        orders=orders,
         cost=Cost(result.physics_seconds, simulation_s, perf_counter() - begin),
         estimation_test=ESTIMATION_TEST,
         seed=seed,

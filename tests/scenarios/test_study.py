@@ -110,3 +110,13 @@ def test_period_spectra_tell_the_disturbance_apart() -> None:
     np.testing.assert_allclose(found.output, 4.0 * found.input, rtol=0.1)
     # White noise of variance 0.01 has the two-sided density 0.01 dt at every frequency.
     assert found.disturbance.mean() == pytest.approx(0.01 * 0.02, rel=0.05)
+
+
+def test_the_effect_of_the_order_is_reported(study: Comparison) -> None:
+    from scenarios.sensitivity import ORDERS, spread
+
+    for name, effects in study.orders.items():
+        assert tuple(entry.orders[:2] for entry in effects) == ORDERS
+        low, high = spread(effects)
+        assert low < high
+        assert study.joints[name].models["oe_high"].bandwidth_hz in [entry.bandwidth_hz for entry in effects]
