@@ -9,7 +9,7 @@ import numpy as np
 import sysid
 from sysid import IOData, SysidWarning
 
-ORDERS = ((2, 2), (3, 3), (4, 3), (4, 4), (5, 4))
+ORDERS = ((2, 2), (3, 3), (3, 4), (4, 3), (5, 3), (4, 4), (5, 4))
 """nb, nf of the output-error models laid side by side, whichever of them is called sufficient."""
 
 

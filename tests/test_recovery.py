@@ -11,6 +11,7 @@ import sysid
 from hmtb_twin import JOINTS, STUDIED_JOINTS, linearize, load_arm, simulate
 from scenarios import load
 from scenarios.attribution import conditions
+from scenarios.preparation import prepared
 from scenarios.study import SUFFICIENT
 
 SEEDS = range(1, 21)
@@ -83,6 +84,6 @@ def test_intervals_cover_the_true_bandwidth_with_noise_and_rounding(truth):
     for log in simulate(runs):
         (joint,) = log.axes
         true = truth.joint(joint)
-        interval = sysid.oe(log.iodata().detrend(), *SUFFICIENT[joint]).bandwidth()
+        interval = sysid.oe(prepared(log, joint), *SUFFICIENT[joint]).bandwidth()
         covered[joint] += int(interval.covers(true.bandwidth_hz)[0, 0])
     assert min(covered.values()) >= 17, covered

@@ -6,6 +6,7 @@ import sysid
 from hmtb_twin import STUDIED_JOINTS, linearize, load_arm, simulate
 from scenarios import load
 from scenarios.attribution import CONDITIONS, conditions
+from scenarios.preparation import prepared
 from scenarios.study import SUFFICIENT
 
 SEEDS = range(1, 21)
@@ -22,7 +23,7 @@ def test_coverage_by_condition():
         found: dict[str, list[float]] = {joint: [] for joint in STUDIED_JOINTS}
         for log in simulate([replace(test, seed=seed) for test in runs.values() for seed in SEEDS]):
             (joint,) = log.axes
-            band = sysid.oe(log.iodata().detrend(), *SUFFICIENT[joint]).bandwidth()
+            band = sysid.oe(prepared(log, joint), *SUFFICIENT[joint]).bandwidth()
             covered[joint] += int(band.covers(truth.joint(joint).bandwidth_hz)[0, 0])
             found[joint].append(float(band.hz[0, 0]))
         cells = [f"{covered[j]} of {len(SEEDS)}, mean {sum(found[j]) / len(SEEDS):.4f} Hz" for j in STUDIED_JOINTS]
