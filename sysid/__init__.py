@@ -3,7 +3,9 @@
 from sysid.armax import armax
 from sysid.arx import arx
 from sysid.compare import ModelFit, compare, fit_percent
+from sysid.cross_validation import CrossValidation, cross_validate
 from sysid.data import IOData
+from sysid.delayest import DelayEstimate, delayest
 from sysid.era import Realisation, era
 from sysid.era_dc import era_dc
 from sysid.errors import SysidError, SysidWarning
@@ -17,12 +19,17 @@ from sysid.polynomials import Polynomials, innovations_form
 from sysid.predict import predict
 from sysid.resid import ResidualTest, resid
 from sysid.residuals import residuals
+from sysid.selstruc import selstruc
 from sysid.simulate import simulate
 from sysid.spa import spa
 from sysid.state_space import StateSpace, block_diagonal
+from sysid.structure_scan import structure_scan
+from sysid.structure_table import StructureTable
 
 __all__ = [
     "Bandwidth",
+    "CrossValidation",
+    "DelayEstimate",
     "Estimate",
     "FrequencyResponse",
     "IOData",
@@ -31,12 +38,15 @@ __all__ = [
     "Realisation",
     "ResidualTest",
     "StateSpace",
+    "StructureTable",
     "SysidError",
     "SysidWarning",
     "armax",
     "arx",
     "block_diagonal",
     "compare",
+    "cross_validate",
+    "delayest",
     "era",
     "era_dc",
     "etfe",
@@ -48,6 +58,8 @@ __all__ = [
     "predict",
     "resid",
     "residuals",
+    "selstruc",
     "simulate",
     "spa",
+    "structure_scan",
 ]

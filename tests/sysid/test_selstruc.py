@@ -1,0 +1,128 @@
+"""Choice of structures: the table against fits one by one, and the right structure found."""
+
+from itertools import product
+
+import numpy as np
+import pytest
+from scipy.signal import lfilter
+
+from sysid import IOData, SysidError, armax, arx, cross_validate, oe, okid, predict, selstruc, structure_scan
+
+A, B = [1, -1.5, 0.7], [0, 0, 1.0, 0.5]
+
+
+def record(seed: int, samples: int = 800, noise: float = 0.5) -> IOData:
+    """ARX 2 2 2."""
+    rng = np.random.default_rng(seed)
+    u, e = rng.standard_normal((2, samples))
+    return IOData(u, lfilter(B, A, u) + noise * lfilter([1.0], A, e), 0.1)
+
+
+def test_the_table_is_what_single_fits_give() -> None:
+    data, fresh = record(0), record(1)
+    table = selstruc(data, range(0, 4), (1, 2, 3), (0, 2), validation=fresh)
+    assert len(table) == 24
+    start = 4  # the longest lag of all candidates: nb = 3, nk = 2
+    for orders, loss, validation in zip(table.orders, table.loss, table.validation, strict=True):
+        na, nb, nk = orders
+        fit = arx(IOData(data.u, data.y, 0.1, window=start), na, nb, nk)
+        errors = lfilter(fit.polynomials.A, 1, data.y[:, 0]) - lfilter(fit.polynomials.B, 1, data.u[:, 0])
+        assert loss == pytest.approx(np.mean(errors[start:] ** 2), rel=1e-9)
+        errors = lfilter(fit.polynomials.A, 1, fresh.y[:, 0]) - lfilter(fit.polynomials.B, 1, fresh.u[:, 0])
+        assert validation == pytest.approx(np.mean(errors[start:] ** 2), rel=1e-9)
+    n, p, v = table.samples, table.parameters, table.loss
+    assert n == 796
+    np.testing.assert_allclose(table.aic, np.log(v) + 2 * p / n)
+    np.testing.assert_allclose(table.bic, np.log(v) + p * np.log(n) / n)
+    np.testing.assert_allclose(table.mdl, v * (1 + p * np.log(n) / n))
+    np.testing.assert_allclose(table.fpe, v * (n + p) / (n - p))
+    assert (np.diff(table.validation) >= 0).all()
+
+
+def test_the_right_structure_is_found() -> None:
+    """BIC is consistent, AIC at least does not choose too little."""
+    right = 0
+    for seed in range(20):
+        table = selstruc(record(seed), range(1, 6), range(1, 6), range(0, 4))
+        right += table.chosen == {"na": 2, "nb": 2, "nk": 2}
+        assert table.best(table.aic)["na"] >= 2
+    assert right >= 18
+
+
+def test_folds_are_fits_to_the_other_parts() -> None:
+    data = record(3, 400)
+    table = selstruc(data, (1, 2), 2, 2, folds=4)
+    columns = np.array([[-data.y[t - 1, 0], -data.y[t - 2, 0], *data.u[t - 3 : t - 1, 0][::-1]] for t in range(3, 400)])
+    total = 0.0
+    for part in np.array_split(np.arange(397), 4):
+        others = np.setdiff1d(np.arange(397), part)
+        theta = np.linalg.lstsq(columns[others], data.y[3:, 0][others], rcond=None)[0]
+        total += float(np.sum((data.y[3:, 0][part] - columns[part] @ theta) ** 2))
+    assert table.validation[table.orders.index((2, 2, 2))] == pytest.approx(total / 397, rel=1e-9)
+    assert table.best(table.validation)["na"] == 2
+
+
+def test_without_noise_the_smallest_exact_structure_wins() -> None:
+    data = record(0, noise=0.0)[50:]
+    assert selstruc(data, range(1, 5), range(1, 5), range(0, 4)).chosen == {"na": 2, "nb": 2, "nk": 2}
+    # an output-error structure has as many
+    table = structure_scan(oe, data, ("nb", "nf", "nk"), product((1, 2, 3), (1, 2, 3), (1, 2)))
+    assert table.chosen == {"nb": 2, "nf": 2, "nk": 2}
+
+
+def test_two_inputs_with_orders_of_their_own() -> None:
+    rng = np.random.default_rng(5)
+    u = rng.standard_normal((1500, 2))
+    forced = lfilter([0, 1.0], 1, u[:, 0]) + lfilter([0, 0, 0, 0.8, 0.4], 1, u[:, 1])
+    y = lfilter([1.0], [1, -0.8], forced + 0.3 * rng.standard_normal(1500))
+    data = IOData(u, y, 0.1)
+    table = selstruc(data, (1, 2), [(1, 1), (1, 2), (2, 2)], [(1, 1), (1, 3), (3, 3)])
+    assert table.chosen == {"na": 1, "nb": (1, 2), "nk": (1, 3)}
+
+
+def test_any_estimator() -> None:
+    data, fresh = record(0), record(1)
+    table = structure_scan(
+        armax, data, ("na", "nb", "nc", "nk"), [(1, 1, 1, 2), (2, 2, 0, 2), (400, 300, 300, 1)], validation=fresh
+    )
+    assert table.chosen == {"na": 2, "nb": 2, "nc": 0, "nk": 2}
+    assert "too many orders" in table.failed[0][1]
+    fit = armax(data, 2, 2, 0, 2)
+    assert table.validation[0] == pytest.approx(float(np.mean((fresh.y - predict(fit, fresh)) ** 2)), rel=1e-9)
+    assert "validation" in str(table)
+    by_order = structure_scan(lambda d, n: okid(d, n, p=8), data, ("order",), [(n,) for n in range(1, 6)])
+    assert by_order.chosen["order"] in (2, 3)
+
+
+def test_cross_validation_scores_what_was_left_out() -> None:
+    data = record(2, 1000)
+    found = cross_validate(lambda parts: arx(parts, 2, 2, 2), data, folds=4)
+    assert len(found.fits) == 4
+    one = arx([data[:250], data[500:750], data[750:]], 2, 2, 2)
+    np.testing.assert_allclose(found.estimates[1].parameters, one.parameters, rtol=1e-10)
+    np.testing.assert_allclose(found.one_step, np.mean([f.one_step for f in found.fits], axis=0))
+    small = cross_validate(lambda parts: arx(parts, 1, 1, 1), data, folds=4)
+    assert found.one_step[0] > small.one_step[0] + 5
+    experiments = [record(seed, 300) for seed in range(3)]
+    assert len(cross_validate(lambda parts: arx(parts, 2, 2, 2), experiments).fits) == 3
+
+
+def test_refusals() -> None:
+    data = record(0, 60)
+    with pytest.raises(SysidError, match="too many orders"):
+        selstruc(data, (1, 40), (1, 30))
+    with pytest.raises(SysidError, match="at least one value"):
+        selstruc(data, (), 1)
+    with pytest.raises(SysidError, match="not both"):
+        selstruc(data, 1, 1, validation=data, folds=3)
+    with pytest.raises(SysidError, match="folds must be"):
+        selstruc(data, 1, 1, folds=1)
+    with pytest.raises(SysidError, match="expected the orders nb, nf"):
+        structure_scan(oe, data, ("nb", "nf"), [(1, 2, 3)])
+    with pytest.raises(SysidError, match="could be fitted"):
+        structure_scan(oe, data, ("nb", "nf"), [(100, 100)])
+    with pytest.raises(SysidError, match="no candidate has a finite value"):
+        table = selstruc(data, 1, 1)
+        table.best(table.validation)
+    with pytest.raises(SysidError, match="folds must be"):
+        cross_validate(lambda parts: arx(parts, 1, 1), data, folds=1)
