@@ -45,7 +45,7 @@ def prediction_error_estimate(
         coloured: Whether the covariance allows for errors that are not white.
 
     Warns:
-        SysidWarning: Poor excitation, no convergence, bad conditioning, roots of C or F at the unit circle.
+        SysidWarning: Poor excitation, no convergence, bad conditioning, roots of C, D or F at the unit circle.
     """
     check_single_output(experiments)
     transients = max(orders.nc, orders.nd) + sum(orders.nf)
@@ -102,9 +102,9 @@ def covariance_of(at: Linearisation, variance: float) -> tuple[FloatArray, float
 
 
 def _near_unit_circle(orders: Orders, theta: FloatArray) -> list[str]:
-    _, _, c, _, f = orders.split(theta)
+    _, _, c, d, f = orders.split(theta)
     texts = []
-    for name, polynomial in [("C", c), *(("F", fj) for fj in f)]:
+    for name, polynomial in [("C", c), ("D", d), *(("F", fj) for fj in f)]:
         radius = float(np.abs(np.roots(polynomial)).max(initial=0.0))
         if radius > 1.0 - 1e-4:
             texts.append(f"{name} has a root of modulus {radius:.7f}, at the edge of stability: intervals may not hold")

@@ -65,12 +65,12 @@ class Minimum:
 
 
 def minimise(experiments: Sequence[IOData], orders: Orders, start: FloatArray, *, max_iterations: int = 100) -> Minimum:
-    """Levenberg-Marquardt with exact gradients; C and every F stay stable at every accepted step [More1978].
+    """Levenberg-Marquardt with exact gradients; C, D and every F stay stable at every accepted step [More1978].
 
     Args:
         experiments: Single-output experiments.
         orders: The structure.
-        start: Initial parameters (p,), C and F stable.
+        start: Initial parameters (p,), C, D and F stable.
         max_iterations: Accepted steps at most.
     """
     energy = sum(float(e.y[:, 0] @ e.y[:, 0]) for e in experiments)
@@ -121,11 +121,11 @@ def minimise(experiments: Sequence[IOData], orders: Orders, start: FloatArray, *
 
 
 def admissible(orders: Orders, theta: FloatArray) -> bool:
-    """Whether the predictor is stable: C and every F have their roots inside the unit circle."""
+    """Whether predictor and disturbance are stable: C, D and every F have their roots inside the unit circle."""
     if not np.isfinite(theta).all():
         return False
-    _, _, c, _, f = orders.split(theta)
-    return is_stable(c, STABILITY_MARGIN) and all(is_stable(fj, STABILITY_MARGIN) for fj in f)
+    _, _, c, d, f = orders.split(theta)
+    return all(is_stable(polynomial, STABILITY_MARGIN) for polynomial in (c, d, *f))
 
 
 def coloured_information(experiments: Sequence[IOData], orders: Orders, theta: FloatArray, order: int) -> FloatArray:

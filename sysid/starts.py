@@ -89,6 +89,12 @@ def long_arx(experiments: Sequence[IOData], orders: Orders, n: int) -> tuple[Flo
     ]
 
 
+def arx_errors(experiment: IOData, a: FloatArray, b: Sequence[FloatArray]) -> FloatArray:
+    """Prediction errors of an ARX model from rest (N,)."""
+    inputs = sum(lfilter(bj, [1.0], experiment.u[:, j]) for j, bj in enumerate(b))
+    return np.asarray(lfilter(a, [1.0], experiment.y[:, 0]) - inputs)
+
+
 def hannan_rissanen(experiments: Sequence[IOData], orders: Orders, n: int) -> FloatArray:
     """ARMAX: residuals of a long ARX model stand in for e, then one least squares [HannanRissanen1982].
 
@@ -101,7 +107,7 @@ def hannan_rissanen(experiments: Sequence[IOData], orders: Orders, n: int) -> Fl
     rows, targets = [], []
     for e in experiments:
         y = e.y[:, 0]
-        errors = lfilter(a, [1.0], y) - sum(lfilter(bj, [1.0], e.u[:, j]) for j, bj in enumerate(b))
+        errors = arx_errors(e, a, b)
         start = max(e.window, n + max(orders.nk)) + orders.nc
         rows.append(
             np.hstack(
@@ -151,13 +157,13 @@ def oe_starts(experiments: Sequence[IOData], orders: Orders) -> list[Start]:
     clean = simulated_outputs(experiments, *long_arx(experiments, orders, n))
     starts = []
     for name, target in (("arx", y), (f"simulated ARX ({n})", clean)):
-        theta = _steiglitz_mcbride(experiments, orders, target, 0)
+        theta = steiglitz_mcbride(experiments, orders, target, 0)
         starts.append(Start(name, theta))
-        starts.append(Start(f"Steiglitz-McBride from {name}", _steiglitz_mcbride(experiments, orders, target, 8)))
+        starts.append(Start(f"Steiglitz-McBride from {name}", steiglitz_mcbride(experiments, orders, target, 8)))
     starts.append(
         Start(
             f"Steiglitz-McBride on data from simulated ARX ({n})",
-            _steiglitz_mcbride(experiments, orders, y, 8, starts[2].theta),
+            steiglitz_mcbride(experiments, orders, y, 8, starts[2].theta),
         )
     )
     return starts
@@ -167,7 +173,7 @@ def _armax(orders: Orders, arx_theta: FloatArray) -> FloatArray:
     return np.concatenate((arx_theta, np.zeros(orders.nc)))
 
 
-def _steiglitz_mcbride(
+def steiglitz_mcbride(
     experiments: Sequence[IOData],
     orders: Orders,
     y: Sequence[FloatArray],

@@ -1,4 +1,4 @@
-"""Efficiency, coverage and time of the prediction-error estimators on the three shared problems.
+"""Efficiency, coverage and time of the prediction-error estimators, each on problems of its class.
 
 Run by hand: `python tests/benchmarks/efficiency.py [draws]`. Per problem it writes the mean of error' J error / p (1 is
 the Cramer-Rao bound), the coverage of nominal 95 % intervals of parameters and bandwidth, the number of unstable models
@@ -29,10 +29,9 @@ def problems() -> ModuleType:
     return module
 
 
-def measure(problem: Any, orders: tuple[int, ...], draws: int) -> dict[str, float]:
+def measure(problem: Any, estimator: Any, orders: tuple[int, ...], draws: int) -> dict[str, float]:
     """Run one problem over `draws` noise realisations."""
     information, hz = problem.information(), problem.model.bandwidth()[0, 0]
-    estimator: Any = sysid.oe if len(orders) == 3 else sysid.armax
     errors, covered, bandwidths, seconds = [], [], [], []
     unstable = failed = 0
     for seed in range(draws):
@@ -58,13 +57,20 @@ def measure(problem: Any, orders: tuple[int, ...], draws: int) -> dict[str, floa
 
 
 def main() -> None:
-    """Measure all three and write a line per figure."""
+    """Measure all and write a line per figure."""
     draws = int(sys.argv[1]) if len(sys.argv) > 1 else 400
     made = problems()
-    for name, orders in (("p1", (5, 3, 5, 2)), ("p2", (2, 2, 1)), ("p3", (2, 2, 2, 1))):
+    plan = {
+        "p1": (sysid.armax, (5, 3, 5, 2)),
+        "p2": (sysid.oe, (2, 2, 1)),
+        "p3": (sysid.armax, (2, 2, 2, 1)),
+        "p4": (sysid.bj, (2, 2, 2, 2, 1)),
+        "p5": (sysid.arx, (3, 3, 2)),
+    }
+    for name, (estimator, orders) in plan.items():
         problem = getattr(made, f"make_{name}")()
-        for figure, value in measure(problem, orders, draws).items():
-            sys.stdout.write(f"{name}  {figure:24s}{value:10.3f}\n")
+        for figure, value in measure(problem, estimator, orders, draws).items():
+            sys.stdout.write(f"{name} {estimator.__name__:6s}{figure:24s}{value:10.3f}\n")
         sys.stdout.flush()
 
 

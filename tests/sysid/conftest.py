@@ -23,17 +23,22 @@ def binary_sequence(samples: int, hold: int, bits: int = 12) -> Array:
 
 @dataclass(frozen=True, eq=False)
 class Problem:
-    """A single-input system A y = B/F u + C e with its input and noise variance; records begin in steady state."""
+    """A single-input system A y = B/F u + C/D e with its input and noise variance; records begin in steady state."""
 
     A: Array
     B: Array
     C: Array
+    D: Array
     F: Array
     nk: int
     samples: int
     hold: int
     variance: float
-    parameters: Array
+
+    @property
+    def parameters(self) -> Array:
+        """True parameters in the order A, B, C, D, F."""
+        return np.concatenate((self.A[1:], self.B[self.nk :], self.C[1:], self.D[1:], self.F[1:]))
 
     @property
     def input(self) -> Array:
@@ -48,51 +53,64 @@ class Problem:
     @property
     def model(self) -> sysid.StateSpace:
         """The truth."""
-        polynomials = sysid.Polynomials(self.A, self.B, self.C, np.ones(1), self.F)
+        polynomials = sysid.Polynomials(self.A, self.B, self.C, self.D, self.F)
         return sysid.innovations_form(polynomials, DT, self.variance)
+
+    def output(self, e: Array) -> Array:
+        """Output for innovations with the burn-in in front."""
+        return self.noise_free + lfilter(self.C, np.convolve(self.A, self.D), e)
+
+    def innovations(self, seed: int) -> Array:
+        """White noise of the right variance, burn-in in front."""
+        return np.random.default_rng(seed).standard_normal(self.samples + BURN_IN) * np.sqrt(self.variance)
 
     def draw(self, seed: int) -> sysid.IOData:
         """One noise realisation."""
-        e = np.random.default_rng(seed).standard_normal(self.samples + BURN_IN) * np.sqrt(self.variance)
-        y = self.noise_free + lfilter(self.C, self.A, e)
-        return sysid.IOData(self.input[BURN_IN:], y[BURN_IN:], DT)
+        return sysid.IOData(self.input[BURN_IN:], self.output(self.innovations(seed))[BURN_IN:], DT)
 
     def information(self) -> Array:
         """Fisher information of the parameters, averaged over five noise draws."""
         total = np.zeros((len(self.parameters),) * 2)
-        nb, nc = len(self.B) - self.nk, len(self.C) - 1
+        orders = [len(p) - 1 for p in (self.A, self.C, self.D, self.F)]
+
+        def past(signal: Array, lags: range) -> list[Array]:
+            return [np.concatenate((np.zeros(lag), signal[: len(signal) - lag])) for lag in lags]
+
+        na, nc, nd, nf = (range(1, n + 1) for n in orders)
+        cf = np.convolve(self.C, self.F)
         for seed in range(5):
-            e = np.random.default_rng(90_000 + seed).standard_normal(self.samples + BURN_IN) * np.sqrt(self.variance)
-            y, u = self.noise_free + lfilter(self.C, self.A, e), self.input
-
-            def past(signal: Array, lag: int) -> Array:
-                return np.concatenate((np.zeros(lag), signal[: len(signal) - lag]))
-
-            if len(self.F) > 1:
-                uf, wf = lfilter([1.0], self.F, u), lfilter([1.0], self.F, self.noise_free)
-                rows = [past(uf, self.nk + k) for k in range(nb)] + [-past(wf, k) for k in range(1, len(self.F))]
-            else:
-                yf, uf, ef = (lfilter([1.0], self.C, x) for x in (y, u, e))
-                rows = [-past(yf, k) for k in range(1, len(self.A))]
-                rows += [past(uf, self.nk + k) for k in range(nb)] + [past(ef, k) for k in range(1, nc + 1)]
+            e = self.innovations(90_000 + seed)
+            w, v = lfilter(self.B, self.F, self.input), lfilter(self.C, self.D, e)
+            rows = past(-lfilter(self.D, self.C, self.output(e)), na)
+            rows += past(lfilter(self.D, cf, self.input), range(self.nk, len(self.B)))
+            rows += past(lfilter([1.0], self.C, e), nc) + past(-lfilter([1.0], self.C, v), nd)
+            rows += past(-lfilter(self.D, cf, w), nf)
             psi = np.array(rows)[:, BURN_IN:]
             total += psi @ psi.T / self.variance / 5
         return total
 
 
 def _problem(
-    A: Array, B: Array, C: Array, F: Array, nk: int, samples: int, hold: int, variance: float | None
+    A: Array,
+    B: Array,
+    C: Array,
+    F: Array,
+    nk: int,
+    samples: int,
+    hold: int,
+    variance: float | None,
+    D: Array | None = None,
 ) -> Problem:
     """Noise 20 dB below the output where no variance is given."""
     b = np.concatenate((np.zeros(nk), B))
-    parameters = np.concatenate((B, F[1:])) if len(F) > 1 else np.concatenate((A[1:], B, C[1:]))
-    draft = Problem(A, b, C, F, nk, samples, hold, 1.0, parameters)
+    noise = np.ones(1) if D is None else D
+    draft = Problem(A, b, C, noise, F, nk, samples, hold, 1.0)
     if variance is None:
         pulse = np.zeros(5000)
         pulse[0] = 1.0
-        gain = float(np.sum(lfilter(C, A, pulse) ** 2))
+        gain = float(np.sum(lfilter(C, np.convolve(A, noise), pulse) ** 2))
         variance = float(np.var(draft.noise_free[BURN_IN:])) / 100.0 / gain
-    return Problem(A, b, C, F, nk, samples, hold, variance, parameters)
+    return Problem(A, b, C, noise, F, nk, samples, hold, variance)
 
 
 def make_p1() -> Problem:
@@ -114,6 +132,19 @@ def make_p3() -> Problem:
     return _problem(np.array([1, -1.5, 0.7]), np.array([1.0, 0.5]), c, np.ones(1), 1, 2000, 1, 1.0)
 
 
+def make_p4() -> Problem:
+    """The plant of P2 under a resonant disturbance: a Box-Jenkins system."""
+    c, d, f = np.array([1, -0.8, 0.2]), np.array([1, -1.5, 0.7]), np.array([1, -0.9776, 0.07922])
+    return _problem(np.ones(1), np.array([0.03459, 0.07584]), c, f, 1, 3000, 5, None, d)
+
+
+def make_p5() -> Problem:
+    """A third-order ARX system with a delay of two."""
+    one = np.ones(1)
+    a = np.array(np.poly([0.9 * np.exp(0.4j), 0.9 * np.exp(-0.4j), 0.6]).real)
+    return _problem(a, np.array([0.5, -0.2, 0.1]), one, one, 2, 2000, 2, None)
+
+
 @pytest.fixture(scope="session")
 def p1() -> Problem:
     """See `make_p1`."""
@@ -130,6 +161,18 @@ def p2() -> Problem:
 def p3() -> Problem:
     """See `make_p3`."""
     return make_p3()
+
+
+@pytest.fixture(scope="session")
+def p4() -> Problem:
+    """See `make_p4`."""
+    return make_p4()
+
+
+@pytest.fixture(scope="session")
+def p5() -> Problem:
+    """See `make_p5`."""
+    return make_p5()
 
 
 @dataclass(frozen=True, eq=False)

@@ -1,0 +1,48 @@
+"""Box-Jenkins models by the prediction-error method."""
+
+from collections.abc import Sequence
+
+from sysid.bj_starts import bj_starts
+from sysid.data import IOData, as_experiments
+from sysid.estimate import Estimate
+from sysid.minimised_estimate import prediction_error_estimate
+from sysid.orders import make_orders
+
+
+def bj(
+    data: IOData | Sequence[IOData],
+    nb: int | Sequence[int],
+    nc: int,
+    nd: int,
+    nf: int | Sequence[int],
+    nk: int | Sequence[int] = 1,
+    *,
+    max_iterations: int = 100,
+) -> Estimate:
+    """Fit y = B(q)/F(q) u + C(q)/D(q) e by minimising the one-step prediction errors [Ljung1999, eqs. 4.31, 10.40].
+
+    C, D and F stay stable at every step; the unknown past of each experiment is projected out. The path from the input
+    has a model of its own, so that a poor model of the disturbance does not bias it.
+
+    Args:
+        data: One experiment, or several that share the model.
+        nb: Number of coefficients of B, one for all inputs or one per input.
+        nc: Degree of C.
+        nd: Degree of D.
+        nf: Degree of F, one for all inputs or one per input.
+        nk: Delay in samples, likewise; nk = 1 means y(t) depends on u(t-1) first, nk = 0 gives a direct term.
+        max_iterations: Steps of the final minimisation at most.
+
+    Returns:
+        The estimate; parameters b1.., c1.., d1.., f1...
+
+    Raises:
+        SysidError: Constant input, several outputs, orders negative or too many for the data.
+
+    Warns:
+        SysidWarning: Poor excitation, no convergence, bad conditioning, C, D or F at the edge of stability.
+    """
+    experiments = as_experiments(data)
+    orders = make_orders(experiments[0].nu, nb=nb, nc=nc, nd=nd, nf=nf, nk=nk)
+    asked = {"nb": orders.nb, "nc": orders.nc, "nd": orders.nd, "nf": orders.nf, "nk": orders.nk}
+    return prediction_error_estimate("bj", experiments, orders, asked, bj_starts, max_iterations=max_iterations)

@@ -1,0 +1,73 @@
+"""Box-Jenkins: exact recovery, efficiency, coverage, stability."""
+
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+import pytest
+from scipy.signal import lfilter
+
+from sysid import IOData, SysidError, bj, oe
+
+GRID = np.linspace(0.1, 24.0, 40)
+
+
+@pytest.mark.filterwarnings("ignore:the parameters are poorly determined", "ignore:[CD] has a root")
+@pytest.mark.parametrize("nk", range(4))
+@pytest.mark.parametrize("order", range(1, 7))
+def test_exact_without_noise(exact_system: Callable[[int, int], Any], order: int, nk: int) -> None:
+    truth = exact_system(order, nk)
+    estimate = bj(truth.data, order, 1, 1, order, nk)
+    g = truth.response(GRID)
+    np.testing.assert_allclose(estimate.model.frequency_response(GRID)[:, 0, 0], g, atol=1e-8 * np.abs(g).max())
+    assert estimate.diagnostics["converged"]
+
+
+def test_efficient_and_covered(p4: Any) -> None:
+    information = p4.information()
+    true_hz = p4.model.bandwidth()[0, 0]
+    normalised, hits, bandwidths = [], [], []
+    for seed in range(100):
+        estimate = bj(p4.draw(seed), 2, 2, 2, 2)
+        error = estimate.parameters - p4.parameters
+        normalised.append(error @ information @ error / len(error))
+        hits.append(np.abs(error) <= 1.96 * np.sqrt(np.diag(estimate.covariance)))
+        bandwidths.append(bool(estimate.bandwidth().covers(true_hz)[0, 0]))
+        assert estimate.diagnostics["converged"]
+        assert estimate.model.is_stable()
+    # three standard deviations of a mean of 100 chi-squares / 8
+    assert 0.85 < np.mean(normalised) < 1.15
+    assert 0.92 < np.mean(hits) < 0.975
+    assert np.mean(bandwidths) > 0.88
+
+
+def test_without_disturbance_model_is_output_error(p2: Any) -> None:
+    data = p2.draw(0)
+    np.testing.assert_allclose(bj(data, 2, 0, 0, 2).parameters, oe(data, 2, 2).parameters, rtol=1e-5)
+
+
+def test_two_inputs_two_experiments() -> None:
+    rng = np.random.default_rng(0)
+    u = rng.standard_normal((3000, 2))
+    y = lfilter([0, 1.0], [1, -0.9], u[:, 0]) + lfilter([0, 0, 0.5, 0.2], [1, -0.5, 0.3], u[:, 1])
+    y += lfilter([1, 0.5], [1, -0.8], 0.3 * rng.standard_normal(3000))
+    data = IOData(u, y, 0.1)
+    estimate = bj([data[100:1500], data[1500:]], [1, 2], 1, 1, [1, 2], [1, 2])
+    truth = np.array([1.0, 0.5, 0.2, 0.5, -0.8, -0.9, -0.5, 0.3])
+    assert estimate.parameter_names == ("b1[1]", "b1[2]", "b2[2]", "c1", "d1", "f1[1]", "f1[2]", "f2[2]")
+    assert np.all(np.abs(estimate.parameters - truth) < 4 * np.sqrt(np.diag(estimate.covariance)))
+    assert estimate.noise_variance[0, 0] == pytest.approx(0.09, rel=0.12)
+
+
+@pytest.mark.filterwarnings("ignore:bj did not converge", "ignore:D has a root")
+def test_a_drifting_disturbance_leaves_the_model_stable() -> None:
+    rng = np.random.default_rng(3)
+    u, e = rng.standard_normal((2, 800))
+    estimate = bj(IOData(u, lfilter([0, 1.0], [1, -0.7], u) + np.cumsum(e), 0.1), 1, 1, 1, 1)
+    assert estimate.model.is_stable()
+    np.testing.assert_allclose(estimate.polynomials.D, [1, -1], atol=0.02)
+
+
+def test_too_many_orders(p4: Any) -> None:
+    with pytest.raises(SysidError, match="too many orders for the data"):
+        bj(p4.draw(0)[:20], 4, 4, 4, 4)
