@@ -14,6 +14,7 @@ from sysid.estimate import Bandwidth, Estimate
 from sysid.etfe import etfe
 from sysid.excitation import order_of_excitation
 from sysid.frequency import FrequencyResponse
+from sysid.iv4 import iv4
 from sysid.oe import oe
 from sysid.okid import okid
 from sysid.polynomials import Polynomials, innovations_form
@@ -54,6 +55,7 @@ __all__ = [
     "etfe",
     "fit_percent",
     "innovations_form",
+    "iv4",
     "oe",
     "okid",
     "order_of_excitation",

@@ -1,0 +1,128 @@
+"""The four-stage instrumental-variable method."""
+
+import warnings
+from collections.abc import Sequence
+
+import numpy as np
+from scipy.signal import lfilter
+
+from sysid.arrays import FloatArray
+from sysid.arx import arx_solution
+from sysid.data import IOData, as_experiments
+from sysid.errors import SysidWarning
+from sysid.estimate import Estimate
+from sysid.excitation import check_excitation
+from sysid.least_squares import LeastSquares, solve
+from sysid.orders import Orders, make_orders
+from sysid.polynomial_estimate import check_enough_data, check_single_output, make_estimate
+from sysid.regressors import arx_regressors, lagged, output_lags
+from sysid.starts import arx_errors, simulated_outputs
+
+ROWS_PER_COEFFICIENT = 10  # of the disturbance model, at least
+
+
+def iv4(data: IOData | Sequence[IOData], na: int, nb: int | Sequence[int], nk: int | Sequence[int] = 1) -> Estimate:
+    """Fit A(q) y = B(q) u + v, v of any colour, by instruments that are simulated [Ljung1999, sec. 15.3].
+
+    Least squares; instruments from that model; an autoregressive model L of the disturbance v that is left; filtered
+    data with instruments from the second model. The last stage reaches the accuracy of the prediction-error method
+    where L describes v, and needs no search [Soderstrom1989, ch. 8]. Open loop only: the instruments rest on an input
+    that knows nothing of v.
+
+    The model is given with the disturbance model 1/A, as for ARX: its `noise_variance` and residuals are those of
+    A y - B u, which need not be white. The whitener L is in the diagnostics.
+
+    Args:
+        data: One experiment, or several that share the model.
+        na: Degree of A.
+        nb: Number of coefficients of B, one for all inputs or one per input.
+        nk: Delay in samples, likewise; nk = 1 means y(t) depends on u(t-1) first, nk = 0 gives a direct term.
+
+    Returns:
+        The estimate; parameters a1.., b1...
+
+    Raises:
+        SysidError: Constant input, several outputs, orders negative or too many for the data.
+
+    Warns:
+        SysidWarning: The input excites too little, or the instruments hardly correlate with the regressors.
+    """
+    experiments = as_experiments(data)
+    check_single_output(experiments)
+    orders = make_orders(experiments[0].nu, na=na, nb=nb, nk=nk)
+    texts = check_excitation(experiments, [n + orders.na for n in orders.nb])
+    usable = check_enough_data(experiments, orders, transients=0)
+    rows = [orders.first_row(e.window) for e in experiments]
+    y, u = [e.y[:, 0] for e in experiments], [e.u for e in experiments]
+
+    theta = arx_solution(y, u, orders.na, orders.nb, orders.nk, rows)
+    theta = _instrumented(experiments, orders, theta, np.ones(1)).solution[:, 0]
+    order = min(orders.count, min(usable, *(len(e) for e in experiments)) // ROWS_PER_COEFFICIENT)
+    whitener = _whitener(_disturbances(experiments, orders, theta), order)
+    fit = _instrumented(experiments, orders, theta, whitener)
+
+    theta = fit.solution[:, 0]
+    disturbances = _disturbances(experiments, orders, theta)
+    innovations = np.concatenate([lfilter(whitener, [1.0], v)[order:] for v in disturbances])
+    freedom = max(len(innovations) - orders.count, 1)
+    if fit.rank < orders.count:
+        texts.append(
+            f"the instruments have rank {fit.rank} for {orders.count} parameters: the solution of least norm is given"
+        )
+    for text in texts:
+        warnings.warn(text, SysidWarning, stacklevel=2)
+    return make_estimate(
+        "iv4",
+        experiments,
+        orders,
+        {"na": orders.na, "nb": orders.nb, "nk": orders.nk},
+        theta=theta,
+        covariance=float(innovations @ innovations) / freedom * fit.inverse_gram,
+        variance=sum(float(v @ v) for v in disturbances) / (usable - orders.count),
+        diagnostics={
+            "condition": fit.condition,
+            "rank": fit.rank,
+            "iterations": 0,
+            "converged": True,
+            "whitener": whitener,
+        },
+        texts=texts,
+    )
+
+
+def _instrumented(
+    experiments: Sequence[IOData], orders: Orders, theta: FloatArray, whitener: FloatArray
+) -> LeastSquares:
+    """Solve Z' (y - Phi theta) = 0 on data filtered by the whitener, Z made of outputs simulated with `theta`.
+
+    An orthonormal basis Q of Z stands in for it: Q' Phi is no worse conditioned than Phi, and the covariance is that of
+    least squares with the regressors Q' Phi.
+    """
+    a, b, *_ = orders.split(theta)
+    order = len(whitener) - 1
+    instruments, regressors, targets = [], [], []
+    for e, clean in zip(experiments, simulated_outputs(experiments, a, b), strict=True):
+        x, y = lfilter(whitener, [1.0], clean), lfilter(whitener, [1.0], e.y[:, 0])
+        u = lfilter(whitener, [1.0], e.u, axis=0)
+        # the filter's own first samples rest on zeros
+        start = orders.first_row(e.window) + order
+        instruments.append(arx_regressors(x, u, orders.na, orders.nb, orders.nk, start))
+        regressors.append(arx_regressors(y, u, orders.na, orders.nb, orders.nk, start))
+        targets.append(y[start:])
+    z = np.vstack(instruments)
+    lengths = np.linalg.norm(z, axis=0)
+    basis, _ = np.linalg.qr(z / np.where(lengths > 0.0, lengths, 1.0))
+    return solve(basis.T @ np.vstack(regressors), (basis.T @ np.concatenate(targets))[:, None])
+
+
+def _disturbances(experiments: Sequence[IOData], orders: Orders, theta: FloatArray) -> list[FloatArray]:
+    """A y - B u of each experiment, from the first row that needs no sample from before the record."""
+    a, b, *_ = orders.split(theta)
+    return [arx_errors(e, a, b)[orders.first_row(e.window) :] for e in experiments]
+
+
+def _whitener(disturbances: Sequence[FloatArray], order: int) -> FloatArray:
+    """1, l1, ..., of the autoregressive model of the disturbances, by least squares (order + 1,)."""
+    phi = np.vstack([-lagged(v, output_lags(order), order) for v in disturbances])
+    target = np.concatenate([v[order:] for v in disturbances])
+    return np.concatenate(([1.0], solve(phi, target[:, None]).solution[:, 0]))

@@ -1,0 +1,81 @@
+"""Instrumental variables: exact recovery, no bias under coloured noise, the accuracy it promises."""
+
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+import pytest
+from scipy.signal import lfilter
+
+from sysid import IOData, SysidError, arx, iv4
+
+GRID = np.linspace(0.1, 24.0, 40)
+A, B = np.array([1, -1.5, 0.7]), np.array([0, 1.0, 0.5])
+TRUTH = np.array([-1.5, 0.7, 1.0, 0.5])
+
+
+def coloured(seed: int, samples: int = 1000) -> IOData:
+    """A y = B u + v with v autoregressive, which least squares is biased by."""
+    rng = np.random.default_rng(seed)
+    u, e = rng.standard_normal((2, samples + 200))
+    v = lfilter([1.0], [1, 0.5, 0.7], e)
+    return IOData(u, lfilter(B, A, u) + lfilter([1.0], A, v), 0.1)[200:]
+
+
+@pytest.mark.parametrize("nk", range(4))
+@pytest.mark.parametrize("order", range(1, 7))
+def test_exact_without_noise(exact_system: Callable[[int, int], Any], order: int, nk: int) -> None:
+    truth = exact_system(order, nk)
+    estimate = iv4(truth.data, order, order, nk)
+    g = truth.response(GRID)
+    np.testing.assert_allclose(estimate.model.frequency_response(GRID)[:, 0, 0], g, atol=1e-8 * np.abs(g).max())
+
+
+def test_efficient_and_covered_where_least_squares_is_biased() -> None:
+    """The whitened instruments, with the true model, give the asymptotic covariance of the method."""
+    errors, normalised, hits, biased = [], [], [], []
+    for seed in range(300):
+        data = coloured(seed)
+        estimate = iv4(data, 2, 2)
+        error = estimate.parameters - TRUTH
+        errors.append(error)
+        normalised.append(error @ np.linalg.solve(estimate.covariance, error) / 4)
+        hits.append(np.abs(error) <= 1.96 * np.sqrt(np.diag(estimate.covariance)))
+        biased.append(arx(data, 2, 2).parameters - TRUTH)
+    deviation = np.std(errors, axis=0)
+    assert np.all(np.abs(np.mean(errors, axis=0)) < 4 * deviation / np.sqrt(300))
+    assert np.any(np.abs(np.mean(biased, axis=0)) > 2 * deviation)
+    # three standard deviations of a mean of 300 chi-squares / 4, and of 1200 correlated hits
+    assert 0.88 < np.mean(normalised) < 1.12
+    assert 0.93 < np.mean(hits) < 0.97
+
+
+def test_error_falls_with_the_root_of_the_samples() -> None:
+    spread = [
+        np.sqrt(np.mean([np.sum((iv4(coloured(seed, n), 2, 2).parameters - TRUTH) ** 2) for seed in range(60)]))
+        for n in (500, 8000)
+    ]
+    assert np.log(spread[1] / spread[0]) / np.log(16) == pytest.approx(-0.5, abs=0.1)
+
+
+def test_whitener_is_that_of_the_disturbance() -> None:
+    np.testing.assert_allclose(iv4(coloured(0, 20_000), 2, 2).diagnostics["whitener"], [1, 0.5, 0.7, 0, 0], atol=0.03)
+
+
+def test_two_inputs_two_experiments() -> None:
+    rng = np.random.default_rng(0)
+    u = rng.standard_normal((4000, 2))
+    v = lfilter([1.0], [1, 0.8], rng.standard_normal(4000))
+    y = lfilter([0, 2.0], [1, -0.8], u[:, 0]) + lfilter([0, 0, 0, 1.0, -0.5], [1, -0.8], u[:, 1])
+    data = IOData(u, y + lfilter([1.0], [1, -0.8], v), 0.1)
+    estimate = iv4([data[100:1500], data[1500:]], 1, [1, 2], [1, 3])
+    deviation = np.sqrt(np.diag(estimate.covariance))
+    assert np.all(np.abs(estimate.parameters - [-0.8, 2.0, 1.0, -0.5]) < 4 * deviation)
+    assert estimate.parameter_names == ("a1", "b1[1]", "b1[2]", "b2[2]")
+    swapped = iv4([data[1500:], data[100:1500]], 1, [1, 2], [1, 3])
+    np.testing.assert_allclose(swapped.parameters, estimate.parameters, rtol=1e-9)
+
+
+def test_too_many_orders() -> None:
+    with pytest.raises(SysidError, match="too many orders for the data"):
+        iv4(coloured(0, 20), 8, 8)
