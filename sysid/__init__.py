@@ -4,6 +4,8 @@ from sysid.armax import armax
 from sysid.arx import arx
 from sysid.bj import bj
 from sysid.compare import ModelFit, compare, fit_percent
+from sysid.covf import CovarianceFunction, covf
+from sysid.cra import ImpulseResponse, cra
 from sysid.cross_validation import CrossValidation, cross_validate
 from sysid.data import IOData
 from sysid.delayest import DelayEstimate, delayest
@@ -27,14 +29,17 @@ from sysid.spa import spa
 from sysid.state_space import StateSpace, block_diagonal
 from sysid.structure_scan import structure_scan
 from sysid.structure_table import StructureTable
+from sysid.welch import welch
 
 __all__ = [
     "Bandwidth",
+    "CovarianceFunction",
     "CrossValidation",
     "DelayEstimate",
     "Estimate",
     "FrequencyResponse",
     "IOData",
+    "ImpulseResponse",
     "ModelFit",
     "Polynomials",
     "Realisation",
@@ -48,6 +53,8 @@ __all__ = [
     "bj",
     "block_diagonal",
     "compare",
+    "covf",
+    "cra",
     "cross_validate",
     "delayest",
     "era",
@@ -66,4 +73,5 @@ __all__ = [
     "simulate",
     "spa",
     "structure_scan",
+    "welch",
 ]
