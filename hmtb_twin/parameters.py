@@ -98,7 +98,9 @@ class Hydraulics:
 class Friction:
     """LuGre friction of an actuator's seals [Canudas1995], scaled to its maximum torque."""
 
-    coulomb: float = quantity(0.01, "1", "derived", "part of maximum torque; published DC gains near one allow no more")
+    coulomb: float = quantity(
+        0.01, "1", "derived", "part of maximum torque; published pitch DC gains near one allow little"
+    )
     static_ratio: float = quantity(1.5, "1", "assumed", "breakaway over Coulomb torque of lip seals")
     stribeck_velocity: float = quantity(radians(1.5), "rad/s", "assumed", "1 to 2 deg/s")
     presliding: float = quantity(1e-3, "rad", "assumed", "bristle deflection at Coulomb torque: 30 um at the rack")
@@ -115,10 +117,10 @@ class Actuator:
     """
 
     displacement: float = quantity(
-        0.0, "cm3/rad", "assumed", "gives wrist torques like Titan 4 and Atlas 7R, 170-205 N m"
+        0.0, "cm3/rad", "assumed", "stall torques near 1000, 430, 170 N m; Titan 4, Atlas 7R wrists 170, 205 N m"
     )
     trapped_volume: float = quantity(0.0, "cm3", "assumed", "both chambers and lines")
-    no_load_speed: float = quantity(0.0, "rad/s", "assumed", "a 5 gal/min valve on the shoulder")
+    no_load_speed: float = quantity(0.0, "rad/s", "assumed", "rated flow 18 (shoulder), 7.5 (elbow), 4.8 L/min (wrist)")
     hydraulics: Hydraulics = field(default_factory=Hydraulics)
     friction: Friction | None = field(default_factory=Friction)
 
@@ -161,7 +163,9 @@ class Servo:
     """A joint's position servo: the poles wanted at the operating pose."""
 
     slow_pole: float = quantity(-6.7, "rad/s", "derived", "published models: poles near -6..-9, bandwidth about 1 Hz")
-    fast_pole: float = quantity(-36.0, "rad/s", "derived", "published models -28..-44; faster outward, see README")
+    fast_pole: float = quantity(
+        -36.0, "rad/s", "assumed", "published -28..-44; more damping outward, see point 6 above"
+    )
 
 
 SERVOS = {
@@ -182,7 +186,9 @@ class Motion:
 
     lower: float = quantity(0.0, "rad", "assumed", "range of comparable arms")
     upper: float = quantity(0.0, "rad", "assumed", "range of comparable arms")
-    velocity_limit: float = quantity(0.0, "rad/s", "assumed", "that limits exist: thesis III.4; value 20-30 deg/s")
+    velocity_limit: float = quantity(
+        0.0, "rad/s", "assumed", "that limits exist: thesis III.4; 25 and 45 deg/s assumed"
+    )
 
 
 def _motion(lower: float, upper: float, velocity: float) -> Motion:
