@@ -3,6 +3,7 @@
 from sysid.armax import armax
 from sysid.arx import arx
 from sysid.bj import bj
+from sysid.bla import BestLinearApproximation, bla
 from sysid.compare import ModelFit, compare, fit_percent
 from sysid.covf import CovarianceFunction, covf
 from sysid.cra import ImpulseResponse, cra
@@ -33,6 +34,7 @@ from sysid.welch import welch
 
 __all__ = [
     "Bandwidth",
+    "BestLinearApproximation",
     "CovarianceFunction",
     "CrossValidation",
     "DelayEstimate",
@@ -51,6 +53,7 @@ __all__ = [
     "armax",
     "arx",
     "bj",
+    "bla",
     "block_diagonal",
     "compare",
     "covf",

@@ -101,8 +101,7 @@ def cra(
             raise SysidError(f"{name} must be a whole number >= {least}, got {value!r}")
     if not 0.0 < level < 1.0:
         raise SysidError(f"level must lie between 0 and 1, got {level!r}")
-    for text in check_excitation(experiments, [lags + 1] * first.nu):
-        warnings.warn(text, SysidWarning, stacklevel=2)
+    texts = check_excitation(experiments, [lags + 1] * first.nu)
     width = first.nu * (lags + 1)
     rows = sum(max(len(e) - max(whitening + lags, e.window), 0) for e in experiments)
     if rows <= 2 * width or any(len(e) <= max(whitening + lags, e.window) for e in experiments):
@@ -110,6 +109,8 @@ def cra(
             f"too little data: lags = {lags} give {width} unknowns per output, "
             f"{rows} usable samples in {len(experiments)} experiment(s), at least twice as many are needed"
         )
+    for text in texts:
+        warnings.warn(text, SysidWarning, stacklevel=2)
     response, deviation = np.empty((2, lags + 1, first.ny, first.nu))
     for j in range(first.nu):
         parts = prewhitened(experiments, j, int(whitening))
