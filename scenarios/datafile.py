@@ -1,5 +1,7 @@
 """Data files: our own logs, CSV from anywhere, .mat; to and from the analyst's record."""
 
+import re
+from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -12,8 +14,21 @@ from sysid import IOData
 if TYPE_CHECKING:
     from hmtb_twin import JointLog
 
-TIME_NAMES = ("t", "time", "time_s")
-DEFAULT_DT = 0.02
+TIME_NAMES = ("t", "time", "ts")
+"""Names of columns of instants, upper or lower case; a unit may follow, as in `Time (s)`, `t [ms]` or `time_s`."""
+
+INTERVAL_NAMES = ("ts", "dt")
+"""Names of variables or constant columns that hold the sampling interval, likewise."""
+
+SECONDS = {
+    **dict.fromkeys(("", "s", "sec", "second", "seconds"), 1.0),
+    **dict.fromkeys(("ms", "msec", "millisecond", "milliseconds"), 1e-3),
+    **dict.fromkeys(("us", "µs", "microsecond", "microseconds"), 1e-6),
+}
+"""Length of the units that a time may be given in, s."""
+
+SAME_INTERVAL = 1e-3
+"""Two sampling intervals that differ by less than this part are one, written with few digits."""
 
 
 def write_log(log: "JointLog", path: Path) -> Path:
@@ -45,7 +60,7 @@ def write_log(log: "JointLog", path: Path) -> Path:
 
 def read_data(
     path: str | Path, *, joint: str | None = None, input: str = "u", output: str = "y", dt: float | None = None
-) -> tuple[IOData, tuple[str, ...]]:
+) -> IOData:
     """Read one input and one output from a file.
 
     Args:
@@ -53,23 +68,30 @@ def read_data(
         joint: Joint of a joint log, or of a CSV written from one.
         input: Name of the input column or variable.
         output: Name of the output column or variable.
-        dt: Sampling interval, s; by default from the file's time column or variable `dt`, else 0.02.
+        dt: Sampling interval, s. Needed where the file says none; must agree with it where it does.
 
     Returns:
-        The record, and what had to be assumed, in words.
+        The record.
 
     Raises:
-        ScenarioError: The file is missing, foreign, or lacks what is asked for.
+        ScenarioError: The file is missing, foreign, or lacks what is asked for; no sampling interval, or two that
+            contradict each other.
     """
     path = Path(path)
     if not path.is_file():
         raise ScenarioError(f"no data file {str(path)!r}; expected a .nc log, a .csv or a .mat file")
-    if dt is not None and not dt > 0:
+    if dt is not None and not 0 < dt < np.inf:
         raise ScenarioError(f"dt must be above 0 s, given {dt}")
     if path.suffix == ".nc":
         from hmtb_twin import JointLog
 
-        return JointLog.load(path).iodata(joint), ()
+        data = JointLog.load(path).iodata(joint)
+        if dt is not None and abs(dt - data.dt) > SAME_INTERVAL * data.dt:
+            raise ScenarioError(
+                f"{path.name}: --dt says a sampling interval of {dt:.6g} s, the log of {data.dt:.6g} s; "
+                "expected one (leave out --dt)"
+            )
+        return data
     if joint is not None:
         from hmtb_twin import JOINTS
 
@@ -87,30 +109,62 @@ def read_data(
             raise ScenarioError(f"{path.name}: {unknown('column', name, columns)}")
     if input == output:
         raise ScenarioError(f"{path.name}: input and output are both {input!r}; expected two different columns")
-    step, notes = _sampling(columns, dt)
-    data = IOData(columns[input], columns[output], step, input_names=(input,), output_names=(output,), name=path.stem)
-    return data, notes
+    others = {name: values for name, values in columns.items() if name not in (input, output)}
+    step = _sampling(others, dt, path)
+    return IOData(columns[input], columns[output], step, input_names=(input,), output_names=(output,), name=path.stem)
 
 
-def _sampling(columns: dict[str, np.ndarray], dt: float | None) -> tuple[float, tuple[str, ...]]:
-    if dt is not None:
-        return dt, ()
-    if "dt" in columns and columns["dt"].size == 1:
-        return float(columns["dt"][0]), ()
-    for name in TIME_NAMES:
-        if name in columns and len(columns[name]) > 1:
-            steps = np.diff(columns[name])
-            step = float(np.median(steps))
-            if not step > 0 or np.abs(steps - step).max() > 0.01 * step:
-                raise ScenarioError(
-                    f"column {name!r} is not uniform: steps from {steps.min():.6g} to {steps.max():.6g} s; "
-                    "expected one sampling interval (resample, or give --dt)"
-                )
-            # The mean step is free of the rounding that the text puts on single times.
-            return float((columns[name][-1] - columns[name][0]) / (len(columns[name]) - 1)), ()
-    return DEFAULT_DT, (
-        f"the file has no time column; a sampling interval of {DEFAULT_DT} s is assumed, set it with --dt",
-    )
+def _sampling(columns: Mapping[str, np.ndarray], dt: float | None, path: Path) -> float:
+    """The one sampling interval that the file and `dt` agree on, s."""
+    found = {} if dt is None else {"--dt": dt}
+    for name, values in columns.items():
+        key, unit = _name_and_unit(name)
+        if key not in (*TIME_NAMES, *INTERVAL_NAMES) or (values.size == 1 and key not in INTERVAL_NAMES):
+            continue
+        if unit not in SECONDS:
+            raise ScenarioError(f"{path.name}: column {name!r} is in {unit!r}; expected a time in s, ms or us")
+        if key in INTERVAL_NAMES and (values == values[0]).all():
+            step = float(values[0])
+            if not step > 0:
+                raise ScenarioError(f"{path.name}: {name!r} is {step:g}; expected a sampling interval above 0 s")
+        else:
+            step = _step(values, name, path, dt is not None)
+        found[repr(name)] = step * SECONDS[unit]
+    if not found:
+        raise ScenarioError(
+            f"{path.name}: no sampling interval; expected a column of times (t, time, 'Time (s)'), a variable dt or Ts, "
+            f"or --dt SECONDS; the file has {', '.join(columns)}"
+        )
+    (first, interval), *others = found.items()
+    for name, other in others:
+        if abs(other - interval) > SAME_INTERVAL * interval:
+            raise ScenarioError(
+                f"{path.name}: {first} says a sampling interval of {interval:.6g} s, {name} of {other:.6g} s; "
+                "expected one (leave the wrong one out)"
+            )
+    return interval
+
+
+def _name_and_unit(name: str) -> tuple[str, str]:
+    """Split `Time (s)`, `t[ms]`, `time_s` or `time / s` into name and unit, lower case."""
+    text = name.strip().lower()
+    match = re.fullmatch(r"([a-z]+)\s*(?:[(\[]\s*([^)\]]*?)\s*[)\]]|(?:_|\s*/\s*|\s+)([a-zµ]+))?", text)
+    if match is None:
+        return text, ""
+    return match[1], match[2] or match[3] or ""
+
+
+def _step(times: np.ndarray, name: str, path: Path, given: bool) -> float:
+    """The interval of uniform instants, in their unit; `given` allows jitter, since the user has vouched for one."""
+    steps = np.diff(times)
+    middle = float(np.median(steps))
+    if not middle > 0 or (np.abs(steps - middle).max() > 0.01 * middle and not given):
+        raise ScenarioError(
+            f"{path.name}: column {name!r} is not uniform: steps from {steps.min():.6g} to {steps.max():.6g}; "
+            "expected one sampling interval (resample, or give --dt where the instants only jitter)"
+        )
+    # The mean step is free of the rounding that the text puts on single times.
+    return float((times[-1] - times[0]) / (len(times) - 1))
 
 
 def _read_csv(path: Path) -> dict[str, np.ndarray]:

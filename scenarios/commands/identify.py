@@ -31,7 +31,7 @@ def identify(
     Methods and their orders: arx na nb [nk], armax na nb nc [nk], oe nb nf [nk], okid order [p]. nk = 1 (the default)
     means that y(t) depends on u(t-1) first.
 
-    Reads .nc logs of hmtb simulate, .csv (a header, or two bare columns u, y) and .mat (variables u, y, optionally dt).
+    Reads .nc logs of hmtb simulate, .csv (a header, or two bare columns u, y) and .mat (variables u, y).
 
     hmtb identify robot.csv --input command --output angle --method oe --orders 2 2 1
 
@@ -42,7 +42,8 @@ def identify(
         joint: Which joint of a log; the excited one when not given.
         input: Name of the input column of a CSV or .mat file.
         output: Name of the output column of a CSV or .mat file.
-        dt: Sampling interval of a CSV or .mat file that has no time, s.
+        dt: Sampling interval of a CSV or .mat file that says none, s. A column t, time or Time (s), or a variable dt
+            or Ts, says it.
         skip: Leave out this much of the start, s. Worth it where the record starts from rest: a start that is still
             settling leaves different means in input and output.
         keep_mean: Leave the means in; otherwise they are removed.
@@ -57,8 +58,8 @@ def identify(
     from scenarios.datafile import read_data
     from scenarios.estimators import estimate
 
-    record, notes = read_data(data, joint=joint, input=input, output=output, dt=dt)
-    other = record if validate is None else read_data(validate, joint=joint, input=input, output=output, dt=dt)[0]
+    record = read_data(data, joint=joint, input=input, output=output, dt=dt)
+    other = record if validate is None else read_data(validate, joint=joint, input=input, output=output, dt=dt)
     record, other = (_prepare(part, skip, keep_mean) for part in (record, other))
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", sysid.SysidWarning)
@@ -67,7 +68,7 @@ def identify(
         band = found.bandwidth()
     hz, low, high = (float(part[0, 0]) for part in (band.hz, *band.ci95))
     poles = found.model.poles()
-    texts = [*notes, *found.diagnostics.get("warnings", ())]
+    texts = [*found.diagnostics.get("warnings", ())]
     if json:
         print_json(
             {

@@ -118,17 +118,36 @@ def test_identify_reads_any_robots_data(
     savemat(mat, {"u": u, "y": y[:, None], "dt": 0.02})
     np.savetxt(bare, np.column_stack([u, y]), delimiter=",")
     true_hz = np.arccos((1 + 0.81 - 2 * 0.01) / (2 * 0.9)) / (2 * np.pi * 0.02)
-    for path, assumed in ((csv, 0), (mat, 0), (bare, 1)):
-        found = result(capsys, "identify", path, *OE)
+    for path, words in ((csv, ()), (mat, ()), (bare, ("--dt", "0.02"))):
+        found = result(capsys, "identify", path, *OE, *words)
         assert set(found) >= {"method", "orders", "fit", "bandwidth_hz", "ci95", "poles", "warnings"}
         assert found["orders"] == {"nb": 1, "nf": 1, "nk": 1}
         assert found["bandwidth_hz"] == pytest.approx(true_hz, rel=2e-3)
         assert found["ci95"][0] < found["bandwidth_hz"] < found["ci95"][1]
         assert found["poles"][0] == pytest.approx([0.9, 0.0], abs=1e-3)
-        assert len([text for text in found["warnings"] if "0.02 s is assumed" in text]) == assumed
     code, out, _ = run(capsys, "identify", csv, *OE, "--validate", csv)
     assert code == 0
     assert "bandwidth" in out
+
+
+@pytest.mark.parametrize("header", ["t", "Time", "TIME (s)", "time_s", "Time [ms]", "t / ms", "Ts", "dt"])
+def test_every_usual_name_of_time_is_read(
+    capsys: pytest.CaptureFixture[str], tmp_path: Path, record: tuple[np.ndarray, np.ndarray], header: str
+) -> None:
+    u, y = record
+    scale = 1000.0 if "ms" in header else 1.0
+    times = scale * 0.05 * (np.ones(len(u)) if header in ("Ts", "dt") else np.arange(len(u)))
+    path = tmp_path / "robot.csv"
+    np.savetxt(path, np.column_stack([times, u, y]), delimiter=",", header=f"{header},u,y", comments="", fmt="%.12g")
+    assert result(capsys, "identify", path, *OE)["dt"] == pytest.approx(0.05)
+    said = complaint(capsys, "identify", path, *OE, "--dt", "0.02")
+    assert "--dt says a sampling interval of 0.02 s" in said
+    assert f"{header!r} of 0.05 s" in said
+    mat = tmp_path / "robot.mat"
+    savemat(mat, {"u": u, "y": y, "Ts": 0.05})
+    assert result(capsys, "identify", mat, *OE)["dt"] == 0.05
+    savemat(mat, {"u": u, "y": y})
+    assert "no sampling interval" in complaint(capsys, "identify", mat, *OE)
 
 
 @pytest.mark.parametrize("method", [("arx", "1", "1"), ("armax", "1", "1", "1"), ("oe", "1", "1"), ("okid", "1", "3")])
@@ -183,9 +202,9 @@ def test_wrong_orders(capsys: pytest.CaptureFixture[str], csv: Path) -> None:
 @pytest.mark.parametrize(
     ("text", "says"),
     [
-        ("u,y\n" + "1,2\n" * 50, "constant"),
-        ("u,y\n" + "1,2\n-1,3\n" * 50 + "nan,1\n", "NaN"),
-        ("u,y\n" + "1,2\n-1,3\n" * 50 + "1,\n", "NaN"),
+        ("dt,u,y\n" + "0.1,1,2\n" * 50, "constant"),
+        ("dt,u,y\n" + "1,1,2\n1,-1,3\n" * 50 + "1,nan,1\n", "NaN"),
+        ("dt,u,y\n" + "1,1,2\n1,-1,3\n" * 50 + "1,1,\n", "NaN"),
         ("u,y\n" + "1,2\n-1,3\n" * 50 + "1\n", "1 values, expected 2"),
         ("u,y\n1,two\n", "expected numbers"),
         ("u,y\n", "no data"),
@@ -193,6 +212,9 @@ def test_wrong_orders(capsys: pytest.CaptureFixture[str], csv: Path) -> None:
         ("1,2,3\n4,5,6\n", "3 columns without a header"),
         ("a,b\n1,2\n", "unknown column 'u'"),
         ("time,u,y\n0,1,2\n1,2,3\n5,1,2\n", "not uniform"),
+        ("Time (min),u,y\n0,1,2\n1,2,3\n2,1,2\n", "expected a time in s, ms or us"),
+        ("u,y\n" + "1,2\n-1,3\n" * 50, "no sampling interval; expected a column of times"),
+        ("1,2\n-1,3\n" * 50, "or --dt SECONDS"),
     ],
 )
 def test_wrong_csv(capsys: pytest.CaptureFixture[str], tmp_path: Path, text: str, says: str) -> None:
@@ -208,7 +230,7 @@ def test_wrong_files(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None
         path.write_bytes(bytes(range(256)) * 8)
         assert "foreign" in complaint(capsys, "identify", path, *OE)
     short = tmp_path / "short.mat"
-    savemat(short, {"u": np.arange(50.0) % 3, "y": np.arange(40.0)})
+    savemat(short, {"dt": 0.02, "u": np.arange(50.0) % 3, "y": np.arange(40.0)})
     said = complaint(capsys, "identify", short, *OE)
     assert "50" in said
     assert "40" in said
