@@ -13,10 +13,11 @@ from sysid.errors import SysidWarning
 from sysid.estimate import Estimate
 from sysid.excitation import check_excitation
 from sysid.least_squares import LeastSquares, solve
+from sysid.long_arx import arx_errors
 from sysid.orders import Orders, make_orders
 from sysid.polynomial_estimate import check_enough_data, check_single_output, make_estimate
+from sysid.polynomials import stabilised
 from sysid.regressors import arx_regressors, lagged, output_lags
-from sysid.starts import arx_errors, simulated_outputs
 
 ROWS_PER_COEFFICIENT = 10  # of the disturbance model, at least
 
@@ -99,9 +100,11 @@ def _instrumented(
     least squares with the regressors Q' Phi.
     """
     a, b, *_ = orders.split(theta)
+    stable = stabilised(a)
     order = len(whitener) - 1
     instruments, regressors, targets = [], [], []
-    for e, clean in zip(experiments, simulated_outputs(experiments, a, b), strict=True):
+    for e in experiments:
+        clean = np.asarray(sum(lfilter(bj, stable, e.u[:, j]) for j, bj in enumerate(b)))
         x, y = lfilter(whitener, [1.0], clean), lfilter(whitener, [1.0], e.y[:, 0])
         u = lfilter(whitener, [1.0], e.u, axis=0)
         # the filter's own first samples rest on zeros

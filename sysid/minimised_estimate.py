@@ -1,7 +1,7 @@
 """From a minimum of the prediction-error criterion to the public record."""
 
 import warnings
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -14,7 +14,7 @@ from sysid.excitation import check_excitation
 from sysid.orders import Orders
 from sysid.polynomial_estimate import check_enough_data, check_single_output, make_estimate
 from sysid.prediction_error import Linearisation, coloured_information
-from sysid.starts import Start, search
+from sysid.search import Start, search
 
 ILL_CONDITIONED = 1e10
 COLOUR = 30  # coefficients of the autoregressive model of a coloured disturbance
@@ -25,7 +25,7 @@ def prediction_error_estimate(
     experiments: Sequence[IOData],
     orders: Orders,
     asked: Mapping[str, Any],
-    starts: Callable[[Sequence[IOData], Orders], list[Start]],
+    starts: Callable[[Sequence[IOData], Orders], Iterable[Start]],
     *,
     max_iterations: int,
     coloured: bool = False,
@@ -40,7 +40,7 @@ def prediction_error_estimate(
         experiments: Single-output experiments.
         orders: The structure.
         asked: Orders as the user knows them.
-        starts: Makes the beginnings.
+        starts: Makes the beginnings, the most promising first.
         max_iterations: Steps of the polishing.
         coloured: Whether the covariance allows for errors that are not white.
 

@@ -1,176 +1,95 @@
-"""Where prediction-error minimisation begins, and the search from several beginnings.
+"""Where prediction-error minimisation of ARMAX and OE models begins.
 
 None of these is a prediction-error estimate; each fails on some systems, and on different ones.
 """
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Iterator, Sequence
 
 import numpy as np
+from scipy.linalg import hankel
 from scipy.signal import lfilter
 
 from sysid.arrays import FloatArray
 from sysid.arx import arx_solution
 from sysid.data import IOData
 from sysid.least_squares import solve
+from sysid.long_arx import LongArx, long_arx_family, long_arx_order
 from sysid.orders import Orders
 from sysid.polynomials import stabilised
-from sysid.prediction_error import Minimum, admissible, minimise
-from sysid.regressors import arx_regressors, lagged, output_lags
+from sysid.regressors import arx_regressors, input_lags, lagged, output_lags
+from sysid.search import Start
 
-SCREENING_STEPS = 4
+HANKEL_ROWS = 100
+REFINEMENTS = 8  # rounds of Steiglitz-McBride at most
+SETTLED = 1e-3  # change of the denominator, as a part of it, that ends them
 
 
-@dataclass(frozen=True)
-class Start:
-    """A named beginning.
+def armax_starts(experiments: Sequence[IOData], orders: Orders) -> Iterator[Start]:
+    """Hannan-Rissanen with two long ARX orders, long ARX models simulated and reduced, and ARX.
 
-    Attributes:
-        name: Method that made it.
-        theta: Parameters (p,).
+    Args:
+        experiments: Single-output experiments.
+        orders: ARMAX structure.
     """
+    y = [e.y[:, 0] for e in experiments]
+    u = [e.u for e in experiments]
+    rows = [orders.first_row(e.window) for e in experiments]
+    short, middle, long = (long_arx_order(experiments, orders, factor) for factor in (3, 5, 8))
+    family = long_arx_family(experiments, orders, long)
+    for n in (short, long):
+        yield Start(f"Hannan-Rissanen ({n})", hannan_rissanen(experiments, orders, family.model(n)))
+    model = family.model(middle)
+    clean = [model.simulate(e) for e in experiments]
+    path = arx_solution(clean, u, orders.na, orders.nb, orders.nk, rows)
+    yield Start(f"simulated ARX ({middle})", _without_noise_model(orders, path))
+    yield Start(f"reduced ARX ({middle})", _reduced_armax(experiments, orders, model))
+    yield Start("arx", _without_noise_model(orders, arx_solution(y, u, orders.na, orders.nb, orders.nk, rows)))
 
-    name: str
-    theta: FloatArray
 
+def oe_starts(experiments: Sequence[IOData], orders: Orders) -> Iterator[Start]:
+    """Steiglitz-McBride from the simulation of a long ARX model, that model reduced, and ARX in several ways.
 
-@dataclass(frozen=True)
-class Search:
-    """Outcome of a search from several beginnings.
-
-    Attributes:
-        best: Minimum reached from the best one.
-        costs: Sum of squares of each beginning after a few steps.
-        chosen: Name of the one that was polished.
+    Args:
+        experiments: Single-output experiments.
+        orders: OE structure.
     """
-
-    best: Minimum
-    costs: dict[str, float]
-    chosen: str
-
-
-def search(
-    experiments: Sequence[IOData], orders: Orders, starts: Sequence[Start], *, max_iterations: int = 100
-) -> Search:
-    """Screen all beginnings by a few steps, polish the best."""
-    screened = {}
-    for start in starts:
-        if admissible(orders, start.theta):
-            screened[start.name] = minimise(experiments, orders, start.theta, max_iterations=SCREENING_STEPS)
-    chosen = min(screened, key=lambda name: screened[name].at.cost)
-    first = screened[chosen]
-    best = first
-    if not first.converged:
-        best = minimise(experiments, orders, first.at.theta, max_iterations=max_iterations)
-    return Search(best, {name: m.at.cost for name, m in screened.items()}, chosen)
+    y = [e.y[:, 0] for e in experiments]
+    n = long_arx_order(experiments, orders, 5)
+    model = long_arx_family(experiments, orders, n).model(n)
+    clean = [model.simulate(e) for e in experiments]
+    simulated = steiglitz_mcbride(experiments, orders, clean, 0)
+    refined = steiglitz_mcbride(experiments, orders, y, REFINEMENTS, simulated)
+    yield Start(f"Steiglitz-McBride from simulated ARX ({n})", refined)
+    yield Start(f"reduced ARX ({n})", reduced_path(experiments, orders, model))
+    yield Start("Steiglitz-McBride from arx", steiglitz_mcbride(experiments, orders, y, REFINEMENTS))
+    refined = steiglitz_mcbride(experiments, orders, clean, REFINEMENTS, simulated)
+    yield Start(f"Steiglitz-McBride of simulated ARX ({n})", refined)
+    yield Start(f"simulated ARX ({n})", simulated)
+    yield Start("arx", steiglitz_mcbride(experiments, orders, y, 0))
 
 
-def long_arx_order(experiments: Sequence[IOData], orders: Orders, factor: int) -> int:
-    """Order of a long ARX model: `factor` times the largest order, as far as the data allow it."""
-    largest = max(orders.na, orders.nc, orders.nd, *orders.nf, *orders.nb, 2)
-    rows = min(len(e) - e.window for e in experiments)
-    return max(1, min(factor * largest, 60, rows // (4 * (1 + len(orders.nb)))))
-
-
-def long_arx(experiments: Sequence[IOData], orders: Orders, n: int) -> tuple[FloatArray, list[FloatArray]]:
-    """A and B of an ARX model with n coefficients each: a stand-in for the infinite ARX form."""
-    nu = len(orders.nb)
-    theta = arx_solution(
-        [e.y[:, 0] for e in experiments],
-        [e.u for e in experiments],
-        n,
-        (n,) * nu,
-        orders.nk,
-        [max(e.window, n + max(orders.nk)) for e in experiments],
-    )
-    parts = np.split(theta, np.cumsum([n] * nu))
-    return np.concatenate(([1.0], parts[0])), [
-        np.concatenate((np.zeros(k), part)) for k, part in zip(orders.nk, parts[1:], strict=True)
-    ]
-
-
-def arx_errors(experiment: IOData, a: FloatArray, b: Sequence[FloatArray]) -> FloatArray:
-    """Prediction errors of an ARX model from rest (N,)."""
-    inputs = sum(lfilter(bj, [1.0], experiment.u[:, j]) for j, bj in enumerate(b))
-    return np.asarray(lfilter(a, [1.0], experiment.y[:, 0]) - inputs)
-
-
-def hannan_rissanen(experiments: Sequence[IOData], orders: Orders, n: int) -> FloatArray:
+def hannan_rissanen(experiments: Sequence[IOData], orders: Orders, model: LongArx) -> FloatArray:
     """ARMAX: residuals of a long ARX model stand in for e, then one least squares [HannanRissanen1982].
 
     Args:
         experiments: Single-output experiments.
         orders: ARMAX structure.
-        n: Order of the long ARX model.
+        model: The long ARX model.
     """
-    a, b = long_arx(experiments, orders, n)
     rows, targets = [], []
     for e in experiments:
-        y = e.y[:, 0]
-        errors = arx_errors(e, a, b)
-        start = max(e.window, n + max(orders.nk)) + orders.nc
-        rows.append(
-            np.hstack(
-                (
-                    arx_regressors(y, e.u, orders.na, orders.nb, orders.nk, start),
-                    lagged(errors, output_lags(orders.nc), start),
-                )
-            )
-        )
+        y, errors = e.y[:, 0], model.errors(e)
+        start = max(e.window, model.skip) + orders.nc
+        past = lagged(errors, output_lags(orders.nc), start)
+        rows.append(np.hstack((arx_regressors(y, e.u, orders.na, orders.nb, orders.nk, start), past)))
         targets.append((y - errors)[start:])
-    theta = solve(np.vstack(rows), np.concatenate(targets)[:, None]).solution[:, 0]
-    return with_stable_noise(orders, theta)
+    return with_stable_noise(orders, solve(np.vstack(rows), np.concatenate(targets)[:, None]).solution[:, 0])
 
 
 def with_stable_noise(orders: Orders, theta: FloatArray) -> FloatArray:
     """The same parameters with C and F brought inside the unit circle."""
     a, b, c, d, f = orders.split(theta)
     return orders.join(a, b, stabilised(c), d, [stabilised(fj) for fj in f])
-
-
-def simulated_outputs(experiments: Sequence[IOData], a: FloatArray, b: Sequence[FloatArray]) -> list[FloatArray]:
-    """Noise-free output of an ARX model, per experiment (N,)."""
-    stable = stabilised(a)
-    return [np.asarray(sum(lfilter(bj, stable, e.u[:, j]) for j, bj in enumerate(b))) for e in experiments]
-
-
-def armax_starts(experiments: Sequence[IOData], orders: Orders) -> list[Start]:
-    """ARX, Hannan-Rissanen with two long ARX orders, and the simulation of a long ARX model."""
-    y = [e.y[:, 0] for e in experiments]
-    u = [e.u for e in experiments]
-    rows = [orders.first_row(e.window) for e in experiments]
-    starts = [Start("arx", _armax(orders, arx_solution(y, u, orders.na, orders.nb, orders.nk, rows)))]
-    for factor in (3, 8):
-        n = long_arx_order(experiments, orders, factor)
-        starts.append(Start(f"Hannan-Rissanen ({n})", hannan_rissanen(experiments, orders, n)))
-    n = long_arx_order(experiments, orders, 5)
-    clean = simulated_outputs(experiments, *long_arx(experiments, orders, n))
-    path = arx_solution(clean, u, orders.na, orders.nb, orders.nk, rows)
-    starts.append(Start(f"simulated ARX ({n})", _armax(orders, path)))
-    return starts
-
-
-def oe_starts(experiments: Sequence[IOData], orders: Orders) -> list[Start]:
-    """Steiglitz-McBride from an ARX model and from the simulation of a long one, and those models themselves."""
-    y = [e.y[:, 0] for e in experiments]
-    n = long_arx_order(experiments, orders, 5)
-    clean = simulated_outputs(experiments, *long_arx(experiments, orders, n))
-    starts = []
-    for name, target in (("arx", y), (f"simulated ARX ({n})", clean)):
-        theta = steiglitz_mcbride(experiments, orders, target, 0)
-        starts.append(Start(name, theta))
-        starts.append(Start(f"Steiglitz-McBride from {name}", steiglitz_mcbride(experiments, orders, target, 8)))
-    starts.append(
-        Start(
-            f"Steiglitz-McBride on data from simulated ARX ({n})",
-            steiglitz_mcbride(experiments, orders, y, 8, starts[2].theta),
-        )
-    )
-    return starts
-
-
-def _armax(orders: Orders, arx_theta: FloatArray) -> FloatArray:
-    return np.concatenate((arx_theta, np.zeros(orders.nc)))
 
 
 def steiglitz_mcbride(
@@ -180,13 +99,22 @@ def steiglitz_mcbride(
     iterations: int,
     first: FloatArray | None = None,
 ) -> FloatArray:
-    """Repeated least squares on data filtered by 1/F [SteiglitzMcBride1965]; several inputs share one F meanwhile."""
+    """Repeated least squares on data filtered by 1/F [SteiglitzMcBride1965]; several inputs share one F meanwhile.
+
+    Args:
+        experiments: Experiments, of which the inputs count.
+        orders: OE structure.
+        y: Output per experiment (N,).
+        iterations: Rounds at most.
+        first: Parameters whose F filters in the first round; None begins with ARX.
+    """
     nf = max(orders.nf)
     u = [e.u for e in experiments]
     starts = [max(e.window, nf, orders.first_row(e.window)) for e in experiments]
     f = np.ones(1) if first is None else max((fj for fj in orders.split(first)[4]), key=len)
     theta = np.zeros(0)
     for k in range(iterations + 1):
+        before = f
         if k or first is not None:
             filtered_y = [lfilter([1.0], f, yi) for yi in y]
             filtered_u = [lfilter([1.0], f, ui, axis=0) for ui in u]
@@ -194,6 +122,83 @@ def steiglitz_mcbride(
             filtered_y, filtered_u = list(y), u
         theta = arx_solution(filtered_y, filtered_u, nf, orders.nb, orders.nk, starts)
         f = stabilised(np.concatenate(([1.0], theta[:nf])))
-    parts = np.split(theta[nf:], np.cumsum(orders.nb)[:-1])
-    b = [np.concatenate((np.zeros(k), part)) for k, part in zip(orders.nk, parts, strict=True)]
+        if len(before) == len(f) and np.abs(f - before).max() <= SETTLED * np.abs(f).max():
+            break
+    b = [np.concatenate((np.zeros(k), part)) for k, part in _by_input(orders, theta[nf:])]
     return orders.join(np.ones(1), b, f=[f[: n + 1] if n == nf else stabilised(f[: n + 1]) for n in orders.nf])
+
+
+def reduced_path(experiments: Sequence[IOData], orders: Orders, model: LongArx) -> FloatArray:
+    """OE: the pulse response of a long ARX model, path by path, reduced to F; then B by least squares on the data.
+
+    Args:
+        experiments: Single-output experiments.
+        orders: OE structure.
+        model: The long ARX model.
+    """
+    rows = _hankel_rows(experiments)
+    responses = model.responses(2 * rows + max(orders.nk) + max(orders.nb))
+    f = []
+    for response, nb, nk, nf in zip(responses[:-1], orders.nb, orders.nk, orders.nf, strict=True):
+        f.append(reduced_denominator([response[max(nk + nb - nf, 1) :]], nf, rows))
+    blocks, targets = [], []
+    for e in experiments:
+        start = orders.first_row(e.window)
+        columns = [
+            lagged(lfilter([1.0], fj, e.u[:, j]), input_lags(nb, nk), start)
+            for j, (fj, nb, nk) in enumerate(zip(f, orders.nb, orders.nk, strict=True))
+        ]
+        blocks.append(np.hstack(columns))
+        targets.append(e.y[start:])
+    theta = solve(np.vstack(blocks), np.concatenate(targets)).solution[:, 0]
+    b = [np.concatenate((np.zeros(k), part)) for k, part in _by_input(orders, theta)]
+    return orders.join(np.ones(1), b, f=f)
+
+
+def reduced_denominator(responses: Sequence[FloatArray], order: int, rows: int) -> FloatArray:
+    """Monic, stable polynomial of the dynamics that pulse responses share, from their Hankel matrices [JuangPappa1985].
+
+    Args:
+        responses: Pulse responses (2 rows,) or longer, each from where its recursion holds.
+        order: Degree.
+        rows: Rows and columns of each Hankel matrix.
+    """
+    if order == 0:
+        return np.ones(1)
+    blocks = [hankel(g[:rows], g[rows - 1 : 2 * rows - 1]) for g in responses]
+    _, vectors = np.linalg.eigh(sum(block @ block.T for block in blocks))
+    observability = vectors[:, -order:]
+    dynamics, *_ = np.linalg.lstsq(observability[:-1], observability[1:], rcond=None)
+    return stabilised(np.atleast_1d(np.poly(np.linalg.eigvals(dynamics)).real))
+
+
+def _reduced_armax(experiments: Sequence[IOData], orders: Orders, model: LongArx) -> FloatArray:
+    """ARMAX: A from all pulse responses of a long ARX model, then B and C by least squares with its residuals."""
+    rows = _hankel_rows(experiments)
+    errors = [model.errors(e) for e in experiments]
+    loudness = [float(np.std(np.concatenate([e.u[:, j] for e in experiments]))) for j in range(len(orders.nb))]
+    loudness.append(float(np.std(np.concatenate([error[model.skip :] for error in errors]))))
+    delays = [k + n - orders.na for k, n in zip(orders.nk, orders.nb, strict=True)] + [orders.nc - orders.na + 1]
+    responses = model.responses(2 * rows + max(*delays, 1))
+    lasting = [level * g[max(k, 1) :] for g, k, level in zip(responses, delays, loudness, strict=True)]
+    a = reduced_denominator(lasting, orders.na, rows)
+    blocks, targets = [], []
+    for e, error in zip(experiments, errors, strict=True):
+        start = max(e.window, model.skip) + orders.nc
+        inputs = arx_regressors(e.y[:, 0], e.u, 0, orders.nb, orders.nk, start)
+        blocks.append(np.hstack((inputs, lagged(error, output_lags(orders.nc), start))))
+        targets.append((lfilter(a, [1.0], e.y[:, 0]) - error)[start:])
+    theta = solve(np.vstack(blocks), np.concatenate(targets)[:, None]).solution[:, 0]
+    return with_stable_noise(orders, np.concatenate((a[1:], theta)))
+
+
+def _hankel_rows(experiments: Sequence[IOData]) -> int:
+    return min(HANKEL_ROWS, max(len(e) for e in experiments) // 3)
+
+
+def _without_noise_model(orders: Orders, arx_theta: FloatArray) -> FloatArray:
+    return np.concatenate((arx_theta, np.zeros(orders.nc)))
+
+
+def _by_input(orders: Orders, coefficients: FloatArray) -> Iterator[tuple[int, FloatArray]]:
+    return zip(orders.nk, np.split(coefficients, np.cumsum(orders.nb)[:-1]), strict=True)
