@@ -1,19 +1,19 @@
 """Residual tests: are the prediction errors white, and independent of the input?"""
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.linalg import toeplitz
-from scipy.signal import lfilter
-from scipy.stats import chi2, norm
+from scipy.stats import norm
 
 from sysid.arrays import FloatArray, lock
 from sysid.autoregression import autoregression
 from sysid.correlation import covariance_function
-from sysid.data import IOData
+from sysid.data import ROUNDING, IOData, as_experiments
 from sysid.errors import SysidError
 from sysid.estimate import Estimate
+from sysid.independence import independence_p, whiteness_p
 from sysid.residuals import residuals
 from sysid.state_space import StateSpace
 
@@ -25,7 +25,8 @@ class ResidualTest:
     """Correlations of the residuals, with bounds and tests.
 
     Attributes:
-        residuals: One-step prediction errors behind the initialisation window (N, ny).
+        residuals: One-step prediction errors behind the initialisation window (N, ny), experiments one after the
+            other.
         lags: 0, 1, ..., (lags + 1,).
         autocorrelation: Normalised R_e (lags + 1, ny, ny).
         cross_lags: -lags, ..., lags (2 lags + 1,).
@@ -35,8 +36,10 @@ class ResidualTest:
         whiteness_bound: Bound on the autocorrelation at every lag but zero: 2.58/sqrt(N) at 99 %.
         independence_bound: Bound on the cross-correlation per pair (ny, nu), from the correlations of input and
             residual.
-        whiteness_p: p-value per output (ny,) of N sum r(tau)^2, tau = 1..lags (Ljung and Box's form).
-        independence_p: p-value per pair (ny, nu) of the quadratic form of r(tau), tau = 0..lags.
+        whiteness_p: p-value per output (ny,) of N sum r(tau)^2, tau = 1..lags (Ljung and Box's form, with its exact
+            variance).
+        independence_p: p-value per pair (ny, nu) of the regression of the whitened residual on the input's lags
+            0..lags.
         outside_whiteness: Number of lags 1..lags outside the bound, per output (ny,).
         outside_independence: Number of lags 0..lags outside the bound, per pair (ny, nu).
         output_names: One name per output.
@@ -80,16 +83,18 @@ class ResidualTest:
         return bool(self.white.all() and self.independent.all())
 
 
-def resid(estimate: Estimate | StateSpace, data: IOData, *, lags: int = 25, level: float = 0.99) -> ResidualTest:
+def resid(
+    estimate: Estimate | StateSpace, data: IOData | Sequence[IOData], *, lags: int = 25, level: float = 0.99
+) -> ResidualTest:
     """Test the one-step prediction errors of a model on data [Ljung1999, sec. 16.6; LjungBox1978].
 
-    Under the null hypothesis r_e(tau) ~ N(0, 1/N), and r_eu(tau) is normal with covariance
-    sum_k r_e(k) r_u(k + tau - s) / N between lags tau and s [Ljung1999, sec. 16.6]. Means are removed first. On the
-    data that a model was fitted to the tests are conservative, since fitted parameters use up degrees of freedom.
+    Under the null hypothesis r_e(tau) ~ N(0, 1/N), and r_eu(tau) is normal with variance sum_k r_e(k) r_u(k) / N
+    [Ljung1999, sec. 16.6]. Means are removed first. On the data that a model was fitted to the tests are conservative,
+    since fitted parameters use up degrees of freedom.
 
     Args:
         estimate: The estimate, or the model itself.
-        data: Inputs and outputs, the fitted ones or fresh ones.
+        data: Inputs and outputs, the fitted ones or fresh ones; one experiment or several.
         lags: Largest lag.
         level: Confidence level, between 0 and 1.
 
@@ -101,41 +106,43 @@ def resid(estimate: Estimate | StateSpace, data: IOData, *, lags: int = 25, leve
     """
     if not 0.0 < level < 1.0:
         raise SysidError(f"level must lie between 0 and 1, got {level!r}")
-    errors = residuals(estimate, data)[data.window :]
-    u = data.u[data.window :]
-    n, ny = errors.shape
-    nu = u.shape[1]
-    if isinstance(lags, bool) or not isinstance(lags, int | np.integer) or not 1 <= lags < n // 2:
-        raise SysidError(f"lags must be a whole number from 1 to {n // 2 - 1}, got {lags!r}")
+    experiments = as_experiments(data)
+    parts = [residuals(estimate, e)[e.window :] for e in experiments]
+    errors = np.concatenate(parts)
+    first = experiments[0]
+    shortest = min(len(part) for part in parts)
+    if isinstance(lags, bool) or not isinstance(lags, int | np.integer) or not 1 <= lags < shortest // 2:
+        raise SysidError(f"lags must be a whole number from 1 to {shortest // 2 - 1}, got {lags!r}")
+    n, (ny, nu) = len(errors), (first.ny, first.nu)
     largest = float(np.abs(errors).max())
-    if not np.isfinite(largest) or largest <= 1e-14 * np.abs(data.y).max():
+    if not np.isfinite(largest) or largest <= 1e-14 * max(np.abs(e.y).max() for e in experiments):
         raise SysidError("the residuals vanish or are not finite: there is nothing to test")
     # an unstable predictor's residuals may be too large to square
-    errors_scaled = errors / largest
-    e, v = errors_scaled - errors_scaled.mean(axis=0), u - u.mean(axis=0)
-    e_size, v_size = e.std(axis=0), v.std(axis=0)
+    e = [part / largest - part.mean(axis=0) / largest for part in parts]
+    v = [x.u[x.window :] - x.u[x.window :].mean(axis=0) for x in experiments]
+    e_size, v_size = (np.sqrt(np.mean(np.concatenate(s) ** 2, axis=0)) for s in (e, v))
     if (e_size <= 1e-14).any():
         raise SysidError("the residuals of an output vanish beside those of another: there is nothing to test")
-    if (v_size == 0.0).any():
+    if (v_size <= ROUNDING * max(np.abs(x.u).max() for x in experiments)).any():
         raise SysidError("an input is constant: independence of it cannot be tested")
-    auto = covariance_function([e], [e], lags)[lags:] / (e_size[:, None] * e_size)
-    cross = covariance_function([e], [v], lags) / (e_size[:, None] * v_size)
+    auto = covariance_function(e, e, lags)[lags:] / (e_size[:, None] * e_size)
+    cross = covariance_function(e, v, lags) / (e_size[:, None] * v_size)
     z = float(norm.ppf(0.5 + 0.5 * level))
     single = np.einsum("kii->ki", auto)[1:]
-    box = n * (n + 2) * np.sum(single**2 / (n - np.arange(1, lags + 1))[:, None], axis=0)
+    counts = np.array([sum(len(part) - k for part in parts) for k in range(lags + 1)])
 
     bound, p_cross = np.empty((ny, nu)), np.empty((ny, nu))
     for i in range(ny):
-        whitener, r_e = autoregression(e[:, i], lags)
-        white_e = lfilter(whitener, [1.0], e[:, i])[lags:, None]
-        reach = len(r_e) - 1
+        own = [part[:, i] for part in e]
+        _, r_e = autoregression(np.concatenate(own), lags)
+        reach = min(len(r_e), shortest) - 1
         for j in range(nu):
-            r_u = covariance_function([v[:, [j]]], [v[:, [j]]], reach)[reach:, 0, 0] / v_size[j] ** 2
+            given = [part[:, [j]] for part in v]
+            r_u = covariance_function(given, given, reach)[reach:, 0, 0] / v_size[j] ** 2
             # the sum is a spectrum's integral and positive, but the sample correlations in it are not exact
-            variance = max(r_u[0] * r_e[0] + 2.0 * float(r_u[1:] @ r_e[1:]), 1.0 / n)
+            variance = max(r_u[0] * r_e[0] + 2.0 * float(r_u[1:] @ r_e[1 : reach + 1]), 1.0 / n)
             bound[i, j] = z * np.sqrt(variance / n)
-            white_u = lfilter(whitener, [1.0], v[:, j])[lags:, None]
-            p_cross[i, j] = _independence_p(white_e, white_u, lags)
+            p_cross[i, j] = independence_p(own, [part[:, 0] for part in given], int(lags))
     outside = (np.abs(cross[lags:]) > bound).sum(axis=0)
     return ResidualTest(
         residuals=errors,
@@ -146,25 +153,10 @@ def resid(estimate: Estimate | StateSpace, data: IOData, *, lags: int = 25, leve
         level=level,
         whiteness_bound=z / float(np.sqrt(n)),
         independence_bound=bound,
-        whiteness_p=chi2.sf(box, lags),
+        whiteness_p=whiteness_p(single, counts),
         independence_p=p_cross,
         outside_whiteness=(np.abs(single) > z / np.sqrt(n)).sum(axis=0),
         outside_independence=outside,
-        output_names=data.output_names or (),
-        input_names=data.input_names or (),
+        output_names=first.output_names or (),
+        input_names=first.input_names or (),
     )
-
-
-def _independence_p(white_e: FloatArray, filtered_u: FloatArray, lags: int) -> float:
-    """p-value of r' P^-1 r, r the covariances of e and u at lags 0..lags, P = R_e(0) R_u / N.
-
-    With the whitener of the residuals applied to both, P is the input's Toeplitz matrix alone. Directions in which the
-    input has no power are left out.
-    """
-    n = len(white_e)
-    r = covariance_function([white_e], [filtered_u], lags)[lags:, 0, 0]
-    r_u = covariance_function([filtered_u], [filtered_u], lags)[lags:, 0, 0]
-    values, vectors = np.linalg.eigh(toeplitz(r_u))
-    kept = values > 1e-6 * values[-1]
-    statistic = float(np.sum((vectors[:, kept].T @ r) ** 2 / values[kept])) * n / float(np.mean(white_e**2))
-    return float(chi2.sf(statistic, int(kept.sum())))

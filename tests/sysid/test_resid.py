@@ -7,6 +7,7 @@ import pytest
 from scipy.signal import lfilter
 
 from sysid import IOData, Polynomials, StateSpace, SysidError, arx, compare, innovations_form, resid
+from sysid.independence import independence_p, whiteness_p
 
 ONE = np.ones(1)
 MODEL = innovations_form(Polynomials([1, -1.5, 0.7], [0, 1, 0.5], [1, -1.0, 0.2], ONE, ONE), 0.1)
@@ -38,6 +39,40 @@ def test_independence_keeps_its_size_with_coloured_residuals() -> None:
     assert not any(white)
     # 10 % of 100, with room for the sample correlations in the bound
     assert 3 <= 100 - sum(independent) <= 22
+
+
+@pytest.mark.parametrize(("samples", "lags"), [(100, 10), (150, 25), (400, 25)])
+def test_whiteness_keeps_its_size_on_short_records(samples: int, lags: int) -> None:
+    e = np.random.default_rng(0).standard_normal((8000, samples))
+    e -= e.mean(axis=1, keepdims=True)
+    power = np.sum(e**2, axis=1)
+    r = np.array([np.sum(e[:, k:] * e[:, : samples - k], axis=1) / power for k in range(1, lags + 1)])
+    p = whiteness_p(r, samples - np.arange(lags + 1))
+    # standard errors 0.0011 and 0.0024; the chi-square distribution gives 0.019 to 0.025 at 1 %
+    assert np.mean(p < 0.01) == pytest.approx(0.01, abs=0.0045)
+    assert np.mean(p < 0.05) == pytest.approx(0.05, abs=0.006)
+
+
+def test_independence_keeps_its_size_on_short_records() -> None:
+    p = []
+    for seed in range(600):
+        rng = np.random.default_rng(seed)
+        u = np.repeat(rng.choice([-1.0, 1.0], 40), 3)
+        p.append(independence_p([rng.standard_normal(120)], [u - u.mean()], 12))
+    assert np.mean(np.array(p) < 0.05) == pytest.approx(0.05, abs=0.025)
+    assert np.mean(p) == pytest.approx(0.5, abs=0.04)
+
+
+def test_experiments_are_tested_together(p3: Any) -> None:
+    data = p3.draw(0)
+    parts = [data[:700], data[700:]]
+    both, whole = resid(p3.model, parts), resid(p3.model, data)
+    assert len(both.residuals) == 2000
+    np.testing.assert_allclose(both.autocorrelation, whole.autocorrelation, atol=0.03)
+    assert both.whiteness_p[0] == pytest.approx(whole.whiteness_p[0], abs=0.2)
+    too_small = resid(arx(parts, 1, 1), parts)
+    assert not too_small.white[0]
+    assert not too_small.independent[0, 0]
 
 
 def test_bounds() -> None:
