@@ -17,6 +17,7 @@ def armax(
     nk: int | Sequence[int] = 1,
     *,
     max_iterations: int = 100,
+    coloured: bool = False,
 ) -> Estimate:
     """Fit A(q) y = B(q) u + C(q) e by minimising the one-step prediction errors [Ljung1999, eqs. 4.15, 10.40].
 
@@ -29,6 +30,9 @@ def armax(
         nc: Degree of C.
         nk: Delay in samples, likewise; nk = 1 means y(t) depends on u(t-1) first, nk = 0 gives a direct term.
         max_iterations: Steps of the final minimisation at most.
+        coloured: Whether the covariance allows for prediction errors that are not white, as where the orders are too
+            small: a "sandwich" [Ljung1999, eqs. 9.8-9.12]. It then tells the spread about the parameters that the
+            criterion leads to, which need not be the true ones. The estimate itself is the same.
 
     Returns:
         The estimate; parameters a1.., b1.., c1...
@@ -42,4 +46,6 @@ def armax(
     experiments = as_experiments(data)
     orders = make_orders(experiments[0].nu, na=na, nb=nb, nc=nc, nk=nk)
     asked = {"na": orders.na, "nb": orders.nb, "nc": orders.nc, "nk": orders.nk}
-    return prediction_error_estimate("armax", experiments, orders, asked, armax_starts, max_iterations=max_iterations)
+    return prediction_error_estimate(
+        "armax", experiments, orders, asked, armax_starts, max_iterations=max_iterations, coloured=coloured
+    )

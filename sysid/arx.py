@@ -15,9 +15,17 @@ from sysid.least_squares import solve
 from sysid.orders import make_orders
 from sysid.polynomial_estimate import check_enough_data, check_single_output, make_estimate
 from sysid.regressors import arx_regressors
+from sysid.robust_covariance import sandwich
 
 
-def arx(data: IOData | Sequence[IOData], na: int, nb: int | Sequence[int], nk: int | Sequence[int] = 1) -> Estimate:
+def arx(
+    data: IOData | Sequence[IOData],
+    na: int,
+    nb: int | Sequence[int],
+    nk: int | Sequence[int] = 1,
+    *,
+    coloured: bool = False,
+) -> Estimate:
     """Fit A(q) y = B(q) u + e by least squares [Ljung1999, eqs. 4.7, 7.32].
 
     Args:
@@ -25,6 +33,9 @@ def arx(data: IOData | Sequence[IOData], na: int, nb: int | Sequence[int], nk: i
         na: Degree of A.
         nb: Number of coefficients of B, one for all inputs or one per input.
         nk: Delay in samples, likewise; nk = 1 means y(t) depends on u(t-1) first, nk = 0 gives a direct term.
+        coloured: Whether the covariance allows for prediction errors that are not white, as where the orders are too
+            small: a "sandwich" [Ljung1999, eqs. 9.8-9.12]. It then tells the spread about the parameters that the
+            criterion leads to, which need not be the true ones. The estimate itself is the same.
 
     Returns:
         The estimate; parameters a1.., b1...
@@ -54,6 +65,9 @@ def arx(data: IOData | Sequence[IOData], na: int, nb: int | Sequence[int], nk: i
         texts.append(
             f"the regressors have rank {fit.rank} for {orders.count} parameters: the solution of least norm is given"
         )
+    covariance = variance * fit.inverse_gram
+    if coloured:
+        covariance = sandwich(experiments, orders, fit.solution[:, 0], covariance, variance)
     for text in texts:
         warnings.warn(text, SysidWarning, stacklevel=2)
     return make_estimate(
@@ -62,7 +76,7 @@ def arx(data: IOData | Sequence[IOData], na: int, nb: int | Sequence[int], nk: i
         orders,
         {"na": orders.na, "nb": orders.nb, "nk": orders.nk},
         theta=fit.solution[:, 0],
-        covariance=variance * fit.inverse_gram,
+        covariance=covariance,
         variance=variance,
         diagnostics={"condition": fit.condition, "rank": fit.rank, "iterations": 0, "converged": True},
         texts=texts,

@@ -18,6 +18,7 @@ def bj(
     nk: int | Sequence[int] = 1,
     *,
     max_iterations: int = 100,
+    coloured: bool = False,
 ) -> Estimate:
     """Fit y = B(q)/F(q) u + C(q)/D(q) e by minimising the one-step prediction errors [Ljung1999, eqs. 4.31, 10.40].
 
@@ -32,6 +33,9 @@ def bj(
         nf: Degree of F, one for all inputs or one per input.
         nk: Delay in samples, likewise; nk = 1 means y(t) depends on u(t-1) first, nk = 0 gives a direct term.
         max_iterations: Steps of the final minimisation at most.
+        coloured: Whether the covariance allows for prediction errors that are not white, as where the orders are too
+            small: a "sandwich" [Ljung1999, eqs. 9.8-9.12]. It then tells the spread about the parameters that the
+            criterion leads to, which need not be the true ones. The estimate itself is the same.
 
     Returns:
         The estimate; parameters b1.., c1.., d1.., f1...
@@ -45,4 +49,6 @@ def bj(
     experiments = as_experiments(data)
     orders = make_orders(experiments[0].nu, nb=nb, nc=nc, nd=nd, nf=nf, nk=nk)
     asked = {"nb": orders.nb, "nc": orders.nc, "nd": orders.nd, "nf": orders.nf, "nk": orders.nk}
-    return prediction_error_estimate("bj", experiments, orders, asked, bj_starts, max_iterations=max_iterations)
+    return prediction_error_estimate(
+        "bj", experiments, orders, asked, bj_starts, max_iterations=max_iterations, coloured=coloured
+    )

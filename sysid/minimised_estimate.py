@@ -14,6 +14,7 @@ from sysid.excitation import check_excitation
 from sysid.orders import Orders
 from sysid.polynomial_estimate import check_enough_data, check_single_output, make_estimate
 from sysid.prediction_error import Linearisation, coloured_information
+from sysid.robust_covariance import sandwich
 from sysid.search import Start, search
 
 ILL_CONDITIONED = 1e10
@@ -42,7 +43,8 @@ def prediction_error_estimate(
         asked: Orders as the user knows them.
         starts: Makes the beginnings, the most promising first.
         max_iterations: Steps of the polishing.
-        coloured: Whether the covariance allows for errors that are not white.
+        coloured: Whether the covariance allows for errors that are not white; without a model of the noise they are
+            taken to be independent of the input, which makes for sharper intervals.
 
     Warns:
         SysidWarning: Poor excitation, no convergence, bad conditioning, roots of C, D or F at the unit circle.
@@ -56,9 +58,12 @@ def prediction_error_estimate(
     variance = at.cost / (rows - orders.count - at.transients)
     covariance, condition = covariance_of(at, variance)
     if coloured and at.cost > 0.0:
-        half = covariance / variance
-        information = coloured_information(experiments, orders, at.theta, min(COLOUR, rows // 20))
-        covariance = half @ information @ half
+        if orders.na == orders.nc == orders.nd == 0:
+            half = covariance / variance
+            information = coloured_information(experiments, orders, at.theta, min(COLOUR, rows // 20))
+            covariance = half @ information @ half
+        else:
+            covariance = sandwich(experiments, orders, at.theta, covariance, variance)
     if not found.best.converged:
         texts.append(f"{method} did not converge: {found.best.reason}")
     if condition > ILL_CONDITIONED and at.cost > 0.0:

@@ -152,6 +152,12 @@ def coloured_information(experiments: Sequence[IOData], orders: Orders, theta: F
     return total * float(np.mean(lfilter(whitener, [1.0], errors) ** 2))
 
 
+def scores(experiments: Sequence[IOData], orders: Orders, theta: FloatArray) -> list[FloatArray]:
+    """Jacobian times error, sample by sample (rows, p) per experiment: half the gradient before it is summed."""
+    parts = [_projected(e.y[:, 0], e.u, orders, theta, orders.first_row(e.window))[0] for e in experiments]
+    return [part[:, :-1] * part[:, -1:] for part in parts]
+
+
 def linearise(experiments: Sequence[IOData], orders: Orders, theta: FloatArray) -> Linearisation:
     """Evaluate the criterion and its exact first derivatives.
 
