@@ -5,9 +5,12 @@ from dataclasses import dataclass, field, replace
 from typing import Literal
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from sysid.arrays import FloatArray, lock, real_array
 from sysid.errors import SysidError
+
+ROUNDING = 1e-13  # what is left of a channel, as a part of it, that is rounding and no signal
 
 
 @dataclass(frozen=True, eq=False)
@@ -92,6 +95,11 @@ class IOData:
         """Sampling instants in s, from 0, (N,)."""
         return np.arange(len(self), dtype=np.float64) * self.dt
 
+    @property
+    def scored(self) -> "IOData":
+        """The record without its initialisation window."""
+        return self[self.window :] if self.window else self
+
     def __getitem__(self, part: slice) -> "IOData":
         """Return consecutive samples `data[a:b]`; what is left of the initialisation window stays one.
 
@@ -109,14 +117,51 @@ class IOData:
     def detrend(self, order: int = 0) -> "IOData":
         """Remove from every channel its least-squares polynomial in time (0: the mean).
 
+        The polynomial is fitted behind the initialisation window and removed everywhere. A channel of which only
+        rounding would be left becomes zero.
+
         Raises:
             SysidError: Negative order, or an order that the number of samples does not allow.
         """
-        if isinstance(order, bool) or not isinstance(order, int | np.integer) or not 0 <= order < len(self):
-            raise SysidError(f"detrend order must be a whole number from 0 to {len(self) - 1}, got {order!r}")
+        if (
+            isinstance(order, bool)
+            or not isinstance(order, int | np.integer)
+            or not 0 <= order < len(self) - self.window
+        ):
+            raise SysidError(
+                f"detrend order must be a whole number from 0 to {len(self) - self.window - 1}, got {order!r}"
+            )
         basis = np.polynomial.legendre.legvander(np.linspace(-1.0, 1.0, max(len(self), 2))[: len(self)], order)
-        q, _ = np.linalg.qr(basis)
-        return replace(self, u=self.u - q @ (q.T @ self.u), y=self.y - q @ (q.T @ self.y))
+        _, triangle = np.linalg.qr(basis[self.window :])
+        q = np.linalg.solve(triangle.T, basis.T).T
+        scored = q[self.window :]
+        return replace(
+            self,
+            u=_difference(self.u, q @ (scored.T @ self.u[self.window :])),
+            y=_difference(self.y, q @ (scored.T @ self.y[self.window :])),
+        )
+
+    def subtract(self, *, u: ArrayLike = 0.0, y: ArrayLike = 0.0) -> "IOData":
+        """Remove a known operating point or trend.
+
+        Args:
+            u: What to take from the inputs: one value, one per input (nu,), or one per sample and input (N, nu).
+            y: What to take from the outputs, likewise.
+
+        Raises:
+            SysidError: Shapes that do not fit, NaN.
+        """
+        parts = {}
+        for name, given, channel in (("u", u, self.u), ("y", y, self.y)):
+            offset = real_array(name, given)
+            try:
+                parts[name] = _difference(channel, np.broadcast_to(offset, channel.shape))
+            except ValueError as error:
+                raise SysidError(
+                    f"{name}: expected one value, one per channel ({channel.shape[1]},), or shape {channel.shape}, "
+                    f"got shape {offset.shape}"
+                ) from error
+        return replace(self, u=parts["u"], y=parts["y"])
 
     def select(
         self, *, inputs: Sequence[int | str] | None = None, outputs: Sequence[int | str] | None = None
@@ -160,6 +205,14 @@ def as_experiments(data: IOData | Sequence[IOData]) -> tuple[IOData, ...]:
         if not np.isclose(record.dt, first.dt, rtol=1e-9, atol=0.0):
             raise SysidError(f"experiment {i} is sampled every {record.dt} s, the first every {first.dt} s")
     return records
+
+
+def _difference(channels: FloatArray, trend: FloatArray) -> FloatArray:
+    """Channels less their trend; a channel of which rounding alone is left becomes exactly zero."""
+    rest = channels - trend
+    size = np.maximum(np.abs(channels).max(axis=0), np.abs(trend).max(axis=0))
+    rest[:, np.abs(rest).max(axis=0) <= ROUNDING * size] = 0.0
+    return rest
 
 
 def _channels(name: str, value: FloatArray) -> FloatArray:

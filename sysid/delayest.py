@@ -113,8 +113,10 @@ def delayest(
     z = float(norm.ppf(1.0 - 0.5 * (1.0 - level) / (largest + 1)))
     for j in range(nu):
         filtered = prewhitened(experiments, j, whitening)
-        n = sum(len(w) for w, _ in filtered)
-        u, y = [w for w, _ in filtered], [v for _, v in filtered]
+        starts = [max(whitening, e.window) for e in experiments]
+        u = [w[start:, [j]] for (w, _), start in zip(filtered, starts, strict=True)]
+        y = [v[start:] for (_, v), start in zip(filtered, starts, strict=True)]
+        n = sum(len(w) for w in u)
         # below the delay u is white and independent of y: the variance is 1/N whatever the output's colour
         sizes = np.sqrt(covariance_function(u, u, 0)[0, 0, 0] * np.diag(covariance_function(y, y, 0)[0]))
         correlations[:, :, j] = covariance_function(y, u, largest)[largest:, :, 0] / np.maximum(sizes, 1e-300)

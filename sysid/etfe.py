@@ -3,41 +3,55 @@
 from collections.abc import Sequence
 
 import numpy as np
-from scipy.fft import rfft, rfftfreq
+from scipy.fft import fft, rfftfreq
+from scipy.ndimage import convolve1d
 
+from sysid.arrays import ComplexArray, FloatArray
 from sysid.data import IOData, as_experiments
 from sysid.errors import SysidError
 from sysid.excitation import check_excitation
 from sysid.frequency import FrequencyResponse
+from sysid.spectra import response_of_spectra
 
 SILENT = 1e-20
 
 
-def etfe(data: IOData | Sequence[IOData]) -> FrequencyResponse:
-    """Ratio of Fourier transforms Y(f) / U(f) [Ljung1999, eq. 6.24].
+def etfe(data: IOData | Sequence[IOData], *, smoothing: int = 0) -> FrequencyResponse:
+    """Ratio of Fourier transforms Y(f) / U(f), smoothed over neighbours on request [Ljung1999, eqs. 6.24, 6.38].
 
-    Unbiased apart from transients, but its variance does not fall with N: it is for looking, and for periodic inputs,
-    where it is exact in the limit. Several experiments of equal length give sum(Y conj U) / sum |U|^2, and from two
-    on a covariance. Detrend first.
+    Without smoothing it is unbiased apart from transients, but its variance does not fall with N: it is for looking,
+    and for periodic inputs, where it is exact in the limit. Several experiments of equal length give
+    sum(Y conj U) / sum |U|^2, and from two on a covariance. With smoothing the sums run over 2 smoothing + 1
+    neighbouring frequencies too, with weights that fall off as a Hann window; one experiment then gives a covariance.
+    Detrend first. Initialisation windows are left out.
 
     Args:
         data: One experiment with one input, or several of equal length.
+        smoothing: Neighbours on either side, in steps of 1 / (N dt).
 
     Returns:
-        Response at the frequencies k / (N dt), k >= 1, at which the input has power.
+        Response at the frequencies k / (N dt), k >= 1, at which the input has power; with smoothing the spectra too.
 
     Raises:
-        SysidError: Several inputs, constant input, experiments of different length.
+        SysidError: Several inputs, constant input, experiments of different length, more neighbours than frequencies.
     """
-    experiments = as_experiments(data)
+    experiments = tuple(e.scored for e in as_experiments(data))
     first = experiments[0]
     if first.nu != 1:
         raise SysidError(f"etfe takes one input, got {first.nu}: use spa, or data.select(inputs=[...])")
     if len({len(e) for e in experiments}) > 1:
         raise SysidError(f"etfe needs experiments of equal length, got {[len(e) for e in experiments]} samples")
+    n = len(first)
+    if isinstance(smoothing, bool) or not isinstance(smoothing, int | np.integer) or not 0 <= smoothing < n // 2:
+        raise SysidError(f"smoothing must be a whole number of neighbours from 0 to {n // 2 - 1}, got {smoothing!r}")
     check_excitation(experiments, [0])
-    u = np.array([rfft(e.u[:, 0]) for e in experiments])[:, 1:, None]
-    y = np.array([rfft(e.y, axis=0) for e in experiments])[:, 1:]
+    # (experiments, N, channels), both signs of the frequency: neighbours of the ends are found across 0 and Nyquist
+    u = np.array([fft(e.u, axis=0) for e in experiments])
+    y = np.array([fft(e.y, axis=0) for e in experiments])
+    f = rfftfreq(n, first.dt)[1:]
+    if smoothing:
+        return _smoothed(experiments, u, y, f, smoothing)
+    u, y = u[:, 1 : len(f) + 1], y[:, 1 : len(f) + 1]
     power = np.sum(np.abs(u) ** 2, axis=0)
     heard = power[:, 0] > SILENT * power.max()
     response = np.sum(y * u.conj(), axis=0)[heard] / power[heard]
@@ -48,11 +62,38 @@ def etfe(data: IOData | Sequence[IOData]) -> FrequencyResponse:
         variance = np.sum(np.abs(errors) ** 2, axis=0) / (r - 1) / power[heard]
         covariance = 0.5 * variance[:, :, None, None, None] * np.eye(2)
     return FrequencyResponse(
-        frequencies=rfftfreq(len(first), first.dt)[1:][heard],
+        frequencies=f[heard],
         response=response[:, :, None],
         dt=first.dt,
         method="etfe",
         covariance=covariance,
+        degrees_of_freedom=2.0 * (r - 1) if r > 1 else None,
         input_names=first.input_names or (),
         output_names=first.output_names or (),
+    )
+
+
+def _smoothed(
+    experiments: Sequence[IOData], u: ComplexArray, y: ComplexArray, f: FloatArray, smoothing: int
+) -> FrequencyResponse:
+    weights = np.hanning(2 * smoothing + 3)[1:-1]
+    weights /= weights.sum()
+    n = u.shape[1]
+
+    def over_neighbours(products: ComplexArray, w: FloatArray) -> ComplexArray:
+        total = products.sum(axis=0)
+        real, imaginary = (convolve1d(part, w, axis=0, mode="wrap") for part in (total.real, total.imag))
+        return np.asarray(real + 1j * imaginary)[1 : len(f) + 1]
+
+    scale = experiments[0].dt / (n * len(experiments))
+    uu = u[:, :, :, None] * u[:, :, None, :].conj()
+    phi_u = scale * over_neighbours(uu, weights)
+    phi_y = scale * over_neighbours(y[:, :, :, None] * y[:, :, None, :].conj(), weights)
+    phi_yu = scale * over_neighbours(y[:, :, :, None] * u[:, :, None, :].conj(), weights)
+    averages = len(experiments) / float(np.sum(weights**2))
+    # where the lines of the input are of unequal strength, fewer of them carry the estimate
+    strength, squares = phi_u[:, 0, 0].real, scale * over_neighbours(uu, weights**2)[:, 0, 0].real
+    effective = len(experiments) * strength / np.where(squares > 0.0, squares, 1.0)
+    return response_of_spectra(
+        "etfe", experiments, f, phi_u, phi_y, phi_yu, averages=averages, weights=np.maximum(effective, 1e-12)
     )

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from sysid.arrays import FloatArray, real_array
-from sysid.data import IOData
+from sysid.data import ROUNDING, IOData
 from sysid.errors import SysidError
 from sysid.regressors import lagged
 
@@ -60,7 +60,7 @@ def check_excitation(experiments: Sequence[IOData], needed: Sequence[int]) -> li
     texts = []
     for j, name in enumerate(experiments[0].input_names or ()):
         signals = [e.u[:, j] for e in experiments]
-        if all(np.ptp(s) == 0.0 for s in signals):
+        if all(np.ptp(s) <= ROUNDING * np.abs(s).max() for s in signals):
             value = ", ".join(f"{s[0]:g}" for s in signals)
             raise SysidError(
                 f"input {name} is constant ({value}): nothing can be identified from it; expected a varying input"

@@ -3,6 +3,7 @@
 from dataclasses import dataclass, field
 
 import numpy as np
+from scipy.stats import chi2, t
 
 from sysid.arrays import ComplexArray, FloatArray, lock
 from sysid.errors import SysidError
@@ -28,6 +29,8 @@ class FrequencyResponse:
         input_spectrum: Phi_u (nf, nu, nu), unit^2/Hz.
         output_spectrum: Phi_y (nf, ny, ny), unit^2/Hz.
         cross_spectrum: Phi_yu (nf, ny, nu).
+        degrees_of_freedom: Of the variance that `covariance` and `noise_spectrum` rest on; None where that is no matter
+            (a parametric model): intervals are then those of the normal distribution.
         input_names: One name per input.
         output_names: One name per output.
     """
@@ -42,6 +45,7 @@ class FrequencyResponse:
     input_spectrum: ComplexArray | None = None
     output_spectrum: ComplexArray | None = None
     cross_spectrum: ComplexArray | None = None
+    degrees_of_freedom: float | None = None
     input_names: tuple[str, ...] = field(default=(), kw_only=True)
     output_names: tuple[str, ...] = field(default=(), kw_only=True)
 
@@ -106,8 +110,38 @@ class FrequencyResponse:
             SysidError: The method gave no covariance.
         """
         size = np.maximum(self.magnitude, np.finfo(float).tiny)
-        factor = np.exp(np.minimum(NORMAL_95 * self.magnitude_deviation() / size, 700.0))
+        factor = np.exp(np.minimum(self.quantile_95 * self.magnitude_deviation() / size, 700.0))
         return size / factor, size * factor
+
+    def phase_ci95(self) -> tuple[FloatArray, FloatArray]:
+        """95 % interval of the phase in rad round the unwrapped phase, (nf, ny, nu) each.
+
+        Raises:
+            SysidError: The method gave no covariance.
+        """
+        reach = self.quantile_95 * self.phase_deviation()
+        return self.phase - reach, self.phase + reach
+
+    def noise_ci95(self) -> tuple[FloatArray, FloatArray]:
+        """95 % interval of the disturbance's spectrum per output, by the chi-square distribution (nf, ny) each.
+
+        The spectrum is short of what the response has fitted, so that the interval is not centred on it. At 0 Hz and at
+        the Nyquist frequency it holds half the degrees of freedom and the interval is too narrow.
+
+        Raises:
+            SysidError: The method gave no disturbance spectrum, or one of unknown degrees of freedom.
+        """
+        if self.noise_spectrum is None or self.degrees_of_freedom is None:
+            raise SysidError(f"{self.method} gives no disturbance spectrum with degrees of freedom")
+        freedom = self.degrees_of_freedom
+        total = np.einsum("fii->fi", self.noise_spectrum).real * (freedom + 2.0 * self.response.shape[2])
+        total = np.maximum(total, 0.0)
+        return total / chi2.ppf(0.975, freedom), total / chi2.ppf(0.025, freedom)
+
+    @property
+    def quantile_95(self) -> float:
+        """Half-width of a 95 % interval in standard deviations: Student's, or normal without degrees of freedom."""
+        return NORMAL_95 if self.degrees_of_freedom is None else float(t.ppf(0.975, self.degrees_of_freedom))
 
     def _direction(self) -> ComplexArray:
         # NaN stays NaN, without a complaint of numpy

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from sysid.arrays import FloatArray
 from sysid.data import IOData
-from sysid.frequency import NORMAL_95, FrequencyResponse
+from sysid.frequency import FrequencyResponse
 from sysid.state_space import StateSpace
 
 
@@ -147,10 +147,11 @@ def bode(
                 curve.response.dt,
                 curve.response.method,
                 curve.response.covariance[known][:, [output]][:, :, [input]],
+                degrees_of_freedom=curve.response.degrees_of_freedom,
             )
             low, high = (edge[:, 0, 0] for edge in part.magnitude_ci95())
             upper.fill_between(f[known], _decibel(low), _decibel(high), color=style.colour, alpha=0.18, lw=0)
-            spread = NORMAL_95 * np.degrees(part.phase_deviation()[:, 0, 0])
+            spread = part.quantile_95 * np.degrees(part.phase_deviation()[:, 0, 0])
             centre = phase[known[keep]]
             lower.fill_between(f[known], centre - spread, centre + spread, color=style.colour, alpha=0.18, lw=0)
     if relative_to_dc:

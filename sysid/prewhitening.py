@@ -11,18 +11,18 @@ from sysid.data import IOData
 
 
 def prewhitened(experiments: Sequence[IOData], channel: int, order: int) -> list[tuple[FloatArray, FloatArray]]:
-    """Filter input and outputs by the whitener of one input [Ljung1999, sec. 6.1].
+    """Filter inputs and outputs by the whitener of one input [Ljung1999, sec. 6.1].
 
-    The response from the filtered input to the filtered output is that of the system. Samples that the filter has to
-    start from, and the initialisation window, are left out.
+    The response from the filtered inputs to the filtered outputs is that of the system. The first `order` samples are
+    the start-up of the filter: leave them out.
 
     Args:
         experiments: Records with zero mean.
-        channel: Which input.
-        order: Coefficients of the autoregressive model of the input; 0 leaves everything as it is.
+        channel: Which input is to become white.
+        order: Coefficients of its autoregressive model; 0 leaves everything as it is.
 
     Returns:
-        Per experiment the whitened input (n, 1) and the filtered outputs (n, ny).
+        Per experiment all inputs (N, nu) and outputs (N, ny), filtered.
     """
     whitener = np.ones(1)
     if order:
@@ -30,9 +30,4 @@ def prewhitened(experiments: Sequence[IOData], channel: int, order: int) -> list
         gap = np.zeros(order)
         joined = np.concatenate([part for e in experiments for part in (e.u[:, channel], gap)])
         whitener, _ = autoregression(joined, order)
-    parts = []
-    for e in experiments:
-        start = max(order, e.window)
-        u = lfilter(whitener, [1.0], e.u[:, [channel]], axis=0)[start:]
-        parts.append((u, lfilter(whitener, [1.0], e.y, axis=0)[start:]))
-    return parts
+    return [(lfilter(whitener, [1.0], e.u, axis=0), lfilter(whitener, [1.0], e.y, axis=0)) for e in experiments]

@@ -64,6 +64,27 @@ def test_detrend_removes_polynomials_and_nothing_else(order: int) -> None:
         np.testing.assert_allclose(clean.u[:, 0], wave - wave.mean(), atol=1e-14)
 
 
+def test_the_trend_is_that_behind_the_initialisation_window() -> None:
+    data = record(window=8).detrend()
+    np.testing.assert_allclose(data.y[8:].mean(axis=0), 0.0, atol=1e-15)
+    np.testing.assert_allclose(data.y[:8] - data.y[8], record().y[:8] - record().y[8], atol=1e-14)
+    line = np.arange(20.0)
+    spoilt = np.concatenate((np.full(8, 50.0), line[8:]))
+    np.testing.assert_allclose(IOData(line, spoilt, 1.0, window=8).detrend(1).y[:, 0], spoilt - line, atol=1e-12)
+
+
+def test_a_given_operating_point() -> None:
+    data = record()
+    part = data.subtract(u=[1.0, 2.0], y=0.5)
+    np.testing.assert_allclose(part.u, data.u - [1.0, 2.0])
+    np.testing.assert_allclose(part.y, data.y - 0.5)
+    trend = np.arange(60.0).reshape(20, 3)
+    np.testing.assert_allclose(data.subtract(y=trend).y, data.y - trend)
+    np.testing.assert_array_equal(data.subtract(y=trend).u, data.u)
+    with pytest.raises(SysidError, match=r"one per channel \(2,\)"):
+        data.subtract(u=[1.0, 2.0, 3.0])
+
+
 def test_select_by_name_and_index() -> None:
     data = record(input_names=("a", "b"), output_names=("x", "y", "z"), input_units=("V", "A"))
     part = data.select(inputs=["b"], outputs=[2, "x"])

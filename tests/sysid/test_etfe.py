@@ -39,7 +39,29 @@ def test_averaging_and_its_covariance() -> None:
     assert 0.7 < np.mean(scaled) < 1.4
 
 
+def test_smoothing_is_its_definition() -> None:
+    data = IOData(*np.random.default_rng(0).standard_normal((2, 101)), 0.1)
+    found = etfe(data, smoothing=3)
+    u, y = np.fft.fft(data.u[:, 0]), np.fft.fft(data.y[:, 0])
+    w = np.hanning(9)[1:-1]
+    for k in (1, 20, 50):
+        near = [(k + d) % 101 for d in range(-3, 4)]
+        expected = np.sum(w * y[near] * u[near].conj()) / np.sum(w * np.abs(u[near]) ** 2)
+        assert found.response[k - 1, 0, 0] == pytest.approx(expected, rel=1e-10)
+    raw = etfe(data)
+    np.testing.assert_array_equal(raw.frequencies, found.frequencies)
+    np.testing.assert_allclose(raw.response[:, 0, 0], (y / u)[1:51])
+
+
+def test_smoothing_leaves_out_the_initialisation_window() -> None:
+    data = IOData(*np.random.default_rng(0).standard_normal((2, 300)), 0.1, window=100)
+    np.testing.assert_array_equal(etfe(data, smoothing=5).response, etfe(data[100:], smoothing=5).response)
+    np.testing.assert_array_equal(etfe(data).response, etfe(data[100:]).response)
+
+
 def test_refusals() -> None:
+    with pytest.raises(SysidError, match="from 0 to 99"):
+        etfe(periodic(0), smoothing=100)
     with pytest.raises(SysidError, match="one input, got 2"):
         etfe(IOData(np.random.default_rng(0).standard_normal((20, 2)), np.ones(20), 0.1))
     with pytest.raises(SysidError, match="equal length"):

@@ -38,6 +38,20 @@ def test_constant_input_is_refused_everywhere() -> None:
             identify()
 
 
+@pytest.mark.parametrize("value", [3.7, 1e6 / 3.0, -0.1, 1e-9])
+@pytest.mark.parametrize("order", [0, 1])
+def test_a_constant_input_stays_one_when_its_mean_is_removed(value: float, order: int) -> None:
+    """Removing a mean leaves rounding behind, which would excite as noise does."""
+    y = np.random.default_rng(0).standard_normal(333)
+    data = IOData(np.full(333, value), y, 0.1).detrend(order)
+    np.testing.assert_array_equal(data.u, 0.0)
+    shaken = IOData(value * (1.0 + 4e-16 * np.sign(y)), y, 0.1)
+    for given in (data, shaken, IOData(np.full(333, value), y, 0.1).subtract(u=value * (1 + 1e-15))):
+        for identify in (lambda d: arx(d, 1, 1), lambda d: oe(d, 1, 1), lambda d: okid(d, 1, p=2)):
+            with pytest.raises(SysidError, match="u1 is constant"):
+                identify(given)
+
+
 @pytest.mark.filterwarnings("ignore:the regressors have rank")
 def test_two_sines_are_too_few_for_a_fifth_order_model() -> None:
     u = np.sin(0.3 * T) + np.sin(1.2 * T)

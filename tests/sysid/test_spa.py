@@ -80,7 +80,22 @@ def test_experiments_are_averaged() -> None:
     data = IOData(*np.random.default_rng(3).standard_normal((2, 600)), 0.1)
     both = spa([data, data], lag=30)
     np.testing.assert_allclose(both.response, spa(data, lag=30).response, rtol=1e-9)
-    np.testing.assert_allclose(both.covariance, 0.5 * spa(data, lag=30).covariance, rtol=1e-6)
+    # half the variance; the disturbance is short of one average in K, which is made up for
+    k = 600 / np.sum(np.hamming(61) ** 2)
+    share = 0.5 * (2 * k / (2 * k - 1)) / (k / (k - 1))
+    np.testing.assert_allclose(both.covariance, share * spa(data, lag=30).covariance, rtol=1e-6)
+    assert both.degrees_of_freedom == pytest.approx(2 * (2 * k - 1))
+
+
+def test_the_window_is_chosen_and_the_initialisation_window_left_out() -> None:
+    data = IOData(*np.random.default_rng(3).standard_normal((2, 600)), 0.1, window=100)
+    found = spa(data, lag=20, window=np.bartlett)
+    np.testing.assert_array_equal(found.response, spa(data[100:], lag=20, window=np.bartlett).response)
+    assert found.degrees_of_freedom == pytest.approx(2 * (500 / np.sum(np.bartlett(41) ** 2) - 1))
+    assert not np.allclose(found.response, spa(data, lag=20).response)
+    assert (found.noise_spectrum.real > 0).all()
+    with pytest.raises(SysidError, match="1 in the middle"):
+        spa(data, lag=20, window=lambda n: np.zeros(n))
 
 
 def test_refusals() -> None:

@@ -1,0 +1,86 @@
+"""Sample covariance functions of all channels of a record."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sysid.arrays import FloatArray, lock
+from sysid.correlation import covariance_function
+from sysid.data import IOData, as_experiments
+from sysid.errors import SysidError
+
+
+@dataclass(frozen=True, eq=False)
+class CovarianceFunction:
+    """R(tau) = 1/N sum_t z(t + tau) z(t)' of z = [y; u].
+
+    Attributes:
+        lags: -lags, ..., lags in samples (2 lags + 1,).
+        values: Covariances (2 lags + 1, ny + nu, ny + nu), in products of the channels' units.
+        names: Outputs, then inputs.
+        ny: Number of outputs.
+        dt: Sampling interval in s.
+    """
+
+    lags: NDArray[np.int_]
+    values: FloatArray
+    names: tuple[str, ...]
+    ny: int
+    dt: float
+
+    def __post_init__(self) -> None:
+        """Lock."""
+        object.__setattr__(self, "lags", lock(self.lags))
+        object.__setattr__(self, "values", lock(self.values))
+
+    @property
+    def output(self) -> FloatArray:
+        """R_y (2 lags + 1, ny, ny)."""
+        return self.values[:, : self.ny, : self.ny]
+
+    @property
+    def input(self) -> FloatArray:
+        """R_u (2 lags + 1, nu, nu)."""
+        return self.values[:, self.ny :, self.ny :]
+
+    @property
+    def cross(self) -> FloatArray:
+        """R_yu, y later than u by the lag (2 lags + 1, ny, nu)."""
+        return self.values[:, : self.ny, self.ny :]
+
+    @property
+    def normalised(self) -> FloatArray:
+        """Correlation coefficients, by the standard deviations at lag 0; 0 for a channel that is zero."""
+        sizes = np.sqrt(np.diagonal(self.values[len(self.lags) // 2]))
+        sizes = np.where(sizes > 0.0, sizes, 1.0)
+        return self.values / np.outer(sizes, sizes)
+
+
+def covf(data: IOData | Sequence[IOData], *, lags: int = 25) -> CovarianceFunction:
+    """Covariance functions of outputs and inputs [Ljung1999, eq. 6.10].
+
+    Division is by N at every lag, so that the function is positive semidefinite. Means are left as they are: detrend
+    first. Initialisation windows are left out, products never reach over the boundary of an experiment.
+
+    Args:
+        data: One experiment, or several that are averaged.
+        lags: Largest lag.
+
+    Raises:
+        SysidError: lags not between 0 and N - 1.
+    """
+    experiments = tuple(e.scored for e in as_experiments(data))
+    shortest = min(len(e) for e in experiments)
+    if isinstance(lags, bool) or not isinstance(lags, int | np.integer) or not 0 <= lags < shortest:
+        raise SysidError(f"lags must be a whole number from 0 to {shortest - 1}, got {lags!r}")
+    z = [np.hstack((e.y, e.u)) for e in experiments]
+    first = experiments[0]
+    return CovarianceFunction(
+        lags=np.arange(-lags, lags + 1),
+        values=covariance_function(z, z, int(lags)),
+        names=(*(first.output_names or ()), *(first.input_names or ())),
+        ny=first.ny,
+        dt=first.dt,
+    )
