@@ -1,10 +1,12 @@
 """What the 1553 bus recorded of one experiment, and beside it what only a simulation knows."""
 
+import warnings
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from types import MappingProxyType
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -12,6 +14,9 @@ from hmtb_twin.errors import TwinError
 from hmtb_twin.modes import joint_index
 from hmtb_twin.parameters import JOINTS
 from sysid import IOData
+
+if TYPE_CHECKING:
+    import xarray as xr
 
 WRENCH = ("force_x", "force_y", "force_z", "torque_x", "torque_y", "torque_z")
 """Components of the wrist force/torque sensor, in its own frame."""
@@ -60,8 +65,12 @@ class JointLog:
     provenance: Mapping[str, str] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
-        for channel in _CHANNELS:
+        widths = {"joint": len(JOINTS), "component": len(WRENCH), "axis": len(self.axes)}
+        for channel, (along, _, _) in _CHANNELS.items():
             array = np.array(getattr(self, channel), dtype=float)
+            wanted = (len(np.atleast_1d(self.commanded)), widths[along])
+            if array.shape != wanted:
+                raise TwinError(f"{channel} of shape {array.shape} given, expected {wanted}")
             array.setflags(write=False)
             object.__setattr__(self, channel, array)
         object.__setattr__(self, "provenance", MappingProxyType(dict(self.provenance)))
@@ -116,6 +125,8 @@ class JointLog:
         import xarray as xr
 
         path = Path(path)
+        if path.is_dir() or not path.parent.is_dir():
+            raise TwinError(f"cannot write the log {path}: it is a folder, or its folder does not exist")
         coordinates = {
             "sample": np.arange(len(self)),
             "joint": list(JOINTS),
@@ -138,8 +149,10 @@ class JointLog:
         try:
             xr.Dataset(variables, coords=coordinates, attrs=attributes).to_netcdf(partial, engine="h5netcdf")
             partial.replace(path)
-        except OSError as error:
-            raise TwinError(f"cannot write the log {path}: {error.strerror or error}") from error
+        except (OSError, ValueError, TypeError) as error:
+            partial.unlink(missing_ok=True)
+            reason = error.strerror if isinstance(error, OSError) and error.strerror else error
+            raise TwinError(f"cannot write the log {path}: {reason}") from error
         return path
 
     @classmethod
@@ -161,16 +174,31 @@ class JointLog:
         if not path.is_file():
             raise TwinError(f"no file {path}: expected a joint log, NetCDF4")
         try:
-            with xr.open_dataset(path, engine="h5netcdf") as stored:
-                dataset = stored.load()
-        except (OSError, ValueError, KeyError) as error:
-            raise TwinError(f"{path} is not a NetCDF4 file") from error
+            with warnings.catch_warnings():
+                # A foreign file is reported below; its reader's own remarks would only stand before that.
+                warnings.simplefilter("ignore")
+                with xr.open_dataset(path, engine="h5netcdf") as stored:
+                    dataset = stored.load()
+        except PermissionError as error:
+            raise TwinError(f"cannot read {path}: {error.strerror}") from error
+        except (OSError, ValueError, KeyError, TypeError, RuntimeError) as error:
+            raise TwinError(f"{path} is not a NetCDF4 file, or a damaged one") from error
         missing = [name for name in _CHANNELS if name not in dataset]
         if dataset.attrs.get("format") != FORMAT or missing:
             raise TwinError(
                 f"{path} is no joint log: expected format {FORMAT!r} with {', '.join(_CHANNELS)}; "
                 f"found {', '.join(map(str, dataset)) or 'nothing'}"
             )
+        try:
+            return cls._of(dataset)
+        except (KeyError, ValueError, TypeError, IndexError) as error:
+            raise TwinError(f"{path} is a damaged joint log: {error}") from error
+
+    @classmethod
+    def _of(cls, dataset: "xr.Dataset") -> "JointLog":
+        joints = tuple(map(str, dataset["joint"].values))
+        if joints != JOINTS:
+            raise TwinError(f"a joint log with joints {', '.join(joints)}; expected {', '.join(JOINTS)} in this order")
         prefix = "provenance_"
         return cls(
             name=str(dataset.attrs["title"]),
@@ -197,5 +225,5 @@ def software_versions() -> dict[str, str]:
         try:
             found[package.replace("-", "_")] = version(package)
         except PackageNotFoundError:
-            found[package.replace("-", "_")] = "not installed"
+            found[package.replace("-", "_")] = "checkout"
     return found

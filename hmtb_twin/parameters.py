@@ -16,6 +16,9 @@ JOINTS = (
 )
 """The seven joints from the base outward."""
 
+INDEXED_JOINTS = ("shoulder_roll",)
+"""Joints that a pin holds at an index position [Morris1996, I.2]."""
+
 STUDIED_JOINTS = ("shoulder_yaw", "shoulder_pitch", "elbow_pitch")
 """The three joints that the thesis identified."""
 

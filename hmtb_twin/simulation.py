@@ -17,8 +17,11 @@ from hmtb_twin.experiment import Experiment
 from hmtb_twin.hand_controller import StickRecord, read_stick
 from hmtb_twin.joint_log import JointLog, software_versions
 from hmtb_twin.modes import MODES, joint_index, limit_command
-from hmtb_twin.parameters import HAND_CONTROLLER, JOINTS, RECORDER, SAMPLE_RATE, SAMPLE_TIME
+from hmtb_twin.parameters import HAND_CONTROLLER, INDEXED_JOINTS, JOINTS, RECORDER, SAMPLE_RATE, SAMPLE_TIME
 from hmtb_twin.recorder import read_resolvers
+
+MOST_THREADS = 1024
+"""More threads than that are a slip of the keyboard."""
 
 Progress = Callable[[int, int], None]
 """Called with the ticks done and the ticks in all, summed over experiments."""
@@ -82,8 +85,8 @@ def simulate(
     Raises:
         TwinError: An experiment asks for something that the laboratory does not have; nothing is run then.
     """
-    if threads is not None and threads < 1:
-        raise TwinError(f"threads = {threads} given, expected at least 1")
+    if threads is not None and not (isinstance(threads, int) and 1 <= threads <= MOST_THREADS):
+        raise TwinError(f"threads = {threads} given, expected a whole number from 1 to {MOST_THREADS}")
     rows = [_prepare(experiment) for experiment in experiments]
     arms: dict[tuple[str, str, bool], list[_Row]] = defaultdict(list)
     for row in rows:
@@ -123,7 +126,7 @@ def _prepare(experiment: Experiment) -> _Row:
     if experiment.mode not in MODES:
         raise TwinError(f"{experiment.name}: unknown mode {experiment.mode!r}, available: {', '.join(MODES)}")
     axes = [joint_index(name) for name in experiment.axes]
-    if len(set(axes)) != len(axes) or JOINTS.index("shoulder_roll") in axes:
+    if len(set(axes)) != len(axes) or set(experiment.axes) & set(INDEXED_JOINTS):
         raise TwinError(
             f"{experiment.name}: axes {', '.join(experiment.axes)} given, expected different joints of "
             f"{', '.join(JOINTS[1:])}; the shoulder roll is indexed"

@@ -7,7 +7,7 @@ from types import MappingProxyType
 import numpy as np
 
 from hmtb_twin.modes import joint_index
-from hmtb_twin.parameters import JOINTS
+from hmtb_twin.parameters import INDEXED_JOINTS, JOINTS
 from sysid import StateSpace
 
 MINIMAL = 1e-9
@@ -24,7 +24,8 @@ class JointTruth:
     Attributes:
         name: The joint.
         model: Minimal single-input single-output model.
-        bandwidth_hz: First frequency at which the gain is 3.01 dB below its value at 0 Hz, Hz; NaN if it never is.
+        bandwidth_hz: First frequency at which the gain is 3.01 dB below its value at 0 Hz, Hz; NaN if it never is,
+            and for an indexed joint, which a pin holds.
         dc_gain: Gain at 0 Hz.
         poles: Poles in the z plane, largest modulus first.
         zeros: Zeros in the z plane.
@@ -110,7 +111,7 @@ class Truth:
         return JointTruth(
             name=name,
             model=model,
-            bandwidth_hz=float(model.bandwidth()[0, 0]),
+            bandwidth_hz=np.nan if name in INDEXED_JOINTS else float(model.bandwidth()[0, 0]),
             dc_gain=float(model.dc_gain()[0, 0]),
             poles=model.poles(),
             zeros=model.zeros(),

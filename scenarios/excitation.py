@@ -12,7 +12,7 @@ import numpy as np
 from scenarios.chirp import chirp, chirp_as_printed, chirp_franklin
 from scenarios.errors import ScenarioError
 from scenarios.prbs import prbs
-from scenarios.waveform import POINTS, RATE, WINDOW, Waveform
+from scenarios.waveform import POINTS, RATE, WINDOW, Waveform, check_seed
 
 __all__ = [
     "KINDS",
@@ -30,10 +30,10 @@ __all__ = [
 
 def _whole_cycles(frequency: float) -> float:
     cycles = frequency * WINDOW
-    if not 0.0 < frequency <= RATE / 2 or abs(cycles - round(cycles)) > 1e-9:
+    if not 0.0 < frequency < RATE / 2 or abs(cycles - round(cycles)) > 1e-9:
         raise ScenarioError(
             f"frequency {frequency} Hz does not repeat in a {WINDOW} s file; "
-            f"expected a multiple of {1 / WINDOW} Hz above 0 and up to {RATE / 2} Hz"
+            f"expected a multiple of {1 / WINDOW} Hz above 0 and below {RATE / 2} Hz"
         )
     return frequency
 
@@ -140,6 +140,7 @@ def multisine(
     Raises:
         ScenarioError: No line lies in the band, or the band leaves 0 to 25 Hz.
     """
+    check_seed(seed)
     lines = np.arange(1, POINTS // 2)
     chosen = (lines >= f_min * WINDOW - 1e-9) & (lines <= f_max * WINDOW + 1e-9)
     if odd:
@@ -162,7 +163,11 @@ def white_noise(*, amplitude: float = 1.0, seed: int = 0) -> Waveform:
 
     Returns:
         The 100-point file.
+
+    Raises:
+        ScenarioError: The seed is negative.
     """
+    check_seed(seed)
     points = np.random.default_rng(seed).standard_normal(POINTS)
     return Waveform(amplitude * points / np.abs(points).max(), "white_noise", {"amplitude": amplitude, "seed": seed})
 

@@ -4,7 +4,7 @@ import numpy as np
 from scipy.signal import max_len_seq
 
 from scenarios.errors import ScenarioError
-from scenarios.waveform import POINTS, Waveform
+from scenarios.waveform import POINTS, Waveform, check_seed
 
 
 def prbs(*, amplitude: float = 1.0, clock: int = 2, seed: int = 0) -> Waveform:
@@ -24,10 +24,12 @@ def prbs(*, amplitude: float = 1.0, clock: int = 2, seed: int = 0) -> Waveform:
         The 100-point file.
 
     Raises:
-        ScenarioError: `clock` is not between 1 and 50.
+        ScenarioError: `clock` is not between 1 and 33, or the seed is negative.
     """
-    if not 1 <= clock <= POINTS // 2:
-        raise ScenarioError(f"clock must be 1 to {POINTS // 2} samples per bit, given {clock}")
+    check_seed(seed)
+    # Three bits are the period of the shortest register: fewer may all be equal.
+    if not 1 <= clock <= POINTS // 3:
+        raise ScenarioError(f"clock must be 1 to {POINTS // 3} samples per bit, given {clock}")
     bits = -(-POINTS // clock)
     register = max(2, int(np.ceil(np.log2(bits + 1))))
     state = np.random.default_rng(seed).integers(0, 2, register)

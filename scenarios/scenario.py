@@ -1,7 +1,8 @@
 """One experiment: a frozen record that is a TOML file."""
 
 import inspect
-import math
+import re
+import sys
 import tomllib
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, fields, replace
@@ -15,9 +16,12 @@ import numpy as np
 from scenarios.errors import ScenarioError
 from scenarios.excitation import KINDS
 from scenarios.suggest import unknown
-from scenarios.waveform import RATE, Waveform
+from scenarios.waveform import LONGEST, RATE, Waveform, check_seed
 
 Value = float | int | bool | str
+
+NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9._+-]{0,99}")
+"""What a scenario may be called."""
 
 
 @dataclass(frozen=True)
@@ -88,6 +92,11 @@ class Scenario:
     def __post_init__(self) -> None:
         from hmtb_twin import JOINTS
 
+        if not NAME.fullmatch(self.name):
+            raise ScenarioError(
+                f"scenario name {self.name!r}: expected 1 to 100 letters, digits, '.', '_', '-' or '+', the first a "
+                "letter or digit, because files are named after it"
+            )
         for name in self.axes:
             if name not in JOINTS:
                 raise ScenarioError(f"scenario {self.name!r}: {unknown('joint', name, JOINTS)}")
@@ -100,12 +109,11 @@ class Scenario:
                 f"scenario {self.name!r}: {len(self.excitation)} excitations for {len(self.axes)} axes; "
                 "expected one for all, or one per axis"
             )
-        if not (math.isfinite(self.duration) and self.duration >= 1.0 / RATE):
+        if not 1.0 / RATE <= self.duration <= LONGEST:
             raise ScenarioError(
-                f"scenario {self.name!r}: expected a duration of at least {1 / RATE} s, given {self.duration}"
+                f"scenario {self.name!r}: expected a duration of {1 / RATE} to {LONGEST:g} s, given {self.duration}"
             )
-        if self.seed < 0:
-            raise ScenarioError(f"scenario {self.name!r}: expected a seed of 0 or more, given {self.seed}")
+        check_seed(self.seed)
         for attribute, known in _choices().items():
             if getattr(self, attribute) not in known:
                 raise ScenarioError(f"scenario {self.name!r}: {unknown(attribute, getattr(self, attribute), known)}")
@@ -232,7 +240,7 @@ def _typed(key: str, value: object, expected: object) -> Any:
         bool: (lambda v: isinstance(v, bool), bool, "true or false"),
         int: (lambda v: isinstance(v, int) and not isinstance(v, bool), int, "a whole number"),
         float: (
-            lambda v: isinstance(v, int | float) and not isinstance(v, bool) and math.isfinite(v),
+            lambda v: isinstance(v, int | float) and not isinstance(v, bool) and abs(v) < sys.float_info.max,
             float,
             "a finite number",
         ),

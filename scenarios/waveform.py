@@ -14,6 +14,12 @@ POINTS = 100
 RATE = 50.0
 """Rate of the position loop and of the record, Hz [Morris1996, sec. II.4]."""
 
+LONGEST = 86_400.0
+"""Longest experiment, s: a day. The recorder of the arm held twenty minutes [Morris1996, sec. II.4]."""
+
+LOUDEST = 1000.0
+"""Largest voltage that a file may hold, V; the converters saturate at 10 V."""
+
 WINDOW = POINTS / RATE
 """Length of one period at the default update rate, s."""
 
@@ -51,6 +57,10 @@ class Waveform:
         points = np.array(self.points, dtype=float)
         if points.shape != (POINTS,) or not np.all(np.isfinite(points)):
             raise ScenarioError(f"a waveform file holds {POINTS} finite points; given an array of shape {points.shape}")
+        if np.abs(points).max() > LOUDEST:
+            raise ScenarioError(
+                f"{self.kind}: points up to {np.abs(points).max():g} V given, expected at most {LOUDEST:g} V"
+            )
         if not self.update_rate > 0:
             raise ScenarioError(f"update rate must be above 0 Hz, given {self.update_rate}")
         points.setflags(write=False)
@@ -72,11 +82,11 @@ class Waveform:
             Volts at 50 Hz `(N, 1)` with `N = round(50 * duration)`.
 
         Raises:
-            ScenarioError: The duration is not above zero.
+            ScenarioError: The duration is shorter than a sample or longer than `LONGEST`.
         """
-        count = round(RATE * duration) if np.isfinite(duration) else 0
-        if count < 1:
-            raise ScenarioError(f"duration must be at least one sample ({1 / RATE} s), given {duration} s")
+        if not 1.0 / RATE <= duration <= LONGEST:
+            raise ScenarioError(f"duration must be {1 / RATE} s (one sample) to {LONGEST:g} s, given {duration} s")
+        count = round(RATE * duration)
         # The small shift keeps k * update_rate / RATE from rounding down onto the point before.
         index = np.floor(np.arange(count) * (self.update_rate / RATE) + 1e-9).astype(int) % POINTS
         return self.points[index][:, None]
@@ -87,7 +97,9 @@ class Waveform:
         A sum of m sinusoids has order 2m; a file of 100 points at most 100.
         """
         power = np.abs(np.fft.fft(self.points)) ** 2
-        return int(np.count_nonzero(power > 1e-20 * max(float(power.max()), np.finfo(float).tiny)))
+        # Rounding of the parts that cancel, not of what is left, is the floor: a sine sampled at its zeros has order 0.
+        floor = 1e-20 * max(float(power.max()), (POINTS * float(self.parameters.get("amplitude", 0.0))) ** 2)
+        return int(np.count_nonzero(power > floor))
 
     def psd(self) -> PowerSpectrum:
         """Power spectral density of one period, mean included; its integral is the mean square."""
@@ -96,3 +108,13 @@ class Waveform:
         power[1:-1] *= 2.0  # the mirror images; zero and the Nyquist frequency have none
         frequency = np.fft.rfftfreq(POINTS, 1.0 / self.update_rate)
         return PowerSpectrum(frequency, power * self.period)
+
+
+def check_seed(seed: int) -> None:
+    """Refuse a seed that a random generator, or the file that records it, cannot hold.
+
+    Raises:
+        ScenarioError: The seed is negative or above 2^63 - 1.
+    """
+    if not isinstance(seed, int | np.integer) or not 0 <= seed < 2**63:
+        raise ScenarioError(f"a seed is a whole number from 0 to 2^63 - 1, given {seed}")

@@ -52,3 +52,57 @@ def test_unwritable_place(log, tmp_path):
 def test_unknown_joint(log):
     with pytest.raises(TwinError, match=r"'knee'.*elbow_pitch"):
         log.iodata("knee")
+
+
+@pytest.mark.parametrize(
+    "spoil",
+    [
+        lambda d: d.assign_attrs(seed="many"),
+        lambda d: d.assign_attrs(sampling_time="slow"),
+        lambda d: d.drop_attrs(),
+        lambda d: d.isel(joint=slice(0, 3)),
+        lambda d: d.isel(joint=slice(None, None, -1)),
+        lambda d: d.isel(component=slice(0, 2)),
+    ],
+)
+def test_damaged_logs_are_refused(log, tmp_path, spoil):
+    import xarray as xr
+
+    path = log.save(tmp_path / "log.nc")
+    spoil(xr.load_dataset(path, engine="h5netcdf")).to_netcdf(tmp_path / "bad.nc", engine="h5netcdf")
+    with pytest.raises(TwinError, match=r"bad\.nc|joint log"):
+        JointLog.load(tmp_path / "bad.nc")
+
+
+@pytest.mark.filterwarnings("ignore::pytest.PytestUnraisableExceptionWarning")
+def test_flipped_bytes_are_refused_or_read(log, tmp_path):
+    content = bytearray(log.save(tmp_path / "log.nc").read_bytes())
+    rng = np.random.default_rng(0)
+    for number in range(40):
+        spoilt = bytearray(content)
+        for place in rng.integers(0, 4000, 30):
+            spoilt[place] ^= 0xFF
+        path = tmp_path / f"{number}.nc"
+        path.write_bytes(spoilt)
+        try:
+            JointLog.load(path)
+        except TwinError:
+            continue
+
+
+def test_a_log_that_cannot_be_written_leaves_nothing(log, tmp_path):
+    from dataclasses import replace
+
+    with pytest.raises(TwinError, match="cannot write"):
+        replace(log, seed=2**70).save(tmp_path / "log.nc")
+    assert list(tmp_path.iterdir()) == []
+    (tmp_path / "taken.nc").mkdir()
+    with pytest.raises(TwinError, match="folder"):
+        log.save(tmp_path / "taken.nc")
+
+
+def test_channels_must_fit_together(log):
+    from dataclasses import replace
+
+    with pytest.raises(TwinError, match=r"wrench of shape .* expected"):
+        replace(log, wrench=log.wrench[:-1])

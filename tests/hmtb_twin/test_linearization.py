@@ -75,3 +75,7 @@ def test_truth_cannot_be_changed(truth):
 def test_unknown_joint(truth):
     with pytest.raises(TwinError, match=r"'ankle'.*elbow_pitch"):
         truth.joint("ankle")
+
+
+def test_indexed_joint_has_no_bandwidth(truth):
+    assert np.isnan(truth.joint("shoulder_roll").bandwidth_hz)

@@ -127,9 +127,10 @@ def test_bad_experiments_are_refused_before_anything_runs(experiment, change, me
         simulate([experiment(), replace(experiment(), **change)])
 
 
-def test_threads_must_be_positive(experiment):
-    with pytest.raises(TwinError, match="threads = 0"):
-        simulate([experiment()], threads=0)
+@pytest.mark.parametrize("threads", [0, -1, 1.5, 10**11])
+def test_threads_must_be_a_small_whole_number(experiment, threads):
+    with pytest.raises(TwinError, match=f"threads = {threads}"):
+        simulate([experiment()], threads=threads)
 
 
 def test_nothing_to_run_gives_no_logs():

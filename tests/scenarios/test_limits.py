@@ -1,0 +1,66 @@
+"""What an excitation or a scenario may not be."""
+
+import pytest
+
+from scenarios import Scenario, ScenarioError, load
+from scenarios.excitation import multisine, prbs, sine, white_noise
+from scenarios.waveform import Waveform
+
+
+@pytest.mark.parametrize("name", ["", " ", ".", "../escape", "/tmp/abs", "a/b", "a\nb", "a\0b", "x" * 101, "-x"])
+def test_names_that_are_no_file_names_are_refused(name):
+    text = load("siso-1-shoulder_yaw").to_toml()
+    scenario = Scenario.from_toml(text)
+    with pytest.raises(ScenarioError, match="scenario name"):
+        Scenario(name, scenario.axes, scenario.excitation)
+
+
+@pytest.mark.parametrize("duration", [0.0, -1.0, 1e9, float("nan"), float("inf")])
+def test_durations_beyond_reason_are_refused(duration):
+    scenario = load("siso-1-shoulder_yaw")
+    with pytest.raises(ScenarioError, match="duration"):
+        Scenario("x", scenario.axes, scenario.excitation, duration=duration)
+    with pytest.raises(ScenarioError, match="duration"):
+        sine(frequency=5.0).play(duration)
+
+
+@pytest.mark.parametrize("seed", [-1, 2**63])
+@pytest.mark.parametrize("kind", [prbs, multisine, white_noise])
+def test_seeds_out_of_range_are_refused(kind, seed):
+    with pytest.raises(ScenarioError, match="seed"):
+        kind(seed=seed)
+
+
+@pytest.mark.parametrize("seed", [-1, 2**63, 2**70])
+def test_scenario_seeds_out_of_range_are_refused(seed):
+    scenario = load("siso-1-shoulder_yaw")
+    with pytest.raises(ScenarioError, match="seed"):
+        Scenario("x", scenario.axes, scenario.excitation, seed=seed)
+
+
+def test_a_sine_sampled_at_its_zeros_is_refused():
+    with pytest.raises(ScenarioError, match="below 25"):
+        sine(frequency=25.0)
+
+
+@pytest.mark.parametrize("seed", range(20))
+def test_every_binary_sequence_changes_sign(seed):
+    for clock in (1, 2, 7, 33):
+        assert set(prbs(clock=clock, seed=seed).points) == {-1.0, 1.0}
+    with pytest.raises(ScenarioError, match="clock"):
+        prbs(clock=50)
+
+
+def test_voltages_beyond_reason_are_refused():
+    with pytest.raises(ScenarioError, match="at most 1000 V"):
+        sine(frequency=5.0, amplitude=1e308)
+
+
+def test_a_number_too_large_for_a_float_is_refused():
+    text = load("siso-1-shoulder_yaw").to_toml().replace("duration = 240.0", "duration = 1" + "0" * 400)
+    with pytest.raises(ScenarioError, match="finite number"):
+        Scenario.from_toml(text)
+
+
+def test_silence_excites_nothing():
+    assert Waveform([0.0] * 100, "silence").order_of_excitation() == 0
