@@ -39,6 +39,8 @@ class ModelResult:
         bandwidth_hz: Recovered bandwidth, Hz.
         ci95: Its 95 % interval, Hz.
         covers: Whether the interval holds the small-signal truth.
+        dc_gain: Gain at 0 Hz, which the bandwidth is relative to.
+        half_power_hz: Frequency at which the gain is 0.707, whatever it is at 0 Hz, Hz.
         fits: Fits to all eight tests, by number.
         residual_test: Whiteness and independence of the residuals on the data of estimation.
     """
@@ -50,6 +52,8 @@ class ModelResult:
     bandwidth_hz: float
     ci95: tuple[float, float]
     covers: bool
+    dc_gain: float
+    half_power_hz: float
     fits: Mapping[int, Fit]
     residual_test: ResidualTest
 
@@ -70,6 +74,8 @@ class JointResult:
         spa: Spectral estimate from the data of estimation.
         etfe: Empirical transfer function estimate of the same.
         published: The thesis' models of this joint.
+        slewing: By number of the test, the share of samples in which the command moves at its velocity limit.
+        swing: By number of the test, half of the command's range, rad.
     """
 
     joint: str
@@ -79,6 +85,8 @@ class JointResult:
     spa: FrequencyResponse
     etfe: FrequencyResponse
     published: tuple[PublishedModel, ...]
+    slewing: Mapping[int, float]
+    swing: Mapping[int, float]
 
     @property
     def chosen(self) -> ModelResult:
@@ -133,6 +141,7 @@ class Comparison:
         cost: Time spent.
         estimation_test: Number of the test that models were identified from.
         seed: Seed of the study, None for the scenarios' own seeds.
+        duration: Length of every record where it was shortened, s; None for the thesis' 240 s.
         provenance: Versions of what was used.
     """
 
@@ -146,6 +155,7 @@ class Comparison:
     cost: Cost
     estimation_test: int
     seed: int | None
+    duration: float | None
     provenance: Mapping[str, str]
 
 

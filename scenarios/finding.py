@@ -4,7 +4,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Literal
 
-Verdict = Literal["reproduced", "partly", "not reproduced", "cannot be told"]
+Verdict = Literal["reproduced", "partly", "not reproduced", "cannot be told", "not tried"]
 
 
 @dataclass(frozen=True)
@@ -16,7 +16,7 @@ class Finding:
         claim: What the thesis says.
         where: Where it says so.
         verdict: Whether the twin shows the same.
-        value: The number, or one per joint.
+        value: The number, or one per joint; nothing where it is not tried.
         unit: Its unit and meaning in a few words.
         thesis: The thesis' number or word.
         why: One sentence: what the verdict rests on and the most likely reason.

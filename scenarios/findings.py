@@ -1,7 +1,10 @@
-"""The thesis' findings that the data of the study decide; others are absent, not guessed [Morris1996]."""
+"""The thesis' findings: those that the data of the study decide, and those that are not tried [Morris1996]."""
+
+from collections.abc import Sequence
 
 from scenarios import findings_data as data
 from scenarios import findings_models as models
+from scenarios import findings_robustness as robustness
 from scenarios.comparison import Comparison
 from scenarios.finding import Finding
 
@@ -14,6 +17,35 @@ NEEDED = {
 }
 """Tests without which a finding cannot be decided."""
 
+_RPCM = "the records of the RPCM task (extract, exchange, insert) in Cartesian mode do not exist here"
+_CHIRP = "the multi-input chirp in Cartesian mode does not exist here"
+
+UNTRIED = {
+    "F8": (
+        "ARX and IV4 give inconsistent models from one data set to the next, ARMAX and OE do not",
+        "IV.1",
+        "every structure would have to be identified from each of the eight records; here all come from the PRBS",
+    ),
+    "F18": ("RPCM data: OKID fits better than SysID on every joint, SysID is worst on shoulder pitch", "VI.4", _RPCM),
+    "F19": (
+        "RPCM residuals: SysID white on yaw and elbow but not shoulder; OKID fairly white on yaw and shoulder, less on "
+        "elbow; yaw residuals correlate with the input at lags below 15",
+        "VI.4",
+        _RPCM,
+    ),
+    "F20": (
+        "5-10 Hz multi-input chirp: OKID fits better, slight coupling from the pitch inputs into the yaw residuals",
+        "VI.5",
+        _CHIRP,
+    ),
+    "F21": (
+        "low-frequency data: SysID beats OKID on yaw, so a hybrid model is best there",
+        "VI.6",
+        "the low-frequency records of the multi-input tests do not exist here",
+    ),
+}
+"""Findings that these data do not decide: claim, where, and what is missing."""
+
 
 def findings(study: Comparison) -> tuple[Finding, ...]:
     """Try every finding that the study's data decide.
@@ -22,7 +54,7 @@ def findings(study: Comparison) -> tuple[Finding, ...]:
         study: The study's result.
 
     Returns:
-        Findings in the order of their numbers; those whose tests failed are left out.
+        Findings in the order of their numbers; those whose tests failed are left to `untried`.
     """
     decided = {
         "F1": data.gain_and_cutoff,
@@ -52,12 +84,33 @@ def findings(study: Comparison) -> tuple[Finding, ...]:
         ),
         "F13": models.stable,
         "F14": models.percent_described,
+        "F15": robustness.without_detrending,
         "F16": models.real_poles,
         "F17": models.bode_agrees,
         "F22": models.follows_5_hz,
         "F23": models.above_5_hz,
         "F24": models.parsimony,
+        "F25": robustness.bias_and_outliers,
         "F26": data.coupling,
     }
     there = set.intersection(*(set(entry.data) for entry in study.joints.values()))
     return tuple(decide(study) for key, decide in decided.items() if NEEDED.get(key, set()) <= there)
+
+
+def untried(decided: Sequence[Finding]) -> tuple[Finding, ...]:
+    """What is left of the thesis' 26 findings, without a number.
+
+    Args:
+        decided: The decided findings.
+
+    Returns:
+        Findings in the order of their numbers, each with what is missing to try it.
+    """
+    there = {entry.key for entry in decided}
+    left = {}
+    for number in range(1, 27):
+        key = f"F{number}"
+        if key not in there:
+            claim, where, missing = UNTRIED.get(key, ("", "", f"an experiment of it failed; {key} needs every test"))
+            left[key] = Finding(key, claim, where, "not tried", {}, "", "", missing)
+    return tuple(left.values())

@@ -17,6 +17,15 @@ def held_out(study: Comparison, model: ModelResult) -> float:
     return median(fit.simulation for fit in model.held_out(study.estimation_test))
 
 
+TINY = 1e-300
+"""Probabilities below this are printed as such: the tail of the distribution is not computed further."""
+
+
+def p_value(p: float) -> str:
+    """A probability as text."""
+    return f"p < {TINY:g}" if p < TINY else f"p = {p:.2g}"
+
+
 def yaw_armax(study: Comparison) -> Finding:
     """F9: the yaw ARMAX has white, independent residuals and a near cancellation."""
     model = study.joints["shoulder_yaw"].models["armax"]
@@ -65,13 +74,15 @@ def best_structure(study: Comparison, key: str, joint: str, best: str, other: st
     if key == "F11":
         second = bool(models[best].residual_test.independent[0, 0])
         p = float(models[best].residual_test.independence_p[0, 0])
-        said = f"its residuals are {'' if second else 'not '}independent of the input (p = {p:.2g})"
+        said = (
+            f"its residuals are {'' if second else 'not '}independent of the input ({p_value(p)}; below 0.01: rejected)"
+        )
     else:
         outside = {name: int(models[name].residual_test.outside_whiteness[0]) for name in (best, other)}
         second = outside[best] < outside[other]
         said = (
             f"{outside[best]} of 25 lags lie outside the whiteness bounds for {best.upper()}, "
-            f"{outside[other]} for {other.upper()}"
+            f"{outside[other]} for {other.upper()}; white residuals would leave 0.25 outside by chance, 1 % of the lags"
         )
     return Finding(
         key,
@@ -117,9 +128,10 @@ def percent_described(study: Comparison) -> Finding:
         "V.2, V.3",
         verdict(sum(found[name] >= printed[name] - 0.5 for name in found), len(found)),
         found,
-        "percent of the squared Hankel singular values",
+        "percent of the squared Hankel singular values that two states hold",
         "99.87, 96.11, 98.88",
-        "this measure says how much of the Hankel matrix two states hold and is no fit; median simulation fits to "
+        "half a point below the printed share is allowed, any share above it passes; this measure says how "
+        "much of the Hankel matrix two states hold and is no fit; median simulation fits to "
         f"tests not seen are {fits}",
     )
 
@@ -152,7 +164,9 @@ def real_poles(study: Comparison) -> Finding:
         counts,
         "number of roots with an imaginary part, three joints",
         "0; all; some",
-        "the dominant poles of the truth are real, so complex ones in a model are not the arm's slow dynamics",
+        "two states stand for all of the truth's, so their zeros are what truncation leaves of the delay and the fast "
+        "poles, not zeros of the arm. The dominant poles of the truth are real too, so complex "
+        "ones in a model are not the arm's slow dynamics",
     )
 
 
@@ -202,8 +216,9 @@ def follows_5_hz(study: Comparison) -> Finding:
         fits,
         "percent, worst simulation fit of the chosen model to the tests with 5 Hz content (1 to 3)",
         "follow",
-        f"bandwidths {shown} Hz; a fit above 80 % is taken as following: above its bandwidth a linear model still "
-        "knows by how much the arm lags",
+        f"the cutoff is so by construction: servo poles were placed after the published models. Bandwidths {shown} Hz "
+        f"({low:g} to {high:g} is about 1); a fit above 80 % is taken as following: above its bandwidth a linear model "
+        "still knows by how much the arm lags",
     )
 
 

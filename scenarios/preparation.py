@@ -14,8 +14,8 @@ thesis too let each excitation reach steady state [Morris1996, sec. II.2B].
 """
 
 
-def prepared(log: JointLog, joint: str) -> IOData:
-    """Cut off the start, then remove the means.
+def settled(log: JointLog, joint: str) -> IOData:
+    """Cut off the start; the means stay.
 
     Args:
         log: The log of an experiment.
@@ -26,4 +26,17 @@ def prepared(log: JointLog, joint: str) -> IOData:
     """
     data = log.iodata(joint)
     start = round(SETTLING / data.dt)
-    return replace((data[start:] if len(data) > 2 * start else data).detrend(), name=log.name)
+    return replace(data[start:] if len(data) > 2 * start else data, name=log.name)
+
+
+def prepared(log: JointLog, joint: str) -> IOData:
+    """Cut off the start, then remove the means.
+
+    Args:
+        log: The log of an experiment.
+        joint: The joint to look at.
+
+    Returns:
+        Commanded and measured angle of the joint, rad, named after the experiment.
+    """
+    return settled(log, joint).detrend()

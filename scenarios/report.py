@@ -14,11 +14,18 @@ from matplotlib.figure import Figure
 from hmtb_twin import TwinError, load_arm, render
 from hmtb_twin.provenance import provenance_table
 from scenarios import report_figures as draw
+from scenarios.attribution import CONDITIONS, COVERAGE
 from scenarios.comparison import Comparison, JointResult
+from scenarios.crossing import half_power_hz
 from scenarios.drawing import SETTINGS, png, svg
 from scenarios.errors import ScenarioError
 from scenarios.finding import Finding
-from scenarios.results import answer, departures, stands
+from scenarios.findings import untried
+from scenarios.findings_models import ABOUT_1_HZ, TINY, p_value
+from scenarios.preparation import SETTLING
+from scenarios.registry import load
+from scenarios.results import answers, departures, friction_effect, headline, near_1_hz
+from scenarios.study import STRUCTURES
 
 
 @dataclass(frozen=True)
@@ -64,7 +71,9 @@ def write_report(study: Comparison, findings: Sequence[Finding], path: Path) -> 
     except OSError as error:
         raise ScenarioError(f"cannot write the report {str(path)!r}: {error.strerror}") from error
     environment = Environment(autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True)
-    environment.filters["si"] = lambda value, digits=4: "–" if not np.isfinite(value) else f"{value:.{digits}g}"
+    environment.filters["si"] = number
+    environment.filters["near"] = near_1_hz
+    environment.filters["level"] = half_power_hz
     environment.filters["root"] = root
     environment.filters["words"] = lambda name: name.replace("_", " ")
     template = environment.from_string(
@@ -74,6 +83,13 @@ def write_report(study: Comparison, findings: Sequence[Finding], path: Path) -> 
         page = template.render(_context(study, findings))
     path.write_text(page, encoding="utf-8")
     return path
+
+
+def number(value: float, digits: int = 4) -> str:
+    """A number as text; what is too small to have been computed is said to be so."""
+    if not np.isfinite(value):
+        return "–"
+    return f"< {TINY:g}" if value == 0.0 else f"{value:.{digits}g}"
 
 
 def root(value: complex, digits: int = 3) -> str:
@@ -90,8 +106,9 @@ def _context(study: Comparison, findings: Sequence[Finding]) -> dict[str, object
     arm, no_arm = _arm()
     overview = gallery.add(
         draw.bandwidths(study),
-        "Bandwidth of each joint: recovered by every method with its 95 % interval, and of the published models "
-        "(stars), against the true value of the twin.",
+        "Bandwidth of each joint, 3.01 dB below the gain at 0 Hz: recovered by every method with its 95 % interval, "
+        "and of the published models (stars), against the true value of the twin (black line). Bars: where the gain is "
+        "0.707, whatever it is at 0 Hz. Grey: what counts as about 1 Hz.",
     )
     joints = [_joint(study, entry, gallery) for entry in study.joints.values()]
     coupled = gallery.add(
@@ -101,10 +118,16 @@ def _context(study: Comparison, findings: Sequence[Finding]) -> dict[str, object
     )
     return {
         "study": study,
-        "findings": findings,
-        "answer": answer(study),
-        "stands": stands(study),
+        "findings": sorted((*findings, *untried(findings)), key=lambda entry: int(entry.key[1:])),
+        "answers": answers(study),
+        "headline": headline(study),
+        "about": ABOUT_1_HZ,
+        "settling": SETTLING,
+        "numbered": _numbered(study),
+        "reproduce": _reproduce(study),
         "departures": departures(study),
+        "coverage": tuple(zip(CONDITIONS, COVERAGE, strict=True)),
+        "friction": friction_effect(study),
         "overview": overview,
         "arm": arm,
         "no_arm": no_arm,
@@ -139,10 +162,14 @@ def _joint(study: Comparison, entry: JointResult, gallery: _Gallery) -> dict[str
         "bode": gallery.add(
             draw.model_bode(entry),
             f"{name}: frequency response of the truth, of spectral and empirical estimate on the excited lines and of "
-            "the identified models, with 95 % bands. Dashed: −3 dB; dotted: 1 Hz.",
+            "the identified models, with 95 % bands. Dashed: −3 dB below one; dotted: 1 Hz; grey: nothing is excited "
+            "there, models extrapolate.",
         ),
+        "zoom": gallery.add(draw.zoomed_bode(entry), f"{name}: the same from 0.3 to 3 Hz."),
         "published": gallery.add(
-            draw.published_bode(entry), f"{name}: the models that the thesis prints, beside the truth of the twin."
+            draw.published_bode(entry),
+            f"{name}: the models that the thesis prints, beside the truth of the twin. Grey: below 0.5 Hz, where the "
+            "PRBS file of the twin excites nothing; that of the thesis is not known.",
         ),
         "roots": gallery.add(draw.roots(entry), f"{name}: poles and zeros in the z plane with the unit circle."),
         "outputs": [
@@ -158,14 +185,32 @@ def _joint(study: Comparison, entry: JointResult, gallery: _Gallery) -> dict[str
             gallery.add(
                 draw.residuals(model),
                 f"{name}, {model.label}: correlations of the residuals on the PRBS test with 99 % bounds "
-                f"(whiteness p = {model.residual_test.whiteness_p[0]:.2g}, independence p = "
-                f"{model.residual_test.independence_p[0, 0]:.2g}).",
+                f"(whiteness {p_value(model.residual_test.whiteness_p[0])}, independence "
+                f"{p_value(model.residual_test.independence_p[0, 0])}).",
             )
             for model in entry.models.values()
-            if model.method != "oe_high"
         ],
         "attribution": study.attribution[entry.joint],
     }
+
+
+def _numbered(study: Comparison) -> list[tuple[int, str]]:
+    """Numbers of the tests with what is played in them."""
+    joint, entry = next(iter(study.joints.items()))
+    return [(number, load(f"siso-{number}-{joint}").description.split(": ", 1)[1]) for number in entry.data]
+
+
+def _reproduce(study: Comparison) -> str:
+    """Commands that give one row of the table of bandwidths again."""
+    structure = STRUCTURES["shoulder_yaw"][0]
+    name = f"siso-{study.estimation_test}-shoulder_yaw"
+    switches = "" if study.duration is None else f" --duration {study.duration:g}"
+    switches += "" if study.seed is None else f" --seed {study.seed}"
+    return (
+        f"hmtb simulate {name}{switches}\n"
+        f"hmtb identify {name}.nc --method {structure.estimator} --orders {' '.join(map(str, structure.orders))} "
+        f"--skip {SETTLING:g}"
+    )
 
 
 def _arm() -> tuple[str, str]:
@@ -173,7 +218,8 @@ def _arm() -> tuple[str, str]:
     try:
         return png(render(load_arm(), width=1200, height=750)), ""
     except TwinError as error:
-        return "", str(error)
+        said = str(error)
+        return "", said[:1].upper() + said[1:]
 
 
 def _parameters() -> list[dict[str, str]]:

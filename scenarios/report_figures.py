@@ -9,9 +9,11 @@ from matplotlib.figure import Figure
 import sysid
 from hmtb_twin import JOINTS
 from scenarios.comparison import Comparison, JointResult, ModelResult
+from scenarios.crossing import half_power_hz
+from scenarios.findings_models import ABOUT_1_HZ
 from scenarios.period_spectra import period_spectra
 from scenarios.registry import load
-from scenarios.waveform import RATE
+from scenarios.waveform import POINTS, RATE
 from sysid import FrequencyResponse, StateSpace
 from sysid.plots import (
     BOUND,
@@ -33,10 +35,17 @@ WIDTH = 5.2
 """Width of a figure, inch: narrow enough to be read on a phone."""
 
 FREQUENCIES = np.geomspace(0.05, 25.0, 300)
+ZOOM = (0.3, 3.0)
+"""Where the joints' bandwidths lie, Hz."""
+
+NOT_EXCITED = "#eef0f2"
 MRAD = 1000.0
 
 HIGH = Style("#7a5195", (0, (1, 1.2)), 1.6, "P")  # type: ignore[arg-type]
-"""The output-error model of sufficient order, told apart from the thesis' own."""
+"""The output-error model of higher order, told apart from the thesis' own."""
+
+EXCITED_FROM = RATE / POINTS
+"""Lowest frequency with power in the input of a 100-point file played at 50 Hz, Hz."""
 
 
 def style_of(model: ModelResult) -> Style:
@@ -59,12 +68,16 @@ def bandwidths(study: Comparison) -> Figure:
             style, hz = style_of(model), model.bandwidth_hz
             reach = [[hz - model.ci95[0]], [model.ci95[1] - hz]]
             axes.errorbar(hz, len(labels), xerr=reach, fmt=style.marker, color=style.colour, ms=6, capsize=4, lw=1.8)
-            labels.append(model.label)
+            axes.plot(model.half_power_hz, len(labels), "|", color=style.colour, ms=13, mew=2.0)
+            labels.append(model.label.replace(", sufficient", ",\nsufficient"))
         for printed in entry.published:
             axes.plot(
                 printed.bandwidth_hz, len(labels), PALETTE["published"].marker, color=PALETTE["published"].colour, ms=9
             )
+            level = half_power_hz(printed.model)
+            axes.plot(level, len(labels), "|", color=PALETTE["published"].colour, ms=13, mew=2.0)
             labels.append(f"published {printed.label}")
+        axes.axvspan(*ABOUT_1_HZ, color=NOT_EXCITED, lw=0, zorder=0)
         axes.axvline(entry.truth.bandwidth_hz, color=PALETTE["truth"].colour, lw=1.8)
         axes.axvline(1.0, color=BOUND.colour, ls=":", lw=1.2)
         axes.set_yticks(range(len(labels)), labels, fontsize=8)
@@ -72,7 +85,7 @@ def bandwidths(study: Comparison) -> Figure:
         axes.set_title(f"{short(name)}: truth {entry.truth.bandwidth_hz:.3f} Hz (black line)", loc="left", fontsize=9)
         _dress([axes])
     panels[-1].set_xlim(0.0, 1.55)
-    panels[-1].set_xlabel("bandwidth (−3 dB) / Hz; dotted: 1 Hz")
+    panels[-1].set_xlabel("frequency / Hz; marker: bandwidth, bar: gain 0.707, grey: about 1 Hz")
     return figure
 
 
@@ -110,6 +123,21 @@ def data_spectra(study: Comparison, entry: JointResult) -> Figure:
 
 def model_bode(entry: JointResult) -> Figure:
     """Truth, nonparametric estimates on the excited lines, and the identified models, with their bands."""
+    return _bode(_identified(entry))
+
+
+def zoomed_bode(entry: JointResult) -> Figure:
+    """The same from 0.3 to 3 Hz, where the models differ."""
+    figure = bode(_identified(entry), relative_to_dc=True, mark_hz=1.0, limits_hz=ZOOM, size=(WIDTH, 5.0))
+    upper, lower = figure.axes
+    for axes, low, high in ((upper, -10.0, 1.5), (lower, -110.0, 0.0)):
+        axes.set_ylim(low, high)
+        axes.set_xticks([0.3, 0.5, 1.0, 2.0, 3.0])
+        axes.minorticks_off()
+    return _mark_excited(figure)
+
+
+def _identified(entry: JointResult) -> list[Curve]:
     curves = [
         Curve("truth", _response(entry.truth.model), PALETTE["truth"]),
         Curve("spectral estimate", _well_known(entry.spa)),
@@ -119,7 +147,7 @@ def model_bode(entry: JointResult) -> Figure:
         Curve(model.label, model.estimate.frequency_response(FREQUENCIES), style_of(model))
         for model in entry.models.values()
     ]
-    return _bode(curves)
+    return curves
 
 
 def published_bode(entry: JointResult) -> Figure:
@@ -134,20 +162,23 @@ def published_bode(entry: JointResult) -> Figure:
 
 
 def roots(entry: JointResult) -> Figure:
-    """Poles and zeros of the truth and of the thesis' structures."""
+    """Poles and zeros of the truth and of the models."""
     systems = [Roots("truth", entry.truth.model, PALETTE["truth"])]
-    systems += [
-        Roots(model.label, model.estimate.model, style_of(model))
-        for model in entry.models.values()
-        if model.method != "oe_high"
-    ]
-    return pzmap(systems, size=(WIDTH, 5.6))
+    systems += [Roots(model.label, model.estimate.model, style_of(model)) for model in entry.models.values()]
+    figure = pzmap(systems, size=(WIDTH, 6.0))
+    reach = figure.axes[0].get_xlim()[1]
+    for text, system in zip(figure.legends[0].get_texts(), systems, strict=True):
+        outside = [zero.real for zero in system.model.zeros() if abs(zero) > reach]
+        if outside and np.abs(system.model.poles()).max(initial=0.0) <= reach:
+            shown = ", ".join(f"{value:.1f}" for value in outside)
+            text.set_text(f"{system.label}; zero outside: {shown}")
+    return figure
 
 
 def outputs(entry: JointResult, number: int, *, length: float) -> Figure:
     """Simulated outputs of the models against the measurement of one test."""
     data = entry.data[number]
-    chosen = [model for model in entry.models.values() if model.method != "oe_high"]
+    chosen = list(entry.models.values())
     fits = sysid.compare({model.label: model.estimate for model in chosen}, data)
     traces = [
         Trace(f"{model.label}: {fit.simulation[0]:.1f} %", fit.simulated[:, 0], style_of(model))
@@ -205,7 +236,21 @@ def coupled(study: Comparison) -> Figure:
 
 
 def _bode(curves: Sequence[Curve]) -> Figure:
-    return bode(curves, relative_to_dc=True, mark_hz=1.0, limits_hz=(0.05, 25.0), size=(WIDTH, 5.0))
+    return _mark_excited(bode(curves, relative_to_dc=True, mark_hz=1.0, limits_hz=(0.05, 25.0), size=(WIDTH, 5.2)))
+
+
+def _mark_excited(figure: Figure) -> Figure:
+    """Shade the frequencies at which the PRBS file has no power: there a model says what it extrapolates."""
+    for number, axes in enumerate(figure.axes):
+        left = axes.get_xlim()[0]
+        axes.axvspan(left, EXCITED_FROM, color=NOT_EXCITED, lw=0, zorder=0)
+        axes.set_xlim(left=left)
+        if number == 0:
+            at = (float(np.sqrt(left * EXCITED_FROM)), 0.03)
+            axes.annotate(
+                "not excited", at, xycoords=("data", "axes fraction"), ha="center", fontsize=8, color=BOUND.colour
+            )
+    return figure
 
 
 def _well_known(response: FrequencyResponse) -> FrequencyResponse:

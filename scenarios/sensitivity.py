@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 import sysid
+from scenarios.crossing import half_power_hz
 from sysid import IOData, SysidWarning
 
 ORDERS = ((2, 2), (3, 3), (3, 4), (4, 3), (5, 3), (4, 4), (5, 4))
@@ -21,12 +22,16 @@ class OrderEffect:
         orders: nb, nf, nk.
         bandwidth_hz: Recovered bandwidth, Hz.
         ci95: Its 95 % interval, Hz.
+        dc_gain: Gain at 0 Hz, which the bandwidth is relative to.
+        half_power_hz: Frequency at which the gain is 0.707, whatever it is at 0 Hz, Hz.
         residual: Standard deviation of the residuals, output units.
     """
 
     orders: tuple[int, int, int]
     bandwidth_hz: float
     ci95: tuple[float, float]
+    dc_gain: float
+    half_power_hz: float
     residual: float
 
 
@@ -47,11 +52,26 @@ def order_effects(data: IOData, nk: int) -> tuple[OrderEffect, ...]:
             estimate = sysid.oe(data, nb, nf, nk)
             band = estimate.bandwidth()
             ci95 = (float(band.ci95[0][0, 0]), float(band.ci95[1][0, 0]))
-            found.append(OrderEffect((nb, nf, nk), float(band.hz[0, 0]), ci95, float(np.std(estimate.residuals))))
+            found.append(
+                OrderEffect(
+                    (nb, nf, nk),
+                    float(band.hz[0, 0]),
+                    ci95,
+                    float(estimate.model.dc_gain()[0, 0]),
+                    half_power_hz(estimate.model),
+                    float(np.std(estimate.residuals)),
+                )
+            )
     return tuple(found)
 
 
 def spread(effects: Sequence[OrderEffect]) -> tuple[float, float]:
     """Smallest and largest bandwidth over the orders, Hz."""
     values = [entry.bandwidth_hz for entry in effects]
+    return min(values), max(values)
+
+
+def half_power_spread(effects: Sequence[OrderEffect]) -> tuple[float, float]:
+    """Smallest and largest frequency of the gain 0.707 over the orders, Hz."""
+    values = [entry.half_power_hz for entry in effects]
     return min(values), max(values)

@@ -19,6 +19,7 @@ from scenarios.comparison import (
     ThreeJointModel,
     relative_error,
 )
+from scenarios.crossing import half_power_hz
 from scenarios.errors import ScenarioError
 from scenarios.estimators import estimate
 from scenarios.preparation import prepared
@@ -27,6 +28,7 @@ from scenarios.published import published
 from scenarios.registry import load
 from scenarios.scenario import Scenario
 from scenarios.sensitivity import order_effects
+from scenarios.slewing import slewing, swing
 from scenarios.waveform import POINTS, RATE
 from sysid import FrequencyResponse, IOData, StateSpace, SysidWarning, block_diagonal
 
@@ -57,7 +59,7 @@ class Structure:
 
 
 SUFFICIENT = {"shoulder_yaw": (4, 3, 2), "shoulder_pitch": (5, 3, 1), "elbow_pitch": (3, 4, 2)}
-"""nb, nf, nk of the output-error model whose order suffices where the arm is linear.
+"""nb, nf, nk of the output-error model whose order suffices without friction; on the arm as it is, none does.
 
 The Bayesian information criterion [Schwarz1978] chose them, summed over five frictionless records of small amplitude
 with seeds that nothing else here uses, nb up to 6, nf up to 5, nk as published; `tests/benchmarks/test_order.py`
@@ -67,7 +69,7 @@ chooses again.
 
 def _sufficient(joint: str) -> "Structure":
     nb, nf, nk = SUFFICIENT[joint]
-    return Structure("oe_high", "oe", (nb, nf, nk), False, f"OE {nb}/{nf}, delay {nk} (sufficient)")
+    return Structure("oe_high", "oe", (nb, nf, nk), False, f"OE {nb}/{nf}, delay {nk}, sufficient without friction")
 
 
 _OKID = Structure("okid", "okid", (2, 5), True, "OKID order 2, p = 5")
@@ -158,6 +160,7 @@ def run_study(
         cost=Cost(result.physics_seconds, simulation_s, perf_counter() - begin),
         estimation_test=ESTIMATION_TEST,
         seed=seed,
+        duration=duration,
         provenance=versions(),
     )
 
@@ -177,7 +180,17 @@ def study_joint(joint: str, logs: Mapping[int, JointLog], truth: JointTruth) -> 
     own = data[ESTIMATION_TEST]
     models = {entry.method: _identify(entry, data, truth) for entry in STRUCTURES[joint]}
     spa, etfe = _nonparametric(own)
-    return JointResult(joint, truth, data, models, spa, etfe, published(joint))
+    return JointResult(
+        joint,
+        truth,
+        data,
+        models,
+        spa,
+        etfe,
+        published(joint),
+        slewing={number: slewing(log, joint) for number, log in logs.items()},
+        swing={number: swing(log, joint) for number, log in logs.items()},
+    )
 
 
 def _planned(number: int, joint: str, seed: int | None, duration: float | None) -> Scenario:
@@ -203,6 +216,8 @@ def _identify(structure: Structure, data: Mapping[int, IOData], truth: JointTrut
         bandwidth_hz=float(band.hz[0, 0]),
         ci95=(float(band.ci95[0][0, 0]), float(band.ci95[1][0, 0])),
         covers=bool(band.covers(truth.bandwidth_hz)[0, 0]),
+        dc_gain=float(found.model.dc_gain()[0, 0]),
+        half_power_hz=half_power_hz(found.model),
         fits=fits,
         residual_test=test,
     )

@@ -99,6 +99,22 @@ def test_the_answer_stands_in_the_table(text: str, study: Comparison) -> None:
     )
 
 
+def test_every_finding_is_listed_and_the_untried_have_no_number(text: str) -> None:
+    rows = re.findall(r"<tr><td class=\"nowrap\"><strong>(F\d+)</strong>.*?</tr>", text, flags=re.S)
+    assert rows == [f"F{number}" for number in range(1, 27)]
+    assert text.count(">not tried</span>") == 5
+
+
+def test_short_records_are_marked(text: str) -> None:
+    assert "Records of 24 s: a look, not a result" in text
+    assert "stands on the twin" not in text
+
+
+def test_the_report_says_how_to_get_a_row_again(text: str) -> None:
+    assert "hmtb identify siso-5-shoulder_yaw.nc --method armax --orders 5 3 5 2 --skip 4" in text
+    assert "hmtb simulate siso-5-shoulder_yaw --duration 24 --seed 11" in text
+
+
 def test_it_is_light(text: str) -> None:
     assert len(text.encode()) < 15e6
 
@@ -112,7 +128,7 @@ def test_without_opengl_a_line_says_what_to_install(
     monkeypatch.setattr("scenarios.report.render", no_opengl)
     monkeypatch.setattr("scenarios.report.svg", lambda figure, description, mark: "<svg></svg>")
     page = write_report(study, findings(study), tmp_path / "report.html").read_text(encoding="utf-8")
-    assert "No picture of the arm: no OpenGL here, install libegl1" in page
+    assert "No OpenGL here, install libegl1" in page
     assert not Page(page).of("img")
 
 

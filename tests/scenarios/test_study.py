@@ -1,5 +1,7 @@
 """The whole pipeline on short records, against the truth."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -9,6 +11,8 @@ from scenarios.comparison import Comparison, relative_error
 from scenarios.period_spectra import period_spectra
 from scenarios.preparation import SETTLING, prepared
 from scenarios.registry import load
+from scenarios.sensitivity import half_power_spread
+from scenarios.slewing import slewing, swing
 from scenarios.study import ESTIMATION_TEST, STRUCTURES, TESTS
 from sysid import IOData, StateSpace
 
@@ -93,6 +97,24 @@ def test_preparation_leaves_whole_settled_periods_without_mean(study: Comparison
     assert len(data) % 200 == 0
     assert abs(data.u.mean()) < 1e-15
     assert abs(data.y.mean()) < 1e-15
+
+
+def test_slewing_counts_steps_at_the_velocity_limit(study: Comparison) -> None:
+    for name, entry in study.joints.items():
+        assert set(entry.slewing) == set(TESTS)
+        assert 0.85 < entry.slewing[ESTIMATION_TEST] < 0.95
+        assert entry.slewing[7] < 0.5
+        log = study.logs[f"siso-{ESTIMATION_TEST}-{name}"]
+        slow = replace(log, commanded=log.commanded[0] + 0.5 * (log.commanded - log.commanded[0]))
+        assert slewing(slow, name) == 0.0
+        assert swing(slow, name) == pytest.approx(0.5 * entry.swing[ESTIMATION_TEST])
+
+
+def test_the_gain_is_0707_where_it_is_measured(study: Comparison) -> None:
+    """Orders disagree on the gain at 0 Hz, which nothing excites, but hardly on where the gain is 0.707."""
+    for effects in study.orders.values():
+        low, high = half_power_spread([entry for entry in effects if entry.orders[:2] != (2, 2)])
+        assert high / low < 1.02
 
 
 def test_relative_error_is_that_of_the_response() -> None:
