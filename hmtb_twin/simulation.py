@@ -244,6 +244,13 @@ def _log(row: _Row) -> JointLog:
             "friction": str(experiment.friction).lower(),
             "noise": str(experiment.noise).lower(),
             "quantisation": str(experiment.quantisation).lower(),
+            **_recipe(experiment),
             **software_versions(),
         },
     )
+
+
+def _recipe(experiment: Experiment) -> dict[str, str]:
+    """Return the text from which the experiment can be run again, where it has one."""
+    write = getattr(experiment, "to_toml", None)
+    return {"scenario": write()} if callable(write) else {}

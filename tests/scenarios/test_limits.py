@@ -64,3 +64,15 @@ def test_a_number_too_large_for_a_float_is_refused():
 
 def test_silence_excites_nothing():
     assert Waveform([0.0] * 100, "silence").order_of_excitation() == 0
+
+
+def test_a_log_can_be_made_again_from_itself():
+    from dataclasses import replace
+
+    import numpy as np
+
+    from hmtb_twin import simulate
+
+    first = simulate([replace(load("siso-5-elbow_pitch"), duration=1.0, seed=3)])[0]
+    again = simulate([Scenario.from_toml(first.provenance["scenario"])])[0]
+    assert np.array_equal(first.measured, again.measured)
