@@ -1,17 +1,26 @@
 """The command line `hmtb`: dispatch, exit codes, one clear line for bad input."""
 
+import contextlib
+import functools
+import io
 import os
+import shlex
 import sys
 from collections.abc import Callable, Sequence
+from importlib import metadata
 
 import tyro
 
 from scenarios.commands.identify import identify
+from scenarios.commands.output import reason
 from scenarios.commands.scenarios import scenarios
 from scenarios.commands.simulate import simulate
 from scenarios.commands.thesis import thesis
 from scenarios.commands.truth import truth
+from scenarios.commands.usage import one_line
 from scenarios.commands.waveform import waveform
+from scenarios.errors import ScenarioError
+from scenarios.suggest import unknown
 
 DESCRIPTION = """A twin of NASA's Hydraulic Manipulator Test Bed, and the identification study on it.
 
@@ -23,7 +32,8 @@ Start with:
   hmtb identify siso-5-elbow_pitch.nc --method oe --orders 2 2 1
   hmtb truth                                      what an estimator should have found
 
-Every command has its own --help. Exit codes: 0 done, 1 a check found a difference, 2 bad input, 130 interrupted.
+Every command has its own --help; hmtb --version says which release this is.
+Exit codes: 0 done, 1 a check found a difference, 2 bad input, 130 interrupted.
 """
 
 COMMANDS: dict[str, Callable[..., int]] = {
@@ -46,20 +56,18 @@ def main(arguments: Sequence[str] | None = None) -> int:
         Exit code: 0 done, 1 a check found a difference, 2 bad input, 130 interrupted.
     """
     words = list(sys.argv[1:] if arguments is None else arguments) or ["--help"]
+    if words in (["--version"], ["version"]):
+        print(f"hmtb {_version()}")
+        return 0
     try:
-        code: int = tyro.extras.subcommand_cli_from_dict(
-            COMMANDS,
-            prog="hmtb",
-            description=DESCRIPTION,
-            args=words,
-            config=(tyro.conf.FlagCreatePairsOff, tyro.conf.HelptextFromCommentsOff),
-        )
+        code = _understand(words)()
         sys.stdout.flush()
         return code
-    except SystemExit as leaving:  # --help and usage errors; the latter already carry 2
-        return leaving.code if isinstance(leaving.code, int) else 2
+    except SystemExit:  # --help
+        return 0
     except KeyboardInterrupt:
-        print("hmtb: interrupted", file=sys.stderr)
+        again = shlex.join(["hmtb", *words])
+        print(f"hmtb: interrupted; to start again: {again}", file=sys.stderr)
         return 130
     except BrokenPipeError:  # `hmtb ... | head`: nobody reads on, which is no fault
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
@@ -72,6 +80,53 @@ def main(arguments: Sequence[str] | None = None) -> int:
         return 2
 
 
+def _understand(words: list[str]) -> Callable[[], int]:
+    """The command that the words name, with its options, ready to run.
+
+    Raises:
+        ScenarioError: The words name no command, or the command does not take them.
+        SystemExit: Help was asked for and is printed.
+    """
+    if words[0] not in COMMANDS and words[0] not in ("-h", "--help"):
+        raise ScenarioError(unknown("command", words[0], COMMANDS))
+
+    def parse() -> Callable[[], int]:
+        parsed: Callable[[], int] = tyro.extras.subcommand_cli_from_dict(
+            {name: _later(command) for name, command in COMMANDS.items()},
+            prog="hmtb",
+            description=DESCRIPTION,
+            args=words,
+            config=(tyro.conf.FlagCreatePairsOff, tyro.conf.HelptextFromCommentsOff),
+        )
+        return parsed
+
+    complaint = io.StringIO()
+    try:
+        with contextlib.redirect_stderr(complaint):
+            return parse()
+    except SystemExit as leaving:
+        if not leaving.code:
+            raise
+        raise ScenarioError(one_line(parse, f"hmtb {words[0]}")) from None
+
+
+def _later(command: Callable[..., int]) -> Callable[..., Callable[[], int]]:
+    """The command, of which the parser only fills in the options: words are understood before anything runs."""
+
+    @functools.wraps(command)
+    def filled(*args: object, **kwargs: object) -> Callable[[], int]:
+        return functools.partial(command, *args, **kwargs)
+
+    return filled
+
+
+def _version() -> str:
+    try:
+        return metadata.version("hmtb-twin")
+    except metadata.PackageNotFoundError:
+        return "of a checkout that is not installed"
+
+
 def _bad_input(error: Exception) -> str | None:
     """The line for an error that the user can mend; None for a fault of ours, which keeps its traceback."""
     ours = {kind.__module__.partition(".")[0] for kind in type(error).__mro__} & {"scenarios", "hmtb_twin", "sysid"}
@@ -79,5 +134,5 @@ def _bad_input(error: Exception) -> str | None:
         return " ".join(str(error).split())
     if isinstance(error, OSError):
         where = f" {error.filename!r}" if error.filename else ""
-        return f"cannot read or write{where}: {error.strerror or error}"
+        return f"cannot read or write{where}: {reason(error)}"
     return None

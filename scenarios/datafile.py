@@ -1,5 +1,6 @@
 """Data files: our own logs, CSV from anywhere, .mat; to and from the analyst's record."""
 
+import os
 import re
 from collections.abc import Mapping
 from pathlib import Path
@@ -42,10 +43,18 @@ def write_log(log: "JointLog", path: Path) -> Path:
         The path.
 
     Raises:
-        ScenarioError: Another ending.
+        ScenarioError: Another ending, or the file cannot be written.
     """
+    if path.is_dir():
+        raise ScenarioError(f"cannot write {str(path)!r}: it is a folder; expected a file or nothing of that name")
     if path.suffix == ".nc":
-        log.save(path)
+        try:
+            log.save(path)
+        except ValueError as error:
+            # The text of the NetCDF library's own errors is for its programmers; the system's number is enough.
+            number = getattr(error.__cause__, "errno", None)
+            why = os.strerror(number) if number else "the file system refuses"
+            raise ScenarioError(f"cannot write {str(path)!r}: {why}") from error
     elif path.suffix == ".csv":
         from hmtb_twin import JOINTS
 
@@ -104,14 +113,23 @@ def read_data(
         columns = _read_mat(path)
     else:
         raise ScenarioError(f"{str(path)!r}: unknown kind of data file; expected .nc, .csv or .mat")
-    for name in (input, output):
+    for option, name in (("input", input), ("output", output)):
         if name not in columns:
-            raise ScenarioError(f"{path.name}: {unknown('column', name, columns)}")
+            raise ScenarioError(f"{path.name}: {unknown('column', name, columns)}; choose one by --{option}")
     if input == output:
         raise ScenarioError(f"{path.name}: input and output are both {input!r}; expected two different columns")
     others = {name: values for name, values in columns.items() if name not in (input, output)}
     step = _sampling(others, dt, path)
     return IOData(columns[input], columns[output], step, input_names=(input,), output_names=(output,), name=path.stem)
+
+
+def excited(path: Path) -> tuple[str, ...]:
+    """Joints that the experiment of a joint log excites; none for other files."""
+    if path.suffix != ".nc":
+        return ()
+    from hmtb_twin import JointLog
+
+    return JointLog.load(path).axes
 
 
 def _sampling(columns: Mapping[str, np.ndarray], dt: float | None, path: Path) -> float:
@@ -132,8 +150,8 @@ def _sampling(columns: Mapping[str, np.ndarray], dt: float | None, path: Path) -
         found[repr(name)] = step * SECONDS[unit]
     if not found:
         raise ScenarioError(
-            f"{path.name}: no sampling interval; expected a column of times (t, time, 'Time (s)'), a variable dt or Ts, "
-            f"or --dt SECONDS; the file has {', '.join(columns)}"
+            f"{path.name}: no sampling interval; expected a column of times (t, time, 'Time (s)'), "
+            f"a variable dt or Ts, or --dt SECONDS; the file has {', '.join(columns)}"
         )
     (first, interval), *others = found.items()
     for name, other in others:

@@ -47,7 +47,7 @@ class Registry:
             ScenarioError: There is none.
         """
         if name not in self._entries:
-            raise ScenarioError(unknown("scenario", name, self._entries))
+            raise ScenarioError(unknown("scenario", name, self._entries, listing="hmtb scenarios list"))
         return self._entries[name]
 
 

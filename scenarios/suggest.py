@@ -4,19 +4,26 @@ import difflib
 from collections.abc import Iterable
 
 
-def unknown(what: str, given: object, available: Iterable[str]) -> str:
+def unknown(what: str, given: object, available: Iterable[str], *, listing: str | None = None) -> str:
     """Compose the one line for an unknown name.
 
     Args:
         what: The kind of thing that was looked for, e.g. ``"joint"``.
         given: The name that was given.
         available: The names that exist.
+        listing: Command that lists them, where they are too many for the line.
 
     Returns:
-        ``unknown joint 'elbow': did you mean 'elbow_pitch'? There are: ...``
+        ``unknown joint 'elbow': did you mean 'elbow_pitch'? There are: ...``, or without a near name
+        ``unknown joint 'hip'; there are: ...``
     """
     names = list(available)
-    close = difflib.get_close_matches(str(given), names, n=1, cutoff=0.5)
-    hint = f" did you mean {close[0]!r}?" if close else ""
-    shown = ", ".join(names[:24]) + (f", ... ({len(names)} in all)" if len(names) > 24 else "")
-    return f"unknown {what} {given!r}:{hint} There are: {shown}"
+    close = difflib.get_close_matches(str(given), names, n=3 if listing else 1, cutoff=0.5)
+    if listing is not None:
+        there_are = f"there are {len(names)}, listed by: {listing}"
+    else:
+        there_are = f"there are: {', '.join(names[:24])}" + (f", ... ({len(names)} in all)" if len(names) > 24 else "")
+    if not close:
+        return f"unknown {what} {given!r}; {there_are}"
+    meant = " or ".join(map(repr, close))
+    return f"unknown {what} {given!r}: did you mean {meant}? {there_are[0].upper()}{there_are[1:]}"

@@ -12,10 +12,10 @@ if TYPE_CHECKING:
 
 
 def identify(
-    data: Annotated[Path, tyro.conf.Positional],
+    data: Annotated[Path, tyro.conf.Positional, tyro.conf.arg(metavar="DATA")],
     /,
     *,
-    method: str,
+    method: Annotated[str, tyro.conf.arg(metavar="arx|armax|oe|okid")],
     orders: tuple[int, ...],
     joint: str | None = None,
     input: str = "u",
@@ -29,7 +29,7 @@ def identify(
     """Identify one input and one output from a record, ours or any robot's.
 
     Methods and their orders: arx na nb [nk], armax na nb nc [nk], oe nb nf [nk], okid order [p]. nk = 1 (the default)
-    means that y(t) depends on u(t-1) first.
+    means that y(t) depends on u(t-1) first; p = 5 (the default) is the number of observer Markov parameters.
 
     Reads .nc logs of hmtb simulate, .csv (a header, or two bare columns u, y) and .mat (variables u, y).
 
@@ -55,20 +55,26 @@ def identify(
     import numpy as np
 
     import sysid
+    from scenarios.commands.bandwidth import claim
     from scenarios.datafile import read_data
     from scenarios.estimators import estimate
 
-    record = read_data(data, joint=joint, input=input, output=output, dt=dt)
-    other = record if validate is None else read_data(validate, joint=joint, input=input, output=output, dt=dt)
-    record, other = (_prepare(part, skip, keep_mean) for part in (record, other))
+    record = _prepare(read_data(data, joint=joint, input=input, output=output, dt=dt), skip, keep_mean, data)
+    other = record
+    if validate is not None:
+        # A log is validated on the joint that the model is of, whichever it excites.
+        same = (record.input_names or ("",))[0].removesuffix(" commanded") if data.suffix == ".nc" else joint
+        other = read_data(validate, joint=same, input=input, output=output, dt=dt)
+        other = _prepare(other, skip, keep_mean, validate)
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", sysid.SysidWarning)
         found, complete = estimate(record, method, orders)
         (fit,) = sysid.compare(found, other)
-        band = found.bandwidth()
-    hz, low, high = (float(part[0, 0]) for part in (band.hz, *band.ci95))
+        band = claim(found, record)
+    hz, low, high = band.hz, band.low, band.high
     poles = found.model.poles()
-    texts = [*found.diagnostics.get("warnings", ())]
+    texts = [*band.warnings, *found.diagnostics.get("warnings", ())]
+    gain = float(found.model.dc_gain()[0, 0])
     if json:
         print_json(
             {
@@ -79,7 +85,7 @@ def identify(
                 "ci95": [low, high],
                 "poles": poles,
                 "zeros": found.model.zeros(),
-                "dc_gain": float(found.model.dc_gain()[0, 0]),
+                "dc_gain": gain,
                 "samples": len(record),
                 "dt": record.dt,
                 "warnings": texts,
@@ -87,14 +93,17 @@ def identify(
         )
         return 0
     shown = ", ".join(f"{pole.real:.4f}" + (f"{pole.imag:+.4f}j" if abs(pole.imag) > 1e-9 else "") for pole in poles)
-    interval = f"{hz:.4g} Hz, 95 % interval {low:.4g} to {high:.4g} Hz" if np.isfinite(hz) else "none below Nyquist"
+    if np.isfinite(hz):
+        interval = f"{hz:.4g} Hz, 95 % interval {low:.4g} to {high:.4g} Hz"
+    else:
+        interval = "—" if band.refused else "none below Nyquist"
     rows = [
         ("orders", ", ".join(f"{name} {value}" for name, value in complete.items())),
         ("record", f"{len(record)} samples every {record.dt:g} s"),
         ("fit in simulation", f"{fit.simulation[0]:.2f} %"),
         ("fit one step ahead", f"{fit.one_step[0]:.2f} %"),
         ("bandwidth (-3 dB)", interval),
-        ("gain at 0 Hz", f"{found.model.dc_gain()[0, 0]:.4f}"),
+        ("gain at 0 Hz", f"{gain:.4f}" if abs(gain) < 1e9 else "none, it integrates"),
         ("poles (z plane)", shown),
     ]
     print_table(
@@ -105,16 +114,22 @@ def identify(
     return 0
 
 
-def _prepare(record: "IOData", skip: float, keep_mean: bool) -> "IOData":
+def _prepare(record: "IOData", skip: float, keep_mean: bool, path: Path) -> "IOData":
+    from scenarios.datafile import excited
     from scenarios.errors import ScenarioError
 
     if not 0 <= skip < (len(record) - 1) * record.dt:
-        raise ScenarioError(f"skip must be 0 to less than the record's {len(record) * record.dt:g} s, given {skip:g} s")
+        raise ScenarioError(
+            f"{path.name}: skip must be 0 to less than the record's {len(record) * record.dt:g} s, given {skip:g} s"
+        )
     part = record[round(skip / record.dt) :]
     # Seen before the mean is removed, which would leave rounding where there was a constant.
-    for what, values in (("input", part.u), ("output", part.y)):
+    for what, values, names in (("input", part.u, part.input_names), ("output", part.y, part.output_names)):
         if values.min() == values.max():
+            joints = excited(path)
+            hint = f"; {path.name} excites {', '.join(joints)}, expected a log of the same joint" if joints else ""
             raise ScenarioError(
-                f"the {what} is constant at {values[0, 0]:g}; expected one that moves in {len(part)} samples"
+                f"{path.name}: the {what} {(names or ('',))[0]!r} is constant at {values[0, 0]:g}; expected one that "
+                f"moves in {len(part)} samples{hint}"
             )
     return part if keep_mean else part.detrend()

@@ -2,6 +2,7 @@
 
 import json
 import math
+import os
 import sys
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
@@ -77,19 +78,42 @@ def progress(label: str) -> Iterator[Callable[[int, int], None]]:
         yield lambda done, total: bar.update(job, completed=done, total=total)
 
 
-def writable_folder(path: Path) -> Path:
-    """Create a folder for results and make sure that it can be written.
+@contextmanager
+def output_folder(path: Path) -> Iterator[Path]:
+    """Create a folder for results and make sure that it can be written; take it back if nothing comes of it.
+
+    Yields:
+        The path. If the work inside fails or is interrupted, folders made for it that are still empty are removed.
 
     Raises:
-        ScenarioError: It cannot.
+        ScenarioError: It cannot be created or written.
     """
+    made = [folder for folder in (path, *path.parents) if not folder.exists()]
     try:
         path.mkdir(parents=True, exist_ok=True)
         probe = path / ".hmtb-write-test"
         probe.touch()
         probe.unlink()
     except OSError as error:
+        _remove_empty(made)
         raise ScenarioError(
-            f"cannot write to folder {str(path)!r}: {error.strerror}; expected a folder that can be created and written"
+            f"cannot write to folder {str(path)!r}: {reason(error)}; expected a folder that can be created and written"
         ) from error
-    return path
+    try:
+        yield path
+    except BaseException:
+        _remove_empty(made)
+        raise
+
+
+def _remove_empty(folders: Sequence[Path]) -> None:
+    for folder in folders:  # innermost first
+        try:
+            folder.rmdir()
+        except OSError:
+            return
+
+
+def reason(error: OSError) -> str:
+    """Why the system refused, in its own words; libraries put theirs into the error's text."""
+    return os.strerror(error.errno) if error.errno else "the file system refuses"

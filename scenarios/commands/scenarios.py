@@ -20,9 +20,9 @@ def scenarios(
     hmtb scenarios show siso-5-elbow_pitch > mine.toml, edit it, then hmtb simulate mine.toml.
 
     Args:
-        action: list them all, or show one.
-        name: Which one to show.
-        tag: List only those with this tag.
+        action: list them all, or show one as TOML.
+        name: With show: which one, a registered name or a TOML file. list takes none.
+        tag: With list: only those with this tag.
         json: Print JSON.
     """
     from scenarios.errors import ScenarioError
@@ -30,7 +30,9 @@ def scenarios(
 
     if action == "show":
         if name is None:
-            raise ScenarioError(f"hmtb scenarios show needs a name; there are: {', '.join(names())}")
+            raise ScenarioError(
+                f"hmtb scenarios show needs a name; there are {len(names())}, listed by: hmtb scenarios list"
+            )
         scenario = load(name)
         if json:
             record = {key: value for key, value in vars(scenario).items() if key != "excitation"}

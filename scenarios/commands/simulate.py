@@ -5,11 +5,11 @@ from typing import Annotated
 
 import tyro
 
-from scenarios.commands.output import print_json, print_table, progress, writable_folder
+from scenarios.commands.output import output_folder, print_json, print_table, progress, say
 
 
 def simulate(
-    names: Annotated[tuple[str, ...], tyro.conf.Positional],
+    names: Annotated[tuple[str, ...], tyro.conf.Positional, tyro.conf.arg(metavar="NAME ...")],
     /,
     *,
     out: Path = Path("."),
@@ -22,7 +22,7 @@ def simulate(
     """Run experiments on the twin and write their 50 Hz logs.
 
     Names are registered scenarios (hmtb scenarios), tags of them, or TOML files (hmtb scenarios show NAME prints one to
-    start from). All run side by side.
+    start from). All run side by side. Files of the same names in the folder are replaced.
 
     Args:
         names: Scenarios, tags or TOML files.
@@ -48,7 +48,10 @@ def simulate(
         raise ScenarioError(f"threads must be 1 or more, given {threads}")
     wanted = [entry for name in names for entry in (registered_names(name) if name in registered().tags() else [name])]
     if not wanted:
-        raise ScenarioError(f"no scenario named; there are: {', '.join(registered_names())}")
+        raise ScenarioError(
+            f"no scenario named; there are {len(registered_names())}, listed by: hmtb scenarios list; "
+            f"tags: {', '.join(registered().tags())}"
+        )
     chosen = [load(name) for name in wanted]
     twice = sorted({entry.name for entry in chosen if [other.name for other in chosen].count(entry.name) > 1})
     if twice:
@@ -57,18 +60,45 @@ def simulate(
         chosen = [replace(entry, duration=duration) for entry in chosen]
     if seed is not None:
         chosen = [entry.reseeded(seed) for entry in chosen]
-    folder = writable_folder(out)
+    with output_folder(out) as folder:
+        import hmtb_twin
 
-    import hmtb_twin
+        with progress("simulating") as report:
+            result = hmtb_twin.simulate(chosen, threads=threads, progress=report)
+        paths = [[write_log(log, folder / f"{log.name}.{ending}") for ending in formats] for log in result.logs]
 
-    with progress("simulating") as report:
-        result = hmtb_twin.simulate(chosen, threads=threads, progress=report)
-    paths = [write_log(log, folder / f"{log.name}.{ending}") for log in result.logs for ending in formats]
+    from scenarios.saturation import clipped_share, velocity_limited_share
+
+    clipped = {log.name: clipped_share(log) for log in result.logs}
+    limited = {log.name: velocity_limited_share(log) for log in result.logs}
+    warnings = [
+        f"{name}: {100 * share:.2g} % of the samples stand at an end of the converter's range, whatever the excitation "
+        "asked for; a smaller amplitude keeps it"
+        for name, share in clipped.items()
+        if share > 0
+    ]
     if json:
-        print_json({"logs": paths, "failed": result.failed, "physics_s": result.physics_seconds})
-    else:
-        lengths = {log.name: len(log.commanded) * log.dt for log in result.logs}
-        rows = [(str(path), f"{lengths[path.stem]:g} s") for path in paths]
-        rows += [(name, f"failed: {reason}") for name, reason in result.failed.items()]
-        print_table(f"{len(paths)} files", ("log", "length"), rows)
+        print_json(
+            {
+                "logs": [path for written in paths for path in written],
+                "failed": result.failed,
+                "physics_s": result.physics_seconds,
+                "clipped": clipped,
+                "velocity_limited": limited,
+                "warnings": warnings,
+            }
+        )
+        return 1 if result.failed else 0
+    rows = [
+        (str(path), f"{len(log) * log.dt:g} s", f"{100 * clipped[log.name]:.3g} %", f"{100 * limited[log.name]:.3g} %")
+        for log, written in zip(result.logs, paths, strict=True)
+        for path in written
+    ]
+    rows += [(name, f"failed: {reason}", "", "") for name, reason in result.failed.items()]
+    count = sum(map(len, paths))
+    print_table(
+        f"{count} file{'s' if count != 1 else ''}", ("log", "length", "converter clips", "at velocity limit"), rows
+    )
+    for text in warnings:
+        say(f"warning: {text}")
     return 1 if result.failed else 0

@@ -2,7 +2,7 @@
 
 from pathlib import Path
 
-from scenarios.commands.output import json_text, print_json, print_table, progress, say, writable_folder
+from scenarios.commands.output import json_text, output_folder, print_json, print_table, progress, say
 
 
 def thesis(
@@ -21,40 +21,40 @@ def thesis(
     true dynamics and beside the published ones.
 
     Args:
-        out: Folder for report.html and results.json.
+        out: Folder for report.html and results.json; those of an earlier run are replaced.
         seed: Draw other noise; without it the scenarios' own seeds are used.
         quick: Records of 40 s instead of 240 s: a look, not a result.
         threads: Threads of the simulation; the results do not depend on it.
         logs: Keep the logs too, as NetCDF4.
         json: Print the results as JSON.
     """
+    from scenarios.datafile import write_log
     from scenarios.errors import ScenarioError
 
     if threads is not None and threads < 1:
         raise ScenarioError(f"threads must be 1 or more, given {threads}")
     if seed is not None and seed < 0:
         raise ScenarioError(f"seed must be 0 or more, given {seed}")
-    folder = writable_folder(out)
+    with output_folder(out) as folder:
+        from scenarios.findings import findings
+        from scenarios.report import write_report
+        from scenarios.results import answer, results
+        from scenarios.study import run_study
 
-    from scenarios.findings import findings
-    from scenarios.report import write_report
-    from scenarios.results import answer, results
-    from scenarios.study import run_study
-
-    with progress("study") as bar:
-        comparison = run_study(
-            seed=seed,
-            duration=40.0 if quick else None,
-            threads=threads,
-            progress=lambda step, done, total: bar(done, total),
-        )
-    found = findings(comparison)
-    report = write_report(comparison, found, folder / "report.html")
-    record = results(comparison, found, report)
-    if logs:
-        for log in comparison.logs.values():
-            log.save(folder / f"{log.name}.nc")
-    (folder / "results.json").write_text(json_text(record), encoding="utf-8")
+        with progress("study") as bar:
+            comparison = run_study(
+                seed=seed,
+                duration=40.0 if quick else None,
+                threads=threads,
+                progress=lambda step, done, total: bar(done, total),
+            )
+        found = findings(comparison)
+        report = write_report(comparison, found, folder / "report.html")
+        record = results(comparison, found, report)
+        if logs:
+            for log in comparison.logs.values():
+                write_log(log, folder / f"{log.name}.nc")
+        (folder / "results.json").write_text(json_text(record), encoding="utf-8")
     if json:
         print_json(record)
         return 1 if comparison.failed else 0

@@ -55,17 +55,53 @@ def csv(tmp_path: Path, record: tuple[np.ndarray, np.ndarray]) -> Path:
 OE = ("--method", "oe", "--orders", "1", "1", "1")
 
 
-def test_help_and_usage_errors(capsys: pytest.CaptureFixture[str]) -> None:
-    for words in ([], ["--help"], ["identify", "--help"], ["thesis", "--help"]):
+def test_help_and_version(capsys: pytest.CaptureFixture[str]) -> None:
+    for words in ([], ["--help"], ["identify", "--help"], ["thesis", "--help"], ["scenarios", "list", "--help"]):
         code, out, _ = run(capsys, *words)
         assert code == 0
         assert "usage" in out.lower()
-    for words in (["nonsense"], ["simulate"], ["identify"], ["truth", "--payloads", "rpcm"]):
-        code, out, err = run(capsys, *words)
-        assert code == 2, words
-        assert out == ""
-        assert err
-        assert "Traceback" not in err
+    code, out, err = run(capsys, "--version")
+    assert (code, err) == (0, "")
+    assert out.startswith("hmtb ")
+    code, out, _ = run(capsys, "identify", "--help")
+    assert "p = 5 (the default)" in " ".join(out.split())
+
+
+def test_help_names_every_variant_and_payload(capsys: pytest.CaptureFixture[str]) -> None:
+    from hmtb_twin import PAYLOADS, VARIANTS
+
+    _, out, _ = run(capsys, "truth", "--help")
+    assert all(name in out for name in (*VARIANTS, *PAYLOADS))
+
+
+@pytest.mark.parametrize("columns", ["40", "200"])
+@pytest.mark.parametrize(
+    ("words", "says"),
+    [
+        ("nonsense", "unknown command 'nonsense'; there are: thesis, simulate"),
+        ("identfy a.csv", "unknown command 'identfy': did you mean 'identify'? There are: thesis"),
+        ("--verbose", "unknown command '--verbose'"),
+        ("identify", "missing DATA, --method (arx|armax|oe|okid), --orders (whole numbers); see hmtb identify --help"),
+        ("identify a.csv --method oe", "missing --orders (whole numbers)"),
+        ("identify a.csv --method oe --orders 2 x 1", "--orders: expected whole numbers, given 2 x 1"),
+        ("identify a.csv b.csv --method oe --orders 1 1", "cannot read 'b.csv'"),
+        ("simulate siso-1-elbow_pitch --duration long", "--duration: expected a number, given long"),
+        ("simulate siso-1-elbow_pitch --out", "--out needs a value"),
+        ("simulate", "no scenario named; there are 24, listed by: hmtb scenarios list"),
+        ("simulate siso-1-elbow_pich", "unknown scenario 'siso-1-elbow_pich': did you mean 'siso-1-elbow_pitch' or "),
+        ("simulate xyz", "unknown scenario 'xyz'; there are 24, listed by: hmtb scenarios list"),
+        ("scenarios shw", "unknown action 'shw'; there are: list, show"),
+        ("scenarios show", "hmtb scenarios show needs a name"),
+        ("truth --payloads rpcm", "cannot read '--payloads rpcm': did you mean --payload?"),
+        ("waveform", "missing KIND"),
+        ("waveform prbs --clock 2.5", "--clock: expected a whole number, given 2.5"),
+    ],
+)
+def test_usage_errors_are_one_line(
+    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch, columns: str, words: str, says: str
+) -> None:
+    monkeypatch.setenv("COLUMNS", columns)
+    assert says in complaint(capsys, *words.split())
 
 
 def test_scenarios_are_listed_by_tag_and_shown(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
@@ -170,6 +206,56 @@ def test_truth_has_the_promised_keys(capsys: pytest.CaptureFixture[str]) -> None
     assert sorted(errors.values()) == [errors[key] for key in sorted(errors)]
 
 
+def test_truth_says_which_joint_is_locked(capsys: pytest.CaptureFixture[str]) -> None:
+    joints = result(capsys, "truth")["joints"]
+    assert joints["shoulder_roll"]["bandwidth_hz"] is None
+    assert "locked" in joints["shoulder_roll"]["note"]
+    assert all(entry["note"] is None for name, entry in joints.items() if name != "shoulder_roll")
+    _, out, _ = run(capsys, "truth")
+    (line,) = (line for line in out.splitlines() if line.split()[:1] == ["shoulder_roll"])
+    assert "locked" in line
+    assert "zeros" in out
+
+
+WAVEFORMS = {
+    "sine": "--frequency 1",
+    "two_sines": "--frequency 1.25",
+    "multisine": "--f-min 1 --f-max 5 --odd --seed 3",
+    "prbs": "--clock 3 --seed 2",
+    "chirp": "--f-start 1 --f-end 5",
+    "chirp_as_printed": "--f-low 1 --f-high 2 --f-center 3",
+    "chirp_franklin": "--f-start 1 --f-end 5 --ramp 0.2 --offset 0.1",
+    "bipolar_ramping_pulse": "--frequency 1 --pulse-width 0.1 --growing",
+    "white_noise": "--seed 3",
+}
+
+
+def test_every_waveform_has_flags_for_everything_it_takes(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
+    from inspect import signature
+
+    from scenarios.excitation import KINDS
+
+    assert set(WAVEFORMS) == set(KINDS)
+    for kind, words in WAVEFORMS.items():
+        typed = ["--amplitude", "0.5", *words.split()]
+        found = result(capsys, "waveform", kind, *typed, "--out", tmp_path)
+        flags = {word[2:].replace("-", "_") for word in typed if word.startswith("--")}
+        assert flags == set(signature(KINDS[kind]).parameters)
+        assert set(found["parameters"]) == flags
+        assert found["parameters"]["amplitude"] == 0.5
+    out = run(capsys, "waveform", "prbs", "--out", tmp_path)[1]
+    assert "mean / V" in out
+    assert "update rate / Hz" in out
+
+
+def test_waveform_complains_in_the_flags_as_typed(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
+    waveform = ("waveform", "--out", tmp_path / "none")
+    said = complaint(capsys, *waveform, "chirp_as_printed", "--f-low", "1", "--f-high", "2")
+    assert "chirp_as_printed needs --f-center; it takes --f-low, --f-high, --f-center, --amplitude" in said
+    assert "multisine has no --f-start" in complaint(capsys, *waveform, "multisine", "--f-start", "1")
+    assert not (tmp_path / "none").exists()
+
+
 def test_waveform_writes_the_file_and_the_plot(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
     found = result(capsys, "waveform", "two_sines", "--frequency", "2.5", "--out", tmp_path)
     assert found["order_of_excitation"] == 4
@@ -249,14 +335,78 @@ def test_what_cannot_be_written_or_asked_for(capsys: pytest.CaptureFixture[str],
     assert "cannot read scenario file" in complaint(capsys, "simulate", tmp_path / "missing.toml", "--out", tmp_path)
 
 
-def test_interrupt_is_130(capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> None:
-    def interrupted(*_: object) -> None:
+def test_interrupt_is_130_and_leaves_nothing(
+    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    def interrupted(*_: object, **__: object) -> None:
         raise KeyboardInterrupt
 
     monkeypatch.setattr("hmtb_twin.linearize", interrupted)
-    code, out, err = run(capsys, "truth")
-    assert (code, out) == (130, "")
-    assert err == "hmtb: interrupted\n"
+    monkeypatch.setattr("hmtb_twin.simulate", interrupted)
+    monkeypatch.setattr("scenarios.study.run_study", interrupted)
+    inside = tmp_path / "deep" / "er"
+    for words in (
+        ("truth",),
+        ("simulate", "siso-1-elbow_pitch", "--out", str(inside)),
+        ("thesis", "--quick", "--out", str(inside)),
+    ):
+        code, out, err = run(capsys, *words)
+        assert (code, out) == (130, "")
+        assert err == f"hmtb: interrupted; to start again: hmtb {' '.join(words)}\n"
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_clipping_and_slewing_are_told(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
+    _, toml, _ = run(capsys, "scenarios", "show", "siso-1-elbow_pitch")
+    loud, quiet = tmp_path / "loud.toml", tmp_path / "quiet.toml"
+    text = toml.replace("240.0", "4.0")
+    loud.write_text(text.replace("siso-1-elbow_pitch", "loud").replace("amplitude = 1.0", "amplitude = 50.0"))
+    quiet.write_text(text.replace("siso-1-elbow_pitch", "quiet").replace("amplitude = 1.0", "amplitude = 0.01"))
+    found = result(capsys, "simulate", loud, quiet, "--out", tmp_path)
+    assert found["clipped"]["loud"] > 0.5
+    assert found["velocity_limited"]["loud"] > 0.9
+    assert found["clipped"]["quiet"] == 0.0
+    assert found["velocity_limited"]["quiet"] < found["velocity_limited"]["loud"]
+    assert [text.partition(":")[0] for text in found["warnings"]] == ["loud"]
+    code, out, _ = run(capsys, "simulate", loud, "--out", tmp_path)
+    assert code == 0
+    assert "converter clips" in out
+    assert "warning: loud:" in out
+
+
+def test_names_that_leave_the_folder_are_refused(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
+    _, toml, _ = run(capsys, "scenarios", "show", "siso-1-elbow_pitch")
+    for name in ("../escape", "a/b", ".."):
+        path = tmp_path / "mine.toml"
+        path.write_text(toml.replace("siso-1-elbow_pitch", name).replace("240.0", "1.0"))
+        out = tmp_path / "out"
+        assert f"scenario name {name!r}" in complaint(capsys, "simulate", path, "--out", out)
+        assert not out.exists()
+
+
+def test_errors_of_libraries_do_not_leak(
+    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    import xarray
+
+    def full(*_: object, **__: object) -> None:
+        raise OSError("[Errno 28] Unable to synchronously create file (errno = 28, error message = 'No space left')")
+
+    simulate = ("simulate", "siso-1-elbow_pitch", "--duration", "1", "--out", tmp_path)
+    (tmp_path / "siso-1-elbow_pitch.nc").mkdir()
+    assert "it is a folder" in complaint(capsys, *simulate)
+    (tmp_path / "siso-1-elbow_pitch.nc").rmdir()
+    monkeypatch.setattr(xarray.Dataset, "to_netcdf", full)
+    said = complaint(capsys, *simulate)
+    assert "cannot write" in said
+    assert "rrno" not in said
+
+
+def test_a_log_of_another_joint_gives_a_hint(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
+    words = ("simulate", "siso-5-elbow_pitch", "siso-5-shoulder_yaw", "--duration", "6", "--out", tmp_path)
+    mine, other = result(capsys, *words)["logs"]
+    assert "excites shoulder_yaw" in complaint(capsys, "identify", mine, *OE, "--validate", other)
+    assert "the log of 0.02 s" in complaint(capsys, "identify", mine, *OE, "--dt", "0.01")
 
 
 def test_a_fault_of_ours_keeps_its_traceback(monkeypatch: pytest.MonkeyPatch) -> None:
