@@ -18,8 +18,10 @@ from sysid.etfe import etfe
 from sysid.excitation import order_of_excitation
 from sysid.frequency import FrequencyResponse
 from sysid.iv4 import iv4
+from sysid.n4sid import n4sid
 from sysid.oe import oe
 from sysid.okid import okid
+from sysid.pem_ss import pem_ss
 from sysid.polynomials import Polynomials, innovations_form
 from sysid.predict import predict
 from sysid.resid import ResidualTest, resid
@@ -66,9 +68,11 @@ __all__ = [
     "fit_percent",
     "innovations_form",
     "iv4",
+    "n4sid",
     "oe",
     "okid",
     "order_of_excitation",
+    "pem_ss",
     "predict",
     "resid",
     "residuals",

@@ -36,11 +36,14 @@ def spread(function: Callable[[FloatArray], FloatArray], parameters: FloatArray,
     Args:
         function: From parameters (p,) to a real array of any shape.
         parameters: Where to differentiate (p,).
-        covariance: Covariance of the parameters (p, p).
+        covariance: Covariance of the parameters (p, p); NaN where it is not known, and then the result is NaN too.
 
     Returns:
         Derivatives (p, *shape of the function's value).
     """
+    if not np.isfinite(covariance).all():
+        # how well the parameters are known is not known
+        return np.full((1, *np.shape(function(parameters))), np.nan)
     directions = standard_directions(covariance)
     return np.array(
         [

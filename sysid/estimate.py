@@ -86,7 +86,7 @@ class Estimate:
         polynomials: A, B, C, D, F; None for state-space methods.
         parameters: Estimated parameters (p,).
         parameter_names: One name per parameter.
-        covariance: Of the parameters (p, p).
+        covariance: Of the parameters (p, p); NaN where the method does not know it (`n4sid`).
         noise_variance: Unbiased covariance of the innovation (ny, ny).
         residuals: One-step prediction errors of `model` on its own data, the initial state fitted, (N, ny); experiments
             one after the other.
@@ -170,7 +170,7 @@ class Estimate:
             response=self.model.frequency_response(f),
             dt=self.model.dt,
             method=self.method,
-            covariance=covariance,
+            covariance=covariance if np.isfinite(self.covariance).all() else None,
             noise_spectrum=self.model.dt * h @ self.noise_variance @ h.conj().transpose(0, 2, 1),
             input_names=self.data.input_names,
             output_names=self.data.output_names,

@@ -1,0 +1,147 @@
+"""Prediction-error refinement of state-space models."""
+
+import warnings
+from collections.abc import Sequence
+
+import numpy as np
+
+from sysid.arrays import FloatArray
+from sysid.data import IOData, as_experiments
+from sysid.errors import SysidError, SysidWarning
+from sysid.estimate import Estimate
+from sysid.excitation import check_excitation
+from sysid.local_coordinates import LocalCoordinates
+from sysid.okid import stable_gain
+from sysid.predict import check_channels
+from sysid.predictor import Predictor, Scales
+from sysid.predictor_estimate import check_enough_samples, degrees_of_freedom, make_predictor_estimate
+from sysid.predictor_fit import Record, column_scale, minimise
+from sysid.simulate import as_model
+from sysid.state_space import StateSpace
+
+ILL_CONDITIONED = 1e12
+
+
+def pem_ss(
+    data: IOData | Sequence[IOData],
+    start: Estimate | StateSpace,
+    *,
+    direct: bool = True,
+    gain: bool = True,
+    max_iterations: int = 100,
+) -> Estimate:
+    """Minimise log det of the covariance of the one-step prediction errors [Ljung1999, eq. 7.92; McKelvey2004].
+
+    The order is that of `start`. Every step moves in the directions that change the behaviour, none in those that only
+    change the basis of the state, so that no canonical form is needed. The predictor A - K C stays stable at every
+    accepted step; the initial state of every experiment is estimated.
+
+    With `gain=False` the simulation error is minimised (an output-error model, K = 0): unbiased also where the
+    disturbance is coloured in a way that a model of this order cannot describe, as long as the input is independent of
+    it; the covariance is right for a white one.
+
+    Args:
+        data: One experiment, or several that share the model; any numbers of inputs and outputs.
+        start: Where to begin: an estimate by `n4sid`, `okid` or any other method, or a model.
+        direct: Whether D is estimated; otherwise it is zero.
+        gain: Whether K is estimated; otherwise it is zero.
+        max_iterations: Accepted steps at most.
+
+    Returns:
+        The estimate. `parameters` are local coordinates: entries of A - K C, B - K D, K, C and D along directions
+        orthogonal to changes of the state's basis; their covariance goes through to bandwidth and responses.
+
+    Raises:
+        SysidError: Constant input, channels that do not fit, no state, too little data, a start whose predictor (with
+            `gain=False`: which itself) is unstable.
+
+    Warns:
+        SysidWarning: Poor excitation, no convergence, bad conditioning, a predictor at the edge of stability.
+    """
+    experiments = as_experiments(data)
+    model = as_model(start)
+    for e in experiments:
+        check_channels(model, e)
+    if model.order == 0:
+        raise SysidError(
+            "expected a start with at least one state, got order 0: a direct term alone is arx(data, 0, 1, 0)"
+        )
+    nu, ny, n = model.nu, model.ny, model.order
+    count = n * (nu + (2 if gain else 1) * ny) + (nu * ny if direct else 0)
+    samples = check_enough_samples(experiments, n, count)
+    texts = check_excitation(experiments, [n + (1 if direct else 0)] * nu)
+    scales = Scales.of(experiments)
+    begin = _start(model, scales, direct, gain)
+    records = [Record.of(e, scales, gain) for e in experiments]
+    found = minimise(records, begin, LocalCoordinates(direct), max_iterations)
+    covariance, condition = _covariance(found.normal.information)
+    covariance = covariance * samples / degrees_of_freedom(experiments, begin, count)
+    radius = float(np.abs(np.linalg.eigvals(found.point.predictor.A)).max())
+    if not found.converged:
+        texts.append(f"pem_ss did not converge: {found.reason}")
+    if condition > ILL_CONDITIONED and found.reason != "errors at rounding level":
+        texts.append(
+            f"the parameters are poorly determined: condition number {condition:.2g} of the information matrix"
+        )
+    if radius > 1.0 - 1e-4:
+        what = "predictor" if gain else "model"
+        texts.append(f"the {what} has a pole of modulus {radius:.7f}, at the edge of stability: intervals may not hold")
+    for text in texts:
+        warnings.warn(text, SysidWarning, stacklevel=2)
+    return make_predictor_estimate(
+        "pem_ss",
+        experiments,
+        {"order": n},
+        scales,
+        predictor=found.point.predictor,
+        basis=found.normal.basis,
+        covariance=covariance,
+        diagnostics={
+            "condition": condition,
+            "iterations": found.iterations,
+            "evaluations": found.evaluations,
+            "converged": found.converged,
+            "reason": found.reason,
+            "start": start.method if isinstance(start, Estimate) else "model",
+        },
+        texts=texts,
+    )
+
+
+def _start(model: StateSpace, scales: Scales, direct: bool, gain: bool) -> Predictor:
+    """Predictor of the start, its gain made stable where that is possible.
+
+    Raises:
+        SysidError: There is no stable one.
+    """
+    radius = float(np.abs(np.linalg.eigvals(model.A)).max())
+    D = model.D if direct else np.zeros_like(model.D)
+    if not gain:
+        if radius >= 1.0:
+            raise SysidError(
+                f"with gain=False the start must be stable, given one with largest pole modulus {radius:.6g}; "
+                "n4sid(data, order, stable=True) gives a stable one"
+            )
+        K = np.zeros_like(model.gain)
+    else:
+        known = model.innovation_covariance
+        K = stable_gain(model.A, model.C, model.gain, np.eye(model.ny) if known is None else known)
+    out = scales.predictor(StateSpace(model.A, model.B, model.C, D, K, model.dt), gain)
+    if not out.is_stable() and gain and radius < 1.0:
+        K = np.zeros_like(K)
+        out = scales.predictor(StateSpace(model.A, model.B, model.C, D, K, model.dt), gain)
+    if not out.is_stable():
+        observer = float(np.abs(np.linalg.eigvals(model.A - K @ model.C)).max())
+        raise SysidError(
+            f"the start needs a stable predictor: A - K C has spectral radius {observer:.6g}, and A itself {radius:.6g}"
+        )
+    return out
+
+
+def _covariance(information: FloatArray) -> tuple[FloatArray, float]:
+    """Inverse of the information (q, q), and its condition number after scaling to unit diagonal."""
+    scale = column_scale(information)
+    values, vectors = np.linalg.eigh(information / np.outer(scale, scale))
+    kept = values > 1e-14 * values[-1]
+    half = vectors[:, kept] / np.sqrt(values[kept]) / scale[:, None]
+    return half @ half.T, float(values[-1] / values[0]) if values[0] > 0.0 else np.inf

@@ -1,0 +1,122 @@
+"""From a fitted predictor to the public record."""
+
+import warnings
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from sysid.arrays import FloatArray
+from sysid.data import IOData
+from sysid.errors import SysidError, SysidWarning
+from sysid.estimate import DataSummary, Estimate
+from sysid.predictor import Predictor, Scales
+from sysid.residuals import residuals
+from sysid.state_space import StateSpace
+
+
+@dataclass(frozen=True, eq=False)
+class RealiseLocally:
+    """Pure function from local coordinates to the model; a class, so that estimates can be pickled.
+
+    Attributes:
+        origin: Predictor, channels scaled.
+        basis: Directions (entries of A, M, C, D; q).
+        parameters: Coordinates of `origin` (q,).
+        scales: Of the channels.
+        data: Sampling interval and names.
+        covariance: Innovation covariance that the model carries (ny, ny).
+    """
+
+    origin: Predictor
+    basis: FloatArray
+    parameters: FloatArray
+    scales: Scales
+    data: DataSummary
+    covariance: FloatArray
+
+    def __call__(self, theta: FloatArray) -> StateSpace:
+        """Model for local coordinates (q,)."""
+        moved = self.origin.moved(self.basis @ (theta - self.parameters))
+        return self.scales.model(moved, self.data, self.covariance)
+
+
+def check_enough_samples(experiments: Sequence[IOData], order: int, count: int) -> int:
+    """Number of samples behind the initialisation windows.
+
+    Args:
+        experiments: The data set.
+        order: Number of states, that is of initial conditions per experiment.
+        count: Number of parameters.
+
+    Raises:
+        SysidError: Not more equations than unknowns.
+    """
+    samples = sum(len(e) - e.window for e in experiments)
+    unknown = count + order * len(experiments)
+    short = [len(e) for e in experiments if len(e) - e.window <= order]
+    if samples * experiments[0].ny <= unknown or short:
+        raise SysidError(
+            f"too many states for the data: order {order} has {count} parameters and {order} initial conditions per "
+            f"experiment, given {samples} usable samples of {experiments[0].ny} output(s) in {len(experiments)} "
+            "experiment(s)"
+        )
+    return samples
+
+
+def make_predictor_estimate(
+    method: str,
+    experiments: Sequence[IOData],
+    asked: Mapping[str, Any],
+    scales: Scales,
+    *,
+    predictor: Predictor,
+    basis: FloatArray,
+    covariance: FloatArray,
+    diagnostics: Mapping[str, Any],
+    texts: Sequence[str],
+) -> Estimate:
+    """Assemble the record.
+
+    Args:
+        method: Name of the estimator.
+        experiments: The data set.
+        asked: What the user asked for.
+        scales: Of the channels.
+        predictor: The result, channels scaled.
+        basis: Directions of the local coordinates (entries of A, M, C, D; q).
+        covariance: Of the local coordinates (q, q), NaN where not known.
+        diagnostics: Condition, convergence, and what belongs to the method.
+        texts: Warnings that were given.
+    """
+    summary = DataSummary.of(experiments)
+    parameters = basis.T @ predictor.vector()
+    bare = scales.model(predictor, summary, None)
+    with warnings.catch_warnings():
+        # said by the estimator
+        warnings.simplefilter("ignore", SysidWarning)
+        parts = [residuals(bare, e) for e in experiments]
+    counted = np.concatenate([part[e.window :] for part, e in zip(parts, experiments, strict=True)])
+    variance = counted.T @ counted / degrees_of_freedom(experiments, predictor, len(parameters))
+    realise = RealiseLocally(predictor, basis, parameters, scales, summary, variance)
+    return Estimate(
+        model=realise(parameters),
+        polynomials=None,
+        parameters=parameters,
+        parameter_names=tuple(f"local{i + 1}" for i in range(len(parameters))),
+        covariance=covariance,
+        noise_variance=variance,
+        residuals=np.concatenate(parts),
+        method=method,
+        orders=asked,
+        diagnostics={**diagnostics, "warnings": tuple(texts)},
+        data=summary,
+        realise=realise,
+    )
+
+
+def degrees_of_freedom(experiments: Sequence[IOData], predictor: Predictor, parameters: int) -> float:
+    """Samples less the parameters and initial states per output."""
+    samples = sum(len(e) - e.window for e in experiments)
+    return samples - (parameters + len(predictor.A) * len(experiments)) / experiments[0].ny

@@ -1,0 +1,176 @@
+"""Prediction-error refinement of state-space models."""
+
+import pickle
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+import pytest
+from scipy.signal import lfilter
+
+from sysid import IOData, StateSpace, SysidError, SysidWarning, armax, n4sid, oe, okid, pem_ss, simulate
+
+GRID = np.linspace(0.1, 24.0, 40)
+
+
+@pytest.mark.filterwarnings("ignore:the parameters are poorly determined", "ignore:pem_ss did not converge")
+@pytest.mark.parametrize("gain", [False, True])
+@pytest.mark.parametrize("nk", range(4))
+@pytest.mark.parametrize("order", range(1, 7))
+def test_exact_without_noise(exact_system: Callable[[int, int], Any], order: int, nk: int, gain: bool) -> None:
+    """From a start that is a little off."""
+    truth = exact_system(order, nk)
+    found = n4sid(truth.data, max(order, order + nk - 1)).model
+    rng = np.random.default_rng(order)
+    spoilt = [m * (1 + 1e-3 * rng.standard_normal(m.shape)) for m in (found.B, found.C, found.D)]
+    start = StateSpace(0.999 * found.A, *spoilt, None, found.dt)
+    estimate = pem_ss(truth.data, start, gain=gain)
+    g = truth.response(GRID)
+    np.testing.assert_allclose(estimate.model.frequency_response(GRID)[:, 0, 0], g, atol=1e-8 * np.abs(g).max())
+
+
+def test_second_order_is_armax(p3: Any) -> None:
+    """A single-output model with free K is an ARMAX model: the same minimum, variance and intervals."""
+    data = p3.draw(0)
+    expected = armax(data, 2, 2, 2)
+    found = pem_ss(data, n4sid(data, 2), direct=False)
+    f = np.array([0.2, 1.0, 5.0, 20.0])
+    ours, theirs = found.frequency_response(f), expected.frequency_response(f)
+    # armax leaves out the first samples, which pem_ss gives to the initial state
+    assert np.all(np.abs(ours.response - theirs.response) < 0.1 * theirs.magnitude_deviation())
+    np.testing.assert_allclose(ours.covariance, theirs.covariance, rtol=0.02, atol=1e-4 * theirs.covariance.max())
+    np.testing.assert_allclose(found.noise_variance, expected.noise_variance, rtol=1e-3)
+    assert np.sum(found.residuals**2) <= np.sum(expected.residuals**2) * (1 + 1e-6)
+
+
+def test_without_gain_it_is_an_output_error_model(p2: Any) -> None:
+    data = p2.draw(1)
+    expected = oe(data, 2, 2)
+    found = pem_ss(data, okid(data, 2, p=20), gain=False, direct=False)
+    assert not found.model.gain.any()
+    assert not found.model.D.any()
+    np.testing.assert_allclose(found.bandwidth().hz, expected.bandwidth().hz, rtol=1e-4)
+    np.testing.assert_allclose(found.bandwidth().ci95, expected.bandwidth().ci95, rtol=1e-3)
+    np.testing.assert_allclose(found.noise_variance, expected.noise_variance, rtol=1e-3)
+
+
+def multivariable() -> StateSpace:
+    rng = np.random.default_rng(2)
+    A = np.diag([0.95, 0.8, 0.3])
+    A[0, 1], A[1, 0] = 0.2, -0.2
+    B, C = rng.standard_normal((3, 2)), rng.standard_normal((2, 3))
+    # halves what it can of A, so that the predictor is stable
+    return StateSpace(A, B, C, rng.standard_normal((2, 2)), 0.5 * A @ np.linalg.pinv(C), 0.02)
+
+
+def draw(seed: int, samples: int = 800) -> IOData:
+    """Two outputs with unlike, correlated disturbances."""
+    rng, truth = np.random.default_rng(seed), multivariable()
+    u = rng.standard_normal((samples + 100, 2))
+    e = rng.standard_normal((samples + 100, 2)) @ np.array([[0.5, 0.4], [0.0, 0.1]])
+    disturbance = StateSpace(truth.A, truth.gain, truth.C, np.eye(2), None, truth.dt)
+    return IOData(u, simulate(truth, u) + simulate(disturbance, e), 0.02)[100:]
+
+
+def test_efficient_and_honest_about_it() -> None:
+    """Responses scatter as their covariances say, in several outputs too."""
+    truth, f = multivariable(), np.array([0.5, 3.0, 15.0])
+    g = truth.frequency_response(f)
+    squares, hits, bandwidths = [], [], []
+    hz = truth.bandwidth()
+    known = np.isfinite(hz)
+    for seed in range(60):
+        data = draw(seed)
+        estimate = pem_ss(data, n4sid(data, 3))
+        response = estimate.frequency_response(f)
+        error = response.response - g
+        parts = np.stack((error.real, error.imag), axis=-1)
+        solved = np.linalg.solve(response.covariance, parts[..., None])[..., 0]
+        squares.append(np.sum(parts * solved, axis=-1) / 2)
+        low, high = response.magnitude_ci95()
+        hits.append((low <= np.abs(g)) & (np.abs(g) <= high))
+        bandwidths.append(estimate.bandwidth().covers(hz)[known])
+    assert 0.85 < np.mean(squares) < 1.15
+    assert 0.92 < np.mean(hits) < 0.98
+    assert np.mean(bandwidths) > 0.90
+
+
+def test_splitting_the_record_changes_little_and_joining_nothing() -> None:
+    data = draw(1)
+    start = n4sid(data, 3)
+    whole = pem_ss(data, start)
+    parts = pem_ss([data[:400], data[400:]], start)
+    swapped = pem_ss([data[400:], data[:400]], start)
+    deviation = whole.frequency_response(GRID).magnitude_deviation()
+    moved = np.abs(parts.model.frequency_response(GRID) - whole.model.frequency_response(GRID))
+    assert np.all(moved < 0.5 * deviation)
+    np.testing.assert_allclose(
+        swapped.model.frequency_response(GRID), parts.model.frequency_response(GRID), rtol=1e-5, atol=1e-6
+    )
+
+
+def test_the_basis_of_the_start_does_not_matter() -> None:
+    data = draw(2)
+    m = n4sid(data, 3).model
+    T = np.array([[1.0, 30.0, 0.0], [0.0, 0.01, 2.0], [5.0, 0.0, 1.0]])
+    back = np.linalg.inv(T)
+    other = StateSpace(T @ m.A @ back, T @ m.B, m.C @ back, m.D, T @ m.gain, m.dt)
+    a, b = pem_ss(data, m), pem_ss(data, other)
+    np.testing.assert_allclose(b.model.markov(20), a.model.markov(20), rtol=1e-4, atol=1e-5)
+    np.testing.assert_allclose(
+        b.frequency_response([3.0]).covariance, a.frequency_response([3.0]).covariance, rtol=1e-2, atol=1e-8
+    )
+
+
+def test_the_window_enters_no_cost() -> None:
+    data = draw(3)
+    y = data.y.copy()
+    y[:50] = 1e3
+    spoilt = IOData(data.u, y, data.dt, window=50)
+    start = n4sid(data[50:], 3)
+    np.testing.assert_allclose(
+        pem_ss(spoilt, start).model.markov(10), pem_ss(data[50:], start).model.markov(10), rtol=1e-6, atol=1e-8
+    )
+
+
+def test_estimates_can_be_copied_and_realised() -> None:
+    data = draw(4)
+    estimate = pickle.loads(pickle.dumps(pem_ss(data, n4sid(data, 3))))
+    np.testing.assert_allclose(estimate.realise(estimate.parameters).markov(9), estimate.model.markov(9))
+    assert estimate.diagnostics["converged"]
+    assert estimate.diagnostics["start"] == "n4sid"
+    assert len(estimate.parameters) == 3 * (2 + 2 * 2) + 4
+
+
+def test_stops_are_said() -> None:
+    data = draw(5)
+    poor = StateSpace(np.diag([0.5, 0.3, -0.2]), np.ones((3, 2)), np.ones((2, 3)), np.zeros((2, 2)), None, 0.02)
+    with pytest.warns(SysidWarning, match="did not converge: stopped after 1 iterations"):
+        pem_ss(data, poor, max_iterations=1)
+
+
+def test_refusals() -> None:
+    data = draw(6, 100)
+    unstable = StateSpace([[1.5]], np.ones((1, 2)), np.zeros((2, 1)), np.zeros((2, 2)), None, 0.02)
+    with pytest.raises(SysidError, match="with gain=False the start must be stable"):
+        pem_ss(data, unstable, gain=False)
+    with pytest.raises(SysidError, match="the start needs a stable predictor"):
+        pem_ss(data, unstable)
+    still = StateSpace(np.zeros((0, 0)), np.zeros((0, 2)), np.zeros((2, 0)), np.eye(2), None, 0.02)
+    with pytest.raises(SysidError, match="at least one state"):
+        pem_ss(data, still)
+    with pytest.raises(SysidError, match="expected a StateSpace or an Estimate"):
+        pem_ss(data, "n4sid")  # type: ignore[arg-type]
+    with pytest.raises(SysidError, match="1 input"):
+        pem_ss(IOData(np.arange(9.0), np.arange(9.0), 0.02), multivariable())
+    with pytest.raises(SysidError, match="too many states for the data"):
+        pem_ss(data[:6], multivariable())
+
+
+def test_unstable_systems_are_followed_by_a_stable_predictor() -> None:
+    rng = np.random.default_rng(0)
+    u, e = rng.standard_normal((2, 300))
+    y = lfilter([0, 1.0], [1, -1.02], u) + lfilter([1, -0.5], [1, -1.02], 0.1 * e)
+    data = IOData(u, y, 0.1)
+    start = StateSpace([[1.0]], [[1.0]], [[1.0]], [[0.0]], [[0.4]], 0.1)
+    assert pem_ss(data, start).model.poles()[0].real == pytest.approx(1.02, abs=1e-4)
