@@ -8,7 +8,7 @@ import numpy as np
 
 from sysid.arrays import FloatArray
 from sysid.data import IOData, as_experiments
-from sysid.errors import SysidWarning
+from sysid.errors import SysidError, SysidWarning
 from sysid.estimate import Estimate
 from sysid.excitation import check_excitation
 from sysid.least_squares import solve
@@ -29,7 +29,8 @@ def arx(
     """Fit A(q) y = B(q) u + e by least squares [Ljung1999, eqs. 4.7, 7.32].
 
     Args:
-        data: One experiment, or several that share the model.
+        data: One experiment, or several that share the model. Outputs may be missing: equations that touch one are
+            left out.
         na: Degree of A.
         nb: Number of coefficients of B, one for all inputs or one per input.
         nk: Delay in samples, likewise; nk = 1 means y(t) depends on u(t-1) first, nk = 0 gives a direct term.
@@ -46,7 +47,7 @@ def arx(
     Warns:
         SysidWarning: The input excites too little, or the regressors are rank deficient.
     """
-    experiments = as_experiments(data)
+    experiments = as_experiments(data, missing=not coloured)
     check_single_output(experiments)
     orders = make_orders(experiments[0].nu, na=na, nb=nb, nk=nk)
     texts = check_excitation(experiments, orders.nb)
@@ -59,6 +60,15 @@ def arx(
         ]
     )
     target = np.concatenate([e.y[start:] for e, start in zip(experiments, starts, strict=True)])
+    # rows that touch a missing output are left out
+    known = np.isfinite(phi).all(axis=1) & np.isfinite(target[:, 0])
+    if known.sum() <= orders.count:
+        raise SysidError(
+            f"too many missing samples: {int(known.sum())} of {len(phi)} rows touch none, "
+            f"{orders.count} parameters need more"
+        )
+    if not known.all():
+        phi, target = phi[known], target[known]
     fit = solve(phi, target)
     variance = float(fit.residual_gram[0, 0]) / (len(phi) - orders.count)
     if fit.rank < orders.count:

@@ -88,7 +88,7 @@ def fit_percent(y: FloatArray, yhat: FloatArray) -> FloatArray:
     100 is perfect, 0 no better than the mean, minus infinity what grows beyond all numbers.
 
     Args:
-        y: Measured (N, ny).
+        y: Measured (N, ny); NaN where a sample is missing: it is not scored.
         yhat: Explained (N, ny).
 
     Raises:
@@ -96,10 +96,12 @@ def fit_percent(y: FloatArray, yhat: FloatArray) -> FloatArray:
     """
     if y.shape != yhat.shape:
         raise SysidError(f"y and yhat must have one shape, got {y.shape} and {yhat.shape}")
-    spread = np.linalg.norm(y - y.mean(axis=0), axis=0)
+    spread = np.sqrt(np.nansum((y - np.nanmean(y, axis=0)) ** 2, axis=0))
     if (spread == 0.0).any():
         raise SysidError(f"output {int(np.argmin(spread))} is constant: its fit is not defined")
-    error = np.abs(y - yhat)
+    # samples that are missing are not scored
+    known = np.isfinite(y)
+    error = np.where(known, np.abs(np.where(known, y, 0.0) - yhat), 0.0)
     largest = error.max(axis=0)
     finite = np.isfinite(largest)
     # scaled first: an unstable predictor's errors may be too large to square

@@ -29,3 +29,28 @@ def covariance_function(x: Sequence[FloatArray], z: Sequence[FloatArray], lags: 
         circular = irfft(products, size, axis=0)
         total += np.concatenate((circular[size - lags :] if lags else circular[:0], circular[: lags + 1]))
     return total / sum(len(xi) for xi in x)
+
+
+def covariance_with_gaps(x: Sequence[FloatArray], z: Sequence[FloatArray], lags: int) -> FloatArray:
+    """The same from the products whose two samples are known, NaN marking those that are not.
+
+    The mean of the known products times 1 - |tau|/N: without gaps exactly `covariance_function`. It need not be
+    positive semidefinite. A lag without a product is zero.
+
+    Args:
+        x: First signal per experiment (N_i, nx).
+        z: Second signal per experiment (N_i, nz).
+        lags: Largest lag.
+
+    Returns:
+        Covariances (2 lags + 1, nx, nz), lag zero in the middle.
+    """
+    known_x, known_z = ([np.isfinite(part).astype(float) for part in s] for s in (x, z))
+    filled_x, filled_z = ([np.nan_to_num(part, nan=0.0) for part in s] for s in (x, z))
+    products = covariance_function(filled_x, filled_z, lags)
+    known = covariance_function(known_x, known_z, lags)
+    ones = [np.ones((len(part), 1)) for part in x]
+    possible = covariance_function(ones, ones, lags)
+    # counts divided by N; rounding of the transform stands for none
+    some = known > 0.5 / sum(len(part) for part in x)
+    return np.where(some, products / np.where(some, known, 1.0) * possible, 0.0)

@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sysid.arrays import FloatArray, lock
-from sysid.correlation import covariance_function
+from sysid.correlation import covariance_function, covariance_with_gaps
 from sysid.data import IOData, as_experiments
 from sysid.errors import SysidError
 
@@ -62,7 +62,8 @@ def covf(data: IOData | Sequence[IOData], *, lags: int = 25) -> CovarianceFuncti
     """Covariance functions of outputs and inputs [Ljung1999, eq. 6.10].
 
     Division is by N at every lag, so that the function is positive semidefinite. Means are left as they are: detrend
-    first. Initialisation windows are left out, products never reach over the boundary of an experiment.
+    first. Initialisation windows are left out, products never reach over the boundary of an experiment. Where samples
+    are missing the products that are known are averaged, and the function need not be semidefinite.
 
     Args:
         data: One experiment, or several that are averaged.
@@ -71,15 +72,16 @@ def covf(data: IOData | Sequence[IOData], *, lags: int = 25) -> CovarianceFuncti
     Raises:
         SysidError: lags not between 0 and N - 1.
     """
-    experiments = tuple(e.scored for e in as_experiments(data))
+    experiments = tuple(e.scored for e in as_experiments(data, missing=True))
     shortest = min(len(e) for e in experiments)
     if isinstance(lags, bool) or not isinstance(lags, int | np.integer) or not 0 <= lags < shortest:
         raise SysidError(f"lags must be a whole number from 0 to {shortest - 1}, got {lags!r}")
     z = [np.hstack((e.y, e.u)) for e in experiments]
     first = experiments[0]
+    covariance = covariance_function if all(e.complete for e in experiments) else covariance_with_gaps
     return CovarianceFunction(
         lags=np.arange(-lags, lags + 1),
-        values=covariance_function(z, z, int(lags)),
+        values=covariance(z, z, int(lags)),
         names=(*(first.output_names or ()), *(first.input_names or ())),
         ny=first.ny,
         dt=first.dt,

@@ -5,7 +5,7 @@ from dataclasses import dataclass, field, replace
 from typing import Literal
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from sysid.arrays import FloatArray, lock, real_array
 from sysid.errors import SysidError
@@ -30,6 +30,9 @@ class IOData:
         output_units: One unit per output; empty when not given.
         intersample: Behaviour of the input between samples: held (`zoh`), linear (`foh`), band-limited (`bl`).
         window: Number of leading samples that only initialise a model: they enter no cost and no score.
+        missing: Whether NaN among the outputs marks samples that were lost; without it NaN is refused. Inputs must be
+            complete. `arx`, `spa`, `covf`, `predict`, `residuals` and `compare` take such records; everything else
+            refuses them and takes their `complete_parts()`.
         name: What the experiment is called.
 
     Raises:
@@ -47,10 +50,11 @@ class IOData:
     intersample: Literal["zoh", "foh", "bl"] = field(default="zoh", kw_only=True)
     window: int = field(default=0, kw_only=True)
     name: str = field(default="", kw_only=True)
+    missing: bool = field(default=False, kw_only=True)
 
     def __post_init__(self) -> None:
         """Check and lock."""
-        u, y = _channels("u", self.u), _channels("y", self.y)
+        u, y = _channels("u", self.u), _channels("y", self.y, missing=bool(self.missing))
         if len(u) != len(y):
             raise SysidError(f"u and y must be equally long: u has {len(u)} samples, y has {len(y)}")
         numeric = isinstance(self.dt, int | float | np.integer | np.floating) and not isinstance(self.dt, bool)
@@ -68,6 +72,7 @@ class IOData:
             "y": y,
             "dt": float(self.dt),
             "window": int(self.window),
+            "missing": bool(self.missing),
             "input_names": _labels("input_names", self.input_names, tuple(f"u{i + 1}" for i in range(nu))),
             "output_names": _labels("output_names", self.output_names, tuple(f"y{i + 1}" for i in range(ny))),
             "input_units": _labels("input_units", self.input_units, ("",) * nu),
@@ -94,6 +99,36 @@ class IOData:
     def time(self) -> FloatArray:
         """Sampling instants in s, from 0, (N,)."""
         return np.arange(len(self), dtype=np.float64) * self.dt
+
+    @property
+    def known(self) -> NDArray[np.bool_]:
+        """Which output samples are on record (N, ny)."""
+        return np.asarray(np.isfinite(self.y))
+
+    @property
+    def complete(self) -> bool:
+        """Whether no output sample is missing."""
+        return not self.missing or bool(self.known.all())
+
+    def complete_parts(self, *, shortest: int = 1) -> tuple["IOData", ...]:
+        """Cut the record at its gaps: experiments without missing samples, for every estimator.
+
+        Args:
+            shortest: Parts with fewer samples behind the initialisation window are left out.
+
+        Raises:
+            SysidError: No part is that long.
+        """
+        if self.complete:
+            return (self,)
+        known = np.concatenate(([False], self.known.all(axis=1), [False]))
+        starts, stops = (np.flatnonzero(np.diff(known.astype(int)) == step) for step in (1, -1))
+        least = max(int(shortest), 1)
+        runs = [(int(a), int(b)) for a, b in zip(starts, stops, strict=True) if b - max(a, self.window) >= least]
+        if not runs:
+            longest = max((int(b - max(a, self.window)) for a, b in zip(starts, stops, strict=True)), default=0)
+            raise SysidError(f"no part without missing samples has {least} samples; the longest has {max(longest, 0)}")
+        return tuple(replace(self[a:b], missing=False) for a, b in runs)
 
     @property
     def scored(self) -> "IOData":
@@ -131,14 +166,12 @@ class IOData:
             raise SysidError(
                 f"detrend order must be a whole number from 0 to {len(self) - self.window - 1}, got {order!r}"
             )
-        basis = np.polynomial.legendre.legvander(np.linspace(-1.0, 1.0, max(len(self), 2))[: len(self)], order)
-        _, triangle = np.linalg.qr(basis[self.window :])
-        q = np.linalg.solve(triangle.T, basis.T).T
-        scored = q[self.window :]
+        times = np.linspace(-1.0, 1.0, max(len(self), 2))[: len(self)]
+        basis = np.asarray(np.polynomial.legendre.legvander(times, order), dtype=np.float64)
         return replace(
             self,
-            u=_difference(self.u, q @ (scored.T @ self.u[self.window :])),
-            y=_difference(self.y, q @ (scored.T @ self.y[self.window :])),
+            u=_difference(self.u, _trend(basis, self.u, self.window)),
+            y=_difference(self.y, _trend(basis, self.y, self.window)),
         )
 
     def subtract(self, *, u: ArrayLike = 0.0, y: ArrayLike = 0.0) -> "IOData":
@@ -184,11 +217,16 @@ class IOData:
         )
 
 
-def as_experiments(data: IOData | Sequence[IOData]) -> tuple[IOData, ...]:
+def as_experiments(data: IOData | Sequence[IOData], *, missing: bool = False) -> tuple[IOData, ...]:
     """Return the experiments of a data set as a tuple, checked to belong together.
 
+    Args:
+        data: One experiment, or several.
+        missing: Whether the caller can do with missing output samples.
+
     Raises:
-        SysidError: No experiment, something that is no `IOData`, or records that differ in `dt` or channels.
+        SysidError: No experiment, something that is no `IOData`, records that differ in `dt` or channels, or missing
+            samples where there must be none.
     """
     records = (data,) if isinstance(data, IOData) else tuple(data)
     if not records:
@@ -204,24 +242,54 @@ def as_experiments(data: IOData | Sequence[IOData]) -> tuple[IOData, ...]:
             )
         if not np.isclose(record.dt, first.dt, rtol=1e-9, atol=0.0):
             raise SysidError(f"experiment {i} is sampled every {record.dt} s, the first every {first.dt} s")
+        if not missing and not record.complete:
+            raise SysidError(
+                f"experiment {i} lacks {int((~record.known).sum())} of {record.y.size} output samples, all are needed "
+                "here; data.complete_parts() cuts it into experiments without gaps"
+            )
     return records
 
 
 def _difference(channels: FloatArray, trend: FloatArray) -> FloatArray:
     """Channels less their trend; a channel of which rounding alone is left becomes exactly zero."""
     rest = channels - trend
-    size = np.maximum(np.abs(channels).max(axis=0), np.abs(trend).max(axis=0))
-    rest[:, np.abs(rest).max(axis=0) <= ROUNDING * size] = 0.0
+    size = np.maximum(np.nanmax(np.abs(channels), axis=0), np.abs(trend).max(axis=0))
+    dust = np.nanmax(np.abs(rest), axis=0) <= ROUNDING * size
+    rest[:, dust] = np.where(np.isnan(rest[:, dust]), np.nan, 0.0)
     return rest
 
 
-def _channels(name: str, value: FloatArray) -> FloatArray:
+def _trend(basis: FloatArray, channels: FloatArray, window: int) -> FloatArray:
+    """Least-squares combination of the basis (N, k) behind the window, where samples are known (N, channels)."""
+    out = np.empty(channels.shape)
+    for j, channel in enumerate(channels.T):
+        used = np.isfinite(channel)
+        used[:window] = False
+        if used.sum() < basis.shape[1]:
+            raise SysidError(f"{int(used.sum())} known samples are too few for a trend of order {basis.shape[1] - 1}")
+        q, triangle = np.linalg.qr(basis[used])
+        out[:, j] = basis @ np.linalg.solve(triangle, q.T @ channel[used])
+    return out
+
+
+def _channels(name: str, value: FloatArray, *, missing: bool = False) -> FloatArray:
     raw = np.asarray(value)
+    if missing and raw.dtype.kind == "f" and np.isnan(raw).any() and raw.ndim in (1, 2):
+        lost = np.isnan(raw)
+        if lost.all(axis=0).any():
+            raise SysidError(f"{name}: a channel has no known sample at all")
+        # checked with the gaps filled, then opened again
+        filled = _channels(name, np.where(lost, 0.0, raw)).copy()
+        filled[lost.reshape(filled.shape)] = np.nan
+        return lock(filled)
     if raw.dtype.kind in "biuf" and not np.isfinite(raw).all() and raw.ndim in (1, 2):
         table = raw[:, None] if raw.ndim == 1 else raw
         index, channel = np.argwhere(~np.isfinite(table))[0]
         count = int((~np.isfinite(table)).sum())
-        raise SysidError(f"{name}: {count} sample(s) NaN or infinite, the first in channel {channel} at index {index}")
+        raise SysidError(
+            f"{name}: {count} sample(s) NaN or infinite, the first in channel {channel} at index {index}"
+            + ("; missing=True takes NaN for samples that were lost" if name == "y" else "")
+        )
     out = real_array(name, value)
     if out.ndim == 1:
         out = out[:, None]

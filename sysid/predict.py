@@ -1,6 +1,7 @@
 """Prediction: the output k steps ahead, from past outputs and from inputs."""
 
 import warnings
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -9,6 +10,7 @@ from sysid.arrays import FloatArray
 from sysid.data import IOData
 from sysid.errors import SysidError, SysidWarning
 from sysid.estimate import Estimate
+from sysid.gaps import filtered
 from sysid.recursion import LARGEST, free_response, state_trajectory
 from sysid.simulate import as_model, as_state, output
 from sysid.state_space import StateSpace
@@ -18,6 +20,8 @@ def predict(
     model: StateSpace | Estimate, data: IOData, *, steps: int | None = 1, x0: ArrayLike | None = None
 ) -> FloatArray:
     """Prediction of y(t) from outputs up to t - steps and inputs up to t [Ljung1999, eqs. 3.29, 4.86].
+
+    Missing outputs are predicted too, and what follows them from what is known, by the Kalman filter.
 
     Args:
         model: The model, or an estimate of it.
@@ -51,8 +55,11 @@ def predict(
             SysidWarning,
             stacklevel=2,
         )
-    drive = data.u @ (m.B - m.gain @ m.D).T + data.y @ m.gain.T
-    states = state_trajectory(observer, drive, start)
+    if data.complete:
+        drive = data.u @ (m.B - m.gain @ m.D).T + data.y @ m.gain.T
+        states = state_trajectory(observer, drive, start)
+    else:
+        states = filtered(m, data, start).states[:, :, 0]
     if steps == 1:
         return states @ m.C.T + data.u @ m.D.T
     horizon = min(int(steps), len(data))
@@ -81,6 +88,8 @@ def initial_state(model: StateSpace, data: IOData, gain: FloatArray | None = Non
     K = model.gain if gain is None else gain
     seen = data.window or len(data)
     u, y = data.u[:seen], data.y[:seen]
+    if not data.complete:
+        return _initial_state_with_gaps(model, data[:seen], K)
     observer = model.A - K @ model.C
     drive = u @ (model.B - K @ model.D).T + y @ K.T
     error = y - state_trajectory(observer, drive, np.zeros(model.order)) @ model.C.T - u @ model.D.T
@@ -88,6 +97,19 @@ def initial_state(model: StateSpace, data: IOData, gain: FloatArray | None = Non
     usable = (np.abs(error[: len(free)]) < LARGEST).all(axis=1)
     rows = len(free) if usable.all() else int(np.argmin(usable))
     solution, *_ = np.linalg.lstsq(free[:rows].reshape(-1, model.order), error[:rows].ravel(), rcond=None)
+    return np.asarray(solution, dtype=np.float64)
+
+
+def _initial_state_with_gaps(model: StateSpace, data: IOData, K: FloatArray) -> FloatArray:
+    """The same from the known outputs, each weighted by how well it can be predicted."""
+    run = filtered(replace(model, K=K), data, np.zeros(model.order), free=True)
+    outputs = np.einsum("ij,tjk->tik", model.C, run.states)
+    error = np.where(data.known, data.y, 0.0) - outputs[:, :, 0] - data.u @ model.D.T
+    weights = run.deviations
+    usable = (np.abs(outputs) < LARGEST).all(axis=(1, 2))
+    rows = len(usable) if usable.all() else int(np.argmin(usable))
+    phi = (weights[:, :, None] * outputs[:, :, 1:])[:rows].reshape(-1, model.order)
+    solution, *_ = np.linalg.lstsq(phi, (weights * error)[:rows].ravel(), rcond=None)
     return np.asarray(solution, dtype=np.float64)
 
 

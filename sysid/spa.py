@@ -1,12 +1,13 @@
 """Spectral analysis by the method of Blackman and Tukey."""
 
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from sysid.arrays import ComplexArray, FloatArray, real_array
-from sysid.correlation import covariance_function
+from sysid.correlation import covariance_function, covariance_with_gaps
 from sysid.data import IOData, as_experiments
 from sysid.errors import SysidError
 from sysid.excitation import check_excitation
@@ -30,6 +31,9 @@ def spa(
     leaks into the lowest frequencies. Intervals know of the variance, not of the bias by smoothing over about
     1 / (lag dt) Hz: near a sharp resonance take a longer lag.
 
+    Missing outputs enter as zeros and widen the intervals by what they disturb, which with little noise is far more
+    than the samples lost: take `data.complete_parts()` where the parts are long.
+
     Args:
         data: One experiment, or several whose covariances are averaged; any numbers of inputs and outputs.
         lag: Length of the lag window; by default a tenth of the samples.
@@ -44,7 +48,7 @@ def spa(
     Raises:
         SysidError: Constant input, lag not between 1 and N - 1, a window that is none, frequencies beyond Nyquist.
     """
-    experiments = tuple(e.scored for e in as_experiments(data))
+    experiments = tuple(e.scored for e in as_experiments(data, missing=True))
     check_excitation(experiments, [0] * experiments[0].nu)
     dt = experiments[0].dt
     samples = sum(len(e) for e in experiments)
@@ -59,14 +63,46 @@ def spa(
     )
     if f.min() < 0.0 or f.max() > 0.5 / dt * (1 + 1e-12):
         raise SysidError(f"frequencies must lie between 0 and Nyquist ({0.5 / dt} Hz), got {f.min()} to {f.max()} Hz")
-    u, y = [e.u for e in experiments], [e.y for e in experiments]
+    complete = all(e.complete for e in experiments)
+    u, y = [e.u for e in experiments], [e.y for e in experiments] if complete else _filled(experiments)
     weights = np.asarray(window(2 * m + 1), dtype=float)
     if weights.shape != (2 * m + 1,) or not np.isclose(weights[m], 1.0) or not np.allclose(weights, weights[::-1]):
         raise SysidError(f"window({2 * m + 1}) must give as many values, symmetric round a 1 in the middle")
     phi_u, phi_y, phi_yu = (
         _transform(weights, covariance_function(a, b, m), f, dt) for a, b in ((u, u), (y, y), (y, u))
     )
-    return response_of_spectra("spa", experiments, f, phi_u, phi_y, phi_yu, averages=samples / float(weights @ weights))
+    averages = samples / float(weights @ weights)
+    found = response_of_spectra("spa", experiments, f, phi_u, phi_y, phi_yu, averages=averages)
+    return found if complete else _with_gaps(found, experiments, weights)
+
+
+def _filled(experiments: Sequence[IOData]) -> list[FloatArray]:
+    """Outputs with zeros in their gaps, scaled by the part that is known.
+
+    In the mean over gaps that know nothing of the signal this is the output, and what differs from it is one more
+    disturbance, independent of the input: response and covariance hold as they do without gaps.
+    """
+    known = np.concatenate([e.known for e in experiments]).mean(axis=0)
+    return [np.nan_to_num(e.y, nan=0.0) / known for e in experiments]
+
+
+def _with_gaps(found: FrequencyResponse, experiments: Sequence[IOData], weights: FloatArray) -> FrequencyResponse:
+    """Output spectrum, disturbance and coherence without what the gaps add to them."""
+    y = [e.y for e in experiments]
+    phi_y = _transform(weights, covariance_with_gaps(y, y, len(weights) // 2), found.frequencies, found.dt)
+    if found.input_spectrum is None or found.cross_spectrum is None:
+        return replace(found, output_spectrum=phi_y)
+    g, phi_yu = np.nan_to_num(found.response), found.cross_spectrum
+    powers = [np.maximum(np.einsum("fii->fi", s).real, 0.0) for s in (phi_y, found.input_spectrum)]
+    products = powers[0][:, :, None] * powers[1][:, None, :]
+    audible = products > 1e-24 * products.max()
+    coherence = np.where(audible, np.abs(phi_yu) ** 2 / np.where(audible, products, 1.0), 0.0)
+    return replace(
+        found,
+        output_spectrum=phi_y,
+        noise_spectrum=phi_y - g @ phi_yu.conj().transpose(0, 2, 1),
+        coherence=np.clip(coherence, 0.0, 1.0),
+    )
 
 
 def _transform(window: FloatArray, covariances: FloatArray, f: FloatArray, dt: float) -> ComplexArray:
