@@ -1,11 +1,20 @@
 """Figures: one palette, axes with units, frequency in Hz on a logarithmic axis.
 
-Every function returns a matplotlib `Figure` that belongs to no window; save it with `figure.savefig(path)`.
+Every function takes records as estimators and tests return them, one or several or several by name, and returns a
+matplotlib `Figure` that belongs to no window; save it with `figure.savefig(path)`.
+
+    import sysid, sysid.plots
+
+    found = sysid.oe(data, 2, 2, 1)
+    sysid.plots.bode([sysid.spa(data), found]).savefig("bode.png")
+    sysid.plots.pzmap({"identified": found}).savefig("roots.png")
+    sysid.plots.correlations(sysid.resid(found, data)).savefig("residuals.png")
+    sysid.plots.output_comparison(data, sysid.compare(found, data)).savefig("outputs.png")
+
+`Curve`, `Roots` and `Trace` give a record a name and a `Style` of its own.
 """
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
-from types import MappingProxyType
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -13,99 +22,32 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from sysid.arrays import FloatArray
+from sysid.compare import ModelFit
 from sysid.data import IOData
 from sysid.frequency import FrequencyResponse
-from sysid.state_space import StateSpace
+from sysid.palette import BOUND, GRID, INK, PALETTE, Style
+from sysid.resid import ResidualTest
+from sysid.traces import Curve, Drawable, Rooted, Roots, Trace, curves_of, roots_of, traces_of
 
-
-@dataclass(frozen=True)
-class Style:
-    """How one thing is drawn, everywhere.
-
-    Attributes:
-        colour: Colour, readable by the colour-blind.
-        line: Line pattern, so that a print in grey still tells the lines apart; empty for markers alone.
-        width: Line width in points.
-        marker: Marker for points.
-    """
-
-    colour: str
-    line: str = "-"
-    width: float = 1.4
-    marker: str = "o"
-
-
-PALETTE: Mapping[str, Style] = MappingProxyType(
-    {
-        "truth": Style("#000000", "-", 2.2, "o"),
-        "measured": Style("#8a8a8a", "-", 1.0, "."),
-        "armax": Style("#0072b2", "-", 1.4, "s"),
-        "oe": Style("#d55e00", "--", 1.4, "^"),
-        "okid": Style("#009e73", "-.", 1.4, "D"),
-        "arx": Style("#56b4e9", ":", 1.4, "v"),
-        "bj": Style("#7a5195", "--", 1.4, "P"),
-        "iv4": Style("#a6761d", ":", 1.4, "X"),
-        "n4sid": Style("#006d5b", ":", 1.4, "h"),
-        "spa": Style("#cc79a7", "-", 1.0, "."),
-        "etfe": Style("#c06595", "", 1.0, "."),
-        "published": Style("#b8860b", (0, (4, 1.5, 1, 1.5, 1, 1.5)), 1.4, "*"),  # type: ignore[arg-type]
-    }
-)
-"""Truth, measurement and every method, each always in the same colour (after Okabe and Ito's palette)."""
-
-BOUND = Style("#666666", "--", 0.9)
-GRID = "#d9d9d9"
-INK = "#222222"
-
-
-@dataclass(frozen=True, eq=False)
-class Curve:
-    """A frequency response to draw; with a covariance it gets a 95 % band.
-
-    Attributes:
-        label: Text of the legend.
-        response: The response.
-        style: How it looks; by default as its method does everywhere.
-    """
-
-    label: str
-    response: FrequencyResponse
-    style: Style | None = None
-
-
-@dataclass(frozen=True, eq=False)
-class Roots:
-    """Poles and zeros to draw.
-
-    Attributes:
-        label: Text of the legend.
-        model: The model.
-        style: How it looks.
-    """
-
-    label: str
-    model: StateSpace
-    style: Style
-
-
-@dataclass(frozen=True, eq=False)
-class Trace:
-    """Something over time or lag or frequency.
-
-    Attributes:
-        label: Text of the legend.
-        values: Values (N,).
-        style: How it looks.
-    """
-
-    label: str
-    values: FloatArray
-    style: Style
+__all__ = [
+    "GRID",
+    "PALETTE",
+    "Curve",
+    "Roots",
+    "Style",
+    "Trace",
+    "bode",
+    "correlations",
+    "output_comparison",
+    "pzmap",
+    "spectra",
+]
 
 
 def bode(
-    curves: Sequence[Curve],
+    curves: Drawable | Sequence[Drawable] | Mapping[str, Drawable],
     *,
+    frequencies: FloatArray | None = None,
     output: int = 0,
     input: int = 0,
     relative_to_dc: bool = False,
@@ -117,7 +59,8 @@ def bode(
     """Magnitude in dB and phase in degrees over frequency, with 95 % bands where the response has a covariance.
 
     Args:
-        curves: The responses.
+        curves: Responses, models or estimates: one, several, or several by name.
+        frequencies: Where models and estimates are drawn, Hz; three decades up to Nyquist by default.
         output: Row of the response.
         input: Column of the response.
         relative_to_dc: Draw a line 3 dB below unity, where a unit-gain servo has its bandwidth.
@@ -130,7 +73,7 @@ def bode(
         The figure.
     """
     figure, (upper, lower) = _panels(2, size, sharex=True)
-    for curve in curves:
+    for curve in curves_of(curves, frequencies):
         style = curve.style or PALETTE.get(curve.response.method, PALETTE["measured"])
         f = curve.response.frequencies
         keep = f > 0.0
@@ -184,11 +127,13 @@ def bode(
     return figure
 
 
-def pzmap(systems: Sequence[Roots], *, size: tuple[float, float] = (4.6, 4.9)) -> Figure:
+def pzmap(
+    systems: Rooted | Sequence[Rooted] | Mapping[str, Rooted], *, size: tuple[float, float] = (4.6, 4.9)
+) -> Figure:
     """Poles (crosses) and zeros (rings) in the z plane; roots far outside the unit circle are counted in the legend.
 
     Args:
-        systems: The models.
+        systems: Models or estimates: one, several, or several by name.
         size: Width and height, inch.
 
     Returns:
@@ -200,7 +145,7 @@ def pzmap(systems: Sequence[Roots], *, size: tuple[float, float] = (4.6, 4.9)) -
     axes.axhline(0.0, color=GRID, lw=0.8, zorder=0)
     axes.axvline(0.0, color=GRID, lw=0.8, zorder=0)
     reach = 1.6
-    for number, system in enumerate(systems):
+    for number, system in enumerate(roots_of(systems)):
         poles, zeros = system.model.poles(), system.model.zeros()
         beyond = int((np.abs(zeros) > reach).sum() + (np.abs(poles) > reach).sum())
         label = system.label + (f" ({beyond} outside)" if beyond else "")
@@ -216,7 +161,7 @@ def pzmap(systems: Sequence[Roots], *, size: tuple[float, float] = (4.6, 4.9)) -
 
 def output_comparison(
     data: IOData,
-    outputs: Sequence[Trace],
+    outputs: Trace | ModelFit | Sequence[Trace | ModelFit],
     *,
     output: int = 0,
     start: float = 0.0,
@@ -229,7 +174,7 @@ def output_comparison(
 
     Args:
         data: The measurement.
-        outputs: Model outputs (N,) on the same samples.
+        outputs: Fits as `compare` returns them, or model outputs (N,) on the same samples.
         output: Which output of the data.
         start: Start of the piece, s.
         length: Length of the piece, s.
@@ -246,7 +191,7 @@ def output_comparison(
     unit = unit if unit is not None else (data.output_units or ("",))[output]
     figure, (upper, lower) = _panels(2, size, sharex=True, ratios=(2, 1))
     _line(upper, time, measured, PALETTE["measured"], "measured", width=2.6)
-    for trace in outputs:
+    for trace in traces_of(outputs, output):
         _line(upper, time, trace.values[piece] * scale, trace.style, trace.label)
         _line(lower, time, measured - trace.values[piece] * scale, trace.style, None)
     upper.set_ylabel(f"output / {unit}" if unit else "output")
@@ -257,25 +202,34 @@ def output_comparison(
 
 
 def correlations(
-    panels: Sequence[tuple[str, FloatArray | NDArray[np.int_], FloatArray, FloatArray | float]],
-    style: Style,
+    panels: ResidualTest | Sequence[tuple[str, FloatArray | NDArray[np.int_], FloatArray, FloatArray | float]],
+    style: Style = PALETTE["oe"],
     *,
+    output: int = 0,
+    input: int = 0,
     size: tuple[float, float] = (7.0, 4.4),
 ) -> Figure:
     """Correlation coefficients over lag with their bounds: whiteness and independence of residuals.
 
     Args:
-        panels: Per panel: what is on the vertical axis, lags (n,) in samples, coefficients (n,), bound, one or (n,).
+        panels: A residual test, as `resid` returns it; or per panel: what is on the vertical axis,
+            lags (n,) in samples, coefficients (n,), bound, one or (n,).
         style: Colour of the method.
+        output: Output of the residual test.
+        input: Input of the residual test.
         size: Width and height, inch.
 
     Returns:
         The figure.
     """
+    bounds = "99 % bounds"
+    if isinstance(panels, ResidualTest):
+        bounds = f"{100 * panels.level:g} % bounds"
+        panels = _of_test(panels, output, input)
     figure, axes_list = _panels(len(panels), size)
     for axes, (label, lags, values, bound) in zip(axes_list, panels, strict=True):
         limit = np.broadcast_to(np.asarray(bound, dtype=float), lags.shape)
-        axes.fill_between(lags, -limit, limit, color=GRID, alpha=0.7, lw=0, label="99 % bounds")
+        axes.fill_between(lags, -limit, limit, color=GRID, alpha=0.7, lw=0, label=bounds)
         axes.vlines(lags, 0.0, values, color=style.colour, lw=1.3)
         axes.plot(lags, values, ls="none", marker="o", ms=2.6, color=style.colour)
         axes.axhline(0.0, color=INK, lw=0.8)
@@ -323,6 +277,20 @@ def spectra(
     axes.set_ylabel(f"spectral density / ({unit}²/Hz)" if unit else "spectral density")
     _legend(figure, axes)
     return figure
+
+
+def _of_test(
+    test: ResidualTest, output: int, input: int
+) -> list[tuple[str, FloatArray | NDArray[np.int_], FloatArray, FloatArray | float]]:
+    return [
+        ("autocorrelation", test.lags, test.autocorrelation[:, output, output], test.whiteness_bound),
+        (
+            "correlation with input",
+            test.cross_lags,
+            test.cross_correlation[:, output, input],
+            float(test.independence_bound[output, input]),
+        ),
+    ]
 
 
 def _panels(

@@ -6,7 +6,9 @@ import numpy as np
 import pytest
 from matplotlib.colors import to_hex
 
-from sysid import FrequencyResponse, IOData, StateSpace
+import sysid
+import sysid.plots
+from sysid import FrequencyResponse, IOData, StateSpace, SysidError
 from sysid.plots import PALETTE, Curve, Roots, Trace, bode, correlations, output_comparison, pzmap, spectra
 
 MODEL = StateSpace([[0.9]], [[0.1]], [[1.0]], [[0.0]], None, 0.02)
@@ -91,3 +93,75 @@ def test_spectra_leave_out_zero_frequency() -> None:
     (line,) = figure.axes[0].get_lines()
     assert line.get_xdata()[0] == 1.0
     assert figure.axes[0].get_ylabel() == "spectral density / (rad²/Hz)"
+
+
+@pytest.fixture(scope="module")
+def data() -> IOData:
+    rng = np.random.default_rng(0)
+    u = rng.standard_normal(600)
+    y = np.zeros(600)
+    for k in range(1, 600):
+        y[k] = 0.9 * y[k - 1] + 0.1 * u[k - 1]
+    return IOData(u, y + 0.01 * rng.standard_normal(600), 0.02)
+
+
+def labels(figure: object) -> list[str]:
+    return [text.get_text() for text in figure.legends[0].get_texts()]  # type: ignore[attr-defined]
+
+
+def test_every_name_is_there() -> None:
+    assert all(hasattr(sysid.plots, name) for name in sysid.plots.__all__)
+
+
+def test_bode_takes_records_as_they_come(data: IOData) -> None:
+    oe, arx = sysid.oe(data, 1, 1, 1), sysid.arx(data, 1, 1, 1)
+    figure = bode([sysid.spa(data), oe, arx, MODEL])
+    upper, _ = figure.axes
+    assert labels(figure) == ["SPA", "OE 1 1 1", "ARX 1 1 1", "model"]
+    colours = [to_hex(line.get_color()) for line in upper.get_lines()]
+    assert colours[:3] == [PALETTE[method].colour for method in ("spa", "oe", "arx")]
+    assert len(set(colours)) == 4
+    nyquist = 25.0
+    np.testing.assert_allclose(upper.get_lines()[1].get_xdata()[[0, -1]], [1e-3 * nyquist, nyquist])
+    assert render(figure) > 1000
+    assert labels(bode(oe)) == ["OE 1 1 1"]
+    assert labels(bode({"mine": oe, "true": MODEL})) == ["mine", "true"]
+    twice = bode([oe, oe], frequencies=F)
+    assert labels(twice) == ["OE 1 1 1", "OE 1 1 1 (2)"]
+    first, second = twice.axes[0].get_lines()
+    assert to_hex(first.get_color()) != to_hex(second.get_color())
+    np.testing.assert_allclose(first.get_xdata(), F)
+
+
+def test_pole_zero_map_takes_estimates_and_models(data: IOData) -> None:
+    oe = sysid.oe(data, 1, 1, 1)
+    figure = pzmap([oe, MODEL, Roots("styled", MODEL, PALETTE["truth"])])
+    assert labels(figure) == ["OE 1 1 1", "model", "styled"]
+    crosses = [line for line in figure.axes[0].get_lines() if line.get_marker() == "x"]
+    np.testing.assert_allclose(crosses[0].get_xdata(), oe.model.poles().real)
+    assert labels(pzmap({"mine": oe})) == ["mine"]
+
+
+def test_correlations_take_a_residual_test(data: IOData) -> None:
+    test = sysid.resid(sysid.oe(data, 1, 1, 1), data, level=0.95)
+    figure = correlations(test)
+    whiteness, independence = figure.axes
+    assert labels(figure) == ["95 % bounds"]
+    np.testing.assert_allclose(whiteness.get_lines()[0].get_ydata(), test.autocorrelation[:, 0, 0])
+    np.testing.assert_allclose(independence.get_lines()[0].get_xdata(), test.cross_lags)
+    assert independence.get_ylabel() == "correlation with input"
+
+
+def test_output_comparison_takes_fits(data: IOData) -> None:
+    (fit,) = sysid.compare({"mine": sysid.oe(data, 1, 1, 1)}, data)
+    figure = output_comparison(data, fit)
+    assert labels(figure) == ["measured", f"mine: {fit.simulation[0]:.1f} %"]
+
+
+def test_what_cannot_be_drawn_is_said() -> None:
+    with pytest.raises(SysidError, match="cannot draw a str; expected Curve, FrequencyResponse, Estimate, StateSpace"):
+        bode("model")  # type: ignore[arg-type]
+    with pytest.raises(SysidError, match="nothing to draw"):
+        bode([])
+    with pytest.raises(SysidError, match="cannot draw a ndarray; expected Roots, Estimate, StateSpace"):
+        pzmap([np.ones(3)])  # type: ignore[list-item]

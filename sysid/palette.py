@@ -1,0 +1,45 @@
+"""One palette: truth, measurement and every method look the same in every figure."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from types import MappingProxyType
+
+
+@dataclass(frozen=True)
+class Style:
+    """How one thing is drawn, everywhere.
+
+    Attributes:
+        colour: Colour, readable by the colour-blind.
+        line: Line pattern, so that a print in grey still tells the lines apart; empty for markers alone.
+        width: Line width in points.
+        marker: Marker for points.
+    """
+
+    colour: str
+    line: str = "-"
+    width: float = 1.4
+    marker: str = "o"
+
+
+PALETTE: Mapping[str, Style] = MappingProxyType(
+    {
+        "truth": Style("#000000", "-", 2.2, "o"),
+        "measured": Style("#8a8a8a", "-", 1.0, "."),
+        "armax": Style("#0072b2", "-", 1.4, "s"),
+        "oe": Style("#d55e00", "--", 1.4, "^"),
+        "okid": Style("#009e73", "-.", 1.4, "D"),
+        "arx": Style("#56b4e9", ":", 1.4, "v"),
+        "bj": Style("#7a5195", "--", 1.4, "P"),
+        "iv4": Style("#a6761d", ":", 1.4, "X"),
+        "n4sid": Style("#006d5b", ":", 1.4, "h"),
+        "spa": Style("#cc79a7", "-", 1.0, "."),
+        "etfe": Style("#c06595", "", 1.0, "."),
+        "published": Style("#b8860b", (0, (4, 1.5, 1, 1.5, 1, 1.5)), 1.4, "*"),  # type: ignore[arg-type]
+    }
+)
+"""Truth, measurement and every method, each always in the same colour (after Okabe and Ito's palette)."""
+
+BOUND = Style("#666666", "--", 0.9)
+GRID = "#d9d9d9"
+INK = "#222222"
