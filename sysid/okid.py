@@ -6,7 +6,6 @@ from dataclasses import dataclass
 from typing import Protocol
 
 import numpy as np
-import scipy.linalg
 
 from sysid.arrays import FloatArray
 from sysid.data import IOData, as_experiments
@@ -15,40 +14,10 @@ from sysid.errors import SysidError, SysidWarning
 from sysid.estimate import DataSummary, Estimate
 from sysid.excitation import check_excitation
 from sysid.least_squares import solve
+from sysid.observer_gain import deadbeat_gain, spectral_radius, stable_gain
 from sysid.recursion import free_response
-from sysid.regressors import lagged
 from sysid.residuals import residuals
 from sysid.state_space import StateSpace
-
-
-def stable_gain(A: FloatArray, C: FloatArray, K: FloatArray, covariance: FloatArray) -> FloatArray:
-    """Keep K where A - K C is stable, else replace it by the gain of the same disturbance spectrum whose predictor is.
-
-    The Riccati equation with noise K e in the state and e in the output gives the minimum-phase spectral factor.
-
-    Args:
-        A: State matrix (n, n).
-        C: Output matrix (ny, n).
-        K: Innovation gain (n, ny).
-        covariance: Of the innovation (ny, ny).
-
-    Returns:
-        Gain (n, ny); K itself where there is no such factor.
-    """
-    if _radius(A - K @ C) < 1.0:
-        return K
-    # only the ratios of the innovation's variances matter
-    r = covariance / max(float(np.trace(covariance)), np.finfo(float).tiny)
-    try:
-        P = scipy.linalg.solve_discrete_are(A.T, C.T, K @ r @ K.T, r, s=K @ r)
-        factor = np.linalg.solve((C @ P @ C.T + r).T, (A @ P @ C.T + K @ r).T).T
-    except (np.linalg.LinAlgError, ValueError):
-        return K
-    return factor if np.isfinite(factor).all() and _radius(A - factor @ C) < 1.0 else K
-
-
-def _radius(matrix: FloatArray) -> float:
-    return float(np.abs(np.linalg.eigvals(matrix)).max(initial=0.0))
 
 
 class Realiser(Protocol):
@@ -86,6 +55,7 @@ class Realise:
         output_scale: Outputs are divided by it (ny,).
         data: Sampling interval and names.
         covariance: Innovation covariance for the model, in output units squared (ny, ny).
+        deadbeat: Whether the gain is that of a deadbeat observer.
     """
 
     p: int
@@ -97,6 +67,7 @@ class Realise:
     output_scale: FloatArray
     data: DataSummary
     covariance: FloatArray
+    deadbeat: bool = False
 
     def __call__(self, theta: FloatArray) -> StateSpace:
         """Model for observer Markov parameters, flattened output by output."""
@@ -139,7 +110,11 @@ class Realise:
         C = found.model.C * self.output_scale[:, None]
         B = found.model.B / self.input_scale
         D = found.model.D * self.output_scale[:, None] / self.input_scale
-        K = stable_gain(found.model.A, C, self.observer_gain(found, theta), self.covariance)
+        A = found.model.A
+        if self.deadbeat:
+            K = deadbeat_gain(A, C)
+        else:
+            K = stable_gain(A, C, self.observer_gain(found, theta), self.covariance)
         return StateSpace(
             found.model.A,
             B,
@@ -174,6 +149,8 @@ def okid(
     block_rows: int | None = None,
     normalise: bool = True,
     direct: bool = True,
+    at_rest: bool = False,
+    deadbeat: bool = False,
 ) -> Estimate:
     """Identify an observer, then the system behind it [Juang1993; Juang1992].
 
@@ -190,6 +167,10 @@ def okid(
         block_rows: Block rows and columns of the Hankel matrix; by default max(40, p, 2 order).
         normalise: Divide channels by their largest magnitude before the realisation, un-scale after it, as SOCIT does.
         direct: Whether D is estimated; otherwise it is zero.
+        at_rest: Whether every experiment is known to begin at rest (all zero before its first sample); no sample is
+            dropped then.
+        deadbeat: Whether K is the gain for which the model's predictor forgets in the smallest number of samples,
+            instead of the identified one; of use without noise only.
 
     Returns:
         The estimate. `parameters` and `covariance` are those of the observer Markov parameters, output by output; the
@@ -215,7 +196,7 @@ def okid(
     if rows_of_h * min(ny, nu) < order:
         raise SysidError(f"block_rows = {rows_of_h} is too small for order {order}")
     texts = check_excitation(experiments, [p + (1 if direct else 0)] * nu)
-    starts = [max(p, e.window) for e in experiments]
+    starts = [max(0 if at_rest else p, e.window) for e in experiments]
     width = p * (nu + ny) + (nu if direct else 0)
     rows = sum(max(len(e) - s, 0) for e, s in zip(experiments, starts, strict=True))
     if rows <= width or any(len(e) <= s for e, s in zip(experiments, starts, strict=True)):
@@ -223,7 +204,8 @@ def okid(
             f"too many observer parameters for the data: p = {p} gives {width} per output, "
             f"{rows} usable samples in {len(experiments)} experiment(s)"
         )
-    phi = np.vstack([_regressors(e, p, s, direct) for e, s in zip(experiments, starts, strict=True)])
+    blocks = [_regressors(e, p, s, direct) for e, s in zip(experiments, starts, strict=True)]
+    phi = blocks[0] if len(blocks) == 1 else np.vstack(blocks)
     fit = solve(phi, np.vstack([e.y[s:] for e, s in zip(experiments, starts, strict=True)]))
     variance = fit.residual_gram / (rows - width)
     if fit.rank < width:
@@ -242,6 +224,7 @@ def okid(
         output_scale=np.where(y_max > 0.0, y_max, 1.0) if normalise else np.ones(ny),
         data=summary,
         covariance=variance,
+        deadbeat=deadbeat,
     )
     theta = fit.solution.T.ravel()
     with warnings.catch_warnings():
@@ -255,7 +238,8 @@ def okid(
         )
     realise = Realise(**{**realise.__dict__, "order": found.model.order})
     model = realise.model(found, theta)
-    texts += _stability(model, _radius(model.A - realise.observer_gain(found, theta) @ model.C))
+    gain = model.gain if deadbeat else realise.observer_gain(found, theta)
+    texts += _stability(model, spectral_radius(model.A - gain @ model.C))
     for text in texts:
         warnings.warn(text, SysidWarning, stacklevel=2)
     with warnings.catch_warnings():
@@ -295,11 +279,15 @@ def okid(
 
 
 def _regressors(e: IOData, p: int, start: int, direct: bool) -> FloatArray:
-    """Rows [u(t)], u(t-1), y(t-1), u(t-2), y(t-2), ..., u(t-p), y(t-p)."""
+    """Rows [u(t)], u(t-1), y(t-1), u(t-2), y(t-2), ..., u(t-p), y(t-p); zero before the record."""
     v = np.hstack((e.u, e.y))
-    past = np.stack([lagged(v[:, j], range(1, p + 1), start) for j in range(v.shape[1])], axis=2)
-    flat = past.reshape(len(past), -1)
-    return np.hstack((e.u[start:], flat)) if direct else flat
+    rows, q, nu = len(e) - start, v.shape[1], e.nu if direct else 0
+    before = np.vstack((np.zeros((max(p - start, 0), q)), v[max(start - p, 0) : len(v) - 1]))
+    out = np.empty((rows, nu + p * q))
+    out[:, :nu] = e.u[start:, :nu]
+    latest_first = np.lib.stride_tricks.sliding_window_view(before, p, axis=0)[:, :, ::-1]
+    out[:, nu:].reshape(rows, p, q)[:] = latest_first.transpose(0, 2, 1)
+    return out
 
 
 def _names(data: DataSummary, p: int, direct: bool) -> tuple[str, ...]:
@@ -310,11 +298,11 @@ def _names(data: DataSummary, p: int, direct: bool) -> tuple[str, ...]:
 
 def _stability(model: StateSpace, observer: float) -> list[str]:
     texts = []
-    radius = _radius(model.A)
+    radius = spectral_radius(model.A)
     if radius >= 1.0:
         texts.append(f"the model is unstable: largest pole modulus {radius:.6g}; a larger p or another order may help")
     if observer >= 1.0:
-        if _radius(model.A - model.gain @ model.C) < 1.0:
+        if spectral_radius(model.A - model.gain @ model.C) < 1.0:
             remedy = "the gain of the same disturbance spectrum with a stable predictor is given"
         else:
             remedy = "use the model to simulate"

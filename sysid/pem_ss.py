@@ -11,7 +11,7 @@ from sysid.errors import SysidError, SysidWarning
 from sysid.estimate import Estimate
 from sysid.excitation import check_excitation
 from sysid.local_coordinates import LocalCoordinates
-from sysid.okid import stable_gain
+from sysid.observer_gain import stable_gain
 from sysid.predict import check_channels
 from sysid.predictor import Predictor, Scales
 from sysid.predictor_estimate import check_enough_samples, degrees_of_freedom, make_predictor_estimate

@@ -9,7 +9,7 @@ from scipy.signal import lfilter
 
 import sysid
 from sysid import IOData, StateSpace, SysidError, SysidWarning, era, era_dc, okid, simulate
-from sysid.okid import stable_gain
+from sysid.observer_gain import deadbeat_gain, stable_gain
 
 GRID = np.linspace(0.1, 24.0, 40)
 DEPENDENT = pytest.mark.filterwarnings("ignore:the regressors have rank")
@@ -163,3 +163,44 @@ def test_unstable_gains_are_replaced_by_the_factor_of_the_same_spectrum() -> Non
 def test_refusals(order: int, p: int, message: str) -> None:
     with pytest.raises(SysidError, match=message):
         okid(arx_record(0), order, p=p)
+
+
+@pytest.mark.parametrize(("states", "outputs"), [(1, 1), (5, 1), (4, 2), (7, 3), (3, 3)])
+def test_deadbeat_gains_forget_in_as_few_samples_as_can_be(states: int, outputs: int) -> None:
+    rng = np.random.default_rng(states)
+    A, C = rng.standard_normal((states, states)), rng.standard_normal((outputs, states))
+    observer = A - deadbeat_gain(A, C) @ C
+    steps = -(-states // outputs)
+    size = np.linalg.norm(A) ** steps
+    assert np.abs(np.linalg.matrix_power(observer, steps)).max() < 1e-8 * size
+    assert steps == 1 or np.abs(np.linalg.matrix_power(observer, steps - 1)).max() > 1e-3
+
+
+def test_deadbeat_gain_of_a_mode_that_is_not_seen() -> None:
+    K = deadbeat_gain(np.diag([0.9, 0.5]), np.array([[1.0, 0.0]]))
+    np.testing.assert_allclose(K, [[0.9], [0.0]], atol=1e-12)
+
+
+def test_deadbeat_option() -> None:
+    truth = multivariable()
+    u = np.random.default_rng(0).standard_normal((600, 2))
+    data = IOData(u, simulate(truth, u) + 1e-6 * np.random.default_rng(1).standard_normal((600, 2)), 0.02)
+    model = okid(data, 4, p=4, deadbeat=True).model
+    observer = model.A - model.gain @ model.C
+    np.testing.assert_allclose(np.linalg.matrix_power(observer, 2), 0.0, atol=1e-8)
+    np.testing.assert_allclose(model.markov(9), truth.markov(9), atol=1e-3)
+
+
+@DEPENDENT
+def test_a_start_at_rest_uses_every_sample() -> None:
+    """22 samples determine 18 coefficients per output, which 17 samples behind the first five cannot."""
+    truth = multivariable()
+    u = np.random.default_rng(0).standard_normal((22, 2))
+    data = IOData(u, simulate(truth, u), 0.02)
+    with pytest.raises(SysidError, match="too many observer parameters"):
+        okid(data, 4, p=5)
+    found = okid(data, 4, p=4, at_rest=True)
+    np.testing.assert_allclose(found.model.markov(20), truth.markov(20), atol=1e-8)
+    # from the middle the same claim is wrong, and the fit shows it
+    late = IOData(np.vstack((u, u)), simulate(truth, np.vstack((u, u))), 0.02)[22:]
+    assert np.abs(okid(late, 4, p=4, at_rest=True).model.markov(20) - truth.markov(20)).max() > 1e-3
