@@ -1,5 +1,6 @@
 """Classical system identification: records, estimators, validation. Knows no robot."""
 
+from sysid.adaptation import Forgetting, Gradient, Kalman
 from sysid.armax import armax
 from sysid.arx import arx
 from sysid.bj import bj
@@ -24,8 +25,12 @@ from sysid.okid import okid
 from sysid.pem_ss import pem_ss
 from sysid.polynomials import Polynomials, innovations_form
 from sysid.predict import predict
+from sysid.rarmax import rarmax
+from sysid.rarx import rarx
+from sysid.recursive_estimate import RecursiveEstimate
 from sysid.resid import ResidualTest, resid
 from sysid.residuals import residuals
+from sysid.roe import roe
 from sysid.selstruc import selstruc
 from sysid.simulate import simulate
 from sysid.spa import spa
@@ -41,12 +46,16 @@ __all__ = [
     "CrossValidation",
     "DelayEstimate",
     "Estimate",
+    "Forgetting",
     "FrequencyResponse",
+    "Gradient",
     "IOData",
     "ImpulseResponse",
+    "Kalman",
     "ModelFit",
     "Polynomials",
     "Realisation",
+    "RecursiveEstimate",
     "ResidualTest",
     "StateSpace",
     "StructureTable",
@@ -74,8 +83,11 @@ __all__ = [
     "order_of_excitation",
     "pem_ss",
     "predict",
+    "rarmax",
+    "rarx",
     "resid",
     "residuals",
+    "roe",
     "selstruc",
     "simulate",
     "spa",

@@ -1,0 +1,46 @@
+"""Recursive ARX models: parameters that follow the data."""
+
+from collections.abc import Sequence
+
+from numpy.typing import ArrayLike
+
+from sysid.adaptation import Adaptation, Forgetting
+from sysid.data import IOData
+from sysid.orders import make_orders
+from sysid.recursive_estimate import RecursiveEstimate
+from sysid.recursive_prediction_error import recurse
+
+ALL_EQUAL = Forgetting(1.0)
+
+
+def rarx(
+    data: IOData,
+    na: int,
+    nb: int | Sequence[int],
+    nk: int | Sequence[int] = 1,
+    *,
+    adaptation: Adaptation = ALL_EQUAL,
+    start: ArrayLike | None = None,
+) -> RecursiveEstimate:
+    """Fit A(q) y = B(q) u + e sample by sample, by recursive least squares [Ljung1999, sec. 11.2].
+
+    With `Forgetting(1.0)` the last parameters are those of `arx`, but for the vanishing weight of the start.
+
+    Args:
+        data: One experiment.
+        na: Degree of A.
+        nb: Number of coefficients of B, one for all inputs or one per input.
+        nk: Delay in samples, likewise; nk = 1 means y(t) depends on u(t-1) first, nk = 0 gives a direct term.
+        adaptation: `Forgetting(factor, initial)`, `Kalman(R1, R2)` or `Gradient(gain, normalised)`.
+        start: Parameters to begin with (p,): a1.., b1...; zero when None.
+
+    Returns:
+        Parameters sample by sample, prediction errors, and the last model.
+
+    Raises:
+        SysidError: Several experiments or outputs, a constant input, orders negative or too many for the data, a start
+            or an adaptation that does not fit.
+    """
+    orders = make_orders(data.nu if isinstance(data, IOData) else 1, na=na, nb=nb, nk=nk)
+    asked = {"na": orders.na, "nb": orders.nb, "nk": orders.nk}
+    return recurse("rarx", data, orders, asked, adaptation, start)
