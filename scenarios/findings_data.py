@@ -102,7 +102,7 @@ def prbs_looks_white(study: Comparison) -> Finding:
         "white, with small periodic peaks",
         f"between the peaks the correlation is {rest:.2f} (root mean square, lags 10 to 90), so the command is "
         "not white; the peaks are as high as the centre because a 100-point file repeats exactly. The command moves at "
-        f"its velocity limit in {100 * min(limited):.0f} to {100 * max(limited):.0f} % of the samples: ramps between "
+        f"its velocity limit in up to {100 * max(limited):.0f} % of the samples: ramps between "
         "the bits take its whiteness. That follows from two figures of the twin, the assumed 25 deg/s and the 0.067 "
         "rad/V derived from published models",
     )

@@ -71,7 +71,8 @@ def write_report(study: Comparison, findings: Sequence[Finding], path: Path) -> 
     except OSError as error:
         raise ScenarioError(f"cannot write the report {str(path)!r}: {error.strerror}") from error
     environment = Environment(autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True)
-    environment.filters["si"] = number
+    environment.filters["si"] = lambda value, digits=4: "–" if not np.isfinite(value) else f"{value:.{digits}g}"
+    environment.filters["measure"] = measure
     environment.filters["near"] = near_1_hz
     environment.filters["level"] = half_power_hz
     environment.filters["root"] = root
@@ -86,10 +87,17 @@ def write_report(study: Comparison, findings: Sequence[Finding], path: Path) -> 
 
 
 def number(value: float, digits: int = 4) -> str:
-    """A number as text; what is too small to have been computed is said to be so."""
+    """A number as text, counts without decimals, all others to the same significant digits."""
     if not np.isfinite(value):
         return "–"
-    return f"< {TINY:g}" if value == 0.0 else f"{value:.{digits}g}"
+    if value == 0.0 or (float(value).is_integer() and abs(value) < 1000):
+        return f"{value:.0f}"
+    return f"{value:#.{digits}g}".rstrip(".")
+
+
+def measure(value: float, finding: Finding) -> str:
+    """A number of a finding; a probability too small to have been computed is said to be so."""
+    return f"< {TINY:g}" if value < TINY and "p-value" in finding.unit else number(value)
 
 
 def root(value: complex, digits: int = 3) -> str:
@@ -106,9 +114,9 @@ def _context(study: Comparison, findings: Sequence[Finding]) -> dict[str, object
     arm, no_arm = _arm()
     overview = gallery.add(
         draw.bandwidths(study),
-        "Bandwidth of each joint, 3.01 dB below the gain at 0 Hz: recovered by every method with its 95 % interval, "
-        "and of the published models (stars), against the true value of the twin (black line). Bars: where the gain is "
-        "0.707, whatever it is at 0 Hz. Grey: what counts as about 1 Hz.",
+        "Bandwidth of each joint, 3.01 dB below the gain at 0 Hz: recovered by every method with its 95 % interval "
+        "(markers), and of the published models (stars), against the true value of the twin (black line). Bars: where "
+        "the gain is 0.707, whatever it is at 0 Hz. Grey: what counts as about 1 Hz; dotted: 1 Hz.",
     )
     joints = [_joint(study, entry, gallery) for entry in study.joints.values()]
     coupled = gallery.add(
@@ -165,7 +173,10 @@ def _joint(study: Comparison, entry: JointResult, gallery: _Gallery) -> dict[str
             "the identified models, with 95 % bands. Dashed: −3 dB below one; dotted: 1 Hz; grey: nothing is excited "
             "there, models extrapolate.",
         ),
-        "zoom": gallery.add(draw.zoomed_bode(entry), f"{name}: the same from 0.3 to 3 Hz."),
+        "zoom": gallery.add(
+            draw.zoomed_bode(entry),
+            f"{name}: the gain from 0.1 to 3 Hz; below, by how much it departs from the true gain.",
+        ),
         "published": gallery.add(
             draw.published_bode(entry),
             f"{name}: the models that the thesis prints, beside the truth of the twin. Grey: below 0.5 Hz, where the "

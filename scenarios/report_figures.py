@@ -35,8 +35,8 @@ WIDTH = 5.2
 """Width of a figure, inch: narrow enough to be read on a phone."""
 
 FREQUENCIES = np.geomspace(0.05, 25.0, 300)
-ZOOM = (0.3, 3.0)
-"""Where the joints' bandwidths lie, Hz."""
+ZOOM = (0.1, 3.0)
+"""Where the joints' bandwidths lie, and below them what is extrapolated, Hz."""
 
 NOT_EXCITED = "#eef0f2"
 MRAD = 1000.0
@@ -85,7 +85,7 @@ def bandwidths(study: Comparison) -> Figure:
         axes.set_title(f"{short(name)}: truth {entry.truth.bandwidth_hz:.3f} Hz (black line)", loc="left", fontsize=9)
         _dress([axes])
     panels[-1].set_xlim(0.0, 1.55)
-    panels[-1].set_xlabel("frequency / Hz; marker: bandwidth, bar: gain 0.707, grey: about 1 Hz")
+    panels[-1].set_xlabel("frequency / Hz")
     return figure
 
 
@@ -127,12 +127,23 @@ def model_bode(entry: JointResult) -> Figure:
 
 
 def zoomed_bode(entry: JointResult) -> Figure:
-    """The same from 0.3 to 3 Hz, where the models differ."""
-    figure = bode(_identified(entry), relative_to_dc=True, mark_hz=1.0, limits_hz=ZOOM, size=(WIDTH, 5.0))
+    """The gain from 0.1 to 3 Hz, and below it the gain over that of the truth, where the models part."""
+    figure = bode(_identified(entry), relative_to_dc=True, mark_hz=1.0, limits_hz=ZOOM, size=(WIDTH, 6.0))
     upper, lower = figure.axes
-    for axes, low, high in ((upper, -10.0, 1.5), (lower, -110.0, 0.0)):
-        axes.set_ylim(low, high)
-        axes.set_xticks([0.3, 0.5, 1.0, 2.0, 3.0])
+    for line in (*lower.get_lines()[: len(upper.get_lines()) - 2], *lower.collections):
+        line.remove()
+    for curve in _identified(entry):
+        f = curve.response.frequencies
+        true = np.abs(entry.truth.model.frequency_response(f)[:, 0, 0])
+        style = curve.style or PALETTE[curve.response.method]
+        ratio = 100 * (curve.response.magnitude[:, 0, 0] / true - 1)
+        marker = "" if style.line else style.marker
+        lower.plot(f, ratio, color=style.colour, ls=style.line, lw=style.width, marker=marker, ms=5)
+    lower.set_ylabel("gain over truth − 1 / %")
+    upper.set_ylim(-8.0, 1.5)
+    lower.set_ylim(-15.0, 10.0)
+    for axes in (upper, lower):
+        axes.set_xticks([0.1, 0.2, 0.3, 0.5, 1.0, 2.0, 3.0])
         axes.minorticks_off()
     return _mark_excited(figure)
 
@@ -165,13 +176,13 @@ def roots(entry: JointResult) -> Figure:
     """Poles and zeros of the truth and of the models."""
     systems = [Roots("truth", entry.truth.model, PALETTE["truth"])]
     systems += [Roots(model.label, model.estimate.model, style_of(model)) for model in entry.models.values()]
-    figure = pzmap(systems, size=(WIDTH, 6.0))
+    figure = pzmap(systems, size=(WIDTH, 6.8))
     reach = figure.axes[0].get_xlim()[1]
     for text, system in zip(figure.legends[0].get_texts(), systems, strict=True):
         outside = [zero.real for zero in system.model.zeros() if abs(zero) > reach]
         if outside and np.abs(system.model.poles()).max(initial=0.0) <= reach:
-            shown = ", ".join(f"{value:.1f}" for value in outside)
-            text.set_text(f"{system.label}; zero outside: {shown}")
+            shown = ", zero ".join(f"{value:.1f}" for value in outside)
+            text.set_text(f"{system.label}; outside: zero {shown}")
     return figure
 
 
@@ -236,7 +247,7 @@ def coupled(study: Comparison) -> Figure:
 
 
 def _bode(curves: Sequence[Curve]) -> Figure:
-    return _mark_excited(bode(curves, relative_to_dc=True, mark_hz=1.0, limits_hz=(0.05, 25.0), size=(WIDTH, 5.2)))
+    return _mark_excited(bode(curves, relative_to_dc=True, mark_hz=1.0, limits_hz=(0.05, 25.0), size=(WIDTH, 6.0)))
 
 
 def _mark_excited(figure: Figure) -> Figure:

@@ -173,17 +173,20 @@ def answers(study: Comparison) -> tuple[str, ...]:
     models = [model for entry in entries for model in entry.models.values()]
     own = [model for model in models if model.method != "oe_high"]
     rich = [model for model in models if model.method == "oe_high"]
+    orders = [part for effects in study.orders.values() for part in effects]
     first = (
         f"about 1 Hz, read as {low:g} to {high:g} Hz: "
         + ("the finding stands on the twin" if stands(study) else "the finding does not stand for every method")
         + f". The true bandwidths are {_listed(entry.truth.bandwidth_hz for entry in entries)} Hz (yaw, shoulder "
         f"pitch, elbow pitch); the thesis' structures recover {_range(model.bandwidth_hz for model in own)} Hz and "
-        f"output-error models of higher order {_range(model.bandwidth_hz for model in rich)} Hz."
+        f"output-error models of higher order {_range(model.bandwidth_hz for model in rich)} Hz. Of "
+        f"{len(orders)} output-error orders laid beside them {sum(near_1_hz(part.bandwidth_hz) for part in orders)} "
+        f"are near 1 Hz, {sum(near_1_hz(part.half_power_hz) for part in orders)} by where their gain is 0.707."
     )
     gentle, strong = sorted(abs(value) for value in friction_effect(study))
     moved = max(high - low for low, high in (spread(effects) for effects in study.orders.values()))
     settled = max(high - low for low, high in (half_power_spread(effects) for effects in study.orders.values()))
-    gains = [part.dc_gain for effects in study.orders.values() for part in effects]
+    gains = [part.dc_gain for part in orders]
     second = (
         f"{sum(model.covers for model in models)} of {len(models)} intervals at 95 % hold the small-signal truth. "
         f"Friction lowers the frequency at which the gain is 0.707 by {gentle:.1f} to {strong:.1f} %. What "
