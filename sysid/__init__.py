@@ -17,7 +17,9 @@ from sysid.errors import SysidError, SysidWarning
 from sysid.estimate import Bandwidth, Estimate
 from sysid.etfe import etfe
 from sysid.excitation import order_of_excitation
+from sysid.filtering import keep_band, prefilter
 from sysid.frequency import FrequencyResponse
+from sysid.importers import read_csv, read_mat, read_netcdf
 from sysid.iv4 import iv4
 from sysid.n4sid import n4sid
 from sysid.oe import oe
@@ -28,6 +30,7 @@ from sysid.predict import predict
 from sysid.rarmax import rarmax
 from sysid.rarx import rarx
 from sysid.recursive_estimate import RecursiveEstimate
+from sysid.resample import resample
 from sysid.resid import ResidualTest, resid
 from sysid.residuals import residuals
 from sysid.roe import roe
@@ -77,14 +80,20 @@ __all__ = [
     "fit_percent",
     "innovations_form",
     "iv4",
+    "keep_band",
     "n4sid",
     "oe",
     "okid",
     "order_of_excitation",
     "pem_ss",
     "predict",
+    "prefilter",
     "rarmax",
     "rarx",
+    "read_csv",
+    "read_mat",
+    "read_netcdf",
+    "resample",
     "resid",
     "residuals",
     "roe",

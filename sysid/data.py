@@ -85,6 +85,18 @@ class IOData:
         """Number of samples N."""
         return len(self.u)
 
+    def __str__(self) -> str:
+        """One line: length, interval, channels with their units."""
+        name = f"{self.name}: " if self.name else ""
+        inputs, outputs = (
+            ", ".join(
+                label + (f" [{unit}]" if unit else "") for label, unit in zip(labels or (), units or (), strict=True)
+            )
+            for labels, units in ((self.input_names, self.input_units), (self.output_names, self.output_units))
+        )
+        window = f", the first {self.window} to initialise" if self.window else ""
+        return f"{name}{len(self)} samples every {self.dt:g} s{window}; input {inputs}; output {outputs}"
+
     @property
     def nu(self) -> int:
         """Number of inputs."""
@@ -123,12 +135,13 @@ class IOData:
             return (self,)
         known = np.concatenate(([False], self.known.all(axis=1), [False]))
         starts, stops = (np.flatnonzero(np.diff(known.astype(int)) == step) for step in (1, -1))
+        lengths = stops - np.maximum(starts, self.window)
         least = max(int(shortest), 1)
-        runs = [(int(a), int(b)) for a, b in zip(starts, stops, strict=True) if b - max(a, self.window) >= least]
-        if not runs:
-            longest = max((int(b - max(a, self.window)) for a, b in zip(starts, stops, strict=True)), default=0)
-            raise SysidError(f"no part without missing samples has {least} samples; the longest has {max(longest, 0)}")
-        return tuple(replace(self[a:b], missing=False) for a, b in runs)
+        runs = np.flatnonzero(lengths >= least)
+        if not len(runs):
+            longest = int(lengths.max(initial=0))
+            raise SysidError(f"no part without missing samples has {least} samples; the longest has {longest}")
+        return tuple(replace(self[int(starts[k]) : int(stops[k])], missing=False) for k in runs)
 
     @property
     def scored(self) -> "IOData":

@@ -1,0 +1,108 @@
+"""Records from files, and what is said of files that are none."""
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import xarray as xr
+from scipy.io import savemat
+
+from sysid import IOData, SysidError, read_csv, read_mat, read_netcdf
+
+U, Y = np.random.default_rng(0).standard_normal((2, 30))
+
+
+def text(header: str, table: np.ndarray, separator: str = ",") -> str:
+    return "\n".join([header, *(separator.join(f"{x:.17g}" for x in row) for row in table)])
+
+
+@pytest.mark.parametrize(
+    ("header", "separator", "scale"),
+    [("t,u,y", ",", 1.0), ("Time (ms);u;y", ";", 1e3), ("time_s\tu\ty", "\t", 1.0), ("# note\nt u y", " ", 1.0)],
+)
+def test_csv(tmp_path: Path, header: str, separator: str, scale: float) -> None:
+    path = tmp_path / "robot.csv"
+    path.write_text(text(header, np.column_stack((np.arange(30) * 0.02 * scale, U, Y)), separator))
+    data = read_csv(path)
+    np.testing.assert_array_equal(data.u[:, 0], U)
+    np.testing.assert_array_equal(data.y[:, 0], Y)
+    assert (data.dt, data.name, data.input_names) == (pytest.approx(0.02), "robot", ("u",))
+
+
+def test_csv_with_several_channels_and_gaps(tmp_path: Path) -> None:
+    path = tmp_path / "arm.csv"
+    path.write_text("a,b,angle,Ts\n1,2,3,0.5\n2,3,,0.5\n3,1,5,0.5\n4,2,nan,0.5\n5,4,6,0.5")
+    data = read_csv(path, inputs=("b", "a"), outputs=("angle",), missing=True)
+    assert data.input_names == ("b", "a")
+    np.testing.assert_array_equal(data.u[0], [2.0, 1.0])
+    np.testing.assert_array_equal(data.known[:, 0], [True, False, True, False, True])
+    with pytest.raises(SysidError, match=r"arm\.csv: y: 2 sample.*missing=True"):
+        read_csv(path, inputs=("a",), outputs=("angle",))
+    bare = tmp_path / "bare.csv"
+    bare.write_text("1 2\n3 4\n5 5")
+    np.testing.assert_array_equal(read_csv(bare, dt=0.1).y[:, 0], [2.0, 4.0, 5.0])
+
+
+def test_mat(tmp_path: Path) -> None:
+    path = tmp_path / "robot.mat"
+    savemat(path, {"u": np.column_stack((U, Y)), "y": Y, "Ts": 0.02, "note": "x"})
+    data = read_mat(path)
+    assert data.u.shape == (30, 2)
+    assert data.input_names == ("u1", "u2")
+    assert data.dt == 0.02
+    np.testing.assert_array_equal(data.y[:, 0], Y)
+
+
+def test_netcdf(tmp_path: Path) -> None:
+    path = tmp_path / "robot.nc"
+    variables = {
+        "command": (("time", "joint"), np.column_stack((U, -U)), {"units": "rad"}),
+        "angle": ("time", Y, {"units": "rad"}),
+        "name": ((), "text"),
+    }
+    coordinates = {"time": ("time", np.arange(30) * 20.0, {"units": "ms"})}
+    xr.Dataset(variables, coordinates).to_netcdf(path, engine="h5netcdf")
+    data = read_netcdf(path, inputs=("command",), outputs=("angle",))
+    assert data.dt == pytest.approx(0.02)
+    assert (data.input_names, data.input_units, data.output_units) == (("command1", "command2"), ("rad",) * 2, ("rad",))
+    np.testing.assert_array_equal(data.u[:, 1], -U)
+    with pytest.raises(SysidError, match=r"dt as given says a sampling interval of 0\.1 s"):
+        read_netcdf(path, inputs=("command",), outputs=("angle",), dt=0.1)
+
+
+@pytest.mark.parametrize(
+    ("content", "options", "says"),
+    [
+        ("", {}, "the file is empty; expected columns u, y"),
+        ("t,u,y\n", {}, "a header and no data"),
+        ("t,u,y\n0,1\n", {}, r"line 2: 2 values, expected 3 \(t, u, y\)"),
+        ("t,u,y\n0,1,x\n", {}, "line 2: could not convert"),
+        ("t,u,y\n0,1,2\n1,1,2\n5,3,4\n6,1,1", {}, "not uniform: steps from 1 to 4"),
+        ("t (weeks),u,y\n0,1,2\n1,1,2", {}, "expected a time in s, ms or us"),
+        ("u,y\n1,2\n2,2\n3,2", {}, "no sampling interval"),
+        ("u,y,dt\n1,2,0.1\n2,2,0.1\n3,2,0.1", {"dt": 0.2}, "leave the wrong one out"),
+        ("u,angle\n1,2\n2,2", {"dt": 0.2, "outputs": ("angel",)}, "did you mean 'angle'"),
+        ("u,y\n1,2\n2,2", {"dt": 0.2, "outputs": ("u",)}, "different columns"),
+        ("u,y\n1,2\n2,2", {"dt": -1.0}, "dt must be above 0"),
+        ("1,2,3\n2,2,3", {"dt": 0.1}, "3 columns without a header"),
+    ],
+)
+def test_wrong_text(tmp_path: Path, content: str, options: dict[str, Any], says: str) -> None:
+    path = tmp_path / "bad.csv"
+    path.write_text(content)
+    with pytest.raises(SysidError, match=says):
+        read_csv(path, **options)
+
+
+@pytest.mark.parametrize(
+    ("read", "ending"), [(read_csv, "csv"), (read_mat, "mat"), (read_netcdf, "nc")], ids=["csv", "mat", "nc"]
+)
+def test_foreign_files(tmp_path: Path, read: Callable[[Path], IOData], ending: str) -> None:
+    with pytest.raises(SysidError, match="no data file"):
+        read(tmp_path / f"missing.{ending}")
+    path = tmp_path / f"binary.{ending}"
+    path.write_bytes(bytes(range(128, 256)) * 9)
+    with pytest.raises(SysidError, match=f"binary.{ending}: not a"):
+        read(path)
