@@ -40,6 +40,17 @@ class ModelFit:
         for attribute in ("simulation", "one_step", "simulated", "predicted"):
             object.__setattr__(self, attribute, lock(getattr(self, attribute)))
 
+    def __str__(self) -> str:
+        """One line: both fits, per output where there are several."""
+        names = (
+            self.output_names if len(self.output_names) == len(self.simulation) > 1 else ("",) * len(self.simulation)
+        )
+        parts = (
+            (f"{name}: " if name else "") + f"{simulation:.2f} % in simulation, {one_step:.2f} % one step ahead"
+            for name, simulation, one_step in zip(names, self.simulation, self.one_step, strict=True)
+        )
+        return f"{self.name}: {'; '.join(parts)}"
+
 
 def compare(models: Model | Sequence[Model] | Mapping[str, Model], data: IOData) -> tuple[ModelFit, ...]:
     """Fit 100 (1 - |y - yhat| / |y - mean(y)|) of every model, without the initialisation window.

@@ -16,6 +16,9 @@ from sysid.frequency import NORMAL_95, FrequencyResponse
 from sysid.polynomials import Polynomials
 from sysid.state_space import StateSpace
 
+LISTED = 16
+"""Parameters that a printed estimate lists one by one."""
+
 
 @dataclass(frozen=True, eq=False)
 class Bandwidth:
@@ -123,6 +126,24 @@ class Estimate:
             object.__setattr__(self, attribute, lock(getattr(self, attribute)))
         for attribute in ("orders", "diagnostics"):
             object.__setattr__(self, attribute, dict(getattr(self, attribute)))
+
+    def __str__(self) -> str:
+        """A few lines: method and orders, parameters with standard deviations, poles, warnings."""
+        orders = ", ".join(f"{name} {value}" for name, value in self.orders.items())
+        lines = [f"{self.method.upper()} ({orders}) from {sum(self.data.samples)} samples every {self.data.dt:g} s"]
+        if len(self.parameters) <= LISTED:
+            spreads = np.sqrt(np.maximum(np.diag(self.covariance), 0.0))
+            lines += [
+                f"  {name} = {value:.6g} ± {one:.2g}"
+                for name, value, one in zip(self.parameter_names, self.parameters, spreads, strict=True)
+            ]
+        else:
+            lines.append(f"  {len(self.parameters)} parameters")
+        poles = (f"{p.real:.4f}" + (f"{p.imag:+.4f}j" if abs(p.imag) > 1e-9 else "") for p in self.model.poles())
+        lines.append(f"  poles (z plane): {', '.join(poles) or 'none'}")
+        lines.append(f"  innovation variance: {', '.join(f'{v:.4g}' for v in np.diag(self.noise_variance))}")
+        lines += [f"  warning: {text}" for text in self.diagnostics.get("warnings", ())]
+        return "\n".join(lines)
 
     def bandwidth(self) -> Bandwidth:
         """Half-power bandwidth with its 95 % interval, by the delta method on its logarithm.

@@ -67,6 +67,26 @@ class ResidualTest:
             if isinstance(value, np.ndarray):
                 object.__setattr__(self, attribute, lock(value))
 
+    def __str__(self) -> str:
+        """A line per output for whiteness, a line per pair for independence of past inputs."""
+        ny, nu = self.independence_p.shape
+        outputs = self.output_names or tuple(f"y{i + 1}" for i in range(ny))
+        inputs = self.input_names or tuple(f"u{j + 1}" for j in range(nu))
+        last = int(self.lags[-1])
+        lines = [f"Residual tests at {100 * self.level:g} %: {'passed' if self.passed else 'not passed'}"]
+        lines += [
+            f"  {outputs[i]}: {'white' if self.white[i] else 'not white'} "
+            f"(p = {self.whiteness_p[i]:.3g}, {self.outside_whiteness[i]} of {last} lags outside)"
+            for i in range(ny)
+        ]
+        lines += [
+            f"  {outputs[i]} and {inputs[j]}: {'independent' if self.independent[i, j] else 'not independent'} "
+            f"(p = {self.independence_p[i, j]:.3g}, {self.outside_independence[i, j]} of {last + 1} lags outside)"
+            for i in range(ny)
+            for j in range(nu)
+        ]
+        return "\n".join(lines)
+
     @property
     def white(self) -> BoolArray:
         """Whether whiteness stands at the level, per output (ny,)."""
