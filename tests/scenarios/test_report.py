@@ -1,6 +1,7 @@
 """The report is one file that needs nothing else and can be read by everyone."""
 
 import re
+from dataclasses import replace
 from html.parser import HTMLParser
 from pathlib import Path
 
@@ -107,6 +108,8 @@ def test_every_finding_is_listed_and_the_untried_have_no_number(text: str) -> No
 
 def test_short_records_are_marked(text: str) -> None:
     assert "Records of 24 s: a look, not a result" in text
+    assert "(quick run)</title>" in text
+    assert text.count('<p class="quick">') == 2
     assert "stands on the twin" not in text
 
 
@@ -154,3 +157,12 @@ def test_png_is_embedded() -> None:
 def test_roots_as_text() -> None:
     assert root(0.5 + 0j) == "0.500"
     assert root(0.5 - 0.25j) == "0.500 − 0.250j"
+
+
+def test_whole_records_are_not_marked(study: Comparison, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("scenarios.report.svg", lambda figure, description, mark: "<svg></svg>")
+    whole = replace(study, duration=None)
+    page = write_report(whole, findings(study), tmp_path / "report.html").read_text(encoding="utf-8")
+    Page(page)
+    assert "quick run" not in page.lower()
+    assert "Interval holds the truth:" in page
