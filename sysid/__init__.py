@@ -3,9 +3,11 @@
 from sysid.adaptation import Forgetting, Gradient, Kalman
 from sysid.armax import armax
 from sysid.arx import arx
+from sysid.balred import balred, hankel_singular_values
 from sysid.bj import bj
 from sysid.bla import BestLinearApproximation, bla
 from sysid.compare import ModelFit, compare, fit_percent
+from sysid.continuous import c2d, c2d_matched, d2c, d2c_matched
 from sysid.covf import CovarianceFunction, covf
 from sysid.cra import ImpulseResponse, cra
 from sysid.cross_validation import CrossValidation, cross_validate
@@ -18,6 +20,7 @@ from sysid.estimate import Bandwidth, Estimate
 from sysid.etfe import etfe
 from sysid.excitation import order_of_excitation
 from sysid.filtering import keep_band, prefilter
+from sysid.findstates import findstates
 from sysid.frequency import FrequencyResponse
 from sysid.importers import read_csv, read_mat, read_netcdf
 from sysid.iv4 import iv4
@@ -41,6 +44,7 @@ from sysid.state_space import StateSpace, block_diagonal
 from sysid.structure_scan import structure_scan
 from sysid.structure_table import StructureTable
 from sysid.welch import welch
+from sysid.zero_pole_gain import ZeroPoleGain, transfer_function, zero_pole_gain
 
 __all__ = [
     "Bandwidth",
@@ -64,20 +68,28 @@ __all__ = [
     "StructureTable",
     "SysidError",
     "SysidWarning",
+    "ZeroPoleGain",
     "armax",
     "arx",
+    "balred",
     "bj",
     "bla",
     "block_diagonal",
+    "c2d",
+    "c2d_matched",
     "compare",
     "covf",
     "cra",
     "cross_validate",
+    "d2c",
+    "d2c_matched",
     "delayest",
     "era",
     "era_dc",
     "etfe",
+    "findstates",
     "fit_percent",
+    "hankel_singular_values",
     "innovations_form",
     "iv4",
     "keep_band",
@@ -101,5 +113,7 @@ __all__ = [
     "simulate",
     "spa",
     "structure_scan",
+    "transfer_function",
     "welch",
+    "zero_pole_gain",
 ]

@@ -8,7 +8,7 @@ from sysid.errors import SysidError
 
 
 def balanced_truncation(
-    A: FloatArray, B: FloatArray, C: FloatArray, tolerance: float
+    A: FloatArray, B: FloatArray, C: FloatArray, tolerance: float, order: int | None = None
 ) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
     """Keep the states whose Hankel singular values matter [Moore1981].
 
@@ -20,6 +20,7 @@ def balanced_truncation(
         B: Input matrix (n, nu).
         C: Output matrix (ny, n).
         tolerance: States with a Hankel singular value below `tolerance` times the largest are dropped.
+        order: Number of states to keep at most; None keeps all that the tolerance allows.
 
     Returns:
         The reduced A, B, C and all Hankel singular values, largest first.
@@ -36,6 +37,7 @@ def balanced_truncation(
     observe = _factor(scipy.linalg.solve_discrete_lyapunov(A.T, C.T @ C))
     left, hankel, right = np.linalg.svd(observe.T @ reach)
     keep = int((hankel > tolerance * hankel[0]).sum())
+    keep = keep if order is None else min(keep, order)
     scale = 1.0 / np.sqrt(hankel[:keep])
     to_balanced = scale[:, None] * (left[:, :keep].T @ observe.T)
     from_balanced = reach @ right[:keep].T * scale

@@ -1,5 +1,6 @@
 """Linear state-space models in innovation form."""
 
+import re
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 
@@ -252,7 +253,7 @@ class StateSpace:
 
     @staticmethod
     def from_control(system: control.LTI) -> "StateSpace":
-        """Take over a discrete-time python-control system; it has no noise model, so K = 0.
+        """Take over a discrete-time python-control system with its signal names; it has no noise model, so K = 0.
 
         Raises:
             SysidError: The system is continuous or has no sampling interval.
@@ -260,7 +261,21 @@ class StateSpace:
         ss = control.ss(system)
         if not isinstance(ss.dt, float | int) or isinstance(ss.dt, bool) or ss.dt <= 0:
             raise SysidError(f"expected a discrete-time system with a sampling interval, got dt = {ss.dt!r}")
-        return StateSpace(ss.A, ss.B, ss.C, ss.D, None, float(ss.dt))
+        return StateSpace(
+            ss.A,
+            ss.B,
+            ss.C,
+            ss.D,
+            None,
+            float(ss.dt),
+            input_names=_given(ss.input_labels),
+            output_names=_given(ss.output_labels),
+        )
+
+
+def _given(labels: Sequence[str]) -> tuple[str, ...] | None:
+    """None for the labels that python-control makes up."""
+    return None if any(re.fullmatch(r"[uy]\[\d+\]", label) for label in labels) else tuple(labels)
 
 
 def block_diagonal(models: Sequence[StateSpace]) -> StateSpace:

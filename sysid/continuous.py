@@ -1,0 +1,136 @@
+"""Between discrete and continuous time."""
+
+import control
+import numpy as np
+import scipy.linalg
+
+from sysid.arrays import ComplexArray
+from sysid.errors import SysidError
+from sysid.state_space import StateSpace
+from sysid.zero_pole_gain import ZeroPoleGain, zero_pole_gain
+
+AT_ZERO = 1e-9  # modulus of a pole below which it is a sample of delay
+AT_ONE = 1e-9  # distance from z = 1 below which a pole integrates
+
+
+def d2c(model: StateSpace) -> control.StateSpace:
+    """The continuous-time system that gives `model` when its input is held between samples.
+
+    exp([F G; 0 0] dt) = [A B; 0 I], by the principal logarithm: frequencies are taken to lie below Nyquist.
+
+    Args:
+        model: Path from u to y; its noise model has no part in this.
+
+    Returns:
+        A continuous-time python-control system with the names of `model`.
+
+    Raises:
+        SysidError: A pole at zero or on the negative real axis (a delay, or an oscillation at Nyquist): no real
+            system of this order has it.
+    """
+    poles = model.poles()
+    without = poles[(np.abs(poles) < AT_ZERO) | ((poles.real < 0.0) & (np.abs(poles.imag) <= 1e-12 * np.abs(poles)))]
+    if len(without):
+        raise SysidError(
+            f"the model has {len(without)} pole(s) at zero or on the negative real axis, {_list(without)}, which no "
+            "continuous-time system of the same order has; take delays out first, or fit a lower order"
+        )
+    n, nu = model.B.shape
+    held = np.block([[model.A, model.B], [np.zeros((nu, n)), np.eye(nu)]])
+    rates = np.real(scipy.linalg.logm(held)) / model.dt
+    return control.ss(
+        rates[:n, :n],
+        rates[:n, n:],
+        model.C,
+        model.D,
+        0,
+        inputs=list(model.input_names or ()),
+        outputs=list(model.output_names or ()),
+    )
+
+
+def c2d(system: control.LTI, dt: float) -> StateSpace:
+    """Sample a continuous-time system whose input is held between samples.
+
+    Args:
+        system: A continuous-time python-control system.
+        dt: Sampling interval in s.
+
+    Raises:
+        SysidError: The system is not continuous, or dt is not positive.
+    """
+    return StateSpace.from_control(control.sample_system(control.ss(_continuous(system, dt)), dt, method="zoh"))
+
+
+def d2c_matched(model: StateSpace) -> control.TransferFunction:
+    """The continuous-time system whose poles and zeros s map to those of `model` by z = exp(s dt).
+
+    Zeros at z = -1 belong to infinite frequency and are left out. The gain is matched at 0 Hz, or where that is zero or
+    infinite at a tenth of the Nyquist frequency.
+
+    Args:
+        model: One input, one output.
+
+    Raises:
+        SysidError: Several channels, or poles or zeros at zero or on the negative real axis.
+    """
+    z = zero_pole_gain(model)
+    finite = z.zeros[np.abs(z.zeros + 1.0) > 1e-6]
+    for what, roots in (("poles", z.poles), ("zeros", finite)):
+        lost = roots[(np.abs(roots) < AT_ZERO) | ((roots.real < 0.0) & (np.abs(roots.imag) <= 1e-12 * np.abs(roots)))]
+        if len(lost):
+            raise SysidError(
+                f"{what} at zero or on the negative real axis, {_list(lost)}, match none in continuous time"
+            )
+    zeros, poles = np.log(finite) / model.dt, np.log(z.poles) / model.dt
+    unscaled = control.zpk(zeros, poles, 1.0)
+    f = 0.0 if _regular_at_zero(z) else 0.05 / model.dt
+    target = model.frequency_response([f])[0, 0, 0]
+    gain = target / complex(unscaled(2j * np.pi * f))
+    # at 0 Hz both are real; elsewhere only the magnitude can be matched, the sign by the nearer phase
+    return control.zpk(zeros, poles, float(np.copysign(abs(gain), gain.real)))
+
+
+def c2d_matched(system: control.LTI, dt: float) -> StateSpace:
+    """The discrete-time system whose poles and zeros are z = exp(s dt) of those of a continuous one.
+
+    Zeros at infinity, all but one, go to z = -1, so that the output follows a sample later. The gain is matched at
+    0 Hz, or where that is zero or infinite at a tenth of the Nyquist frequency.
+
+    Args:
+        system: A continuous-time python-control system with one input and one output.
+        dt: Sampling interval in s.
+
+    Raises:
+        SysidError: Several channels, not continuous, dt not positive, more zeros than poles.
+    """
+    system = _continuous(system, dt)
+    if system.ninputs != 1 or system.noutputs != 1:
+        raise SysidError(f"matching takes one input and one output, got {system.ninputs} and {system.noutputs}")
+    poles, zeros = np.asarray(system.poles(), complex), np.asarray(system.zeros(), complex)
+    if len(zeros) > len(poles):
+        raise SysidError(
+            f"the system has {len(zeros)} zeros and only {len(poles)} poles: its response grows with frequency"
+        )
+    extra = max(len(poles) - len(zeros) - 1, 0)
+    unscaled = ZeroPoleGain(np.concatenate((np.exp(zeros * dt), -np.ones(extra))), np.exp(poles * dt), 1.0, dt)
+    f = 0.0 if _regular_at_zero(unscaled) else 0.05 / dt
+    gain = complex(system(2j * np.pi * f)) / unscaled.frequency_response([f])[0]
+    scaled = float(np.copysign(abs(gain), gain.real))
+    return ZeroPoleGain(unscaled.zeros, unscaled.poles, scaled, dt).to_state_space()
+
+
+def _continuous(system: control.LTI, dt: float) -> control.LTI:
+    if not isinstance(system, control.StateSpace | control.TransferFunction) or not system.isctime(strict=True):
+        raise SysidError(f"expected a continuous-time python-control system, got {type(system).__name__}")
+    if not (np.isfinite(dt) and dt > 0):
+        raise SysidError(f"dt must be a positive number of seconds, got {dt!r}")
+    return system
+
+
+def _regular_at_zero(z: ZeroPoleGain) -> bool:
+    return bool((np.abs(np.concatenate((z.zeros, z.poles)) - 1.0) > AT_ONE).all())
+
+
+def _list(values: ComplexArray) -> str:
+    return ", ".join(f"{value.real:.4g}" for value in values)

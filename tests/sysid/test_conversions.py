@@ -1,0 +1,218 @@
+"""Round trips between the forms of a model, over random models."""
+
+import control
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from sysid import (
+    IOData,
+    StateSpace,
+    SysidError,
+    ZeroPoleGain,
+    balred,
+    c2d,
+    c2d_matched,
+    d2c,
+    d2c_matched,
+    findstates,
+    hankel_singular_values,
+    predict,
+    simulate,
+    transfer_function,
+    zero_pole_gain,
+)
+
+DT = 0.02
+GRID = np.linspace(0.0, 24.0, 25)
+
+
+@st.composite
+def models(draw: st.DrawFn, *, channels: int = 2, gain: bool = False) -> StateSpace:
+    """Well-conditioned: poles of moderate modulus, each in a block of its own, then a random rotation."""
+    seed = draw(st.integers(0, 10_000))
+    n = draw(st.integers(1, 6))
+    rng = np.random.default_rng(seed)
+    blocks, left = [], n
+    while left:
+        if left > 1 and rng.random() < 0.5:
+            pole = rng.uniform(0.4, 0.95) * np.exp(1j * rng.uniform(0.1, 2.0))
+            blocks.append(np.array([[pole.real, pole.imag], [-pole.imag, pole.real]]))
+        else:
+            blocks.append(np.array([[rng.uniform(0.2, 0.95)]]))
+        left -= len(blocks[-1])
+    rotation = np.linalg.qr(rng.standard_normal((n, n)))[0]
+    A = np.zeros((n, n))
+    at = 0
+    for block in blocks:
+        A[at : at + len(block), at : at + len(block)] = block
+        at += len(block)
+    nu, ny = (draw(st.integers(1, channels)) for _ in range(2))
+    K = 0.1 * rng.standard_normal((n, ny)) if gain else None
+    return StateSpace(
+        rotation @ A @ rotation.T,
+        rng.standard_normal((n, nu)),
+        rng.standard_normal((ny, n)),
+        rng.standard_normal((ny, nu)) * rng.integers(0, 2),
+        K,
+        DT,
+    )
+
+
+def assert_same_response(found: StateSpace, expected: StateSpace, tolerance: float = 1e-8) -> None:
+    g = expected.frequency_response(GRID)
+    np.testing.assert_allclose(found.frequency_response(GRID), g, atol=tolerance * np.abs(g).max())
+
+
+@given(models())
+def test_held_inputs_there_and_back(model: StateSpace) -> None:
+    continuous = d2c(model)
+    assert continuous.isctime(strict=True)
+    back = c2d(continuous, DT)
+    np.testing.assert_allclose(back.A, model.A, atol=1e-10)
+    np.testing.assert_allclose(back.B, model.B, atol=1e-9)
+    assert back.input_names == model.input_names
+    np.testing.assert_allclose(continuous.dcgain().reshape(model.D.shape), model.dc_gain(), rtol=1e-7, atol=1e-9)
+
+
+def test_first_order_lag_in_continuous_time_by_hand() -> None:
+    """1 / (tau s + 1) held: a = exp(-dt / tau), b = 1 - a."""
+    tau = 0.3
+    a = np.exp(-DT / tau)
+    model = c2d(control.tf([1.0], [tau, 1.0]), DT)
+    np.testing.assert_allclose(model.poles(), [a], rtol=1e-12)
+    np.testing.assert_allclose(model.markov(3)[:, 0, 0], [0.0, 1 - a, a * (1 - a)], rtol=1e-10)
+    back = d2c(model)
+    np.testing.assert_allclose(back.poles(), [-1 / tau], rtol=1e-10)
+
+
+def test_integrators_survive() -> None:
+    double = c2d(control.ss([[0, 1.0], [0, 0]], [[0], [1.0]], [[1.0, 0]], [[0.0]]), DT)
+    np.testing.assert_allclose(double.markov(3)[:, 0, 0], [0, DT**2 / 2, 1.5 * DT**2], rtol=1e-10)
+    np.testing.assert_allclose(d2c(double).A @ d2c(double).A, 0.0, atol=1e-6)
+
+
+def test_what_has_no_continuous_counterpart_is_refused() -> None:
+    delay = StateSpace([[0.0]], [[1.0]], [[1.0]], [[0.0]], None, DT)
+    with pytest.raises(SysidError, match=r"1 pole\(s\) at zero or on the negative real axis, 0"):
+        d2c(delay)
+    with pytest.raises(SysidError, match=r"poles at zero or on the negative real axis, -0\.5"):
+        d2c_matched(StateSpace([[-0.5]], [[1.0]], [[1.0]], [[0.0]], None, DT))
+    with pytest.raises(SysidError, match="expected a continuous-time"):
+        c2d(delay.to_control(), DT)
+    with pytest.raises(SysidError, match="dt must be"):
+        c2d(control.tf([1.0], [1.0, 1.0]), 0.0)
+    with pytest.raises(SysidError, match="grows with frequency"):
+        c2d_matched(control.tf([1.0, 0.0], [1.0]), DT)
+    with pytest.raises(SysidError, match="one input and one output"):
+        c2d_matched(control.ss(-np.eye(2), np.eye(2), np.eye(2), np.zeros((2, 2))), DT)
+
+
+@pytest.mark.parametrize(
+    "system",
+    [
+        control.tf([2.0], [0.3, 1.0]),
+        control.tf([1.0, 40.0], [1.0, 6.0, 100.0]),
+        control.tf([5.0], [1.0, 6.0, 100.0, 30.0]),
+        control.tf([1.0, 0.0], [1.0, 6.0, 100.0]),
+        control.tf([3.0], [1.0, 4.0, 0.0]),
+    ],
+)
+def test_matched_there_and_back(system: control.TransferFunction) -> None:
+    model = c2d_matched(system, DT)
+    np.testing.assert_allclose(np.sort_complex(model.poles()), np.sort_complex(np.exp(system.poles() * DT)), atol=1e-9)
+    back = d2c_matched(model)
+    f = np.array([0.2, 1.0, 4.0])
+    expected = np.array([system(2j * np.pi * x) for x in f])
+    np.testing.assert_allclose([back(2j * np.pi * x) for x in f], expected, rtol=0.02)
+    exact = np.isfinite(system.dcgain()) and system.dcgain() != 0.0
+    if exact:
+        np.testing.assert_allclose(model.dc_gain()[0, 0], system.dcgain(), rtol=1e-9)
+        np.testing.assert_allclose([back(2j * np.pi * x) for x in f], expected, rtol=1e-6)
+    np.testing.assert_allclose(model.frequency_response([0.2])[0, 0, 0], system(2j * np.pi * 0.2), rtol=0.1)
+
+
+@given(models(channels=1))
+def test_zeros_poles_and_gain_there_and_back(model: StateSpace) -> None:
+    form = zero_pole_gain(model)
+    g = model.frequency_response(GRID)[:, 0, 0]
+    np.testing.assert_allclose(form.frequency_response(GRID), g, atol=1e-7 * np.abs(g).max())
+    assert_same_response(form.to_state_space(), model, 1e-7)
+    assert form.to_state_space().order == model.order
+    assert_same_response(StateSpace.from_control(form.to_control()), model, 1e-5)
+
+
+@given(models())
+def test_transfer_functions_agree_with_the_state_space(model: StateSpace) -> None:
+    system = transfer_function(model)
+    found = np.array([np.reshape(system(np.exp(2j * np.pi * DT * f)), (model.ny, model.nu)) for f in GRID])
+    expected = model.frequency_response(GRID)
+    np.testing.assert_allclose(found, expected, atol=1e-6 * np.abs(expected).max())
+
+
+def test_transfer_function_by_hand() -> None:
+    """y1 = 2 / (z - 0.5) u1, nothing from u2."""
+    model = StateSpace([[0.5]], [[1.0, 0.0]], [[2.0]], [[0.0, 0.0]], None, DT, input_names=("a", "b"))
+    system = transfer_function(model)
+    np.testing.assert_allclose(system.num[0][0], [2.0])
+    np.testing.assert_allclose(system.den[0][0], [1.0, -0.5])
+    assert not np.any(system.num[0][1])
+    assert system.input_labels == ["a", "b"]
+    with pytest.raises(SysidError, match="input 1 does not reach output 0"):
+        zero_pole_gain(model, input=1)
+    with pytest.raises(SysidError, match="no channel from input 2"):
+        zero_pole_gain(model, input=2)
+
+
+def test_impossible_forms_are_refused() -> None:
+    with pytest.raises(SysidError, match="conjugates"):
+        ZeroPoleGain(np.zeros(0), np.array([0.5 + 0.1j]), 1.0, DT)
+    with pytest.raises(SysidError, match="at most as many zeros"):
+        ZeroPoleGain(np.array([0.1 + 0j]), np.zeros(0, complex), 1.0, DT)
+
+
+@given(models(gain=True))
+def test_control_there_and_back_keeps_names(model: StateSpace) -> None:
+    back = StateSpace.from_control(model.to_control())
+    np.testing.assert_array_equal(back.A, model.A)
+    assert (back.input_names, back.output_names) == (model.input_names, model.output_names)
+
+
+@given(models(gain=True), st.booleans())
+def test_reduction_to_the_whole_order_changes_nothing(model: StateSpace, match_dc: bool) -> None:
+    whole = balred(model, model.order, match_dc=match_dc)
+    assert_same_response(whole, model, 1e-7)
+    h = model.noise_response(GRID)
+    np.testing.assert_allclose(whole.noise_response(GRID), h, atol=1e-7 * np.abs(h).max())
+
+
+@given(models(gain=True))
+def test_reduction_keeps_its_bound(model: StateSpace) -> None:
+    values = hankel_singular_values(model)
+    for order in range(model.order):
+        reduced = balred(model, order)
+        error = reduced.frequency_response(GRID) - model.frequency_response(GRID)
+        assert np.linalg.norm(error, 2, axis=(1, 2)).max() <= 2 * values[order:].sum() * (1 + 1e-9) + 1e-9
+        matched = balred(model, order, match_dc=True)
+        np.testing.assert_allclose(matched.dc_gain(), model.dc_gain(), atol=1e-6 * np.abs(model.dc_gain()).max())
+
+
+def test_reduction_refuses() -> None:
+    model = StateSpace([[1.1]], [[1.0]], [[1.0]], [[0.0]], None, DT)
+    with pytest.raises(SysidError, match="stable"):
+        balred(model, 0)
+    with pytest.raises(SysidError, match="order must be a whole number from 0 to 1"):
+        balred(model, 2)
+
+
+@pytest.mark.filterwarnings("ignore:the predictor is unstable")
+@given(models(gain=True), st.booleans())
+def test_initial_states_are_found(model: StateSpace, simulation: bool) -> None:
+    rng = np.random.default_rng(0)
+    x0 = rng.standard_normal(model.order)
+    u = rng.standard_normal((60, model.nu))
+    data = IOData(u, simulate(model, u, x0=x0), DT)
+    found = findstates(model, data, simulation=simulation)
+    steps = None if simulation else 1
+    np.testing.assert_allclose(predict(model, data, steps=steps, x0=found), data.y, atol=1e-6 * np.abs(data.y).max())
