@@ -166,7 +166,7 @@ def record_of(
         if name not in columns:
             near = get_close_matches(name, columns, 1)
             hint = f"; did you mean {near[0]!r}?" if near else ""
-            raise SysidError(f"{file.name}: no column {name!r}; there are {', '.join(columns)}{hint}")
+            raise SysidError(f"{file.name}: unknown column {name!r}; there are {', '.join(columns)}{hint}")
     if len(set(wanted)) != len(wanted):
         raise SysidError(f"{file.name}: expected different columns, got {', '.join(wanted)}")
     step = sampling_interval({n: v for n, v in columns.items() if n not in wanted}, dt, file)

@@ -74,6 +74,15 @@ def test_help_names_every_variant_and_payload(capsys: pytest.CaptureFixture[str]
     assert all(name in out for name in (*VARIANTS, *PAYLOADS))
 
 
+def test_help_names_every_method_and_its_orders(capsys: pytest.CaptureFixture[str]) -> None:
+    from scenarios.estimators import ESTIMATORS
+
+    out = " ".join(run(capsys, "identify", "--help")[1].split())
+    assert f"--method {'|'.join(ESTIMATORS)}" in out
+    for name, entry in ESTIMATORS.items():
+        assert " ".join([name, *entry.orders, *(f"[{order}]" for order in entry.optional)]) in out
+
+
 @pytest.mark.parametrize("columns", ["40", "200"])
 @pytest.mark.parametrize(
     ("words", "says"),
@@ -315,6 +324,9 @@ def test_wrong_files(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None
         path = tmp_path / f"foreign.{ending}"
         path.write_bytes(bytes(range(256)) * 8)
         assert "foreign" in complaint(capsys, "identify", path, *OE)
+    wide = tmp_path / "wide.mat"
+    savemat(wide, {"u": np.arange(100.0).reshape(50, 2) % 3, "y": np.arange(50.0), "dt": 0.1})
+    assert "'u' has 2 columns; expected a vector" in complaint(capsys, "identify", wide, *OE)
     short = tmp_path / "short.mat"
     savemat(short, {"dt": 0.02, "u": np.arange(50.0) % 3, "y": np.arange(40.0)})
     said = complaint(capsys, "identify", short, *OE)
