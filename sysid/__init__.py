@@ -27,6 +27,7 @@ from sysid.iv4 import iv4
 from sysid.n4sid import n4sid
 from sysid.oe import oe
 from sysid.okid import okid
+from sysid.past import Past
 from sysid.pem_ss import pem_ss
 from sysid.polynomials import Polynomials, innovations_form
 from sysid.predict import predict
@@ -60,6 +61,7 @@ __all__ = [
     "ImpulseResponse",
     "Kalman",
     "ModelFit",
+    "Past",
     "Polynomials",
     "Realisation",
     "RecursiveEstimate",

@@ -6,6 +6,7 @@ from sysid.data import IOData, as_experiments
 from sysid.estimate import Estimate
 from sysid.minimised_estimate import prediction_error_estimate
 from sysid.orders import make_orders
+from sysid.past import Past
 from sysid.starts import armax_starts
 
 
@@ -18,10 +19,11 @@ def armax(
     *,
     max_iterations: int = 100,
     coloured: bool = False,
+    past: Past = Past.ESTIMATED,
 ) -> Estimate:
     """Fit A(q) y = B(q) u + C(q) e by minimising the one-step prediction errors [Ljung1999, eqs. 4.15, 10.40].
 
-    C stays stable at every step; the unknown past of each experiment is projected out.
+    C stays stable at every step; by default the unknown past of each experiment is projected out.
 
     Args:
         data: One experiment, or several that share the model.
@@ -33,6 +35,7 @@ def armax(
         coloured: Whether the covariance allows for prediction errors that are not white, as where the orders are too
             small: a "sandwich" [Ljung1999, eqs. 9.8-9.12]. It then tells the spread about the parameters that the
             criterion leads to, which need not be the true ones. The estimate itself is the same.
+        past: What is assumed about the time before each experiment; by default nothing.
 
     Returns:
         The estimate; parameters a1.., b1.., c1...
@@ -47,5 +50,5 @@ def armax(
     orders = make_orders(experiments[0].nu, na=na, nb=nb, nc=nc, nk=nk)
     asked = {"na": orders.na, "nb": orders.nb, "nc": orders.nc, "nk": orders.nk}
     return prediction_error_estimate(
-        "armax", experiments, orders, asked, armax_starts, max_iterations=max_iterations, coloured=coloured
+        "armax", experiments, orders, asked, armax_starts, max_iterations=max_iterations, coloured=coloured, past=past
     )

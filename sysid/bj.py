@@ -7,6 +7,7 @@ from sysid.data import IOData, as_experiments
 from sysid.estimate import Estimate
 from sysid.minimised_estimate import prediction_error_estimate
 from sysid.orders import make_orders
+from sysid.past import Past
 
 
 def bj(
@@ -19,11 +20,12 @@ def bj(
     *,
     max_iterations: int = 100,
     coloured: bool = False,
+    past: Past = Past.ESTIMATED,
 ) -> Estimate:
     """Fit y = B(q)/F(q) u + C(q)/D(q) e by minimising the one-step prediction errors [Ljung1999, eqs. 4.31, 10.40].
 
-    C, D and F stay stable at every step; the unknown past of each experiment is projected out. The path from the input
-    has a model of its own, so that a poor model of the disturbance does not bias it.
+    C, D and F stay stable at every step; by default the unknown past of each experiment is projected out. The path from
+    the input has a model of its own, so that a poor model of the disturbance does not bias it.
 
     Args:
         data: One experiment, or several that share the model.
@@ -36,6 +38,7 @@ def bj(
         coloured: Whether the covariance allows for prediction errors that are not white, as where the orders are too
             small: a "sandwich" [Ljung1999, eqs. 9.8-9.12]. It then tells the spread about the parameters that the
             criterion leads to, which need not be the true ones. The estimate itself is the same.
+        past: What is assumed about the time before each experiment; by default nothing.
 
     Returns:
         The estimate; parameters b1.., c1.., d1.., f1...
@@ -50,5 +53,5 @@ def bj(
     orders = make_orders(experiments[0].nu, nb=nb, nc=nc, nd=nd, nf=nf, nk=nk)
     asked = {"nb": orders.nb, "nc": orders.nc, "nd": orders.nd, "nf": orders.nf, "nk": orders.nk}
     return prediction_error_estimate(
-        "bj", experiments, orders, asked, bj_starts, max_iterations=max_iterations, coloured=coloured
+        "bj", experiments, orders, asked, bj_starts, max_iterations=max_iterations, coloured=coloured, past=past
     )

@@ -12,6 +12,7 @@ from sysid.errors import SysidWarning
 from sysid.estimate import Estimate
 from sysid.excitation import check_excitation
 from sysid.orders import Orders
+from sysid.past import Past
 from sysid.polynomial_estimate import check_enough_data, check_single_output, make_estimate
 from sysid.prediction_error import Linearisation, coloured_information
 from sysid.robust_covariance import sandwich
@@ -30,6 +31,7 @@ def prediction_error_estimate(
     *,
     max_iterations: int,
     coloured: bool = False,
+    past: Past = Past.ESTIMATED,
 ) -> Estimate:
     """Check the data, search, and turn the minimum into an estimate.
 
@@ -45,6 +47,7 @@ def prediction_error_estimate(
         max_iterations: Steps of the polishing.
         coloured: Whether the covariance allows for errors that are not white; without a model of the noise they are
             taken to be independent of the input, which makes for sharper intervals.
+        past: What is assumed about the time before each record.
 
     Warns:
         SysidWarning: Poor excitation, no convergence, bad conditioning, roots of C, D or F at the unit circle.
@@ -52,18 +55,18 @@ def prediction_error_estimate(
     check_single_output(experiments)
     transients = max(orders.nc, orders.nd) + sum(orders.nf)
     texts = check_excitation(experiments, [n + max(orders.na, f) for n, f in zip(orders.nb, orders.nf, strict=True)])
-    rows = check_enough_data(experiments, orders, transients)
-    found = search(experiments, orders, starts(experiments, orders), max_iterations=max_iterations)
+    check_enough_data(experiments, orders, transients)
+    found = search(experiments, orders, starts(experiments, orders), max_iterations=max_iterations, past=past)
     at = found.best.at
-    variance = at.cost / (rows - orders.count - at.transients)
+    variance = at.cost / (at.errors - orders.count - at.transients)
     covariance, condition = covariance_of(at, variance)
     if coloured and at.cost > 0.0:
         if orders.na == orders.nc == orders.nd == 0:
             half = covariance / variance
-            information = coloured_information(experiments, orders, at.theta, min(COLOUR, rows // 20))
+            information = coloured_information(experiments, orders, at.theta, min(COLOUR, at.errors // 20), past)
             covariance = half @ information @ half
         else:
-            covariance = sandwich(experiments, orders, at.theta, covariance, variance)
+            covariance = sandwich(experiments, orders, at.theta, covariance, variance, past)
     if not found.best.converged:
         texts.append(f"{method} did not converge: {found.best.reason}")
     if condition > ILL_CONDITIONED and at.cost > 0.0:
@@ -88,7 +91,7 @@ def prediction_error_estimate(
             "starts": found.costs,
             "start": found.chosen,
             "sum_of_squares": at.cost,
-            "rows": rows,
+            "rows": at.errors,
             "initial_conditions": at.transients,
         },
         texts=texts,

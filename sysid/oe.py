@@ -6,6 +6,7 @@ from sysid.data import IOData, as_experiments
 from sysid.estimate import Estimate
 from sysid.minimised_estimate import prediction_error_estimate
 from sysid.orders import make_orders
+from sysid.past import Past
 from sysid.starts import oe_starts
 
 
@@ -17,11 +18,12 @@ def oe(
     *,
     max_iterations: int = 100,
     coloured: bool = False,
+    past: Past = Past.ESTIMATED,
 ) -> Estimate:
     """Fit y = B(q)/F(q) u + e by minimising the simulation error [Ljung1999, eqs. 4.25, 10.40].
 
-    F stays stable at every step; the unknown past of each experiment is projected out. The covariance holds for a white
-    disturbance, unless `coloured` is set.
+    F stays stable at every step; by default the unknown past of each experiment is projected out. The covariance holds
+    for a white disturbance, unless `coloured` is set.
 
     Args:
         data: One experiment, or several that share the model.
@@ -31,6 +33,7 @@ def oe(
         max_iterations: Steps of the final minimisation at most.
         coloured: Whether the covariance allows for a disturbance that is not white (but independent of the input), by
             an autoregressive model of it [Ljung1999, eq. 9.42]. The estimate itself is the same.
+        past: What is assumed about the time before each experiment; by default nothing.
 
     Returns:
         The estimate; parameters b1.., f1...
@@ -45,5 +48,5 @@ def oe(
     orders = make_orders(experiments[0].nu, nb=nb, nf=nf, nk=nk)
     asked = {"nb": orders.nb, "nf": orders.nf, "nk": orders.nk}
     return prediction_error_estimate(
-        "oe", experiments, orders, asked, oe_starts, max_iterations=max_iterations, coloured=coloured
+        "oe", experiments, orders, asked, oe_starts, max_iterations=max_iterations, coloured=coloured, past=past
     )

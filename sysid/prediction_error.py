@@ -14,10 +14,11 @@ from scipy.signal import lfilter
 from sysid.arrays import FloatArray
 from sysid.autoregression import autoregression
 from sysid.data import IOData
+from sysid.error_jacobian import error_jacobian
 from sysid.least_squares import triangular_factor
 from sysid.orders import Orders
+from sysid.past import Past
 from sysid.polynomials import is_stable
-from sysid.regressors import input_lags, lagged, output_lags
 
 STABILITY_MARGIN = 1e-7
 CONVERGED = 1e-9  # decrease still to be had, as a part of the sum of squares
@@ -34,6 +35,7 @@ class Linearisation:
         triangle: R of the projected Jacobian of the errors, columns scaled to unit length (p, p).
         target: Q' eps, so that the errors change as triangle @ (scale * step) + target (p,).
         scale: Lengths of the projected Jacobian's columns (p,).
+        errors: Number of prediction errors.
         transients: Number of independent initial conditions taken out.
     """
 
@@ -42,6 +44,7 @@ class Linearisation:
     triangle: FloatArray
     target: FloatArray
     scale: FloatArray
+    errors: int
     transients: int
 
 
@@ -64,7 +67,14 @@ class Minimum:
     reason: str
 
 
-def minimise(experiments: Sequence[IOData], orders: Orders, start: FloatArray, *, max_iterations: int = 100) -> Minimum:
+def minimise(
+    experiments: Sequence[IOData],
+    orders: Orders,
+    start: FloatArray,
+    *,
+    max_iterations: int = 100,
+    past: Past = Past.ESTIMATED,
+) -> Minimum:
     """Levenberg-Marquardt with exact gradients; C, D and every F stay stable at every accepted step [More1978].
 
     Args:
@@ -72,9 +82,10 @@ def minimise(experiments: Sequence[IOData], orders: Orders, start: FloatArray, *
         orders: The structure.
         start: Initial parameters (p,), C, D and F stable.
         max_iterations: Accepted steps at most.
+        past: What is assumed about the time before each record.
     """
     energy = sum(float(e.y[:, 0] @ e.y[:, 0]) for e in experiments)
-    at = linearise(experiments, orders, start)
+    at = linearise(experiments, orders, start, past)
     damping, iterations, evaluations = 1e-4, 0, 1
     while True:
         if at.cost <= ROUNDING * energy:
@@ -92,7 +103,7 @@ def minimise(experiments: Sequence[IOData], orders: Orders, start: FloatArray, *
             step = -(right.T @ (weights * g)) / at.scale
             theta = at.theta + step
             if admissible(orders, theta):
-                trial = linearise(experiments, orders, theta)
+                trial = linearise(experiments, orders, theta, past)
                 evaluations += 1
                 if trial.cost < at.cost:
                     # decrease that the linear model promised
@@ -128,7 +139,9 @@ def admissible(orders: Orders, theta: FloatArray) -> bool:
     return all(is_stable(polynomial, STABILITY_MARGIN) for polynomial in (c, d, *f))
 
 
-def coloured_information(experiments: Sequence[IOData], orders: Orders, theta: FloatArray, order: int) -> FloatArray:
+def coloured_information(
+    experiments: Sequence[IOData], orders: Orders, theta: FloatArray, order: int, past: Past = Past.ESTIMATED
+) -> FloatArray:
     """J' R J of the errors' true covariance R, where they are independent of the input but not white.
 
     R stands for an autoregressive model of the errors: J is filtered by its inverse [Ljung1999, eq. 9.42].
@@ -138,11 +151,12 @@ def coloured_information(experiments: Sequence[IOData], orders: Orders, theta: F
         orders: The structure.
         theta: Parameters (p,).
         order: Coefficients of the autoregressive model.
+        past: What is assumed about the time before each record.
 
     Returns:
         Matrix (p, p).
     """
-    parts = [_projected(e.y[:, 0], e.u, orders, theta, orders.first_row(e.window))[0] for e in experiments]
+    parts = [error_jacobian(e, orders, theta, past).columns for e in experiments]
     errors = np.concatenate([part[:, -1] for part in parts])
     whitener, _ = autoregression(errors, order)
     total = np.zeros((orders.count,) * 2)
@@ -152,22 +166,27 @@ def coloured_information(experiments: Sequence[IOData], orders: Orders, theta: F
     return total * float(np.mean(lfilter(whitener, [1.0], errors) ** 2))
 
 
-def scores(experiments: Sequence[IOData], orders: Orders, theta: FloatArray) -> list[FloatArray]:
+def scores(
+    experiments: Sequence[IOData], orders: Orders, theta: FloatArray, past: Past = Past.ESTIMATED
+) -> list[FloatArray]:
     """Jacobian times error, sample by sample (rows, p) per experiment: half the gradient before it is summed."""
-    parts = [_projected(e.y[:, 0], e.u, orders, theta, orders.first_row(e.window))[0] for e in experiments]
+    parts = [error_jacobian(e, orders, theta, past).columns for e in experiments]
     return [part[:, :-1] * part[:, -1:] for part in parts]
 
 
-def linearise(experiments: Sequence[IOData], orders: Orders, theta: FloatArray) -> Linearisation:
+def linearise(
+    experiments: Sequence[IOData], orders: Orders, theta: FloatArray, past: Past = Past.ESTIMATED
+) -> Linearisation:
     """Evaluate the criterion and its exact first derivatives.
 
     Args:
         experiments: Single-output experiments.
         orders: The structure.
         theta: Parameters (p,).
+        past: What is assumed about the time before each record.
     """
-    parts = [_projected(e.y[:, 0], e.u, orders, theta, orders.first_row(e.window)) for e in experiments]
-    columns = np.vstack([part for part, _ in parts]) if len(parts) > 1 else parts[0][0]
+    parts = [error_jacobian(e, orders, theta, past) for e in experiments]
+    columns = np.vstack([part.columns for part in parts]) if len(parts) > 1 else parts[0].columns
     p = orders.count
     scale = np.sqrt(np.einsum("ij,ij->j", columns[:, :p], columns[:, :p]))
     scale[scale == 0.0] = 1.0
@@ -176,88 +195,12 @@ def linearise(experiments: Sequence[IOData], orders: Orders, theta: FloatArray) 
     size = np.sqrt(cost) if cost > 0.0 else 1.0
     columns /= np.concatenate((scale, [size]))
     triangle = triangular_factor(columns, guarded=p)
-    return Linearisation(theta, cost, triangle[:p, :p], size * triangle[:p, p], scale, sum(n for _, n in parts))
-
-
-def _projected(y: FloatArray, u: FloatArray, orders: Orders, theta: FloatArray, start: int) -> tuple[FloatArray, int]:
-    """Jacobian and errors [d eps / d theta, eps] of one experiment with the unknown past projected out.
-
-    Filters run over the whole record from rest. What that gets wrong about the time before `start` is, from `start` on,
-    a free response of 1/C or of D/(C F), hence lies in the span of the transient columns.
-    """
-    a, b, c, d, f = orders.split(theta)
-    n = len(y)
-    pulse = np.zeros(n - start)
-    pulse[0] = 1.0
-    responses = [lfilter(bj, fj, u[:, j]) for j, (bj, fj) in enumerate(zip(b, f, strict=True))]
-    v = lfilter(a, [1.0], y) - sum(responses)
-    eps = lfilter(d, c, v)[start:]
-
-    noise_count = max(orders.nc, orders.nd)
-    blocks = [_shifts(lfilter([1.0], c, pulse), noise_count)] if noise_count else []
-    inputs = [j for j, nf in enumerate(orders.nf) if nf]
-    blocks += [_shifts(lfilter(d, np.convolve(c, f[j]), pulse), orders.nf[j]) for j in inputs]
-    basis, tau = _orthonormal(np.hstack(blocks), eps) if blocks else (None, np.zeros(0))
-    if basis is not None:
-        lasting = len(basis)
-        eps[:lasting] -= basis @ (basis.T @ eps[:lasting])
-
-    # past of the errors does not matter below: it is again a transient
-    columns = np.empty((n - start, orders.count + 1), order="F")
-    k = 0
-    if orders.na:
-        columns[:, : orders.na] = lagged(lfilter(d, c, y), output_lags(orders.na), start)
-        k = orders.na
-    for j, (nb, nk) in enumerate(zip(orders.nb, orders.nk, strict=True)):
-        filtered = lfilter(d, np.convolve(c, f[j]), u[:, j])
-        columns[:, k : k + nb] = -lagged(filtered, input_lags(nb, nk), start)
-        k += nb
-    # w and v with their fitted initial conditions, as eps has them
-    used = noise_count
-    corrected = v[start:]
-    outputs = []
-    for j in range(len(f)):
-        w = responses[j][start:]
-        if orders.nf[j]:
-            initial = np.zeros(n - start)
-            initial[: orders.nf[j]] = tau[used : used + orders.nf[j]]
-            missing = lfilter([1.0], f[j], initial)
-            w, corrected = w + missing, corrected - missing
-            used += orders.nf[j]
-        outputs.append(w)
-    if orders.nc:
-        columns[:, k : k + orders.nc] = -_shifts(lfilter([1.0], c, eps), orders.nc, first=1)
-        k += orders.nc
-    if orders.nd:
-        columns[:, k : k + orders.nd] = _shifts(lfilter([1.0], c, corrected), orders.nd, first=1)
-        k += orders.nd
-    for j, nf in enumerate(orders.nf):
-        if nf:
-            columns[:, k : k + nf] = _shifts(lfilter(d, np.convolve(c, f[j]), outputs[j]), nf, first=1)
-            k += nf
-    if basis is not None:
-        columns[:lasting, :k] -= basis @ (basis.T @ columns[:lasting, :k])
-    columns[:, k] = eps
-    return columns, 0 if basis is None else basis.shape[1]
-
-
-def _shifts(signal: FloatArray, count: int, first: int = 0) -> FloatArray:
-    """Columns of `signal` delayed by first, first + 1, ..., from rest."""
-    out = np.zeros((len(signal), count), order="F")
-    for i in range(count):
-        delay = first + i
-        out[delay:, i] = signal[: len(signal) - delay]
-    return out
-
-
-def _orthonormal(transients: FloatArray, eps: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Orthonormal basis of the transients, as long as they last, and the coefficients of eps in them.
-
-    Transients that repeat others (inputs with equal F) are left out.
-    """
-    alive = np.flatnonzero(np.abs(transients).max(axis=1) > 1e-17 * np.abs(transients).max())
-    lasting = int(alive[-1]) + 1
-    left, values, right = np.linalg.svd(transients[:lasting], full_matrices=False)
-    kept = values > 1e-12 * values[0]
-    basis = left[:, kept]
-    return basis, right[kept].T @ ((basis.T @ eps[:lasting]) / values[kept])
+    return Linearisation(
+        theta=theta,
+        cost=cost,
+        triangle=triangle[:p, :p],
+        target=size * triangle[:p, p],
+        scale=scale,
+        errors=sum(part.errors for part in parts),
+        transients=sum(part.transients for part in parts),
+    )

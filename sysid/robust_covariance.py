@@ -14,6 +14,7 @@ from sysid.data import IOData
 from sysid.delta_method import standard_directions
 from sysid.least_squares import triangular_factor
 from sysid.orders import Orders
+from sysid.past import Past
 from sysid.prediction_error import admissible, linearise, scores
 
 MOST_LAGS = 10
@@ -22,7 +23,12 @@ STEP = 0.01  # of one standard deviation, for differences of the gradient
 
 
 def sandwich(
-    experiments: Sequence[IOData], orders: Orders, theta: FloatArray, covariance: FloatArray, variance: float
+    experiments: Sequence[IOData],
+    orders: Orders,
+    theta: FloatArray,
+    covariance: FloatArray,
+    variance: float,
+    past: Past = Past.ESTIMATED,
 ) -> FloatArray:
     """Covariance H^-1 S H^-1 of a prediction-error estimate (p, p).
 
@@ -32,15 +38,16 @@ def sandwich(
         theta: Where the criterion is least (p,).
         covariance: What it would be for white errors (p, p); its directions serve as coordinates.
         variance: Of the prediction errors.
+        past: What is assumed about the time before each record.
     """
     if variance <= 0.0:
         return covariance
     directions = standard_directions(covariance)
-    curvature = _curvature(experiments, orders, theta, directions)
+    curvature = _curvature(experiments, orders, theta, directions, past)
     # for a true model it is the variance times the identity; at a bound there may be none
     if curvature is None or np.linalg.eigvalsh(curvature)[0] < 0.01 * variance:
         curvature = variance * np.eye(len(theta))
-    series = [s @ directions for s in scores(experiments, orders, theta)]
+    series = [s @ directions for s in scores(experiments, orders, theta, past)]
     half = directions @ np.linalg.inv(curvature)
     return half @ long_run_covariance(series) @ half.T
 
@@ -76,7 +83,7 @@ def long_run_covariance(series: Sequence[FloatArray]) -> FloatArray:
 
 
 def _curvature(
-    experiments: Sequence[IOData], orders: Orders, theta: FloatArray, directions: FloatArray
+    experiments: Sequence[IOData], orders: Orders, theta: FloatArray, directions: FloatArray, past: Past
 ) -> FloatArray | None:
     """Half the second derivative of the criterion along directions (p, p); None where a step leaves stability."""
     gradients = []
@@ -84,7 +91,7 @@ def _curvature(
         ends = (theta + step, theta - step)
         if not all(admissible(orders, end) for end in ends):
             return None
-        up, down = (linearise(experiments, orders, end) for end in ends)
+        up, down = (linearise(experiments, orders, end, past) for end in ends)
         change = up.scale * (up.triangle.T @ up.target) - down.scale * (down.triangle.T @ down.target)
         gradients.append(directions.T @ change / (2.0 * STEP))
     curvature = np.array(gradients)

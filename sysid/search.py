@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from sysid.arrays import FloatArray
 from sysid.data import IOData
 from sysid.orders import Orders
+from sysid.past import Past
 from sysid.prediction_error import Minimum, admissible, minimise
 
 SCREENING_STEPS = 4
@@ -42,7 +43,12 @@ class Search:
 
 
 def search(
-    experiments: Sequence[IOData], orders: Orders, starts: Iterable[Start], *, max_iterations: int = 100
+    experiments: Sequence[IOData],
+    orders: Orders,
+    starts: Iterable[Start],
+    *,
+    max_iterations: int = 100,
+    past: Past = Past.ESTIMATED,
 ) -> Search:
     """Screen beginnings by a few steps until two agree, polish the best; where that is laborious, try them all.
 
@@ -51,34 +57,37 @@ def search(
         orders: The structure.
         starts: Beginnings, the most promising first; drawn only as far as they are needed.
         max_iterations: Steps of a polishing at most.
+        past: What is assumed about the time before each record.
     """
     samples = sum(len(e) for e in experiments)
     remaining = iter(starts)
     screened: dict[str, Minimum] = {}
+
+    def descend(theta: FloatArray, steps: int) -> Minimum:
+        return minimise(experiments, orders, theta, max_iterations=steps, past=past)
+
+    def polish(name: str) -> Minimum:
+        found = screened[name]
+        return found if found.converged else descend(found.at.theta, max_iterations)
+
     agreed = False
     for start in remaining:
         if admissible(orders, start.theta):
-            found = minimise(experiments, orders, start.theta, max_iterations=SCREENING_STEPS)
+            found = descend(start.theta, SCREENING_STEPS)
             agreed = any(_agree(found, other, samples) for other in screened.values())
             screened[start.name] = found
         if agreed:
             break
     chosen = min(screened, key=lambda name: screened[name].at.cost)
-    best = _polished(experiments, orders, screened[chosen], max_iterations)
+    best = polish(chosen)
     if not best.converged or best.iterations > EASY:
         for start in remaining:
             if admissible(orders, start.theta):
-                screened[start.name] = minimise(experiments, orders, start.theta, max_iterations=SCREENING_STEPS)
+                screened[start.name] = descend(start.theta, SCREENING_STEPS)
         for name in sorted(screened, key=lambda name: screened[name].at.cost):
-            if name != chosen:
-                other = _polished(experiments, orders, screened[name], max_iterations)
-                if other.at.cost < best.at.cost:
-                    best, chosen = other, name
+            if name != chosen and (other := polish(name)).at.cost < best.at.cost:
+                best, chosen = other, name
     return Search(best, {name: found.at.cost for name, found in screened.items()}, chosen)
-
-
-def _polished(experiments: Sequence[IOData], orders: Orders, found: Minimum, max_iterations: int) -> Minimum:
-    return found if found.converged else minimise(experiments, orders, found.at.theta, max_iterations=max_iterations)
 
 
 def _agree(one: Minimum, other: Minimum, samples: int) -> bool:

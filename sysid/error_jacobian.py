@@ -1,0 +1,217 @@
+"""Prediction errors of one experiment and their exact Jacobian, for each way to treat the time before the record."""
+
+from dataclasses import dataclass
+
+import numpy as np
+import scipy.linalg
+from scipy.signal import lfilter
+
+from sysid.arrays import FloatArray
+from sysid.data import IOData
+from sysid.orders import Orders
+from sysid.past import Past
+from sysid.regressors import input_lags, lagged, output_lags
+
+LEAST_VARIANCE = 1e-8  # of a past disturbance, in units of the innovation's
+STEP = 1e-5  # of the coefficients, for differences of the small matrices of backcasting
+
+
+@dataclass(frozen=True, eq=False)
+class ErrorJacobian:
+    """Errors with their derivatives.
+
+    Attributes:
+        columns: [d eps / d theta, eps], the initial conditions taken out; with backcasting the deviations of past
+            disturbances from zero stand in front, in units of the innovation's deviation (rows, p + 1).
+        errors: Number of prediction errors among the rows.
+        transients: Number of free initial conditions.
+    """
+
+    columns: FloatArray
+    errors: int
+    transients: int
+
+
+def error_jacobian(experiment: IOData, orders: Orders, theta: FloatArray, past: Past) -> ErrorJacobian:
+    """Evaluate one single-output experiment.
+
+    Args:
+        experiment: The data.
+        orders: The structure.
+        theta: Parameters (p,), C and F stable.
+        past: What is assumed about the time before the record.
+    """
+    y, u = experiment.y[:, 0], experiment.u
+    if past is Past.ZERO:
+        return _from_rest(y, u, orders, theta, experiment.window)
+    start = orders.first_row(experiment.window)
+    if past is Past.BACKCAST and max(orders.nc, orders.nd):
+        return _backcast(y, u, orders, theta, start)
+    return _with_free_past(y, u, orders, theta, start)
+
+
+def _with_free_past(y: FloatArray, u: FloatArray, orders: Orders, theta: FloatArray, start: int) -> ErrorJacobian:
+    """Errors and Jacobian from `start` on, with the unknown past projected out.
+
+    Filters run over the whole record from rest. What that gets wrong about the time before `start` is, from `start` on,
+    a free response of 1/C or of D/(C F), hence lies in the span of the transient columns.
+    """
+    a, b, c, d, f = orders.split(theta)
+    n = len(y)
+    pulse = np.zeros(n - start)
+    pulse[0] = 1.0
+    responses = [lfilter(bj, fj, u[:, j]) for j, (bj, fj) in enumerate(zip(b, f, strict=True))]
+    v = lfilter(a, [1.0], y) - sum(responses)
+    eps = lfilter(d, c, v)[start:]
+
+    noise_count = max(orders.nc, orders.nd)
+    blocks = [_shifts(lfilter([1.0], c, pulse), noise_count)] if noise_count else []
+    inputs = [j for j, nf in enumerate(orders.nf) if nf]
+    blocks += [_shifts(lfilter(d, np.convolve(c, f[j]), pulse), orders.nf[j]) for j in inputs]
+    basis, tau = _orthonormal(np.hstack(blocks), eps) if blocks else (None, np.zeros(0))
+    if basis is not None:
+        lasting = len(basis)
+        eps[:lasting] -= basis @ (basis.T @ eps[:lasting])
+
+    # past of the errors does not matter below: it is again a transient
+    columns = np.empty((n - start, orders.count + 1), order="F")
+    k = 0
+    if orders.na:
+        columns[:, : orders.na] = lagged(lfilter(d, c, y), output_lags(orders.na), start)
+        k = orders.na
+    for j, (nb, nk) in enumerate(zip(orders.nb, orders.nk, strict=True)):
+        filtered = lfilter(d, np.convolve(c, f[j]), u[:, j])
+        columns[:, k : k + nb] = -lagged(filtered, input_lags(nb, nk), start)
+        k += nb
+    # w and v with their fitted initial conditions, as eps has them
+    used = noise_count
+    corrected = v[start:]
+    outputs = []
+    for j in range(len(f)):
+        w = responses[j][start:]
+        if orders.nf[j]:
+            initial = np.zeros(n - start)
+            initial[: orders.nf[j]] = tau[used : used + orders.nf[j]]
+            missing = lfilter([1.0], f[j], initial)
+            w, corrected = w + missing, corrected - missing
+            used += orders.nf[j]
+        outputs.append(w)
+    if orders.nc:
+        columns[:, k : k + orders.nc] = -_shifts(lfilter([1.0], c, eps), orders.nc, first=1)
+        k += orders.nc
+    if orders.nd:
+        columns[:, k : k + orders.nd] = _shifts(lfilter([1.0], c, corrected), orders.nd, first=1)
+        k += orders.nd
+    for j, nf in enumerate(orders.nf):
+        if nf:
+            columns[:, k : k + nf] = _shifts(lfilter(d, np.convolve(c, f[j]), outputs[j]), nf, first=1)
+            k += nf
+    if basis is not None:
+        columns[:lasting, :k] -= basis @ (basis.T @ columns[:lasting, :k])
+    columns[:, k] = eps
+    return ErrorJacobian(columns, len(columns), 0 if basis is None else basis.shape[1])
+
+
+def _from_rest(y: FloatArray, u: FloatArray, orders: Orders, theta: FloatArray, window: int) -> ErrorJacobian:
+    """Errors and Jacobian of all samples behind the window, everything before the record zero."""
+    a, b, c, d, f = orders.split(theta)
+    responses = [lfilter(bj, fj, u[:, j]) for j, (bj, fj) in enumerate(zip(b, f, strict=True))]
+    v = lfilter(a, [1.0], y) - sum(responses)
+    eps = lfilter(d, c, v)
+    paths = [np.convolve(c, fj) for fj in f]
+    blocks = [_shifts(lfilter(d, c, y), orders.na, first=1)]
+    for j, (nb, nk) in enumerate(zip(orders.nb, orders.nk, strict=True)):
+        blocks.append(-_shifts(lfilter(d, paths[j], u[:, j]), nb, first=nk))
+    blocks.append(-_shifts(lfilter([1.0], c, eps), orders.nc, first=1))
+    blocks.append(_shifts(lfilter([1.0], c, v), orders.nd, first=1))
+    blocks += [_shifts(lfilter(d, paths[j], w), orders.nf[j], first=1) for j, w in enumerate(responses)]
+    columns = np.hstack((*blocks, eps[:, None]))[window:]
+    return ErrorJacobian(columns, len(columns), 0)
+
+
+def _backcast(y: FloatArray, u: FloatArray, orders: Orders, theta: FloatArray, start: int) -> ErrorJacobian:
+    """Errors and Jacobian from `start` on; the state x of the disturbance there costs x' P^-1 x, P its covariance.
+
+    Everything of the disturbance runs from rest at `start`. Its state enters as pulses at the first samples, by way of
+    1/C.
+    """
+    a, b, c, d, f = orders.split(theta)
+    rows, m = len(y) - start, max(orders.nc, orders.nd)
+    pulse = np.zeros(rows)
+    pulse[0] = 1.0
+    responses = [lfilter(bj, fj, u[:, j]) for j, (bj, fj) in enumerate(zip(b, f, strict=True))]
+    v = (lfilter(a, [1.0], y) - sum(responses))[start:]
+    root = _inverse_root(c, d, m)
+    paths = [_shifts(lfilter(d, np.convolve(c, f[j]), pulse), nf) for j, nf in enumerate(orders.nf)]
+    noise = np.vstack((root, _shifts(lfilter([1.0], c, pulse), m)))
+    free = np.vstack((np.zeros((m, sum(orders.nf))), np.hstack(paths)))
+    errors = np.concatenate((np.zeros(m), lfilter(d, c, v)))
+    basis, state = _orthonormal(np.hstack((noise, free)), errors)
+    errors[: len(basis)] -= basis @ (basis.T @ errors[: len(basis)])
+
+    columns = np.zeros((m + rows, orders.count + 1), order="F")
+    k = orders.na
+    columns[m:, :k] = lfilter(d, c, lagged(y, output_lags(orders.na), start), axis=0)
+    for j, (nb, nk) in enumerate(zip(orders.nb, orders.nk, strict=True)):
+        reached = lagged(lfilter([1.0], f[j], u[:, j]), input_lags(nb, nk), start)
+        columns[m:, k : k + nb] = -lfilter(d, c, reached, axis=0)
+        k += nb
+    used, outputs = m, []
+    for j, nf in enumerate(orders.nf):
+        initial = np.zeros(len(y))
+        initial[start : start + nf] = state[used : used + nf]
+        missing = lfilter([1.0], f[j], initial)
+        outputs.append(responses[j] + missing)
+        v = v - missing[start:]
+        used += nf
+    for i, (polynomial, sign) in enumerate(((c, -1.0), (d, 1.0))):
+        driven = lfilter([1.0], c, errors[m:] if i == 0 else v)
+        n = len(polynomial) - 1
+        columns[m:, k : k + n] = sign * _shifts(driven, n, first=1)
+        for lag in range(1, n + 1):
+            # the state is held while its covariance moves
+            ends = [polynomial + s * STEP * np.eye(1, n + 1, lag)[0] for s in (1.0, -1.0)]
+            up, down = (_inverse_root(end, d, m) if i == 0 else _inverse_root(c, end, m) for end in ends)
+            columns[:m, k + lag - 1] = -(up - down) @ state[:m] / (2.0 * STEP)
+        k += n
+    for j, nf in enumerate(orders.nf):
+        filtered = _shifts(lfilter([1.0], f[j], outputs[j]), nf, first=1)[start:]
+        columns[m:, k : k + nf] = lfilter(d, c, filtered, axis=0)
+        k += nf
+    columns[: len(basis), :k] -= basis @ (basis.T @ columns[: len(basis), :k])
+    columns[:, k] = errors
+    return ErrorJacobian(columns, rows, basis.shape[1] - m)
+
+
+def _inverse_root(c: FloatArray, d: FloatArray, m: int) -> FloatArray:
+    """Inverse of L (m, m), L L' the stationary covariance of C/D's state in observer form, for unit innovations."""
+    A = np.eye(m, k=1)
+    A[: len(d) - 1, 0] = -d[1:]
+    K = np.zeros((m, 1))
+    K[: len(c) - 1, 0] += c[1:]
+    K[: len(d) - 1, 0] -= d[1:]
+    covariance = scipy.linalg.solve_discrete_lyapunov(A, K @ K.T) + LEAST_VARIANCE * np.eye(m)
+    root = np.linalg.cholesky(0.5 * (covariance + covariance.T))
+    return np.asarray(scipy.linalg.solve_triangular(root, np.eye(m), lower=True))
+
+
+def _shifts(signal: FloatArray, count: int, first: int = 0) -> FloatArray:
+    """Columns of `signal` delayed by first, first + 1, ..., from rest."""
+    out = np.zeros((len(signal), count), order="F")
+    for i in range(count):
+        delay = first + i
+        out[delay:, i] = signal[: len(signal) - delay]
+    return out
+
+
+def _orthonormal(transients: FloatArray, eps: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Orthonormal basis of the transients, as long as they last, and the coefficients of eps in them.
+
+    Transients that repeat others (inputs with equal F) are left out.
+    """
+    alive = np.flatnonzero(np.abs(transients).max(axis=1) > 1e-17 * np.abs(transients).max())
+    lasting = int(alive[-1]) + 1
+    left, values, right = np.linalg.svd(transients[:lasting], full_matrices=False)
+    kept = values > 1e-12 * values[0]
+    basis = left[:, kept]
+    return basis, right[kept].T @ ((basis.T @ eps[:lasting]) / values[kept])
