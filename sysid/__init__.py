@@ -4,6 +4,7 @@ from sysid.adaptation import Forgetting, Gradient, Kalman
 from sysid.armax import armax
 from sysid.arx import arx
 from sysid.balred import balred, hankel_singular_values
+from sysid.bands import Band, RootBand, band, poles_band, sample_models, sampled_band, zeros_band
 from sysid.bj import bj
 from sysid.bla import BestLinearApproximation, bla
 from sysid.compare import ModelFit, compare, fit_percent
@@ -48,6 +49,7 @@ from sysid.welch import welch
 from sysid.zero_pole_gain import ZeroPoleGain, transfer_function, zero_pole_gain
 
 __all__ = [
+    "Band",
     "Bandwidth",
     "BestLinearApproximation",
     "CovarianceFunction",
@@ -66,6 +68,7 @@ __all__ = [
     "Realisation",
     "RecursiveEstimate",
     "ResidualTest",
+    "RootBand",
     "StateSpace",
     "StructureTable",
     "SysidError",
@@ -74,6 +77,7 @@ __all__ = [
     "armax",
     "arx",
     "balred",
+    "band",
     "bj",
     "bla",
     "block_diagonal",
@@ -100,6 +104,7 @@ __all__ = [
     "okid",
     "order_of_excitation",
     "pem_ss",
+    "poles_band",
     "predict",
     "prefilter",
     "rarmax",
@@ -111,6 +116,8 @@ __all__ = [
     "resid",
     "residuals",
     "roe",
+    "sample_models",
+    "sampled_band",
     "selstruc",
     "simulate",
     "spa",
@@ -118,4 +125,5 @@ __all__ = [
     "transfer_function",
     "welch",
     "zero_pole_gain",
+    "zeros_band",
 ]
