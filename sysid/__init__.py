@@ -23,6 +23,7 @@ from sysid.excitation import order_of_excitation
 from sysid.filtering import keep_band, prefilter
 from sysid.findstates import findstates
 from sysid.frequency import FrequencyResponse
+from sysid.identifiability import Cancellation, Identifiability, identifiability
 from sysid.importers import read_csv, read_mat, read_netcdf
 from sysid.iv4 import iv4
 from sysid.n4sid import n4sid
@@ -52,6 +53,7 @@ __all__ = [
     "Band",
     "Bandwidth",
     "BestLinearApproximation",
+    "Cancellation",
     "CovarianceFunction",
     "CrossValidation",
     "DelayEstimate",
@@ -60,6 +62,7 @@ __all__ = [
     "FrequencyResponse",
     "Gradient",
     "IOData",
+    "Identifiability",
     "ImpulseResponse",
     "Kalman",
     "ModelFit",
@@ -96,6 +99,7 @@ __all__ = [
     "findstates",
     "fit_percent",
     "hankel_singular_values",
+    "identifiability",
     "innovations_form",
     "iv4",
     "keep_band",
