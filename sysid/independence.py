@@ -15,7 +15,7 @@ from sysid.regressors import lagged
 
 
 def whiteness_p(correlations: FloatArray, counts: NDArray[np.int_]) -> FloatArray:
-    """p-values of Q = N (N + 2) sum_k r(k)^2 / (N - k), k = 1..h [LjungBox1978].
+    """p-values of Q = N (N + 2) sum_k (r(k) - E r(k))^2 / (N - k), k = 1..h [LjungBox1978].
 
     Q has mean h and, on short records, a variance well above the 2 h of the chi-square distribution, which would reject
     white residuals of 250 samples twice as often as claimed. The variance is worked out for Gaussian white noise from
@@ -30,7 +30,9 @@ def whiteness_p(correlations: FloatArray, counts: NDArray[np.int_]) -> FloatArra
     """
     h, n = len(correlations), float(counts[0])
     k = n - counts[1:].astype(float)
-    statistic = n * (n + 2.0) * np.sum(correlations**2 / (n - k)[:, None], axis=0)
+    # a mean that has been removed leaves correlations of about -1/N
+    centred = correlations + ((n - k) / (n * (n - 1.0)))[:, None]
+    statistic = n * (n + 2.0) * np.sum(centred**2 / (n - k)[:, None], axis=0)
     a, b = np.meshgrid(k, k)
     # E c(k)^2 c(l)^2 of the covariances of unit white noise; the power of c(0)^4 is that of a chi-square variable
     fourth = (n - a) * (n - b) + 12.0 * (n - a - b) + 4.0 * np.minimum(a, b)

@@ -2,6 +2,8 @@
 
 import numpy as np
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 from scipy.signal import lfilter
 
 from sysid import (
@@ -58,6 +60,36 @@ def test_k_step_predictor_is_its_definition(steps: int) -> None:
             x = MODEL.A @ x + MODEL.B @ data.u[s]
         expected[t] = (MODEL.C @ x + MODEL.D @ data.u[t])[0]
     np.testing.assert_allclose(predict(MODEL, data, steps=steps, x0=x0)[:, 0], expected, atol=1e-10)
+
+
+@settings(max_examples=25, deadline=None, derandomize=True)
+@given(
+    sizes=st.tuples(st.integers(1, 4), st.integers(1, 3), st.integers(1, 3)),
+    steps=st.integers(1, 12),
+    seed=st.integers(0, 10_000),
+    direct=st.booleans(),
+)
+def test_any_shape_against_the_plain_loop(sizes: tuple[int, int, int], steps: int, seed: int, direct: bool) -> None:
+    n, nu, ny = sizes
+    rng = np.random.default_rng(seed)
+    A = rng.standard_normal((n, n))
+    A *= 0.9 / max(np.abs(np.linalg.eigvals(A)).max(), 1e-9)
+    C = rng.standard_normal((ny, n))
+    D = rng.standard_normal((ny, nu)) if direct else np.zeros((ny, nu))
+    model = StateSpace(A, rng.standard_normal((n, nu)), C, D, 0.01 * rng.standard_normal((n, ny)), 0.1)
+    data = IOData(rng.standard_normal((30, nu)), rng.standard_normal((30, ny)), 0.1)
+    states = [rng.standard_normal(n)]
+    for u, y in zip(data.u, data.y, strict=True):
+        x = states[-1]
+        states.append(model.A @ x + model.B @ u + model.gain @ (y - model.C @ x - model.D @ u))
+    expected = np.empty((30, ny))
+    for t in range(30):
+        first = max(t - steps + 1, 0)
+        x = states[first]
+        for s in range(first, t):
+            x = model.A @ x + model.B @ data.u[s]
+        expected[t] = model.C @ x + model.D @ data.u[t]
+    np.testing.assert_allclose(predict(model, data, steps=steps, x0=states[0]), expected, rtol=1e-7, atol=1e-9)
 
 
 def test_no_horizon_is_simulation() -> None:
