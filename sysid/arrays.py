@@ -12,6 +12,18 @@ ComplexArray = NDArray[np.complex128]
 Scalar = TypeVar("Scalar", bound=np.generic)
 
 
+class Locked:
+    """A record whose arrays stay locked when it is copied or unpickled."""
+
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        """Take over the fields and lock their arrays again: NumPy forgets the lock on the way."""
+        for value in state.values():
+            for array in value.values() if isinstance(value, dict) else (value,):
+                if isinstance(array, np.ndarray):
+                    array.setflags(write=False)
+        self.__dict__.update(state)
+
+
 def lock(array: NDArray[Scalar]) -> NDArray[Scalar]:
     """Return a read-only copy of `array`."""
     out = np.array(array, order="C", copy=True)
@@ -29,6 +41,8 @@ def real_array(name: str, value: ArrayLike) -> FloatArray:
         raw: NDArray[Any] = np.asarray(value)
     except ValueError as error:
         raise SysidError(f"{name}: expected a rectangular array of real numbers, got a ragged sequence") from error
+    if np.ma.is_masked(value):
+        raise SysidError(f"{name}: {np.ma.count_masked(value)} masked value(s) given, expected numbers throughout")
     if raw.dtype.kind not in "biuf":
         raise SysidError(f"{name}: expected real numbers, got an array of type {raw.dtype}")
     out = raw.astype(np.float64)

@@ -5,7 +5,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from sysid.arrays import FloatArray, lock
+from sysid.arrays import FloatArray, Locked, lock
 from sysid.data import IOData
 from sysid.errors import SysidError
 from sysid.estimate import Estimate
@@ -16,7 +16,7 @@ Model = StateSpace | Estimate
 
 
 @dataclass(frozen=True, eq=False)
-class ModelFit:
+class ModelFit(Locked):
     """How well one model explains one record.
 
     Attributes:
@@ -108,8 +108,10 @@ def fit_percent(y: FloatArray, yhat: FloatArray) -> FloatArray:
     if y.shape != yhat.shape:
         raise SysidError(f"y and yhat must have one shape, got {y.shape} and {yhat.shape}")
     spread = np.sqrt(np.nansum((y - np.nanmean(y, axis=0)) ** 2, axis=0))
-    if (spread == 0.0).any():
-        raise SysidError(f"output {int(np.argmin(spread))} is constant: its fit is not defined")
+    # Rounding of the mean leaves a constant a spread of its last digit.
+    rounding = 1e-14 * np.sqrt(len(y)) * np.nanmax(np.abs(y), axis=0)
+    if (spread <= rounding).any():
+        raise SysidError(f"output {int(np.argmin(spread - rounding))} is constant: its fit is not defined")
     # samples that are missing are not scored
     known = np.isfinite(y)
     error = np.where(known, np.abs(np.where(known, y, 0.0) - yhat), 0.0)

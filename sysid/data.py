@@ -7,14 +7,18 @@ from typing import Literal
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from sysid.arrays import FloatArray, lock, real_array
+from sysid.arrays import FloatArray, Locked, lock, real_array
 from sysid.errors import SysidError
 
 ROUNDING = 1e-13  # what is left of a channel, as a part of it, that is rounding and no signal
 
 
+LARGEST = 1e60
+"""Largest magnitude of a signal; its inverse is the smallest."""
+
+
 @dataclass(frozen=True, eq=False)
-class IOData:
+class IOData(Locked):
     """Uniformly sampled inputs and outputs of one experiment, time first.
 
     Slicing, detrending and selecting return new records that keep names, units and inter-sample behaviour.
@@ -154,7 +158,8 @@ class IOData:
         Raises:
             SysidError: Not a slice, a step other than 1, or an empty part.
         """
-        if not isinstance(part, slice) or part.step not in (None, 1):
+        ends = (part.start, part.stop) if isinstance(part, slice) else (0.5,)
+        if any(not isinstance(end, int | np.integer | None) for end in ends) or part.step not in (None, 1):
             raise SysidError(f"a record is cut by data[a:b] without a step, got data[{part!r}]")
         start, stop, _ = part.indices(len(self))
         if stop <= start:
@@ -241,6 +246,8 @@ def as_experiments(data: IOData | Sequence[IOData], *, missing: bool = False) ->
         SysidError: No experiment, something that is no `IOData`, records that differ in `dt` or channels, or missing
             samples where there must be none.
     """
+    if not isinstance(data, IOData | Sequence) or isinstance(data, str):
+        raise SysidError(f"expected an IOData record or a sequence of them, got {type(data).__name__}")
     records = (data,) if isinstance(data, IOData) else tuple(data)
     if not records:
         raise SysidError("expected at least one experiment, got an empty sequence")
@@ -310,6 +317,12 @@ def _channels(name: str, value: FloatArray, *, missing: bool = False) -> FloatAr
         raise SysidError(f"{name}: expected time first, shape (N, channels) or (N,), got shape {out.shape}")
     if out.size == 0:
         raise SysidError(f"{name}: expected at least one sample and one channel, got shape {out.shape}")
+    largest = np.abs(out).max(axis=0)
+    if ((largest > LARGEST) | ((largest > 0.0) & (largest < 1.0 / LARGEST))).any():
+        raise SysidError(
+            f"{name}: channels with largest values {largest} given, expected {1.0 / LARGEST:g} to {LARGEST:g}: "
+            "sums of squares would leave the range of numbers; change the unit"
+        )
     if out.shape[1] > out.shape[0]:
         raise SysidError(
             f"{name}: shape {out.shape} has more channels than samples; expected time first, (N, channels)"
@@ -320,6 +333,8 @@ def _channels(name: str, value: FloatArray, *, missing: bool = False) -> FloatAr
 def _labels(what: str, given: Sequence[str] | None, default: tuple[str, ...]) -> tuple[str, ...]:
     if given is None:
         return default
+    if not isinstance(given, Sequence):
+        raise SysidError(f"{what}: expected {len(default)} text(s), one per channel, got {given!r}")
     labels = (given,) if isinstance(given, str) else tuple(str(label) for label in given)
     if len(labels) != len(default):
         raise SysidError(f"{what}: expected {len(default)}, one per channel, got {len(labels)}: {labels}")

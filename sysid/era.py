@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from sysid.arrays import FloatArray, lock, real_array
+from sysid.arrays import FloatArray, Locked, lock, real_array
 from sysid.errors import SysidError, SysidWarning
 from sysid.state_space import StateSpace
 
@@ -14,7 +14,7 @@ NUMERICAL_RANK = 1e-13
 
 
 @dataclass(frozen=True, eq=False)
-class Realisation:
+class Realisation(Locked):
     """A model realised from Markov parameters, and how much of them it stands for.
 
     Attributes:

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from sysid.arrays import FloatArray, lock, real_array
+from sysid.arrays import FloatArray, Locked, lock, real_array
 from sysid.data import IOData
 from sysid.delta_method import spread
 from sysid.errors import SysidError
@@ -21,7 +21,7 @@ LISTED = 16
 
 
 @dataclass(frozen=True, eq=False)
-class Bandwidth:
+class Bandwidth(Locked):
     """Half-power bandwidths with 95 % intervals.
 
     Attributes:
@@ -81,7 +81,7 @@ class DataSummary:
 
 
 @dataclass(frozen=True, eq=False)
-class Estimate:
+class Estimate(Locked):
     """A model, how it was found and how well it is known.
 
     Attributes:

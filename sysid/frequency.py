@@ -5,14 +5,14 @@ from dataclasses import dataclass, field
 import numpy as np
 from scipy.stats import chi2, t
 
-from sysid.arrays import ComplexArray, FloatArray, lock
+from sysid.arrays import ComplexArray, FloatArray, Locked, lock
 from sysid.errors import SysidError
 
 NORMAL_95 = 1.959963984540054
 
 
 @dataclass(frozen=True, eq=False)
-class FrequencyResponse:
+class FrequencyResponse(Locked):
     """A response over frequency, and the spectra that came with it.
 
     Spectra are two-sided densities: the sum over -Nyquist..Nyquist times the spacing in Hz is the variance.

@@ -116,6 +116,8 @@ def _order(name: str, value: int, least: int = 0) -> int:
 def _per_input(name: str, value: int | Sequence[int], nu: int, least: int = 0) -> tuple[int, ...]:
     if isinstance(value, int | np.integer):
         return (_order(name, value, least),) * nu
+    if isinstance(value, str) or not isinstance(value, Sequence | np.ndarray):
+        raise SysidError(f"{name} must be a whole number >= {least}, or one per input, got {value!r}")
     values = tuple(_order(name, v, least) for v in value)
     if len(values) != nu:
         raise SysidError(f"{name}: expected one value or one per input ({nu}), got {values}")

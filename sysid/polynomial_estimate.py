@@ -65,6 +65,14 @@ def make_estimate(
     summary = DataSummary.of(experiments)
     realise = Realise(orders, summary, variance)
     model = realise(theta)
+    if not model.is_stable():
+        radius = float(np.abs(model.poles()).max())
+        text = (
+            f"the model is not stable, its largest pole has modulus {radius:.6g}: "
+            "its frequency response and bandwidth describe no steady state"
+        )
+        texts = (*texts, text)
+        warnings.warn(text, SysidWarning, stacklevel=4)
     with warnings.catch_warnings():
         # an unstable predictor has been kept out by the estimator
         warnings.simplefilter("ignore", SysidWarning)
@@ -110,6 +118,12 @@ def check_enough_data(experiments: Sequence[IOData], orders: Orders, transients:
     Raises:
         SysidError: Not more than parameters and initial conditions.
     """
+    slow = max((*orders.nk, 0))
+    if any(2 * slow > len(e) for e in experiments):
+        raise SysidError(
+            f"nk = {slow} given, expected a delay of at most half the record: the shortest experiment has "
+            f"{min(len(e) for e in experiments)} samples"
+        )
     rows = sum(max(len(e) - orders.first_row(e.window), 0) for e in experiments)
     unknown = orders.count + transients * len(experiments)
     short = [len(e) for e in experiments if len(e) <= orders.first_row(e.window) + transients]

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 import scipy.linalg
 
-from sysid.arrays import FloatArray, lock, real_array
+from sysid.arrays import FloatArray, Locked, lock, real_array
 from sysid.errors import SysidError
 from sysid.state_space import StateSpace
 
@@ -13,7 +13,7 @@ ONE = np.ones(1)
 
 
 @dataclass(frozen=True, eq=False)
-class Polynomials:
+class Polynomials(Locked):
     """A(q) y = B(q)/F(q) u + C(q)/D(q) e, coefficients of falling powers q^0, q^-1, ... [Ljung1999, eq. 4.33].
 
     Attributes:

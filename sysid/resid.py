@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.stats import norm
 
-from sysid.arrays import FloatArray, lock
+from sysid.arrays import FloatArray, Locked, lock
 from sysid.autoregression import autoregression
 from sysid.correlation import covariance_function
 from sysid.data import ROUNDING, IOData, as_experiments
@@ -21,7 +21,7 @@ BoolArray = NDArray[np.bool_]
 
 
 @dataclass(frozen=True, eq=False)
-class ResidualTest:
+class ResidualTest(Locked):
     """Correlations of the residuals, with bounds and tests.
 
     Attributes:

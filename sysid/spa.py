@@ -61,6 +61,8 @@ def spa(
         if frequencies is None
         else np.atleast_1d(real_array("frequencies", frequencies))
     )
+    if f.ndim != 1 or len(f) == 0:
+        raise SysidError(f"frequencies: expected a list of at least one, got an array of shape {f.shape}")
     if f.min() < 0.0 or f.max() > 0.5 / dt * (1 + 1e-12):
         raise SysidError(f"frequencies must lie between 0 and Nyquist ({0.5 / dt} Hz), got {f.min()} to {f.max()} Hz")
     complete = all(e.complete for e in experiments)

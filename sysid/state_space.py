@@ -10,7 +10,7 @@ import scipy.linalg
 from numpy.typing import ArrayLike
 from scipy.optimize import brentq
 
-from sysid.arrays import ComplexArray, FloatArray, lock, real_array
+from sysid.arrays import ComplexArray, FloatArray, Locked, lock, real_array
 from sysid.errors import SysidError
 from sysid.reduction import balanced_truncation
 from sysid.transmission_zeros import transmission_zeros
@@ -19,7 +19,7 @@ HALF_POWER = 0.5  # -3.0103 dB
 
 
 @dataclass(frozen=True, eq=False)
-class StateSpace:
+class StateSpace(Locked):
     """Discrete-time model x(t+1) = A x + B u + K e, y(t) = C x + D u + e [Ljung1999, eq. 4.92].
 
     Attributes:
@@ -72,7 +72,7 @@ class StateSpace:
                     f"{attribute}: expected shape {shape} for {n} states, {nu} inputs, {ny} outputs, got {matrix.shape}"
                 )
             object.__setattr__(self, attribute, lock(shaped))
-        if not (np.isfinite(self.dt) and self.dt > 0):
+        if not (isinstance(self.dt, int | float | np.integer | np.floating) and 0.0 < self.dt < np.inf):
             raise SysidError(f"dt must be a positive number of seconds, got {self.dt!r}")
         object.__setattr__(self, "dt", float(self.dt))
         for attribute, count, default in (
@@ -136,7 +136,10 @@ class StateSpace:
         return self._response(f_hz, self.gain, np.eye(self.ny))
 
     def _response(self, f_hz: ArrayLike, B: FloatArray, D: FloatArray) -> ComplexArray:
-        z = np.exp(2j * np.pi * self.dt * np.atleast_1d(real_array("f_hz", f_hz)))
+        frequencies = np.atleast_1d(real_array("f_hz", f_hz))
+        if frequencies.ndim != 1:
+            raise SysidError(f"f_hz: expected a list of frequencies, got an array of shape {frequencies.shape}")
+        z = np.exp(2j * np.pi * self.dt * frequencies)
         if self.order == 0:
             return np.broadcast_to(D.astype(complex), (len(z), *D.shape)).copy()
         pencil = z[:, None, None] * np.eye(self.order) - self.A
@@ -204,8 +207,8 @@ class StateSpace:
         Raises:
             SysidError: n < 1.
         """
-        if n < 1:
-            raise SysidError(f"expected at least one Markov parameter, got n = {n}")
+        if not isinstance(n, int | np.integer) or n < 1:
+            raise SysidError(f"expected at least one Markov parameter, got n = {n!r}")
         out = np.empty((n, self.ny, self.nu))
         out[0] = self.D
         state = self.B
@@ -258,6 +261,8 @@ class StateSpace:
         Raises:
             SysidError: The system is continuous or has no sampling interval.
         """
+        if not isinstance(system, control.LTI):
+            raise SysidError(f"expected a python-control system, got {type(system).__name__}")
         ss = control.ss(system)
         if not isinstance(ss.dt, float | int) or isinstance(ss.dt, bool) or ss.dt <= 0:
             raise SysidError(f"expected a discrete-time system with a sampling interval, got dt = {ss.dt!r}")
