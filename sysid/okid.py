@@ -74,7 +74,8 @@ class Realise:
         with warnings.catch_warnings():
             # the order has been settled by the estimate itself
             warnings.simplefilter("ignore", SysidWarning)
-            return self.model(self.realisation(theta), theta)
+            markov = self.markov(theta)
+            return self.model(self.realisation(markov), markov)
 
     def markov(self, theta: FloatArray) -> ObserverParameters:
         """System and gain Markov parameters, unscaled, by recursion [Juang1993]."""
@@ -99,13 +100,12 @@ class Realise:
         rest = table[:, nu if self.direct else 0 :].reshape(ny, self.p, nu + ny).transpose(1, 0, 2)
         return direct, rest[:, :, :nu], rest[:, :, nu:]
 
-    def realisation(self, theta: FloatArray) -> Realisation:
+    def realisation(self, markov: ObserverParameters) -> Realisation:
         """What the realiser makes of the Markov parameters in scaled channels."""
-        system = self.markov(theta).system
-        scaled = system * self.input_scale / self.output_scale[:, None]
+        scaled = markov.system * self.input_scale / self.output_scale[:, None]
         return self.realiser(scaled, self.order, dt=self.data.dt)
 
-    def model(self, found: Realisation, theta: FloatArray) -> StateSpace:
+    def model(self, found: Realisation, markov: ObserverParameters) -> StateSpace:
         """Un-scale, and add K [Juang1993]."""
         C = found.model.C * self.output_scale[:, None]
         B = found.model.B / self.input_scale
@@ -114,7 +114,7 @@ class Realise:
         if self.deadbeat:
             K = deadbeat_gain(A, C)
         else:
-            K = stable_gain(A, C, self.observer_gain(found, theta), self.covariance)
+            K = stable_gain(A, C, self.observer_gain(found, markov), self.covariance)
         return StateSpace(
             found.model.A,
             B,
@@ -129,10 +129,10 @@ class Realise:
             output_units=self.data.output_units,
         )
 
-    def observer_gain(self, found: Realisation, theta: FloatArray) -> FloatArray:
+    def observer_gain(self, found: Realisation, markov: ObserverParameters) -> FloatArray:
         """K = -G by least squares on the observability matrix, outputs un-scaled (n, ny)."""
         C = found.model.C * self.output_scale[:, None]
-        gain = self.markov(theta).gain
+        gain = markov.gain
         observability = free_response(found.model.A, C, len(gain))
         rows = len(observability)
         weighted = (observability / self.output_scale[:, None]).reshape(rows * len(C), -1)
@@ -227,18 +227,19 @@ def okid(
         deadbeat=deadbeat,
     )
     theta = fit.solution.T.ravel()
+    markov = realise.markov(theta)
     with warnings.catch_warnings():
         # said below, and kept in the record
         warnings.simplefilter("ignore", SysidWarning)
-        found = realise.realisation(theta)
+        found = realise.realisation(markov)
     if found.model.order < order:
         texts.append(
             f"the system Markov parameters have numerical rank {found.model.order}: a model of that order instead of "
             f"{order} is given"
         )
     realise = Realise(**{**realise.__dict__, "order": found.model.order})
-    model = realise.model(found, theta)
-    gain = model.gain if deadbeat else realise.observer_gain(found, theta)
+    model = realise.model(found, markov)
+    gain = model.gain if deadbeat else realise.observer_gain(found, markov)
     texts += _stability(model, spectral_radius(model.A - gain @ model.C))
     for text in texts:
         warnings.warn(text, SysidWarning, stacklevel=2)
@@ -247,7 +248,6 @@ def okid(
         warnings.simplefilter("ignore", SysidWarning)
         errors = np.concatenate([residuals(model, e) for e in experiments])
     _, from_u, from_y = realise.blocks(theta)
-    markov = realise.markov(theta)
     return Estimate(
         model=model,
         polynomials=None,

@@ -91,10 +91,12 @@ def initial_state(model: StateSpace, data: IOData, gain: FloatArray | None = Non
     if not data.complete:
         return _initial_state_with_gaps(model, data[:seen], K)
     observer = model.A - K @ model.C
+    free = free_response(observer, model.C, seen)
+    # what comes after the free response has died out says nothing about the initial state
+    u, y = u[: len(free)], y[: len(free)]
     drive = u @ (model.B - K @ model.D).T + y @ K.T
     error = y - state_trajectory(observer, drive, np.zeros(model.order)) @ model.C.T - u @ model.D.T
-    free = free_response(observer, model.C, seen)
-    usable = (np.abs(error[: len(free)]) < LARGEST).all(axis=1)
+    usable = (np.abs(error) < LARGEST).all(axis=1)
     rows = len(free) if usable.all() else int(np.argmin(usable))
     solution, *_ = np.linalg.lstsq(free[:rows].reshape(-1, model.order), error[:rows].ravel(), rcond=None)
     return np.asarray(solution, dtype=np.float64)
