@@ -11,10 +11,11 @@ from sysid.data import IOData, as_experiments
 from sysid.errors import SysidError, SysidWarning
 from sysid.estimate import Estimate
 from sysid.excitation import check_excitation
+from sysid.lagged_products import lagged_products, solution
 from sysid.least_squares import solve
 from sysid.orders import make_orders
 from sysid.polynomial_estimate import check_enough_data, check_single_output, make_estimate
-from sysid.regressors import arx_regressors
+from sysid.regressors import arx_regressors, input_lags, output_lags
 from sysid.robust_covariance import sandwich
 
 
@@ -114,6 +115,15 @@ def arx_solution(
     Returns:
         Parameters (na + sum(nb),).
     """
+    lags = [output_lags(na), *(input_lags(n, k) for n, k in zip(nb, nk, strict=True))]
+    most = max(na, *(n + k - 1 for n, k in zip(nb, nk, strict=True)))
+    if most <= min(starts):
+        signals = (np.column_stack((yi, ui)) for yi, ui in zip(y, u, strict=True))
+        products = sum(lagged_products(s, most, start) for s, start in zip(signals, starts, strict=True))
+        found = solution(np.asarray(products), lags, [1.0] + [0.0] * len(nb))
+        if found is not None:
+            found[:na] *= -1.0
+            return found
     build = partial(arx_regressors, na=na, nb=nb, nk=nk)
     phi = np.vstack([build(yi, ui, start=s) for yi, ui, s in zip(y, u, starts, strict=True)])
     target = np.concatenate([yi[s:] for yi, s in zip(y, starts, strict=True)])

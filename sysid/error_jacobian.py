@@ -13,6 +13,8 @@ from sysid.past import Past
 from sysid.regressors import input_lags, lagged, output_lags
 
 LEAST_VARIANCE = 1e-8  # of a past disturbance, in units of the innovation's
+FIRST_LOOK = 256  # samples after which most transients have died out
+NEGLIGIBLE = 1e-17
 STEP = 1e-5  # of the coefficients, for differences of the small matrices of backcasting
 
 
@@ -58,17 +60,15 @@ def _with_free_past(y: FloatArray, u: FloatArray, orders: Orders, theta: FloatAr
     """
     a, b, c, d, f = orders.split(theta)
     n = len(y)
-    pulse = np.zeros(n - start)
-    pulse[0] = 1.0
     responses = [lfilter(bj, fj, u[:, j]) for j, (bj, fj) in enumerate(zip(b, f, strict=True))]
     v = lfilter(a, [1.0], y) - sum(responses)
     eps = lfilter(d, c, v)[start:]
 
     noise_count = max(orders.nc, orders.nd)
-    blocks = [_shifts(lfilter([1.0], c, pulse), noise_count)] if noise_count else []
+    blocks = [(np.ones(1), c, noise_count)] if noise_count else []
     inputs = [j for j, nf in enumerate(orders.nf) if nf]
-    blocks += [_shifts(lfilter(d, np.convolve(c, f[j]), pulse), orders.nf[j]) for j in inputs]
-    basis, tau = _orthonormal(np.hstack(blocks), eps) if blocks else (None, np.zeros(0))
+    blocks += [(d, np.convolve(c, f[j]), orders.nf[j]) for j in inputs]
+    basis, tau = _orthonormal(_transients(blocks, n - start), eps) if blocks else (None, np.zeros(0))
     if basis is not None:
         lasting = len(basis)
         eps[:lasting] -= basis @ (basis.T @ eps[:lasting])
@@ -204,12 +204,26 @@ def _shifts(signal: FloatArray, count: int, first: int = 0) -> FloatArray:
     return out
 
 
+def _transients(blocks: list[tuple[FloatArray, FloatArray, int]], rows: int) -> FloatArray:
+    """Pulse responses of filters (numerator, denominator), shifted `count` times, until they have died out."""
+    length = min(FIRST_LOOK, rows)
+    while True:
+        pulse = np.zeros(length)
+        pulse[0] = 1.0
+        responses = [lfilter(numerator, denominator, pulse) for numerator, denominator, _ in blocks]
+        tail = max(np.abs(h[-(length // 4) :]).max() / np.abs(h).max() for h in responses)
+        if length == rows or tail < NEGLIGIBLE:
+            break
+        length = min(4 * length, rows)
+    return np.hstack([_shifts(h, block[2]) for h, block in zip(responses, blocks, strict=True)])
+
+
 def _orthonormal(transients: FloatArray, eps: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Orthonormal basis of the transients, as long as they last, and the coefficients of eps in them.
 
     Transients that repeat others (inputs with equal F) are left out.
     """
-    alive = np.flatnonzero(np.abs(transients).max(axis=1) > 1e-17 * np.abs(transients).max())
+    alive = np.flatnonzero(np.abs(transients).max(axis=1) > NEGLIGIBLE * np.abs(transients).max())
     lasting = int(alive[-1]) + 1
     left, values, right = np.linalg.svd(transients[:lasting], full_matrices=False)
     kept = values > 1e-12 * values[0]

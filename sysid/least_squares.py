@@ -79,3 +79,22 @@ def triangular_factor(columns: FloatArray, guarded: int | None = None) -> FloatA
     if diagonal.min(initial=1.0) * SQUARE_SAFE < 1.0:
         return np.asarray(np.linalg.qr(columns, mode="r"))
     return np.asarray(triangle)
+
+
+def scaled_triangle(columns: FloatArray, guarded: int | None = None) -> tuple[FloatArray, FloatArray]:
+    """As `triangular_factor`, of the columns divided by their lengths; and these lengths (k,), 1 for a zero column.
+
+    Args:
+        columns: Matrix (rows, k).
+        guarded: Number of leading columns that must be far from dependent for the fast way; all when None.
+    """
+    gram = columns.T @ columns
+    lengths = np.sqrt(np.diag(gram))
+    lengths[lengths == 0.0] = 1.0
+    try:
+        triangle = np.linalg.cholesky(gram / np.outer(lengths, lengths)).T
+    except np.linalg.LinAlgError:
+        return np.asarray(np.linalg.qr(columns / lengths, mode="r")), lengths
+    if np.diag(triangle)[:guarded].min(initial=1.0) * SQUARE_SAFE < 1.0:
+        return np.asarray(np.linalg.qr(columns / lengths, mode="r")), lengths
+    return np.asarray(triangle), lengths

@@ -1,21 +1,19 @@
 """ARX models of high order: stand-ins for the infinite ARX form that every model of this family has.
 
-Columns of lagged signals repeat each other one sample later, so that their Gram matrix follows from its first rows by
-sums of edge terms (the covariance method of linear prediction [Ljung1999, sec. 10.1]): all orders up to the largest
-cost about one pass over the data. Where the columns are near to dependent, least squares on the columns takes over.
+All orders up to the largest share one table of products, which costs about one pass over the data. Where the columns
+are near to dependent, least squares on the columns takes over.
 """
 
 from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.linalg import cho_factor, cho_solve
 from scipy.signal import lfilter
 
 from sysid.arrays import FloatArray
 from sysid.arx import arx_solution
 from sysid.data import IOData
-from sysid.least_squares import SQUARE_SAFE
+from sysid.lagged_products import lagged_products, solution
 from sysid.orders import Orders
 from sysid.polynomials import stabilised
 
@@ -72,18 +70,9 @@ class LongArxFamily:
     def model(self, n: int) -> LongArx:
         """Least squares for n coefficients of A and of each B."""
         lags = [range(1, n + 1), *(range(k, k + n) for k in self.nk)]
-        signal = np.repeat(np.arange(len(lags)), n)
-        lag = np.concatenate([np.asarray(part) for part in lags])
-        gram = self.gram[signal[:, None], lag[:, None], signal, lag]
-        scale = np.sqrt(np.maximum(np.diag(gram), 0.0))
-        scale[scale == 0.0] = 1.0
-        try:
-            factor = cho_factor(gram / np.outer(scale, scale))
-        except np.linalg.LinAlgError:
+        theta = solution(self.gram, lags, [1.0] + [0.0] * len(self.nk))
+        if theta is None:
             return self._by_columns(n)
-        if np.diag(factor[0]).min() * SQUARE_SAFE < 1.0:
-            return self._by_columns(n)
-        theta = cho_solve(factor, self.gram[0, 0, signal, lag] / scale) / scale
         theta[:n] *= -1.0
         return self._arranged(theta, n)
 
@@ -118,33 +107,6 @@ def long_arx_order(experiments: Sequence[IOData], orders: Orders, factor: int) -
     largest = max(orders.na, orders.nc, orders.nd, *orders.nf, *orders.nb, 2)
     rows = min(len(e) - e.window for e in experiments)
     return max(1, min(factor * largest, LARGEST, rows // (4 * (1 + len(orders.nb)))))
-
-
-def lagged_products(signals: FloatArray, lags: int, start: int) -> FloatArray:
-    """Sums over t = start, ..., N-1 of s(t - i) r(t - j), lags i, j = 0, ..., lags, for all pairs of signals.
-
-    Args:
-        signals: Signals (N, ns).
-        lags: Largest lag, at most `start`.
-        start: First time.
-
-    Returns:
-        Sums (ns, lags + 1, ns, lags + 1).
-    """
-    n, count = signals.shape
-    out = np.empty((count, lags + 1, count, lags + 1))
-    for s in range(count):
-        for r in range(count):
-            # s(t) r(t - j) for all j; correlate runs from the largest lag down
-            first = np.correlate(signals[start - lags :, r], signals[start:, s], "valid")[::-1]
-            out[s, 0, r] = first
-            out[r, :, s, 0] = first
-    before = signals[start - lags : start][::-1].T
-    last = signals[n - lags : n][::-1].T
-    for i in range(lags):
-        gained = before[:, i, None, None] * before - last[:, i, None, None] * last
-        out[:, i + 1, :, 1:] = out[:, i, :, :-1] + gained
-    return out
 
 
 def arx_errors(experiment: IOData, a: FloatArray, b: Sequence[FloatArray]) -> FloatArray:

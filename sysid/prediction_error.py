@@ -15,7 +15,7 @@ from sysid.arrays import FloatArray
 from sysid.autoregression import autoregression
 from sysid.data import IOData
 from sysid.error_jacobian import error_jacobian
-from sysid.least_squares import triangular_factor
+from sysid.least_squares import scaled_triangle
 from sysid.orders import Orders
 from sysid.past import Past
 from sysid.polynomials import is_stable
@@ -70,22 +70,24 @@ class Minimum:
 def minimise(
     experiments: Sequence[IOData],
     orders: Orders,
-    start: FloatArray,
+    start: FloatArray | Linearisation,
     *,
     max_iterations: int = 100,
     past: Past = Past.ESTIMATED,
+    good_enough: float = 0.0,
 ) -> Minimum:
     """Levenberg-Marquardt with exact gradients; C, D and every F stay stable at every accepted step [More1978].
 
     Args:
         experiments: Single-output experiments.
         orders: The structure.
-        start: Initial parameters (p,), C, D and F stable.
+        start: Initial parameters (p,), C, D and F stable, or what is known of the criterion there.
         max_iterations: Accepted steps at most.
         past: What is assumed about the time before each record.
+        good_enough: Sum of squares at which to stop.
     """
     energy = sum(float(e.y[:, 0] @ e.y[:, 0]) for e in experiments)
-    at = linearise(experiments, orders, start, past)
+    at = start if isinstance(start, Linearisation) else linearise(experiments, orders, start, past)
     damping, iterations, evaluations = 1e-4, 0, 1
     while True:
         if at.cost <= ROUNDING * energy:
@@ -95,6 +97,8 @@ def minimise(
         significant = values > 1e-13 * values[0] if len(values) else values > 0
         if float(g[significant] @ g[significant]) <= CONVERGED * at.cost:
             return Minimum(at, iterations, evaluations, True, "no decrease left")
+        if at.cost <= good_enough:
+            return Minimum(at, iterations, evaluations, False, "good enough")
         if iterations >= max_iterations:
             return Minimum(at, iterations, evaluations, False, f"stopped after {iterations} iterations")
         accepted = blocked = False
@@ -188,19 +192,15 @@ def linearise(
     parts = [error_jacobian(e, orders, theta, past) for e in experiments]
     columns = np.vstack([part.columns for part in parts]) if len(parts) > 1 else parts[0].columns
     p = orders.count
-    scale = np.sqrt(np.einsum("ij,ij->j", columns[:, :p], columns[:, :p]))
-    scale[scale == 0.0] = 1.0
     errors = columns[:, p]
     cost = float(errors @ errors)
-    size = np.sqrt(cost) if cost > 0.0 else 1.0
-    columns /= np.concatenate((scale, [size]))
-    triangle = triangular_factor(columns, guarded=p)
+    triangle, lengths = scaled_triangle(columns, guarded=p)
     return Linearisation(
         theta=theta,
         cost=cost,
         triangle=triangle[:p, :p],
-        target=size * triangle[:p, p],
-        scale=scale,
+        target=lengths[p] * triangle[:p, p],
+        scale=lengths[:p],
         errors=sum(part.errors for part in parts),
         transients=sum(part.transients for part in parts),
     )

@@ -63,32 +63,31 @@ def search(
     remaining = iter(starts)
     screened: dict[str, Minimum] = {}
 
-    def descend(theta: FloatArray, steps: int) -> Minimum:
-        return minimise(experiments, orders, theta, max_iterations=steps, past=past)
+    def screen(start: Start, good_enough: float = 0.0) -> None:
+        if admissible(orders, start.theta):
+            screened[start.name] = minimise(
+                experiments, orders, start.theta, max_iterations=SCREENING_STEPS, past=past, good_enough=good_enough
+            )
 
     def polish(name: str) -> Minimum:
         found = screened[name]
-        return found if found.converged else descend(found.at.theta, max_iterations)
+        if found.converged:
+            return found
+        return minimise(experiments, orders, found.at, max_iterations=max_iterations, past=past)
 
-    agreed = False
     for start in remaining:
-        if admissible(orders, start.theta):
-            found = descend(start.theta, SCREENING_STEPS)
-            agreed = any(_agree(found, other, samples) for other in screened.values())
-            screened[start.name] = found
-        if agreed:
+        # as good as the best within what agreement means: there is no need to go on
+        least = min((found.at.cost for found in screened.values()), default=0.0)
+        screen(start, least * (1.0 + AGREED / samples))
+        costs = sorted(found.at.cost for found in screened.values())
+        if len(costs) > 1 and samples * (costs[1] - costs[0]) <= AGREED * costs[0]:
             break
     chosen = min(screened, key=lambda name: screened[name].at.cost)
     best = polish(chosen)
     if not best.converged or best.iterations > EASY:
         for start in remaining:
-            if admissible(orders, start.theta):
-                screened[start.name] = descend(start.theta, SCREENING_STEPS)
+            screen(start)
         for name in sorted(screened, key=lambda name: screened[name].at.cost):
             if name != chosen and (other := polish(name)).at.cost < best.at.cost:
                 best, chosen = other, name
     return Search(best, {name: found.at.cost for name, found in screened.items()}, chosen)
-
-
-def _agree(one: Minimum, other: Minimum, samples: int) -> bool:
-    return samples * abs(one.at.cost - other.at.cost) <= AGREED * min(one.at.cost, other.at.cost)

@@ -12,6 +12,7 @@ from scipy.signal import lfilter
 from sysid.arrays import FloatArray
 from sysid.arx import arx_solution
 from sysid.data import IOData
+from sysid.lagged_products import lagged_products, solution
 from sysid.least_squares import solve
 from sysid.long_arx import LongArx, long_arx_family, long_arx_order
 from sysid.orders import Orders
@@ -76,6 +77,17 @@ def hannan_rissanen(experiments: Sequence[IOData], orders: Orders, model: LongAr
         orders: ARMAX structure.
         model: The long ARX model.
     """
+    lags = [output_lags(orders.na), *(input_lags(n, k) for n, k in zip(orders.nb, orders.nk, strict=True))]
+    lags.append(output_lags(orders.nc))
+    most = max(orders.first_row(0), orders.nc)
+    table: FloatArray | float = 0.0
+    for e in experiments:
+        start = max(e.window, model.skip) + orders.nc
+        table = table + lagged_products(np.column_stack((e.y[:, 0], e.u, model.errors(e))), most, max(start, most))
+    theta = solution(np.asarray(table), lags, [1.0] + [0.0] * len(orders.nb) + [-1.0])
+    if theta is not None:
+        theta[: orders.na] *= -1.0
+        return with_stable_noise(orders, theta)
     rows, targets = [], []
     for e in experiments:
         y, errors = e.y[:, 0], model.errors(e)

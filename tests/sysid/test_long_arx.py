@@ -7,7 +7,8 @@ import pytest
 
 from sysid import IOData
 from sysid.arx import arx_solution
-from sysid.long_arx import lagged_products, long_arx_family, long_arx_order
+from sysid.lagged_products import lagged_products
+from sysid.long_arx import long_arx_family, long_arx_order
 from sysid.orders import make_orders
 from sysid.regressors import lagged
 
