@@ -6,8 +6,10 @@ import io
 import os
 import shlex
 import sys
+import traceback
 from collections.abc import Callable, Sequence
 from importlib import metadata
+from typing import ParamSpec
 
 import tyro
 
@@ -80,6 +82,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
         return 2
 
 
+Options = ParamSpec("Options")
+
+
 def _understand(words: list[str]) -> Callable[[], int]:
     """The command that the words name, with its options, ready to run.
 
@@ -110,11 +115,11 @@ def _understand(words: list[str]) -> Callable[[], int]:
         raise ScenarioError(one_line(parse, f"hmtb {words[0]}")) from None
 
 
-def _later(command: Callable[..., int]) -> Callable[..., Callable[[], int]]:
+def _later(command: Callable[Options, int]) -> Callable[Options, Callable[[], int]]:
     """The command, of which the parser only fills in the options: words are understood before anything runs."""
 
     @functools.wraps(command)
-    def filled(*args: object, **kwargs: object) -> Callable[[], int]:
+    def filled(*args: Options.args, **kwargs: Options.kwargs) -> Callable[[], int]:
         return functools.partial(command, *args, **kwargs)
 
     return filled
@@ -132,6 +137,9 @@ def _bad_input(error: Exception) -> str | None:
     ours = {kind.__module__.partition(".")[0] for kind in type(error).__mro__} & {"scenarios", "hmtb_twin", "sysid"}
     if ours and isinstance(error, ValueError):
         return " ".join(str(error).split())
+    back_end = os.environ.get("MUJOCO_GL")
+    if back_end and any("gl_context" in frame.filename for frame in traceback.extract_tb(error.__traceback__)):
+        return f"MUJOCO_GL={back_end!r} names no OpenGL back end that loads here; unset it, or set it to egl"
     if isinstance(error, OSError):
         where = f" {error.filename!r}" if error.filename else ""
         return f"cannot read or write{where}: {reason(error)}"

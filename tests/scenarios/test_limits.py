@@ -76,3 +76,20 @@ def test_a_log_can_be_made_again_from_itself():
     first = simulate([replace(load("siso-5-elbow_pitch"), duration=1.0, seed=3)])[0]
     again = simulate([Scenario.from_toml(first.provenance["scenario"])])[0]
     assert np.array_equal(first.measured, again.measured)
+
+
+def test_an_opengl_back_end_that_does_not_load_is_one_line():
+    import os
+    import subprocess
+    import sys
+
+    run = subprocess.run(
+        [sys.executable, "-m", "scenarios", "truth"],
+        env={**os.environ, "MUJOCO_GL": "bogus"},
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert (run.returncode, run.stdout) == (2, "")
+    assert run.stderr.count("\n") == 1
+    assert "MUJOCO_GL='bogus'" in run.stderr
