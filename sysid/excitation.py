@@ -8,7 +8,7 @@ from numpy.typing import ArrayLike
 from sysid.arrays import FloatArray, real_array
 from sysid.data import ROUNDING, IOData
 from sysid.errors import SysidError
-from sysid.regressors import lagged
+from sysid.hankel_moments import hankel_moments
 
 
 def order_of_excitation(u: ArrayLike, *, max_order: int = 50, tolerance: float = 1e-6) -> int:
@@ -34,10 +34,7 @@ def order_of_excitation(u: ArrayLike, *, max_order: int = 50, tolerance: float =
 
 
 def _rank(signals: Sequence[FloatArray], order: int, tolerance: float) -> int:
-    gram = np.zeros((order, order))
-    for signal in signals:
-        columns = lagged(signal, range(order), order - 1)
-        gram += columns.T @ columns
+    gram = hankel_moments([signal[:, None] for signal in signals], order)
     # eigenvalues are squares of singular values; rounding of the Gram matrix sets the floor
     values = np.linalg.eigvalsh(gram)
     floor = max(tolerance**2, order * np.finfo(float).eps)
