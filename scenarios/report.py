@@ -26,6 +26,7 @@ from scenarios.preparation import SETTLING
 from scenarios.registry import load
 from scenarios.results import answers, departures, friction_effect, headline, near_1_hz
 from scenarios.study import STRUCTURES
+from scenarios.whole_file import check_place, write_whole
 
 
 @dataclass(frozen=True)
@@ -66,10 +67,7 @@ def write_report(study: Comparison, findings: Sequence[Finding], path: Path) -> 
     Raises:
         ScenarioError: The file cannot be written.
     """
-    try:
-        path.touch()  # before the work, not after it
-    except OSError as error:
-        raise ScenarioError(f"cannot write the report {str(path)!r}: {error.strerror}") from error
+    check_place(path)
     environment = Environment(autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True)
     environment.filters["si"] = lambda value, digits=4: "–" if not np.isfinite(value) else f"{value:.{digits}g}"
     environment.filters["measure"] = measure
@@ -82,7 +80,10 @@ def write_report(study: Comparison, findings: Sequence[Finding], path: Path) -> 
     )
     with matplotlib.rc_context(SETTINGS):
         page = template.render(_context(study, findings))
-    path.write_text(page, encoding="utf-8")
+    try:
+        write_whole(path, page)
+    except OSError as error:
+        raise ScenarioError(f"cannot write the report {str(path)!r}: {error.strerror}") from error
     return path
 
 

@@ -40,7 +40,10 @@ def thesis(
         from scenarios.report import write_report
         from scenarios.results import answer, results
         from scenarios.study import run_study
+        from scenarios.whole_file import check_place, write_whole
 
+        for name in ("report.html", "results.json"):
+            check_place(folder / name)
         with progress("study") as bar:
             comparison = run_study(
                 seed=seed,
@@ -54,7 +57,7 @@ def thesis(
         if logs:
             for log in comparison.logs.values():
                 write_log(log, folder / f"{log.name}.nc")
-        (folder / "results.json").write_text(json_text(record), encoding="utf-8")
+        write_whole(folder / "results.json", json_text(record))
     if json:
         print_json(record)
         return 1 if comparison.failed else 0
