@@ -14,12 +14,14 @@ from sysid.local_coordinates import LocalCoordinates
 from sysid.observer_gain import stable_gain
 from sysid.predict import check_channels
 from sysid.predictor import Predictor, Scales
+from sysid.predictor_errors import Record
 from sysid.predictor_estimate import check_enough_samples, degrees_of_freedom, make_predictor_estimate
-from sysid.predictor_fit import Record, column_scale, minimise
+from sysid.predictor_fit import coloured_information, column_scale, minimise
 from sysid.simulate import as_model
 from sysid.state_space import StateSpace
 
 ILL_CONDITIONED = 1e12
+COLOUR = 30  # coefficients of the autoregressive models of a coloured disturbance
 
 
 def pem_ss(
@@ -28,6 +30,7 @@ def pem_ss(
     *,
     direct: bool = True,
     gain: bool = True,
+    coloured: bool = False,
     max_iterations: int = 100,
 ) -> Estimate:
     """Minimise log det of the covariance of the one-step prediction errors [Ljung1999, eq. 7.92; McKelvey2004].
@@ -38,13 +41,15 @@ def pem_ss(
 
     With `gain=False` the simulation error is minimised (an output-error model, K = 0): unbiased also where the
     disturbance is coloured in a way that a model of this order cannot describe, as long as the input is independent of
-    it; the covariance is right for a white one.
+    it; the covariance then holds for a white one, unless `coloured` is set.
 
     Args:
         data: One experiment, or several that share the model; any numbers of inputs and outputs.
         start: Where to begin: an estimate by `n4sid`, `okid` or any other method, or a model.
         direct: Whether D is estimated; otherwise it is zero.
         gain: Whether K is estimated; otherwise it is zero.
+        coloured: With `gain=False`, whether the covariance allows for a disturbance that is not white, by an
+            autoregressive model of each output's [Ljung1999, eq. 9.42]. The estimate itself is the same.
         max_iterations: Accepted steps at most.
 
     Returns:
@@ -60,6 +65,10 @@ def pem_ss(
     """
     experiments = as_experiments(data)
     model = as_model(start)
+    if coloured and gain:
+        raise SysidError(
+            "coloured=True is for output-error models: with gain=True the model itself describes the colour"
+        )
     for e in experiments:
         check_channels(model, e)
     if model.order == 0:
@@ -75,6 +84,9 @@ def pem_ss(
     records = [Record.of(e, scales, gain) for e in experiments]
     found = minimise(records, begin, LocalCoordinates(direct), max_iterations)
     covariance, condition = _covariance(found.normal.information)
+    if coloured and found.reason != "errors at rounding level":
+        point, basis = found.point, found.normal.basis
+        covariance = covariance @ coloured_information(records, point, basis, min(COLOUR, samples // 20)) @ covariance
     covariance = covariance * samples / degrees_of_freedom(experiments, begin, count)
     radius = float(np.abs(np.linalg.eigvals(found.point.predictor.A)).max())
     if not found.converged:

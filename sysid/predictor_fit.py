@@ -7,116 +7,22 @@ themselves are computed sample by sample: their accuracy is that of the fit.
 """
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 import numpy as np
-from scipy.fft import irfft, next_fast_len, rfft
+from scipy.signal import lfilter
 
 from sysid.arrays import FloatArray
-from sysid.data import IOData
-from sysid.orthonormal_basis import all_pass, gramian, stein
-from sysid.predictor import Predictor, Scales
+from sysid.autoregression import autoregression
+from sysid.predictor import Predictor
+from sysid.predictor_errors import Point, Record, initial_spread
+from sysid.predictor_sensitivities import Sensitivities
 from sysid.recursion import free_response
 
 CONVERGED = 1e-8  # decrease still to be had, as a part of the sum of squares
 ROUNDING = 1e-29  # mean square of the errors, as a part of the output's, below which nothing is left to explain
-PRIOR = 30.0  # standard deviations of a state that its initial value may well reach
 REPAIRS = 6  # steps towards an exact fit
-WEIGHT_FLOOR = 1e-10  # of the errors' covariance, as a part of its mean diagonal
-Correlations = tuple[FloatArray, FloatArray]
 Directions = Callable[[Predictor], FloatArray]
-
-
-@dataclass(frozen=True, eq=False)
-class Record:
-    """One experiment, channels scaled, behind its initialisation window.
-
-    Attributes:
-        u: Inputs (N, nu).
-        y: Outputs (N, ny).
-        w: What drives the predictor (N, nu + ny) or (N, nu).
-        transforms: Fourier transform of w and its lagged products, by length of the transform.
-    """
-
-    u: FloatArray
-    y: FloatArray
-    w: FloatArray
-    transforms: dict[int, Correlations] = field(default_factory=dict)
-
-    @staticmethod
-    def of(experiment: IOData, scales: Scales, gain: bool) -> "Record":
-        """Scale and cut."""
-        u, y = experiment.u[experiment.window :] / scales.u, experiment.y[experiment.window :] / scales.y
-        return Record(u, y, np.hstack((u, y)) if gain else u)
-
-    def correlations(self, e: FloatArray, lags: int) -> Correlations:
-        """Sums over t of w(t - j) w(t)' and of w(t - j) e(t)', j = 1..lags, (lags, nw, nw) and (lags, nw, ny)."""
-        size = next_fast_len(len(self.w) + (1 << lags.bit_length()), real=True)
-        if size not in self.transforms:
-            spectrum = rfft(self.w.T, size)
-            products = irfft(spectrum.conj()[:, None] * spectrum, size)
-            self.transforms[size] = spectrum, np.ascontiguousarray(products[:, :, : size - len(self.w)].T)
-        spectrum, own = self.transforms[size]
-        cross = irfft(spectrum.conj()[:, None] * rfft(e.T, size), size)[:, :, 1 : lags + 1]
-        # axes of `own` are (lag, t, t - lag) after the transposition
-        return own[1 : lags + 1].transpose(0, 2, 1), cross.transpose(2, 0, 1)
-
-
-@dataclass(frozen=True, eq=False)
-class Point:
-    """A predictor with the initial states, and its errors.
-
-    Attributes:
-        predictor: The predictor.
-        states: Initial state per experiment (n,).
-        errors: Per experiment (N, ny).
-        covariance: Mean of e e' over all samples (ny, ny).
-        criterion: Logarithm of its determinant, and what the size of the initial states adds.
-    """
-
-    predictor: Predictor
-    states: list[FloatArray]
-    errors: list[FloatArray]
-    covariance: FloatArray
-    criterion: float
-
-    @staticmethod
-    def at(records: Sequence[Record], predictor: Predictor, weight: FloatArray) -> "Point":
-        """Evaluate, the initial states the best ones for errors with covariance W^-1.
-
-        A state that leaves hardly a trace is held to a size that it may well have: it is taken to be random with a
-        standard deviation of PRIOR times that of the state in balanced coordinates. Without noise this hardly counts.
-        """
-        root = np.linalg.cholesky(weight)
-        n = len(predictor.A)
-        states, errors, size = [], [], 0.0
-        for record in records:
-            e = record.y - predictor.predict(record.w, record.u, np.zeros(n))
-            free = free_response(predictor.A, predictor.C, len(e))
-            prior = _prior(free)
-            columns = np.vstack((np.einsum("tln,lr->trn", free, root).reshape(-1, n) * prior, np.eye(n)))
-            target = np.concatenate(((e[: len(free)] @ root).ravel(), np.zeros(n)))
-            relative = np.linalg.lstsq(columns, target, rcond=None)[0]
-            states.append(prior * relative)
-            e[: len(free)] -= free @ states[-1]
-            errors.append(e)
-            size += float(relative @ relative)
-        samples = sum(len(e) for e in errors)
-        covariance = np.asarray(sum(e.T @ e for e in errors) / samples)
-        criterion = float(np.linalg.slogdet(_floored(covariance))[1]) + size / samples
-        return Point(predictor, states, errors, covariance, criterion)
-
-    def balanced(self) -> "Point":
-        """The same behaviour in balanced coordinates; entries are then of about equal effect."""
-        into, back = self.predictor.balancing()
-        p = self.predictor
-        turned = Predictor(into @ p.A @ back, into @ p.M, p.C @ back, p.D)
-        return Point(turned, [into @ x for x in self.states], self.errors, self.covariance, self.criterion)
-
-    @property
-    def weight(self) -> FloatArray:
-        """Inverse of the errors' covariance (ny, ny)."""
-        return np.asarray(np.linalg.inv(_floored(self.covariance)), dtype=np.float64)
 
 
 @dataclass(frozen=True, eq=False)
@@ -244,7 +150,7 @@ def linearise(records: Sequence[Record], point: Point, basis: FloatArray) -> Nor
         point: Where.
         basis: Directions (all entries of A, M, C, D, q).
     """
-    sensitivities = _Sensitivities.of(point.predictor)
+    sensitivities = Sensitivities.of(point.predictor)
     weight = point.weight
     q = basis.shape[1]
     information, gradient = np.zeros((q, q)), np.zeros(q)
@@ -256,7 +162,7 @@ def linearise(records: Sequence[Record], point: Point, basis: FloatArray) -> Nor
         full = flat.T @ np.matmul(moments, weighted).reshape(flat.shape)
         slope = np.einsum("lac,al->c", table, products @ weight)
         corner, side = full[q:, q:], full[q:, :q]
-        prior = _prior(free_response(point.predictor.A, point.predictor.C, len(e)))
+        prior = initial_spread(free_response(point.predictor.A, point.predictor.C, len(e)))
         inverse = np.outer(prior, prior) * np.linalg.inv(corner * np.outer(prior, prior) + np.eye(len(prior)))
         slope[q:] -= x0 / prior**2
         information += full[:q, :q] - side.T @ inverse @ side
@@ -264,116 +170,43 @@ def linearise(records: Sequence[Record], point: Point, basis: FloatArray) -> Nor
     return Normal(0.5 * (information + information.T), gradient, basis)
 
 
-@dataclass(frozen=True, eq=False)
-class _Sensitivities:
-    """Derivatives of the prediction in the basis (zI - F)^-1 b of 2n functions, applied to w and to a pulse.
+def coloured_information(records: Sequence[Record], point: Point, basis: FloatArray, order: int) -> FloatArray:
+    """J' W R W J of the errors' own covariance R, where they are independent of the input but not white.
 
-    Attributes:
-        predictor: Where.
-        F: State matrix of the basis (2n, 2n).
-        b: Its input (2n,).
-        states: (zI - A)^-1 e_i, coefficients by state, i, and function (n, n, 2n).
-        twice: C (zI - A)^-1 e_i times function a of the first n (ny, n, n, 2n).
+    Errors are made uncorrelated by the root of W; each component then stands for an autoregressive model of its own, by
+    whose inverse J is filtered [Ljung1999, eq. 9.42]. Correlation between components at lags other than zero is left
+    out.
+
+    Args:
+        records: Experiments, predictors without innovation gain.
+        point: Where.
+        basis: Directions (all entries of A, M, C, D, q).
+        order: Coefficients of the autoregressive models.
+
+    Returns:
+        Matrix (q, q).
     """
-
-    predictor: Predictor
-    F: FloatArray
-    b: FloatArray
-    states: FloatArray
-    twice: FloatArray
-
-    @staticmethod
-    def of(predictor: Predictor) -> "_Sensitivities":
-        n = len(predictor.A)
-        once = all_pass(np.linalg.eigvals(predictor.A).astype(complex))
-        basis = once.then(once)
-        pulses = np.zeros((n, n, 2 * n))
-        pulses[range(n), range(n)] = basis.b
-        driven = np.zeros((n, n, n, 2 * n))
-        driven[range(n), range(n)] = basis.F[:, :n].T
-        twice = np.tensordot(predictor.C, stein(predictor.A, basis.F, driven), 1)
-        return _Sensitivities(predictor, basis.F, basis.b, stein(predictor.A, basis.F, pulses), twice)
-
-    def table(self, x0: FloatArray, basis: FloatArray) -> FloatArray:
-        """Coefficients per output, signal and column (ny, signals, q + n); the last n columns are those of x0.
-
-        Signals are the functions of every channel of w, then of the pulse, then the inputs themselves.
-        """
-        p = self.predictor
-        n, nw = p.M.shape
-        ny, nu = p.D.shape
-        k = 2 * n
-        x = np.einsum("ic,jia->cja", np.column_stack((p.M, x0)), self.states)
-        seen = np.tensordot(p.C, self.states, 1)
-        columns = n * n + n * nw + ny * n + ny * nu
-        out = np.zeros((ny, (nw + 1) * k + nu, columns))
-        functions = out[:, : (nw + 1) * k].reshape(ny, nw + 1, k, columns)
-        by_a = np.einsum("cja,liab->lcbij", x[:, :, :n], self.twice, optimize=True)
-        functions[..., : n * n] = by_a.reshape(ny, nw + 1, k, n * n)
-        at = n * n
-        for c in range(nw):
-            functions[:, c, :, at + c : at + n * nw : nw] = seen.transpose(0, 2, 1)
-        at += n * nw
-        for i in range(ny):
-            functions[i, :, :, at + i * n : at + (i + 1) * n] = x.transpose(0, 2, 1)
-        at += ny * n
-        for i in range(ny):
-            out[i, (nw + 1) * k :, at + i * nu : at + (i + 1) * nu] = np.eye(nu)
-        initial = np.zeros((ny, len(out[0]), n))
-        initial[:, nw * k : (nw + 1) * k] = seen.transpose(0, 2, 1)
-        return np.concatenate((out @ basis, initial), axis=2)
-
-    def moments(self, record: Record, e: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Sums over time of signal signal' (signals, signals) and signal e' (signals, ny).
-
-        With phi(t+1) = F phi(t) + b s(t) for every channel s, the sum P of phi phi' satisfies P = F P F' + F X b' +
-        b X' F' + b S b' + the ends, X the sum of phi s' and S that of s s'.
-        """
-        F, b, w = self.F, self.b, record.w
-        steps, nw = w.shape
-        k, nu = len(b), record.u.shape[1]
-        responses = free_response(F.T, b[None], steps)[:, 0]
-        lags = min(len(responses), steps - 1)
-        own, cross = record.correlations(e, lags)
-        x = np.zeros((nw + 1, k, nw + 1))
-        by_lag = responses[:lags].T
-        x[:nw, :, :nw] = (by_lag @ own.reshape(lags, -1)).reshape(k, nw, nw).transpose(1, 0, 2)
-        x[nw, :, :nw] = responses.T @ w[: len(responses)]
-        s = np.zeros((nw + 1, nw + 1))
-        s[:nw, :nw] = w.T @ w
-        s[nw, nw] = 1.0
-        last = np.zeros((nw + 1, k))
-        last[:nw] = w[::-1][: len(responses)].T @ responses
-        if len(responses) == steps:
-            last[nw] = F @ responses[-1]
-        moved = np.einsum("ab,cbd->cda", F, x)[..., None] * b
-        q = moved + moved.transpose(1, 0, 3, 2) + s[:, :, None, None] * np.outer(b, b)
-        q -= last[:, None, :, None] * last[None, :, None, :]
-        functions = (nw + 1) * k
-        out = np.empty((functions + nu,) * 2)
-        out[:functions, :functions] = gramian(F, q).transpose(0, 2, 1, 3).reshape(functions, functions)
-        out[:functions, functions:] = x[:, :, :nu].reshape(functions, nu)
-        out[functions:, :functions] = out[:functions, functions:].T
-        out[functions:, functions:] = s[:nu, :nu]
-        products = np.empty((functions + nu, e.shape[1]))
-        by_channel = (by_lag @ cross.reshape(lags, -1)).reshape(k, nw, -1).transpose(1, 0, 2)
-        products[: nw * k] = by_channel.reshape(nw * k, -1)
-        products[nw * k : functions] = responses.T @ e[: len(responses)]
-        products[functions:] = record.u.T @ e
-        return out, products
-
-
-def _prior(free: FloatArray) -> FloatArray:
-    """In balanced coordinates a state's variance and its power in the output are one number."""
-    return PRIOR * np.maximum(np.sqrt(np.einsum("tln,tln->n", free, free)), np.sqrt(np.finfo(float).tiny))
+    sensitivities = Sensitivities.of(point.predictor)
+    root = np.linalg.cholesky(point.weight)
+    errors = np.concatenate(point.errors) @ root
+    whiteners = [autoregression(e, order)[0] for e in errors.T]
+    variances = [float(np.mean(lfilter(w, [1.0], e) ** 2)) for w, e in zip(whiteners, errors.T, strict=True)]
+    q = basis.shape[1]
+    total = np.zeros((q, q))
+    for record, x0 in zip(records, point.states, strict=True):
+        table = np.einsum("lr,lac->rac", root, sensitivities.table(x0, basis))
+        signals = sensitivities.signals(record)
+        columns = [signals @ part for part in table]
+        prior = initial_spread(free_response(point.predictor.A, point.predictor.C, len(record.y)))
+        corner = sum(part[:, q:].T @ part[:, q:] for part in columns) + np.diag(prior**-2.0)
+        onto = np.linalg.solve(corner, sum(part[:, q:].T @ part[:, :q] for part in columns))
+        for part, whitener, variance in zip(columns, whiteners, variances, strict=True):
+            filtered = lfilter([1.0], whitener, part[:, :q] - part[:, q:] @ onto, axis=0)
+            total += variance * (filtered.T @ filtered)
+    return total
 
 
 def column_scale(information: FloatArray) -> FloatArray:
     """Lengths of the columns behind an information matrix (q,), directions without any information aside."""
     squares = np.diag(information)
     return np.sqrt(np.maximum(squares, max(1e-20 * float(squares.max(initial=0.0)), np.finfo(float).tiny)))
-
-
-def _floored(covariance: FloatArray) -> FloatArray:
-    mean = float(np.trace(covariance)) / len(covariance)
-    return covariance + max(WEIGHT_FLOOR * mean, np.finfo(float).tiny) * np.eye(len(covariance))

@@ -79,7 +79,7 @@ def test_efficient_and_honest_about_it() -> None:
     squares, hits, bandwidths = [], [], []
     hz = truth.bandwidth()
     known = np.isfinite(hz)
-    for seed in range(60):
+    for seed in range(40):
         data = draw(seed)
         estimate = pem_ss(data, n4sid(data, 3))
         response = estimate.frequency_response(f)
@@ -93,6 +93,33 @@ def test_efficient_and_honest_about_it() -> None:
     assert 0.85 < np.mean(squares) < 1.15
     assert 0.92 < np.mean(hits) < 0.98
     assert np.mean(bandwidths) > 0.90
+
+
+def test_coloured_disturbances_need_the_coloured_covariance() -> None:
+    truth, f = multivariable(), np.array([0.5, 3.0])
+    g = truth.frequency_response(f)
+    mix = np.array([[0.5, 0.4], [0.0, 0.1]])
+    plain, coloured = [], []
+    for seed in range(40):
+        rng = np.random.default_rng(seed)
+        u = np.repeat(rng.standard_normal((150, 2)), 6, axis=0)
+        v = lfilter([1.0], [1, -0.9], rng.standard_normal((900, 2)) @ mix, axis=0)
+        data = IOData(u, simulate(truth, u) + v, 0.02)[100:]
+        start = StateSpace(truth.A, truth.B, truth.C, truth.D, None, 0.02)
+        for hits, option in ((plain, False), (coloured, True)):
+            estimate = pem_ss(data, start, gain=False, coloured=option)
+            low, high = estimate.frequency_response(f).magnitude_ci95()
+            hits.append((low <= np.abs(g)) & (np.abs(g) <= high))
+    assert np.mean(plain) < 0.85
+    assert 0.90 < np.mean(coloured) < 0.99
+
+
+def test_white_disturbances_hardly_notice_the_coloured_covariance(p2: Any) -> None:
+    data = [p2.draw(0)[:5000], p2.draw(0)[6000:9000]]
+    start = n4sid(data, 2)
+    plain, coloured = (pem_ss(data, start, gain=False, coloured=option) for option in (False, True))
+    ratio = np.sqrt(np.diag(coloured.covariance) / np.diag(plain.covariance))
+    np.testing.assert_allclose(ratio, 1.0, atol=0.25)
 
 
 def test_splitting_the_record_changes_little_and_joining_nothing() -> None:
@@ -159,6 +186,8 @@ def test_refusals() -> None:
     still = StateSpace(np.zeros((0, 0)), np.zeros((0, 2)), np.zeros((2, 0)), np.eye(2), None, 0.02)
     with pytest.raises(SysidError, match="at least one state"):
         pem_ss(data, still)
+    with pytest.raises(SysidError, match="coloured=True is for output-error models"):
+        pem_ss(data, multivariable(), coloured=True)
     with pytest.raises(SysidError, match="expected a StateSpace or an Estimate"):
         pem_ss(data, "n4sid")  # type: ignore[arg-type]
     with pytest.raises(SysidError, match="1 input"):

@@ -8,7 +8,8 @@ from sysid.estimate import DataSummary
 from sysid.hankel_moments import hankel_moments, hankel_triangle
 from sysid.local_coordinates import InputCoordinates, LocalCoordinates
 from sysid.predictor import Predictor, Scales
-from sysid.predictor_fit import PRIOR, Point, Record, least_squares_fit, linearise
+from sysid.predictor_errors import PRIOR, Point, Record
+from sysid.predictor_fit import least_squares_fit, linearise
 
 
 def a_predictor(gain: bool, states: int = 4) -> Predictor:
