@@ -14,7 +14,7 @@ from numpy.typing import ArrayLike
 
 from sysid.adaptation import Adaptation
 from sysid.arrays import FloatArray, real_array
-from sysid.data import IOData
+from sysid.data import IOData, as_experiments
 from sysid.errors import SysidError
 from sysid.excitation import check_excitation
 from sysid.orders import Orders
@@ -65,10 +65,11 @@ def recurse(
         start: Parameters to begin with (p,); zero when None.
 
     Raises:
-        SysidError: Several experiments or outputs, a constant input, too many orders, a start that does not fit.
+        SysidError: Several experiments or outputs, missing samples, a constant input, too many orders, a start that does not fit.
     """
     if not isinstance(data, IOData):
         raise SysidError(f"recursive estimators run along one IOData record, got {type(data).__name__}")
+    as_experiments(data)
     check_single_output([data])
     texts = check_excitation([data], orders.nb)
     check_enough_data([data], orders, transients=0)

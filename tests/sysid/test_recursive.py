@@ -146,3 +146,7 @@ def test_bad_settings(p3: Any) -> None:
         roe(data, 1, 1, start=[1.0, -1.2])
     with pytest.raises(SysidError, match="one IOData record"):
         rarx([data, data], 2, 2)  # type: ignore[arg-type]
+    lost = data.y.copy()
+    lost[50] = np.nan
+    with pytest.raises(SysidError, match="lacks 1 of 200"):
+        rarx(IOData(data.u, lost, data.dt, missing=True), 2, 2)
