@@ -1,6 +1,7 @@
 """Speed and quality beside the peers, same data, one process, one thread each.
 
-Run by hand in an environment that has the peers (`pip install -e '.[peers]'`): `python tests/benchmarks/peers.py [draws]`.
+Run by hand in an environment that has the peers (`pip install -e '.[peers]'`): `python tests/benchmarks/peers.py 3`,
+3 being the noise draws per problem.
 A fit is off when N (V - V0) / V0 exceeds 20, V0 being the lowest loss that any method found on the same data.
 """
 
@@ -18,11 +19,11 @@ for variable in ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS"):
     os.environ[variable] = "1"
 os.environ["XLA_FLAGS"] = "--xla_cpu_multi_thread_eigen=false intra_op_parallelism_threads=1"
 
-import numpy as np
-from scipy.signal import lfilter
+import numpy as np  # noqa: E402 - BLAS reads its number of threads when it loads
+from scipy.signal import lfilter  # noqa: E402
 
 sys.path.insert(0, str(Path(__file__).parents[2]))
-import sysid
+import sysid  # noqa: E402
 
 SKIP = 500
 """First residuals left out of every loss: initial conditions are each method's own affair."""
