@@ -65,7 +65,8 @@ def recurse(
         start: Parameters to begin with (p,); zero when None.
 
     Raises:
-        SysidError: Several experiments or outputs, missing samples, a constant input, too many orders, a start that does not fit.
+        SysidError: Several experiments or outputs, missing samples, a constant input, too many orders, a start that
+            does not fit.
     """
     if not isinstance(data, IOData):
         raise SysidError(f"recursive estimators run along one IOData record, got {type(data).__name__}")
