@@ -11,10 +11,10 @@ from sysid.errors import SysidError, SysidWarning
 from sysid.estimate import Estimate
 from sysid.excitation import check_excitation
 from sysid.local_coordinates import LocalCoordinates
-from sysid.observer_gain import stable_gain
+from sysid.observer_gain import spectral_radius, stable_gain
 from sysid.predict import check_channels
 from sysid.predictor import Predictor, Scales
-from sysid.predictor_errors import Record
+from sysid.predictor_errors import Point, Record
 from sysid.predictor_estimate import check_enough_samples, degrees_of_freedom, make_predictor_estimate
 from sysid.predictor_fit import coloured_information, column_scale, minimise
 from sysid.simulate import as_model
@@ -80,8 +80,11 @@ def pem_ss(
     samples = check_enough_samples(experiments, n, count)
     texts = check_excitation(experiments, [n + (1 if direct else 0)] * nu)
     scales = Scales.of(experiments)
-    begin = _start(model, scales, direct, gain)
     records = [Record.of(e, scales, gain) for e in experiments]
+    starts = _starts(model, scales, direct, gain)
+    begin = starts[0]
+    if len(starts) > 1:
+        begin = min(starts, key=lambda p: Point.at(records, p.balanced(), np.eye(ny)).criterion)
     found = minimise(records, begin, LocalCoordinates(direct), max_iterations)
     covariance, condition = _covariance(found.normal.information)
     if coloured and found.reason != "errors at rounding level":
@@ -120,34 +123,33 @@ def pem_ss(
     )
 
 
-def _start(model: StateSpace, scales: Scales, direct: bool, gain: bool) -> Predictor:
-    """Predictor of the start, its gain made stable where that is possible.
+def _starts(model: StateSpace, scales: Scales, direct: bool, gain: bool) -> list[Predictor]:
+    """Predictors to begin from: with the gain of the start, made stable where it is not, and without any.
+
+    A gain found together with a poorer model may be far off; then it is better to begin without one.
 
     Raises:
-        SysidError: There is no stable one.
+        SysidError: None is stable.
     """
-    radius = float(np.abs(np.linalg.eigvals(model.A)).max())
+    A, C = model.A, model.C
     D = model.D if direct else np.zeros_like(model.D)
-    if not gain:
-        if radius >= 1.0:
-            raise SysidError(
-                f"with gain=False the start must be stable, given one with largest pole modulus {radius:.6g}; "
-                "n4sid(data, order, stable=True) gives a stable one"
-            )
-        K = np.zeros_like(model.gain)
-    else:
+    gains = [np.zeros_like(model.gain)]
+    if gain:
         known = model.innovation_covariance
-        K = stable_gain(model.A, model.C, model.gain, np.eye(model.ny) if known is None else known)
-    out = scales.predictor(StateSpace(model.A, model.B, model.C, D, K, model.dt), gain)
-    if not out.is_stable() and gain and radius < 1.0:
-        K = np.zeros_like(K)
-        out = scales.predictor(StateSpace(model.A, model.B, model.C, D, K, model.dt), gain)
-    if not out.is_stable():
-        observer = float(np.abs(np.linalg.eigvals(model.A - K @ model.C)).max())
+        gains.insert(0, stable_gain(A, C, model.gain, np.eye(model.ny) if known is None else known))
+    predictors = [scales.predictor(StateSpace(A, model.B, C, D, K, model.dt), gain) for K in gains]
+    out = [p for p in predictors if p.is_stable()]
+    if out:
+        return out
+    radius, observer = spectral_radius(A), spectral_radius(A - gains[0] @ C)
+    if gain:
         raise SysidError(
             f"the start needs a stable predictor: A - K C has spectral radius {observer:.6g}, and A itself {radius:.6g}"
         )
-    return out
+    raise SysidError(
+        f"with gain=False the start must be stable, given one with largest pole modulus {radius:.6g}; "
+        "n4sid(data, order, stable=True) gives a stable one"
+    )
 
 
 def _covariance(information: FloatArray) -> tuple[FloatArray, float]:
