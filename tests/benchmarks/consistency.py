@@ -1,0 +1,81 @@
+"""How the error of each method shrinks with the length of the record: a slope of -1/2 is consistency.
+
+Run by hand: `PYTHONPATH=. python tests/benchmarks/consistency.py [draws]`. The error is the root mean square, over
+draws and frequencies up to half of Nyquist, of the relative error of the frequency response.
+"""
+
+import importlib.util
+import sys
+import warnings
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+import sysid
+
+LENGTHS = (500, 2000, 8000, 32000)
+
+
+def problems() -> Any:
+    """The problems stand beside the tests of the analyst."""
+    path = Path(__file__).parents[1] / "sysid" / "conftest.py"
+    spec = importlib.util.spec_from_file_location("problems", path)
+    if spec is None or spec.loader is None:
+        raise ImportError(f"cannot load {path}")
+    module = importlib.util.module_from_spec(spec)
+    sys.modules["problems"] = module
+    spec.loader.exec_module(module)
+    return module
+
+
+def errors(problem: Any, fit: Callable[[sysid.IOData], sysid.Estimate], draws: int) -> list[float]:
+    """Error at each length."""
+    found = []
+    for samples in LENGTHS:
+        shorter = replace(problem, samples=samples)
+        f = np.linspace(0.02, 0.5, 60) * 0.5 / sysid_dt(shorter)
+        true = shorter.model.frequency_response(f)
+        squares = []
+        for seed in range(draws):
+            model = fit(shorter.draw(seed)).model
+            squares.append(np.mean(np.abs(model.frequency_response(f) / true - 1.0) ** 2))
+        found.append(float(np.sqrt(np.mean(squares))))
+    return found
+
+
+def sysid_dt(problem: Any) -> float:
+    """Sampling interval of a problem."""
+    return float(problem.model.dt)
+
+
+def main() -> None:
+    """Measure all and write a table."""
+    draws = int(sys.argv[1]) if len(sys.argv) > 1 else 20
+    warnings.simplefilter("ignore", sysid.SysidWarning)
+    library = problems()
+    p3, p4, p5 = library.make_p3(), library.make_p4(), library.make_p5()
+    arx_of_p5 = (len(p5.A) - 1, len(p5.B) - p5.nk, p5.nk)
+    bj_of_p4 = (len(p4.B) - p4.nk, len(p4.C) - 1, len(p4.D) - 1, len(p4.F) - 1, p4.nk)
+    cases: dict[str, tuple[Any, Callable[[sysid.IOData], sysid.Estimate]]] = {
+        "arx, in its class": (p5, lambda d: sysid.arx(d, *arx_of_p5)),
+        "arx, coloured noise (biased)": (p3, lambda d: sysid.arx(d, 2, 2, 1)),
+        "iv4, coloured noise": (p3, lambda d: sysid.iv4(d, 2, 2, 1)),
+        "armax": (p3, lambda d: sysid.armax(d, 2, 2, 2, 1)),
+        "oe, coloured noise": (p3, lambda d: sysid.oe(d, 2, 2, 1)),
+        "bj": (p4, lambda d: sysid.bj(d, *bj_of_p4)),
+        "okid, p = 20": (p3, lambda d: sysid.okid(d, 2, p=20)),
+        "n4sid": (p3, lambda d: sysid.n4sid(d, 2)),
+        "pem_ss": (p3, lambda d: sysid.pem_ss(d, sysid.n4sid(d, 2))),
+    }
+    print(f"| method | {' | '.join(f'N = {n}' for n in LENGTHS)} | slope |\n|{'---|' * (len(LENGTHS) + 2)}")
+    for name, (problem, fit) in cases.items():
+        found = errors(problem, fit, draws)
+        slope = np.polyfit(np.log(LENGTHS), np.log(found), 1)[0]
+        print(f"| {name} | {' | '.join(f'{100 * e:.3f} %' for e in found)} | {slope:.2f} |")
+
+
+if __name__ == "__main__":
+    main()
