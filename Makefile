@@ -75,6 +75,13 @@ format: $(INSTALLED) ## put the code into the house format and mend what ruff ca
 	@"$(BIN)/ruff" format $(SOURCES)
 	@"$(BIN)/ruff" check --fix $(SOURCES)
 
+.PHONY: verification
+verification: $(INSTALLED) ## measure docs/verification.md again (about half an hour; installs the peers)
+	@echo "==> Installing the peers that are measured beside ours"
+	@"$(BIN)/python" -m pip install --quiet --constraint constraints.txt --editable '.[dev,peers]'
+	@echo "==> Measuring"
+	@"$(BIN)/python" tests/benchmarks/verification.py
+
 .PHONY: images
 images: $(INSTALLED) ## make the pictures of the README anew
 	@echo "==> Rendering the arm, running the study and drawing its result"

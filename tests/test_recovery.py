@@ -65,7 +65,7 @@ def test_clean_small_signal_data_give_back_the_true_response(joint, method, clea
         warnings.simplefilter("ignore", sysid.SysidWarning)
         estimate = {
             "oe": lambda: sysid.oe(data, 4, 4, nk),
-            "armax": lambda: sysid.armax(data, 6, 6, 6, nk),
+            "armax": lambda: sysid.armax(data, 5, 5, 5, nk),
             "okid": lambda: sysid.okid(data, 7, p=18),
         }[method]()
     frequencies = np.geomspace(0.01, 10.0, 400)

@@ -32,7 +32,9 @@ def problems() -> ModuleType:
 def measure(problem: Any, estimator: Any, orders: tuple[int, ...], draws: int) -> dict[str, float]:
     """Run one problem over `draws` noise realisations."""
     information, hz = problem.information(), problem.model.bandwidth()[0, 0]
-    errors, covered, bandwidths, seconds = [], [], [], []
+    errors, covered, bandwidths, responses, seconds = [], [], [], [], []
+    f = np.geomspace(0.01, 0.8, 12) * 0.5 / problem.model.dt
+    magnitude = np.abs(problem.model.frequency_response(f))
     unstable = failed = 0
     for seed in range(draws):
         data = problem.draw(seed)
@@ -43,6 +45,8 @@ def measure(problem: Any, estimator: Any, orders: tuple[int, ...], draws: int) -
         errors.append(error @ information @ error / len(error))
         covered.append(np.mean(np.abs(error) <= 1.96 * np.sqrt(np.diag(estimate.covariance))))
         bandwidths.append(bool(estimate.bandwidth().covers(hz)[0, 0]))
+        low, high = estimate.frequency_response(f).magnitude_ci95
+        responses.append(np.mean((low <= magnitude) & (magnitude <= high)))
         unstable += not estimate.model.is_stable()
         failed += not estimate.diagnostics["converged"]
     return {
@@ -50,6 +54,7 @@ def measure(problem: Any, estimator: Any, orders: tuple[int, ...], draws: int) -
         "its standard error": float(np.std(errors) / np.sqrt(draws)),
         "coverage, parameters": float(np.mean(covered)),
         "coverage, bandwidth": float(np.mean(bandwidths)),
+        "coverage, response": float(np.mean(responses)),
         "unstable": unstable,
         "not converged": failed,
         "median ms": 1e3 * float(np.median(seconds)),

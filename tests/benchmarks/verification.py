@@ -1,0 +1,60 @@
+"""Measure again what `docs/verification.md` says. Run by `make verification`, or by hand with words to choose by.
+
+A block of that page begins with a comment that names its command and ends with another; what the command prints takes
+the place of what stands between them. A command that fails leaves its block as it was.
+"""
+
+import re
+import shlex
+import subprocess
+import sys
+from pathlib import Path
+
+ROOT = Path(__file__).parents[2]
+PAGE = ROOT / "docs" / "verification.md"
+BLOCK = re.compile(r"<!-- measured by: (?P<command>.+?) -->\n.*?<!-- end -->", re.DOTALL)
+
+
+def measured(command: str) -> str:
+    """Run a command at the root of the project and return its output as Markdown.
+
+    Raises:
+        RuntimeError: The command failed.
+    """
+    words = shlex.split(command)
+    words[0] = sys.executable if words[0] == "python" else words[0]
+    run = subprocess.run(words, cwd=ROOT, capture_output=True, text=True, check=False, env=_environment())
+    if run.returncode:
+        raise RuntimeError(f"exit {run.returncode}: {run.stderr.strip().splitlines()[-1:]}")
+    text = run.stdout.strip("\n ")
+    return text if "|---" in text else f"```text\n{text}\n```"
+
+
+def _environment() -> dict[str, str]:
+    import os
+
+    threads = dict.fromkeys(("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS"), "1")
+    return {**os.environ, **threads, "PYTHONPATH": str(ROOT)}
+
+
+def main() -> int:
+    """Renew the blocks whose command holds one of the words given, or all."""
+    page, failed = PAGE.read_text(encoding="utf-8"), 0
+    for block in list(BLOCK.finditer(page)):
+        command = block["command"]
+        if sys.argv[1:] and not any(word in command for word in sys.argv[1:]):
+            continue
+        print(f"==> {command}", flush=True)
+        try:
+            renewed = f"<!-- measured by: {command} -->\n{measured(command)}\n<!-- end -->"
+        except RuntimeError as error:
+            failed += 1
+            print(f"    left as it was: {error}", flush=True)
+            continue
+        page = page.replace(block[0], renewed)
+        PAGE.write_text(page, encoding="utf-8")
+    return 1 if failed else 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
