@@ -45,7 +45,7 @@ def measure(problem: Any, estimator: Any, orders: tuple[int, ...], draws: int) -
         errors.append(error @ information @ error / len(error))
         covered.append(np.mean(np.abs(error) <= 1.96 * np.sqrt(np.diag(estimate.covariance))))
         bandwidths.append(bool(estimate.bandwidth().covers(hz)[0, 0]))
-        low, high = estimate.frequency_response(f).magnitude_ci95
+        low, high = estimate.frequency_response(f).magnitude_ci95()
         responses.append(np.mean((low <= magnitude) & (magnitude <= high)))
         unstable += not estimate.model.is_stable()
         failed += not estimate.diagnostics["converged"]
