@@ -14,6 +14,9 @@ ROOT = Path(__file__).parents[2]
 PAGE = ROOT / "docs" / "verification.md"
 BLOCK = re.compile(r"<!-- measured by: (?P<command>.+?) -->\n.*?<!-- end -->", re.DOTALL)
 
+TALK = re.compile(r"=|\.*$|\(\d+ durations|\d+ passed|[\d.]+s (call|setup|teardown)")
+"""What the test runner says of itself."""
+
 
 def measured(command: str) -> str:
     """Run a command at the root of the project and return its output as Markdown.
@@ -26,7 +29,7 @@ def measured(command: str) -> str:
     run = subprocess.run(words, cwd=ROOT, capture_output=True, text=True, check=False, env=_environment())
     if run.returncode:
         raise RuntimeError(f"exit {run.returncode}: {run.stderr.strip().splitlines()[-1:]}")
-    text = run.stdout.strip("\n ")
+    text = "\n".join(line for line in run.stdout.splitlines() if not TALK.match(line)).strip("\n ")
     return text if "|---" in text else f"```text\n{text}\n```"
 
 
