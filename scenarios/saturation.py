@@ -4,6 +4,7 @@ import numpy as np
 
 from hmtb_twin import JOINTS, JointLog
 from hmtb_twin.parameters import HAND_CONTROLLER, MOTIONS
+from scenarios.preparation import settled
 
 EXACT = 1e-9
 """A step of the command counts as the largest one allowed within this, rad."""
@@ -37,3 +38,8 @@ def velocity_limited_share(log: JointLog) -> float:
     largest = np.array([MOTIONS[name].velocity_limit * log.dt for name in log.axes])
     step = np.abs(np.diff(log.commanded[:, columns], axis=0))
     return float(np.mean((step > largest - EXACT).any(axis=1)))
+
+
+def swing(log: JointLog, joint: str) -> float:
+    """Half of the distance between the largest and the smallest command over the settled part, rad."""
+    return float(np.ptp(settled(log, joint).u[:, 0]) / 2)

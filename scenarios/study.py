@@ -26,9 +26,9 @@ from scenarios.preparation import prepared
 from scenarios.provenance import versions
 from scenarios.published import published
 from scenarios.registry import load
+from scenarios.saturation import swing, velocity_limited_share
 from scenarios.scenario import Scenario
 from scenarios.sensitivity import order_effects
-from scenarios.slewing import slewing, swing
 from scenarios.waveform import POINTS, RATE
 from sysid import FrequencyResponse, IOData, StateSpace, SysidWarning, block_diagonal
 
@@ -188,7 +188,7 @@ def study_joint(joint: str, logs: Mapping[int, JointLog], truth: JointTruth) -> 
         spa,
         etfe,
         published(joint),
-        slewing={number: slewing(log, joint) for number, log in logs.items()},
+        slewing={number: velocity_limited_share(log) for number, log in logs.items()},
         swing={number: swing(log, joint) for number, log in logs.items()},
     )
 

@@ -11,8 +11,8 @@ from scenarios.comparison import Comparison, relative_error
 from scenarios.period_spectra import period_spectra
 from scenarios.preparation import SETTLING, prepared
 from scenarios.registry import load
+from scenarios.saturation import swing, velocity_limited_share
 from scenarios.sensitivity import half_power_spread
-from scenarios.slewing import slewing, swing
 from scenarios.study import ESTIMATION_TEST, STRUCTURES, TESTS
 from sysid import IOData, StateSpace
 
@@ -106,7 +106,7 @@ def test_slewing_counts_steps_at_the_velocity_limit(study: Comparison) -> None:
         assert entry.slewing[7] < 0.5
         log = study.logs[f"siso-{ESTIMATION_TEST}-{name}"]
         slow = replace(log, commanded=log.commanded[0] + 0.5 * (log.commanded - log.commanded[0]))
-        assert slewing(slow, name) == 0.0
+        assert velocity_limited_share(slow) == 0.0
         assert swing(slow, name) == pytest.approx(0.5 * entry.swing[ESTIMATION_TEST])
 
 
