@@ -67,7 +67,7 @@ def read_mat(
 
     Args:
         path: The file.
-        inputs: Names of the input variables, vectors, or matrices whose longer side is time.
+        inputs: Names of the input variables, vectors, or matrices with time first.
         outputs: Names of the output variables, likewise.
         dt: As in `read_csv`; the file says it by a scalar `dt` or `Ts`, or a vector of times.
         missing: Whether missing output samples are allowed.
@@ -78,17 +78,30 @@ def read_mat(
     Raises:
         SysidError: No file, another format, no such variable, and as in `read_csv`.
     """
+    import zlib
+
     from scipy.io import loadmat
+    from scipy.io.matlab import MatReadError
 
     file = _existing(path, "a .mat file")
     try:
         content = loadmat(file)
-    except (NotImplementedError, ValueError, OSError, TypeError) as error:
+    except (
+        NotImplementedError,
+        MatReadError,
+        ValueError,
+        OSError,
+        TypeError,
+        EOFError,
+        LookupError,
+        zlib.error,
+    ) as error:
         raise SysidError(f"{file.name}: not a .mat file of version 7.2 or older ({error})") from error
     columns = {}
     for name, value in content.items():
         if isinstance(value, np.ndarray) and value.dtype.kind in "biuf" and value.ndim == 2 and value.size:
-            columns[name] = value.astype(float) if value.shape[0] >= value.shape[1] else value.T.astype(float)
+            # A vector has one way to be read; a matrix is taken time first, as it stands.
+            columns[name] = value.astype(float).reshape(-1, 1) if 1 in value.shape else value.astype(float)
     return record_of(columns, inputs, outputs, dt, missing, file)
 
 

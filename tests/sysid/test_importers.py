@@ -106,3 +106,16 @@ def test_foreign_files(tmp_path: Path, read: Callable[[Path], IOData], ending: s
     path.write_bytes(bytes(range(128, 256)) * 9)
     with pytest.raises(SysidError, match=f"binary.{ending}: not a"):
         read(path)
+
+
+@pytest.mark.parametrize("content", [b"", bytes(600), b"MATLAB 5.0" + bytes(10)])
+def test_a_damaged_mat_file_is_refused(tmp_path: Path, content: bytes) -> None:
+    (tmp_path / "bad.mat").write_bytes(content)
+    with pytest.raises(SysidError, match=r"not a \.mat file"):
+        read_mat(tmp_path / "bad.mat")
+
+
+def test_a_matrix_in_a_mat_file_is_never_transposed(tmp_path: Path) -> None:
+    savemat(tmp_path / "wide.mat", {"u": np.ones((2, 50)), "y": np.ones(50), "dt": 0.1})
+    with pytest.raises(SysidError, match="more channels than samples"):
+        read_mat(tmp_path / "wide.mat")
