@@ -4,31 +4,18 @@ Run by hand: `PYTHONPATH=. python tests/benchmarks/consistency.py [draws]`. The 
 draws and frequencies up to half of Nyquist, of the relative error of the frequency response.
 """
 
-import importlib.util
 import sys
 import warnings
 from collections.abc import Callable
 from dataclasses import replace
-from pathlib import Path
 from typing import Any
 
 import numpy as np
+from efficiency import problems
 
 import sysid
 
 LENGTHS = (500, 2000, 8000, 32000)
-
-
-def problems() -> Any:
-    """The problems stand beside the tests of the analyst."""
-    path = Path(__file__).parents[1] / "sysid" / "conftest.py"
-    spec = importlib.util.spec_from_file_location("problems", path)
-    if spec is None or spec.loader is None:
-        raise ImportError(f"cannot load {path}")
-    module = importlib.util.module_from_spec(spec)
-    sys.modules["problems"] = module
-    spec.loader.exec_module(module)
-    return module
 
 
 def errors(problem: Any, fit: Callable[[sysid.IOData], sysid.Estimate], draws: int) -> list[float]:
@@ -36,7 +23,7 @@ def errors(problem: Any, fit: Callable[[sysid.IOData], sysid.Estimate], draws: i
     found = []
     for samples in LENGTHS:
         shorter = replace(problem, samples=samples)
-        f = np.linspace(0.02, 0.5, 60) * 0.5 / sysid_dt(shorter)
+        f = np.linspace(0.02, 0.5, 60) * 0.5 / shorter.model.dt
         true = shorter.model.frequency_response(f)
         squares = []
         for seed in range(draws):
@@ -44,11 +31,6 @@ def errors(problem: Any, fit: Callable[[sysid.IOData], sysid.Estimate], draws: i
             squares.append(np.mean(np.abs(model.frequency_response(f) / true - 1.0) ** 2))
         found.append(float(np.sqrt(np.mean(squares))))
     return found
-
-
-def sysid_dt(problem: Any) -> float:
-    """Sampling interval of a problem."""
-    return float(problem.model.dt)
 
 
 def main() -> None:

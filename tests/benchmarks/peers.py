@@ -6,7 +6,6 @@ A fit is off when N (V - V0) / V0 exceeds 20, V0 being the lowest loss that any 
 """
 
 import contextlib
-import importlib.util
 import os
 import sys
 from collections.abc import Callable, Iterator
@@ -19,26 +18,18 @@ for variable in ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS"):
     os.environ[variable] = "1"
 os.environ["XLA_FLAGS"] = "--xla_cpu_multi_thread_eigen=false intra_op_parallelism_threads=1"
 
+sys.path.insert(0, str(Path(__file__).parents[2]))
+
 import numpy as np  # noqa: E402 - BLAS reads its number of threads when it loads
+from efficiency import problems  # noqa: E402
 from scipy.signal import lfilter  # noqa: E402
 
-sys.path.insert(0, str(Path(__file__).parents[2]))
 import sysid  # noqa: E402
 
 SKIP = 500
 """First residuals left out of every loss: initial conditions are each method's own affair."""
 
 Fit = Callable[[np.ndarray, np.ndarray], sysid.Polynomials]
-
-
-def problems() -> object:
-    """The problems stand beside the tests of the analyst."""
-    path = Path(__file__).parents[1] / "sysid" / "conftest.py"
-    spec = importlib.util.spec_from_file_location("problems", path)
-    module = importlib.util.module_from_spec(spec)
-    sys.modules["problems"] = module
-    spec.loader.exec_module(module)
-    return module
 
 
 @contextlib.contextmanager
