@@ -83,6 +83,10 @@ def waveform(
             "seed": seed,
         },
     )
+    if not wave.points.any():
+        from scenarios.errors import ScenarioError
+
+        raise ScenarioError(f"{kind} of amplitude 0 excites nothing: expected an amplitude other than 0 V")
 
     import numpy as np
 

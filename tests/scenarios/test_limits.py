@@ -93,3 +93,12 @@ def test_an_opengl_back_end_that_does_not_load_is_one_line():
     assert (run.returncode, run.stdout) == (2, "")
     assert run.stderr.count("\n") == 1
     assert "MUJOCO_GL='bogus'" in run.stderr
+
+
+def test_a_waveform_of_silence_is_one_line(capsys, tmp_path):
+    from scenarios.cli import main
+
+    words = ["waveform", "sine", "--frequency", "5", "--amplitude", "0", "--out", str(tmp_path / "out")]
+    assert main(words) == 2
+    assert capsys.readouterr().err.count("\n") == 1
+    assert not (tmp_path / "out").exists()
