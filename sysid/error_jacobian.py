@@ -46,10 +46,9 @@ def error_jacobian(experiment: IOData, orders: Orders, theta: FloatArray, past: 
     y, u = experiment.y[:, 0], experiment.u
     if past is Past.ZERO:
         return _from_rest(y, u, orders, theta, experiment.window)
-    start = orders.first_row(experiment.window)
     if past is Past.BACKCAST and max(orders.nc, orders.nd):
-        return _backcast(y, u, orders, theta, start)
-    return _with_free_past(y, u, orders, theta, start)
+        return _backcast(y, u, orders, theta, orders.first_row(experiment.window))
+    return _with_free_past(y, u, orders, theta, orders.first_error(experiment.window))
 
 
 def _with_free_past(y: FloatArray, u: FloatArray, orders: Orders, theta: FloatArray, start: int) -> ErrorJacobian:
@@ -77,11 +76,11 @@ def _with_free_past(y: FloatArray, u: FloatArray, orders: Orders, theta: FloatAr
     columns = np.empty((n - start, orders.count + 1), order="F")
     k = 0
     if orders.na:
-        columns[:, : orders.na] = lagged(lfilter(d, c, y), output_lags(orders.na), start)
+        columns[:, : orders.na] = _shifts(lfilter(d, c, y), orders.na, first=1)[start:]
         k = orders.na
     for j, (nb, nk) in enumerate(zip(orders.nb, orders.nk, strict=True)):
         filtered = lfilter(d, np.convolve(c, f[j]), u[:, j])
-        columns[:, k : k + nb] = -lagged(filtered, input_lags(nb, nk), start)
+        columns[:, k : k + nb] = -_shifts(filtered, nb, first=nk)[start:]
         k += nb
     # w and v with their fitted initial conditions, as eps has them
     used = noise_count

@@ -50,6 +50,15 @@ class Orders:
         """First time whose prediction error needs no sample from before the record."""
         return first_row(self.na, self.nb, self.nk, window)
 
+    def first_error(self, window: int) -> int:
+        """First time from which prediction errors count whose unknown past enters through free initial conditions.
+
+        It lies before `first_row` by as many samples as these conditions account for: no error is given up that a
+        state-space model with a free initial state would count.
+        """
+        disturbance = max(self.na, *(n + k - 1 - f for n, k, f in zip(self.nb, self.nk, self.nf, strict=True)), 0)
+        return max(window, disturbance + self.nd - max(self.nc, self.nd), 0)
+
     def split(self, theta: FloatArray) -> tuple[FloatArray, list[FloatArray], FloatArray, FloatArray, list[FloatArray]]:
         """Parameters as polynomials A, [B], C, D, [F]: monic ones with their 1, B with its nk leading zeros."""
         sizes = [self.na, *self.nb, self.nc, self.nd, *self.nf]

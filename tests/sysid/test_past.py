@@ -7,7 +7,7 @@ import pytest
 import scipy.linalg
 from scipy.signal import lfilter
 
-from sysid import IOData, Past, armax, bj, oe
+from sysid import IOData, Past, armax, bj, oe, residuals
 from sysid.error_jacobian import error_jacobian
 from sysid.orders import make_orders
 
@@ -32,6 +32,37 @@ def test_zero_biases_a_record_from_the_middle(p2: Any) -> None:
     free, rest = oe(data, 2, 2).parameters, oe(data, 2, 2, past=Past.ZERO).parameters
     assert np.abs(free - p2.parameters).max() < 1e-9
     assert np.abs(rest - p2.parameters).max() > 1e-3
+
+
+@pytest.mark.filterwarnings("ignore::sysid.SysidWarning")
+@pytest.mark.parametrize("inputs", [1, 2])
+@pytest.mark.parametrize(
+    ("estimator", "orders"),
+    [
+        (armax, (2, 2, 2, 1)),
+        (armax, (5, 3, 2, 2)),
+        (armax, (1, 4, 1, 3)),
+        (armax, (2, 1, 4, 0)),
+        (oe, (2, 2, 1)),
+        (oe, (2, 2, 3)),
+        (oe, (4, 1, 2)),
+        (bj, (2, 2, 2, 2, 1)),
+        (bj, (3, 1, 2, 1, 2)),
+        (bj, (3, 2, 1, 1, 2)),
+    ],
+)
+def test_free_past_uses_every_sample_that_a_free_initial_state_does(
+    estimator: Any, orders: tuple[int, ...], inputs: int
+) -> None:
+    """The least sum of squares is that of the innovations form with its initial state fitted to the whole record."""
+    rng = np.random.default_rng(3)
+    u = rng.standard_normal((250, inputs))
+    v = lfilter([1, -0.5], [1, -0.8, 0.3], rng.standard_normal(250))
+    y = lfilter([0, 1, 0.5], [1, -1.2, 0.5], u, axis=0).sum(axis=1) + v
+    data = IOData(u, y, 0.1)[50:]
+    estimate = estimator(data, *orders)
+    total = float(np.sum(residuals(estimate.model, data) ** 2))
+    assert estimate.diagnostics["sum_of_squares"] == pytest.approx(total, rel=1e-12)
 
 
 def test_backcasting_is_unconditional_least_squares() -> None:
