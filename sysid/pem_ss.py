@@ -16,7 +16,7 @@ from sysid.predict import check_channels
 from sysid.predictor import Predictor, Scales
 from sysid.predictor_errors import Point, Record
 from sysid.predictor_estimate import check_enough_samples, degrees_of_freedom, make_predictor_estimate
-from sysid.predictor_fit import coloured_information, column_scale, minimise
+from sysid.predictor_fit import Minimum, coloured_information, column_scale, minimise
 from sysid.simulate import as_model
 from sysid.state_space import StateSpace
 
@@ -26,7 +26,7 @@ COLOUR = 30  # coefficients of the autoregressive models of a coloured disturban
 
 def pem_ss(
     data: IOData | Sequence[IOData],
-    start: Estimate | StateSpace,
+    start: Estimate | StateSpace | Sequence[Estimate | StateSpace],
     *,
     direct: bool = True,
     gain: bool = True,
@@ -39,13 +39,16 @@ def pem_ss(
     change the basis of the state, so that no canonical form is needed. The predictor A - K C stays stable at every
     accepted step; the initial state of every experiment is estimated.
 
+    Real data of a higher order than the model often have several minima. Give several starts then, for example `n4sid`
+    with different `block_rows`: each is refined, and the best is returned.
+
     With `gain=False` the simulation error is minimised (an output-error model, K = 0): unbiased also where the
     disturbance is coloured in a way that a model of this order cannot describe, as long as the input is independent of
     it; the covariance then holds for a white one, unless `coloured` is set.
 
     Args:
         data: One experiment, or several that share the model; any numbers of inputs and outputs.
-        start: Where to begin: an estimate by `n4sid`, `okid` or any other method, or a model.
+        start: Where to begin: an estimate by `n4sid`, `okid` or any other method, or a model; or several of one order.
         direct: Whether D is estimated; otherwise it is zero.
         gain: Whether K is estimated; otherwise it is zero.
         coloured: With `gain=False`, whether the covariance allows for a disturbance that is not white, by an
@@ -55,22 +58,28 @@ def pem_ss(
     Returns:
         The estimate. `parameters` are local coordinates: entries of A - K C, B - K D, K, C and D along directions
         orthogonal to changes of the state's basis; their covariance goes through to bandwidth and responses.
+        Diagnostics: `criteria`, the minimum that each start led to, NaN for one that could not be used.
 
     Raises:
-        SysidError: Constant input, channels that do not fit, no state, too little data, a start whose predictor (with
-            `gain=False`: which itself) is unstable.
+        SysidError: Constant input, channels that do not fit, no state, starts of different orders, too little data, no
+            start whose predictor (with `gain=False`: which itself) is stable.
 
     Warns:
         SysidWarning: Poor excitation, no convergence, bad conditioning, a predictor at the edge of stability.
     """
     experiments = as_experiments(data)
-    model = as_model(start)
+    given = list(start) if isinstance(start, Sequence) else [start]
+    models = [as_model(one) for one in given]
     if coloured and gain:
         raise SysidError(
             "coloured=True is for output-error models: with gain=True the model itself describes the colour"
         )
-    for e in experiments:
-        check_channels(model, e)
+    if len({model.order for model in models}) != 1:
+        raise SysidError(f"expected one start, or several of one order; got orders {[m.order for m in models]}")
+    for model in models:
+        for e in experiments:
+            check_channels(model, e)
+    model = models[0]
     if model.order == 0:
         raise SysidError(
             "expected a start with at least one state, got order 0: a direct term alone is arx(data, 0, 1, 0)"
@@ -81,16 +90,24 @@ def pem_ss(
     texts = check_excitation(experiments, [n + (1 if direct else 0)] * nu)
     scales = Scales.of(experiments)
     records = [Record.of(e, scales, gain) for e in experiments]
-    starts = _starts(model, scales, direct, gain)
-    begin = starts[0]
-    if len(starts) > 1:
-        begin = min(starts, key=lambda p: Point.at(records, p.balanced(), np.eye(ny)).criterion)
-    found = minimise(records, begin, LocalCoordinates(direct), max_iterations)
+    minima: dict[int, Minimum] = {}
+    refused: list[SysidError] = []
+    for k, one in enumerate(models):
+        try:
+            starts = _starts(one, scales, direct, gain)
+        except SysidError as error:
+            refused.append(error)
+            continue
+        minima[k] = _refined(records, starts, direct, max_iterations)
+    if not minima:
+        raise refused[0]
+    chosen = min(minima, key=lambda k: minima[k].point.criterion)
+    found = minima[chosen]
     covariance, condition = _covariance(found.normal.information)
     if coloured and found.reason != "errors at rounding level":
         point, basis = found.point, found.normal.basis
         covariance = covariance @ coloured_information(records, point, basis, min(COLOUR, samples // 20)) @ covariance
-    covariance = covariance * samples / degrees_of_freedom(experiments, begin, count)
+    covariance = covariance * samples / degrees_of_freedom(experiments, found.point.predictor, count)
     radius = float(np.abs(np.linalg.eigvals(found.point.predictor.A)).max())
     if not found.converged:
         texts.append(f"pem_ss did not converge: {found.reason}")
@@ -117,10 +134,19 @@ def pem_ss(
             "evaluations": found.evaluations,
             "converged": found.converged,
             "reason": found.reason,
-            "start": start.method if isinstance(start, Estimate) else "model",
+            "start": used.method if isinstance(used := given[chosen], Estimate) else "model",
+            "criteria": tuple(minima[k].point.criterion if k in minima else np.nan for k in range(len(given))),
         },
         texts=texts,
     )
+
+
+def _refined(records: Sequence[Record], starts: Sequence[Predictor], direct: bool, max_iterations: int) -> Minimum:
+    """The minimum that the nearest of some predictors leads to."""
+    begin = starts[0]
+    if len(starts) > 1:
+        begin = min(starts, key=lambda p: Point.at(records, p.balanced(), np.eye(p.C.shape[0])).criterion)
+    return minimise(records, begin, LocalCoordinates(direct), max_iterations)
 
 
 def _starts(model: StateSpace, scales: Scales, direct: bool, gain: bool) -> list[Predictor]:

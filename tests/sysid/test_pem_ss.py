@@ -36,11 +36,25 @@ def test_second_order_is_armax(p3: Any) -> None:
     found = pem_ss(data, n4sid(data, 2), direct=False)
     f = np.array([0.2, 1.0, 5.0, 20.0])
     ours, theirs = found.frequency_response(f), expected.frequency_response(f)
-    # armax leaves out the first samples, which pem_ss gives to the initial state
     assert np.all(np.abs(ours.response - theirs.response) < 0.1 * theirs.magnitude_deviation())
     np.testing.assert_allclose(ours.covariance, theirs.covariance, rtol=0.02, atol=1e-4 * theirs.covariance.max())
     np.testing.assert_allclose(found.noise_variance, expected.noise_variance, rtol=1e-3)
     assert np.sum(found.residuals**2) <= np.sum(expected.residuals**2) * (1 + 1e-6)
+
+
+def test_best_of_several_starts(p3: Any) -> None:
+    data = p3.draw(0)
+    good = n4sid(data, 2)
+    unstable = StateSpace(2.0 * np.eye(2), good.model.B, good.model.C, good.model.D, None, good.model.dt)
+    alone = pem_ss(data, good, gain=False)
+    found = pem_ss(data, [unstable, okid(data, 2, p=20), good], gain=False)
+    assert np.isnan(found.diagnostics["criteria"][0])
+    assert min(found.diagnostics["criteria"][1:]) <= alone.diagnostics["criteria"][0]
+    np.testing.assert_allclose(found.bandwidth().hz, alone.bandwidth().hz, rtol=1e-4)
+    with pytest.raises(SysidError, match=r"one order; got orders \[2, 3\]"):
+        pem_ss(data, [good, n4sid(data, 3)])
+    with pytest.raises(SysidError, match=r"got orders \[\]"):
+        pem_ss(data, [])
 
 
 def test_without_gain_it_is_an_output_error_model(p2: Any) -> None:
