@@ -26,6 +26,7 @@ class ControllerModel:
             path.write_text(mjcf, encoding="utf-8")
             self._model = pin.buildModelFromMJCF(str(path))
         self._data = self._model.createData()
+        self._tool = self._model.getFrameId("tool")
 
     def gravity_torque(self, angles: Iterable[np.ndarray]) -> np.ndarray:
         """Return the torque that holds the arm at each pose.
@@ -56,6 +57,53 @@ class ControllerModel:
     def inverse_dynamics(self, angles: np.ndarray, velocities: np.ndarray, accelerations: np.ndarray) -> np.ndarray:
         """Return the torques that produce the accelerations (7,) rad/s^2 at a state, shape (7,), N m."""
         return np.array(pin.rnea(self._model, self._data, angles, velocities, accelerations))
+
+    def tool_pose(self, angles: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Return where the tool is at a pose.
+
+        Args:
+            angles: Joint angles (7,), rad.
+
+        Returns:
+            Position (3,), m, and rotation (3, 3) of the tool frame, both in the world: `p = position + rotation @ x`.
+        """
+        pin.forwardKinematics(self._model, self._data, np.asarray(angles, float))
+        placement = pin.updateFramePlacement(self._model, self._data, self._tool)
+        # Pinocchio hands out views of what the next call overwrites.
+        return placement.translation.copy(), placement.rotation.copy()
+
+    def tool_jacobian(self, angles: np.ndarray) -> np.ndarray:
+        """Return how the tool moves with the joints, in its own frame.
+
+        Args:
+            angles: Joint angles (7,), rad.
+
+        Returns:
+            Jacobian (6, 7): rows 0-2 linear velocity, m/rad, rows 3-5 angular velocity, rad/rad, both along the axes of
+            the tool frame.
+        """
+        jacobian = pin.computeFrameJacobian(
+            self._model, self._data, np.asarray(angles, float), self._tool, pin.ReferenceFrame.LOCAL
+        )
+        return np.array(jacobian)
+
+    def tool_path(self, angles: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Return where the tool was along a record of joint angles.
+
+        Args:
+            angles: Joint angles (N, 7), rad.
+
+        Returns:
+            Positions (N, 3), m, and rotations (N, 3, 3) of the tool frame in the world.
+        """
+        angles = np.asarray(angles, float)
+        positions, rotations = np.empty((len(angles), 3)), np.empty((len(angles), 3, 3))
+        model, data, tool = self._model, self._data, self._tool
+        for q, position, rotation in zip(angles, positions, rotations, strict=True):
+            pin.forwardKinematics(model, data, q)
+            placement = pin.updateFramePlacement(model, data, tool)
+            position[:], rotation[:] = placement.translation, placement.rotation
+        return positions, rotations
 
 
 @lru_cache(maxsize=16)
