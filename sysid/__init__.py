@@ -35,7 +35,7 @@ from sysid.polynomials import Polynomials, innovations_form
 from sysid.predict import predict
 from sysid.rarmax import rarmax
 from sysid.rarx import rarx
-from sysid.recursive_estimate import RecursiveEstimate
+from sysid.recursive_estimate import RecursiveEstimate, RecursiveState
 from sysid.resample import resample
 from sysid.resid import ResidualTest, resid
 from sysid.residuals import residuals
@@ -70,6 +70,7 @@ __all__ = [
     "Polynomials",
     "Realisation",
     "RecursiveEstimate",
+    "RecursiveState",
     "ResidualTest",
     "RootBand",
     "StateSpace",

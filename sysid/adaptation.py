@@ -9,11 +9,31 @@ from numpy.typing import ArrayLike
 from sysid.arrays import FloatArray, lock, real_array
 from sysid.errors import SysidError
 
-SETTLING = 0.995  # of the way to the lasting factor that is left with every sample
+ROOT_FLOOR = 1e-12  # of a covariance that is given, as a part of its largest entry, variances in units of their own
 
 
 class Adaptation(Protocol):
-    """A rule for the gain L(t) of theta(t) = theta(t-1) + L(t) eps(t); P is its matrix, psi = -d eps / d theta."""
+    """A rule for the gain L(t) of theta(t) = theta(t-1) + L(t) eps(t); psi = -d eps / d theta.
+
+    What a rule carries on, its memory, is P itself or a root of it.
+    """
+
+    @property
+    def diffuse(self) -> float:
+        """Initial variance of a parameter about which nothing is known, its regressor of unit mean square."""
+
+    @property
+    def forgets(self) -> bool:
+        """Whether parameters go on moving for ever."""
+
+    def enter(self, P: FloatArray) -> FloatArray:
+        """Memory (p, p) of a P."""
+
+    def leave(self, memory: FloatArray) -> FloatArray:
+        """P (p, p) of a memory."""
+
+    def prior(self, covariance: FloatArray, variance: float) -> FloatArray:
+        """P (p, p) that stands for a covariance of the parameters (p, p), found at such a variance of errors."""
 
     def decay(self, steps: int) -> float:
         """By how much what was known counts less after `steps` steps."""
@@ -21,8 +41,8 @@ class Adaptation(Protocol):
     def check(self, parameters: int) -> None:
         """Refuse settings that do not fit so many parameters."""
 
-    def step(self, P: FloatArray, psi: FloatArray, steps: int) -> tuple[FloatArray, FloatArray]:
-        """Gain (p,) and the next P (p, p), after `steps` steps."""
+    def step(self, memory: FloatArray, psi: FloatArray, steps: int) -> tuple[FloatArray, FloatArray]:
+        """Gain (p,) and the next memory (p, p), after `steps` steps."""
 
     def covariance(self, P: FloatArray, energy: float, variance: float, samples: int) -> FloatArray:
         """Covariance of the parameters (p, p), for mean square length `energy` of psi and error variance `variance`."""
@@ -32,41 +52,74 @@ class Adaptation(Protocol):
 class Forgetting:
     """Least squares in which an error counts less with every sample that passes.
 
-    P = (P - L psi' P) / lambda, L = P psi / (lambda + psi' P psi) [Ljung1999, sec. 11.2].
+    P = (P - L psi' P) / lambda, L = P psi / (lambda + psi' P psi) [Ljung1999, sec. 11.2]. A square root of P is carried
+    on [Bierman1977]: P stays symmetric and positive, and a large initial one costs no digits.
 
     Attributes:
         factor: Forgetting factor lambda, 0 < factor <= 1; memory is about 1 / (1 - factor) samples. At 1 nothing is
             forgotten and the estimate tends to that of the whole record.
-        initial: Factor to begin with, if it is less; it rises to `factor` over about a thousand samples. Where
-            regressors depend on the parameters, what was learnt with the first, wild ones is so forgotten.
+        initial: Factor to begin with, if it is less. Where regressors depend on the parameters, what was learnt with
+            the first, wild ones is so forgotten.
+        settling: Part of the way from `initial` to `factor` that each sample leaves:
+            lambda(t) = factor - (factor - initial) settling^t. The default is there after about a thousand samples.
 
     Raises:
-        SysidError: A factor outside.
+        SysidError: A factor outside, or a settling not from 0 to below 1.
     """
 
     factor: float = 1.0
     initial: float = 1.0
+    settling: float = 0.995
 
     def __post_init__(self) -> None:
         """Check."""
         for name, value in (("factor", self.factor), ("initial factor", self.initial)):
             if not 0.0 < value <= 1.0:
                 raise SysidError(f"the forgetting {name} must lie above 0 and not above 1, got {value!r}")
+        if not 0.0 <= self.settling < 1.0:
+            raise SysidError(f"settling must lie from 0 to below 1, got {self.settling!r}")
+
+    @property
+    def diffuse(self) -> float:
+        """Large: roots have twice the digits."""
+        return 1e12
+
+    @property
+    def forgets(self) -> bool:
+        """Unless the factor is 1."""
+        return self.factor < 1.0
+
+    def enter(self, P: FloatArray) -> FloatArray:
+        """A root Q of P = Q Q'."""
+        scale = np.sqrt(np.maximum(np.diag(P), np.finfo(float).tiny))
+        values, vectors = np.linalg.eigh(P / np.outer(scale, scale))
+        root = vectors * np.sqrt(np.maximum(values, ROOT_FLOOR * max(float(values[-1]), 0.0)))
+        return np.asarray(scale[:, None] * root)
+
+    def leave(self, memory: FloatArray) -> FloatArray:
+        """Q Q'."""
+        return memory @ memory.T
+
+    def prior(self, covariance: FloatArray, variance: float) -> FloatArray:
+        """P is the covariance for errors of unit variance."""
+        return covariance / variance
 
     def decay(self, steps: int) -> float:
         """The forgetting factor of the moment."""
-        return self.factor - max(self.factor - self.initial, 0.0) * SETTLING**steps
+        return self.factor - max(self.factor - self.initial, 0.0) * self.settling**steps
 
     def check(self, parameters: int) -> None:
         """Any number of parameters will do."""
 
-    def step(self, P: FloatArray, psi: FloatArray, steps: int) -> tuple[FloatArray, FloatArray]:
+    def step(self, memory: FloatArray, psi: FloatArray, steps: int) -> tuple[FloatArray, FloatArray]:
         """See `Adaptation`."""
         forgetting = self.decay(steps)
-        spread = P @ psi
-        length = forgetting + psi @ spread
-        # the order of the products keeps P symmetric to the last bit; what is not grows
-        return spread / length, (P - np.outer(spread, spread) / length) / forgetting
+        seen = psi @ memory
+        spread = memory @ seen
+        length = float(forgetting + seen @ seen)
+        shrink = 1.0 / (length + np.sqrt(forgetting * length))
+        root = memory - np.outer(spread, shrink * seen)
+        return spread / length, root if forgetting == 1.0 else root / np.sqrt(forgetting)
 
     def covariance(self, P: FloatArray, energy: float, variance: float, samples: int) -> FloatArray:
         """P times the variance, shrunk since errors are averaged with squared weights."""
@@ -102,6 +155,28 @@ class Kalman:
             raise SysidError(f"R2 must be a positive variance, got {self.R2!r}")
         object.__setattr__(self, "R1", lock(walk))
 
+    @property
+    def diffuse(self) -> float:
+        """As large as differences of P allow."""
+        return 1e6
+
+    @property
+    def forgets(self) -> bool:
+        """Where anything walks."""
+        return bool(np.any(self.R1))
+
+    def enter(self, P: FloatArray) -> FloatArray:
+        """P itself."""
+        return P.copy()
+
+    def leave(self, memory: FloatArray) -> FloatArray:
+        """P itself."""
+        return memory
+
+    def prior(self, covariance: FloatArray, variance: float) -> FloatArray:
+        """P is the covariance itself."""
+        return covariance
+
     def decay(self, steps: int) -> float:
         """Errors are all averaged to find their variance."""
         return 1.0
@@ -112,13 +187,13 @@ class Kalman:
         if any(n != parameters for n in shape):
             raise SysidError(f"R1: expected a number, ({parameters},) or {(parameters,) * 2}, got shape {shape}")
 
-    def step(self, P: FloatArray, psi: FloatArray, steps: int) -> tuple[FloatArray, FloatArray]:
+    def step(self, memory: FloatArray, psi: FloatArray, steps: int) -> tuple[FloatArray, FloatArray]:
         """See `Adaptation`."""
-        spread = P @ psi
+        spread = memory @ psi
         length = self.R2 + psi @ spread
         gain = spread / length
         walk = np.asarray(self.R1)
-        P = P - np.outer(spread, spread) / length
+        P = memory - np.outer(spread, spread) / length
         if walk.ndim == 2:
             return gain, P + walk
         P.flat[:: len(P) + 1] += walk
@@ -150,6 +225,28 @@ class Gradient:
             bound = "between 0 and 2" if self.normalised else "positive"
             raise SysidError(f"the gain must be {bound}, got {self.gain!r}")
 
+    @property
+    def diffuse(self) -> float:
+        """P is not used."""
+        return 1e6
+
+    @property
+    def forgets(self) -> bool:
+        """Steps do not shrink."""
+        return True
+
+    def enter(self, P: FloatArray) -> FloatArray:
+        """P itself."""
+        return P.copy()
+
+    def leave(self, memory: FloatArray) -> FloatArray:
+        """P itself."""
+        return memory
+
+    def prior(self, covariance: FloatArray, variance: float) -> FloatArray:
+        """P is the covariance itself."""
+        return covariance
+
     def decay(self, steps: int) -> float:
         """Errors are all averaged to find their variance."""
         return 1.0
@@ -157,12 +254,12 @@ class Gradient:
     def check(self, parameters: int) -> None:
         """Any number of parameters will do."""
 
-    def step(self, P: FloatArray, psi: FloatArray, steps: int) -> tuple[FloatArray, FloatArray]:
-        """See `Adaptation`; P is not used."""
+    def step(self, memory: FloatArray, psi: FloatArray, steps: int) -> tuple[FloatArray, FloatArray]:
+        """See `Adaptation`; the memory is not used."""
         if not self.normalised:
-            return self.gain * psi, P
+            return self.gain * psi, memory
         length = float(psi @ psi)
-        return (self.gain / length if length > 0.0 else 0.0) * psi, P
+        return (self.gain / length if length > 0.0 else 0.0) * psi, memory
 
     def covariance(self, P: FloatArray, energy: float, variance: float, samples: int) -> FloatArray:
         """What small steps settle to: half the gain times the variance of the errors."""

@@ -4,46 +4,29 @@ Regressors are lags of outputs and inputs, and of what the model itself makes: i
 outputs (OE). The gradient is the same regressors filtered by 1/C or 1/F of the moment [Ljung1999, sec. 11.4].
 """
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
-from itertools import pairwise
+import warnings
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from sysid.adaptation import Adaptation
-from sysid.arrays import FloatArray, real_array
+from sysid.adaptation import Adaptation, Forgetting
+from sysid.arrays import FloatArray
 from sysid.data import IOData, as_experiments
-from sysid.errors import SysidError
+from sysid.errors import SysidError, SysidWarning
+from sysid.estimate import Estimate
 from sysid.excitation import check_excitation
 from sysid.orders import Orders
 from sysid.polynomial_estimate import check_enough_data, check_single_output, make_estimate
-from sysid.recursive_estimate import RecursiveEstimate
+from sysid.prediction_error import linearise
+from sysid.recursive_channels import Channel, regressed_channels, stable
+from sysid.recursive_estimate import RecursiveEstimate, RecursiveState
+from sysid.recursive_start import Start, begin
 
-# initial variance of a parameter whose regressor has a mean square of one; less where regressors depend on parameters,
-# since the first steps would be wild ones
-DIFFUSE, CAUTIOUS = 1e6, 1e2
 HALVINGS = 12
-
-
-@dataclass(frozen=True, eq=False)
-class Channel:
-    """A signal whose lags stand among the regressors.
-
-    Attributes:
-        place: Where its lags stand.
-        sign: With which they enter the prediction.
-        denominator: Where the coefficients of the filter stand that makes gradients of it; an empty slice for none.
-        signal: Its samples as they enter, (N,); None when the model makes them.
-        paths: Places whose sum is the simulated output; none for the errors.
-    """
-
-    place: slice
-    sign: float
-    denominator: slice
-    signal: FloatArray | None
-    paths: tuple[slice, ...] = ()
+OFF = 20.0  # N dV / V, beside one per parameter, above which a recursion is said to be away from the minimum
+QUIET = 1e-20  # sum of squares, as a part of that of the output, below which no minimum is asked for
 
 
 def recurse(
@@ -51,8 +34,11 @@ def recurse(
     data: IOData,
     orders: Orders,
     asked: Mapping[str, Any],
-    adaptation: Adaptation,
-    start: ArrayLike | None,
+    default: Adaptation,
+    *,
+    adaptation: Adaptation | None,
+    start: Start,
+    P0: ArrayLike | None,
 ) -> RecursiveEstimate:
     """Run along a record. A step that would make C or an F unstable is halved until it does not.
 
@@ -61,54 +47,66 @@ def recurse(
         data: One experiment with one output.
         orders: ARX, ARMAX or OE structure.
         asked: Orders as the user knows them.
+        default: Rule of the gain from zero or from parameters, where none is given.
         adaptation: Rule of the gain.
-        start: Parameters to begin with (p,); zero when None.
+        start: Where to begin; see `begin`.
+        P0: Initial P.
 
     Raises:
         SysidError: Several experiments or outputs, missing samples, a constant input, too many orders, a start that
             does not fit.
+
+    Warns:
+        SysidWarning: Poor excitation, an unstable model, parameters that have not come near the minimum.
     """
     if not isinstance(data, IOData):
         raise SysidError(f"recursive estimators run along one IOData record, got {type(data).__name__}")
     as_experiments(data)
     check_single_output([data])
-    texts = check_excitation([data], orders.nb)
-    check_enough_data([data], orders, transients=0)
-    p = orders.count
-    adaptation.check(p)
-    theta = np.zeros(p) if start is None else real_array("start", start)
-    if theta.shape != (p,):
-        raise SysidError(f"start: expected {p} parameters ({', '.join(orders.names)}), got shape {theta.shape}")
-    channels = _channels(data, orders)
-    denominators = sorted({(c.denominator.start, c.denominator.stop) for c in channels})
-    if not _stable(theta, denominators):
-        raise SysidError(f"start: expected C and F stable, got {dict(zip(orders.names, theta, strict=True))}")
+    before = start.state if isinstance(start, RecursiveEstimate) else start
+    resumes = isinstance(before, RecursiveState)
+    texts: list[str] = []
+    if not resumes:
+        # a piece of a record may be of any length and its input may rest
+        texts += check_excitation([data], orders.nb)
+        check_enough_data([data], orders, transients=0)
+    rule = adaptation if adaptation is not None else _rule(before, default)
+    channels = regressed_channels(data, orders)
+    state = begin(data, orders, channels, rule, before, P0)
 
-    y, samples, first = data.y[:, 0], len(data), orders.first_row(data.window)
-    ignorance = DIFFUSE if all(c.signal is not None for c in channels) else CAUTIOUS
-    P = np.diag(ignorance / _mean_squares(data, channels, p))
-    phi, psi = np.zeros(p), np.zeros(p)
-    histories = [[0.0] * (c.denominator.stop - c.denominator.start) for c in channels]
-    made = [0.0] * len(channels)
-    trajectory, residuals = np.empty((samples, p)), np.zeros((samples, 1))
-    squares = weight = energy = 0.0
-    shortened = 0
+    y, samples = data.y[:, 0], len(data)
+    first = max(data.window, orders.first_row(0) - state.samples)
+    denominators = {c.denominator for c in channels}
+    entering, tails = [], []
+    for c, tail in zip(channels, state.tails, strict=True):
+        late = np.concatenate((tail, c.signal)) if c.signal is not None else np.zeros(samples)
+        entering.append(late[:samples].tolist())
+        tails.append(late[samples:])
+    theta, memory, phi, psi = (np.array(part) for part in (state.theta, state.memory, state.phi, state.psi))
+    filters = [part.tolist() for part in state.filters]
+    made = list(state.made)
+    squares, weight, energy = state.squares, state.weight, state.energy
+    steps, shortened = state.steps, state.shortened
+    trajectory = np.empty((samples, orders.count))
+    predicted, residuals = np.full((samples, 1), np.nan), np.zeros((samples, 1))
     for t in range(samples):
         phi[1:], psi[1:] = phi[:-1].copy(), psi[:-1].copy()
-        for c, own, past in zip(channels, made, histories, strict=True):
-            value = filtered = own if c.signal is None else float(c.signal[t])
+        for c, own, past, known in zip(channels, made, filters, entering, strict=True):
+            value = filtered = own if c.signal is None else known[t]
             if past:
-                filtered -= sum(f * x for f, x in zip(theta[c.denominator].tolist(), past, strict=True))
+                coefficients = theta[c.denominator[0] : c.denominator[1]].tolist()
+                filtered -= sum(f * x for f, x in zip(coefficients, past, strict=True))
                 past.insert(0, filtered)
                 past.pop()
             phi[c.place.start], psi[c.place.start] = c.sign * value, c.sign * filtered
         after = 0.0
         if t >= first:
-            error = float(y[t] - phi @ theta)
-            gain, P = adaptation.step(P, psi, t - first)
+            predicted[t] = phi @ theta
+            error = float(y[t] - predicted[t, 0])
+            gain, memory = rule.step(memory, psi, steps)
             step = gain * error
             halvings = 0
-            while halvings < HALVINGS and not _stable(theta + step, denominators):
+            while halvings < HALVINGS and not stable(theta + step, denominators):
                 step = 0.5 * step
                 halvings += 1
             shortened += halvings > 0
@@ -117,63 +115,74 @@ def recurse(
             residuals[t] = error
             after = float(y[t] - phi @ theta)
             # for least squares the sum of prior times posterior errors is the sum of squares of the whole fit
-            decay = adaptation.decay(t - first)
+            decay = rule.decay(steps)
             squares = decay * squares + error * after
             weight = decay * weight + 1.0
             energy += float(psi @ psi)
+            steps += 1
         trajectory[t] = theta
-        made = [sum(float(phi[s] @ theta[s]) for s in c.paths) if c.paths else after for c in channels]
-    rows = samples - first
-    variance = max(squares, 0.0) / max(weight - p, 1.0)
+        # where one path makes all of the output, its past is measured: nearer than zero
+        output = float(y[t]) if t < first and len(orders.nb) == 1 else None
+        made = [_simulated(phi, theta, c, output) if c.paths else after for c in channels]
+    end = RecursiveState(
+        orders=orders,
+        adaptation=rule,
+        theta=theta,
+        memory=memory,
+        phi=phi,
+        psi=psi,
+        filters=tuple(np.array(part) for part in filters),
+        made=tuple(made),
+        tails=tuple(tails),
+        dt=data.dt,
+        samples=state.samples + samples,
+        steps=steps,
+        squares=squares,
+        weight=weight,
+        energy=energy,
+        shortened=shortened,
+    )
+    variance = max(squares, 0.0) / max(weight - orders.count, 1.0)
+    nonlinear = orders.nc > 0 or any(orders.nf)
+    left = _left([data], orders, theta) if nonlinear and not resumes else np.nan
+    if left > OFF + orders.count and not rule.forgets:
+        texts.append(
+            f"after {steps} steps {method} is still away from the minimum: one Gauss-Newton step on the whole record "
+            f"promises N dV/V = {left:.3g}; begin with start={method[1:]}(data[:n], ...), an estimate from the "
+            "first samples, or give it a longer record"
+        )
+        warnings.warn(texts[-1], SysidWarning, stacklevel=3)
+    P = end.scaled_covariance
     final = make_estimate(
         method,
         [data],
         orders,
         asked,
         theta=theta,
-        covariance=adaptation.covariance(P, energy / rows, variance, rows),
+        covariance=rule.covariance(P, energy / max(steps, 1), variance, steps),
         variance=variance,
-        diagnostics={"adaptation": adaptation, "shortened": shortened},
+        diagnostics={"adaptation": rule, "shortened": shortened, "steps": steps, "left": left},
         texts=texts,
     )
-    return RecursiveEstimate(trajectory, orders.names, residuals, final, shortened)
+    return RecursiveEstimate(trajectory, orders.names, predicted, residuals, P, final, end, shortened)
 
 
-def _channels(data: IOData, orders: Orders) -> list[Channel]:
-    """Layout of the regressors; `y` delayed by one sample, inputs by nk."""
-    sizes = [orders.na, *orders.nb, orders.nc, *orders.nf]
-    edges = [0, *np.cumsum(sizes).tolist()]
-    places = [slice(a, b) for a, b in pairwise(edges)]
-    nu = len(orders.nb)
-    inputs, noise, dynamics = places[1 : 1 + nu], places[1 + nu], places[2 + nu :]
-    out = [Channel(places[0], -1.0, noise, _delayed(data.y[:, 0], 1))]
-    for j, (b, f) in enumerate(zip(inputs, dynamics, strict=True)):
-        out.append(Channel(b, 1.0, f if orders.nf[j] else noise, _delayed(data.u[:, j], orders.nk[j])))
-        out.append(Channel(f, -1.0, f, None, (b, f)))
-    out.append(Channel(noise, 1.0, noise, None))
-    return [c for c in out if c.place.stop > c.place.start]
+def _simulated(phi: FloatArray, theta: FloatArray, channel: Channel, output: float | None) -> float:
+    return sum(float(phi[s] @ theta[s]) for s in channel.paths) if output is None else output
 
 
-def _delayed(signal: FloatArray, lag: int) -> FloatArray:
-    return np.concatenate((np.zeros(lag), signal[: len(signal) - lag]))
+def _rule(start: Start, default: Adaptation) -> Adaptation:
+    """What an estimate knows is not to be forgotten with the first steps."""
+    if isinstance(start, RecursiveState):
+        return start.adaptation
+    return Forgetting(1.0) if isinstance(start, Estimate) else default
 
 
-def _mean_squares(data: IOData, channels: Sequence[Channel], p: int) -> FloatArray:
-    """Mean square of each regressor (p,); what the model makes is as large as the output, at most."""
-    out = np.ones(p)
-    for c in channels:
-        signal = data.y[:, 0] if c.signal is None else c.signal
-        out[c.place] = float(np.mean(signal**2)) or 1.0
-    return out
-
-
-def _stable(theta: FloatArray, denominators: Sequence[tuple[int, int]]) -> bool:
-    """Whether all reflection coefficients of every denominator are below one (the step-down recursion of Schur)."""
-    for begin, end in denominators:
-        row = theta[begin:end].tolist()
-        while row:
-            k = row.pop()
-            if not abs(k) < 1.0:
-                return False
-            row = [(x - k * z) / (1.0 - k * k) for x, z in zip(row, reversed(row), strict=True)]
-    return True
+def _left(experiments: list[IOData], orders: Orders, theta: FloatArray) -> float:
+    """N dV / V that one Gauss-Newton step on the whole record promises."""
+    at = linearise(experiments, orders, theta)
+    directions, values, _ = np.linalg.svd(at.triangle)
+    g = directions.T @ at.target
+    known = values > 1e-13 * values.max(initial=0.0)
+    energy = sum(float(np.sum(e.y**2)) for e in experiments)
+    return at.errors * float(g[known] @ g[known]) / at.cost if at.cost > QUIET * energy else 0.0

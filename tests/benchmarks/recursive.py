@@ -1,0 +1,70 @@
+"""Recursive estimators against the batch estimate of the same record: what one pass reaches, from where.
+
+Run by hand from the root of the repository:
+
+    PYTHONPATH=. python tests/benchmarks/recursive.py 20
+
+Distances are N (V - V*) / V* over the whole record, V* the loss of the batch estimate: about 0 where nothing is lost,
+p (the number of parameters) where half of the information is. P1 has condition 4e8.
+"""
+
+import sys
+import time
+import warnings
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+
+import sysid
+from tests.sysid.conftest import Problem, make_p1, make_p2, make_p3
+
+CASES: list[tuple[str, Callable[[], Problem], Any, Any, tuple[int, ...]]] = [
+    ("P1 rarmax", make_p1, sysid.rarmax, sysid.armax, (5, 3, 5, 2)),
+    ("P3 rarmax", make_p3, sysid.rarmax, sysid.armax, (2, 2, 2, 1)),
+    ("P2 roe", make_p2, sysid.roe, sysid.oe, (2, 2, 1)),
+    ("P1 rarx", make_p1, sysid.rarx, sysid.arx, (5, 3, 2)),
+]
+FIRST = (0, 300, 600, 1000)  # samples of the record that an estimate to begin with is made of
+
+
+def distance(model: sysid.StateSpace, batch: sysid.StateSpace, data: sysid.IOData) -> float:
+    """N (V - V*) / V*."""
+    loss, least = (float(np.mean(sysid.residuals(m, data) ** 2)) for m in (model, batch))
+    return len(data) * (loss / least - 1.0)
+
+
+def main() -> None:
+    """Write a row per problem and beginning."""
+    draws = int(sys.argv[1]) if len(sys.argv) > 1 else 20
+    sys.stdout.write(
+        "| problem | begins with | N dV/V, median | 90 % | deviations by batch's | warned | us per sample |\n"
+    )
+    sys.stdout.write("|---|---|---|---|---|---|---|\n")
+    for label, make, recursive, batch, orders in CASES:
+        records = [make().draw(seed) for seed in range(draws)]
+        wholes = [batch(data, *orders) for data in records]
+        for first in FIRST:
+            distances, ratios, warned, seconds = [], [], 0, 0.0
+            for data, whole in zip(records, wholes, strict=True):
+                with warnings.catch_warnings(record=True) as caught:
+                    warnings.simplefilter("always")
+                    start = batch(data[:first], *orders) if first else None
+                    caught.clear()
+                    begin = time.perf_counter()
+                    found = recursive(data[first:], *orders, start=start)
+                    seconds += time.perf_counter() - begin
+                    warned += any("still away from the minimum" in str(w.message) for w in caught)
+                distances.append(distance(found.final.model, whole.model, data))
+                ratios.append(np.median(np.sqrt(np.diag(found.final.covariance) / np.diag(whole.covariance))))
+            where = f"an estimate from {first} samples" if first else "zero"
+            speed = 1e6 * seconds / sum(len(data) - first for data in records)
+            sys.stdout.write(
+                f"| {label} | {where} | {np.median(distances):.2g} | {np.quantile(distances, 0.9):.2g} "
+                f"| {np.median(ratios):.2f} | {warned} of {draws} | {speed:.0f} |\n"
+            )
+            sys.stdout.flush()
+
+
+if __name__ == "__main__":
+    main()
