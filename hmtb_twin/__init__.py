@@ -1,17 +1,20 @@
 """The laboratory: arm, hydraulics, servos, hand controller, recorder; and the truth about them."""
 
 from hmtb_twin.arm import VARIANTS, Arm, load_arm
+from hmtb_twin.chain import IDEAL, Chain
 from hmtb_twin.errors import TwinError, TwinWarning
-from hmtb_twin.experiment import Experiment
+from hmtb_twin.experiment import Experiment, Motion, Operator, View
 from hmtb_twin.joint_log import JointLog
 from hmtb_twin.linearization import linearize
-from hmtb_twin.modes import MODES
-from hmtb_twin.parameters import JOINTS, PAYLOADS, POSES, STUDIED_JOINTS
+from hmtb_twin.modes import MODES, axis_names
+from hmtb_twin.parameters import JOINTS, PAYLOADS, POSES, STUDIED_JOINTS, HandController
 from hmtb_twin.rendering import render
 from hmtb_twin.simulation import Logs, simulate
+from hmtb_twin.status import Status
 from hmtb_twin.truth import JointTruth, Truth
 
 __all__ = [
+    "IDEAL",
     "JOINTS",
     "MODES",
     "PAYLOADS",
@@ -19,13 +22,20 @@ __all__ = [
     "STUDIED_JOINTS",
     "VARIANTS",
     "Arm",
+    "Chain",
     "Experiment",
+    "HandController",
     "JointLog",
     "JointTruth",
     "Logs",
+    "Motion",
+    "Operator",
+    "Status",
     "Truth",
     "TwinError",
     "TwinWarning",
+    "View",
+    "axis_names",
     "linearize",
     "load_arm",
     "render",

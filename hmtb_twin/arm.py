@@ -2,7 +2,7 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from functools import lru_cache
+from functools import cached_property, lru_cache
 from types import MappingProxyType
 
 import mujoco
@@ -29,7 +29,7 @@ VARIANTS = ("nominal",)
 """The arms that exist."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Arm:
     """One arm, ready to simulate or linearise.
 
@@ -55,6 +55,11 @@ class Arm:
     actuators: Mapping[str, Actuator]
     servos: Mapping[str, Servo]
     gains: Mapping[str, tuple[float, float]]
+
+    @cached_property
+    def valves_closed(self) -> mujoco.MjModel:
+        """The arm after an emergency shutdown: no flow through the valves, the oil trapped but for the leakage."""
+        return _compile(self.payload, {name: replace(a, valve_open=False) for name, a in self.actuators.items()})
 
     @property
     def delays(self) -> np.ndarray:
@@ -119,13 +124,14 @@ class Arm:
         return data
 
 
-def load_arm(variant: str = "nominal", payload: str = "rpcm", *, friction: bool = True) -> Arm:
+def load_arm(variant: str = "nominal", payload: str = "rpcm", *, friction: bool = True, worksite: bool = False) -> Arm:
     """Load the arm.
 
     Args:
         variant: One of `VARIANTS`.
         payload: What the end effector holds, one of `PAYLOADS`. The servo gains are those of the RPCM either way.
         friction: Whether the seals rub; without friction the arm is what `linearize` describes.
+        worksite: Whether the arm stands at the worksite, with contact, instead of in free space.
 
     Returns:
         The arm. Calls with equal arguments return the same record.
@@ -142,19 +148,10 @@ def load_arm(variant: str = "nominal", payload: str = "rpcm", *, friction: bool 
 
 @lru_cache(maxsize=16)
 def _load(variant: str, payload: str, friction: bool) -> Arm:
-    spec = mujoco.MjSpec.from_file(str(model_file("hmtb/hmtb.xml")))
     gains = tuned_gains(controller_model("rpcm"))
-    for key in list(spec.keys):
-        # Its activations would not fit an arm without friction, and `Arm.rest` computes the same state.
-        spec.delete(key)
-    if PAYLOADS[payload] is None:
-        spec.delete(spec.body("rpcm"))
     actuators = ACTUATORS if friction else {name: replace(a, friction=None) for name, a in ACTUATORS.items()}
-    for name in JOINTS:
-        configure(spec.actuator(name), actuators[name], gains[name])
-    model = spec.compile()
     return Arm(
-        model=model,
+        model=_compile(payload, actuators),
         controller=controller_model(payload),
         variant=variant,
         payload=payload,
@@ -163,6 +160,19 @@ def _load(variant: str, payload: str, friction: bool) -> Arm:
         servos=MappingProxyType(dict(SERVOS)),
         gains=MappingProxyType(gains),
     )
+
+
+def _compile(payload: str, actuators: Mapping[str, Actuator]) -> mujoco.MjModel:
+    spec = mujoco.MjSpec.from_file(str(model_file("hmtb/hmtb.xml")))
+    for key in list(spec.keys):
+        # Its activations would not fit an arm without friction, and `Arm.rest` computes the same state.
+        spec.delete(key)
+    if PAYLOADS[payload] is None:
+        spec.delete(spec.body("rpcm"))
+    gains = tuned_gains(controller_model("rpcm"))
+    for name in JOINTS:
+        configure(spec.actuator(name), actuators[name], gains[name])
+    return spec.compile()
 
 
 def tuned_gains(controller: ControllerModel) -> dict[str, tuple[float, float]]:
@@ -194,7 +204,7 @@ def configure(target: mujoco.MjsActuator, actuator: Actuator, gains: tuple[float
         resistance=actuator.flow_pressure_gain,
         saturation=[actuator.maximum_torque, 0.0, 0.0],
         inductance=[actuator.compliance, 0.0],
-        controller=[kp, 0.0, kd, 0.0, 0.0, actuator.rated_flow],
+        controller=[kp, 0.0, kd, 0.0, 0.0, actuator.largest_flow],
         lugre=lugre,
         ctrlspec=target.ctrlspec,
     )

@@ -1,8 +1,50 @@
 """What the laboratory needs to know of an experiment before it can run it."""
 
+from dataclasses import dataclass
 from typing import Protocol
 
 import numpy as np
+
+from hmtb_twin.chain import Chain
+from hmtb_twin.parameters import HandController
+
+
+@dataclass(frozen=True)
+class View:
+    """What an operator at the control station sees at a tick: cameras and displays, without his own delay or error.
+
+    Attributes:
+        time: Since the start of the experiment, s.
+        tool_position: Tool point in the world (3,), m.
+        tool_rotation: Tool frame in the world (3, 3).
+        wrench: Wrist force and torque (6,), N and N m.
+    """
+
+    time: float
+    tool_position: np.ndarray
+    tool_rotation: np.ndarray
+    wrench: np.ndarray
+
+
+@dataclass(frozen=True)
+class Motion:
+    """What an operator does at a tick.
+
+    Attributes:
+        volts: Stick voltage of each axis of the experiment (n_axes,), V.
+        grip: Whether the end effector is closed.
+    """
+
+    volts: np.ndarray
+    grip: bool = True
+
+
+class Operator(Protocol):
+    """Someone at the hand controller. One operator serves one experiment from its first tick to its last."""
+
+    def move(self, view: View) -> Motion:
+        """Look, and move the stick; called once per tick."""
+        ...
 
 
 class Experiment(Protocol):
@@ -13,13 +55,14 @@ class Experiment(Protocol):
         variant: Arm variant.
         payload: What the end effector holds.
         pose: Keyframe at which the arm rests before the experiment and about which it is excited.
-        mode: Control mode; `single_joint` moves the excited joints and holds the others.
-        axes: The excited joints.
+        worksite: Whether the arm works at the worksite, with contact, instead of in free space.
+        mode: Control mode, one of `MODES`.
+        axes: What the stick moves: joints in the single-joint modes, directions of the tool in the Cartesian modes.
         seed: Seed of every random draw of the laboratory.
         duration: Length, s.
-        friction: Whether the seals rub.
-        noise: Whether hand-controller noise and bias and resolver noise act.
-        quantisation: Whether the converters round.
+        chain: Which links of the chain act.
+        hand_controller: The hand-controller interface.
+        shutdown: Emergency shutdowns: times of power off and of power on again in turn, s.
     """
 
     @property
@@ -31,6 +74,8 @@ class Experiment(Protocol):
     @property
     def pose(self) -> str: ...  # noqa: D102
     @property
+    def worksite(self) -> bool: ...  # noqa: D102
+    @property
     def mode(self) -> str: ...  # noqa: D102
     @property
     def axes(self) -> tuple[str, ...]: ...  # noqa: D102
@@ -39,12 +84,16 @@ class Experiment(Protocol):
     @property
     def duration(self) -> float: ...  # noqa: D102
     @property
-    def friction(self) -> bool: ...  # noqa: D102
+    def chain(self) -> Chain: ...  # noqa: D102
     @property
-    def noise(self) -> bool: ...  # noqa: D102
+    def hand_controller(self) -> HandController: ...  # noqa: D102
     @property
-    def quantisation(self) -> bool: ...  # noqa: D102
+    def shutdown(self) -> tuple[float, ...]: ...  # noqa: D102
 
     def volts(self) -> np.ndarray:
         """Return the excitation computer's output, (N, n_axes) V at 50 Hz with N = 50 duration."""
+        ...
+
+    def operator(self) -> Operator | None:
+        """Return a new operator who moves the stick in place of the excitation computer, or none."""
         ...

@@ -3,8 +3,10 @@
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.signal import lfilter
 
-from hmtb_twin.parameters import HandController
+from hmtb_twin.chain import Chain
+from hmtb_twin.parameters import SAMPLE_TIME, HandController
 
 
 def quantise(signal: np.ndarray, step: float) -> np.ndarray:
@@ -20,50 +22,96 @@ def quantise(signal: np.ndarray, step: float) -> np.ndarray:
     return np.rint(signal / step)
 
 
-@dataclass(frozen=True)
-class StickRecord:
-    """What passes through the hand controller, per excited axis.
+def pickup(ticks: int, axes: int, parameters: HandController, rng: np.random.Generator, chain: Chain) -> np.ndarray:
+    """Return what bias and wires add to the excitation.
 
-    Attributes:
-        volts: Voltage at the converter, noise and bias included, (N, n) V.
-        counts: Converter counts after sample and hold, (N, n).
-        angle: Commanded offset from the operating pose, (N, n) rad.
-    """
-
-    volts: np.ndarray
-    counts: np.ndarray
-    angle: np.ndarray
-
-
-def read_stick(
-    volts: np.ndarray,
-    parameters: HandController,
-    rng: np.random.Generator,
-    *,
-    noise: bool,
-    quantisation: bool,
-) -> StickRecord:
-    """Pass volts through the hand-controller interface.
-
-    Noise and bias are picked up by the wires, the converter saturates and rounds, its processor holds each sample,
-    and a small gain makes the commanded angle [Morris1996, III.2A, III.2C and III.4].
+    The noise is white, or a first-order low-pass of white noise where a corner is given, with the same standard
+    deviation; hum is a sinusoid of random phase, which the 50 Hz loop sees at its alias.
 
     Args:
-        volts: Output of the excitation computer, (N, n) V.
+        ticks: Length N.
+        axes: Number of axes n.
         parameters: The interface.
-        rng: Source of noise and bias; the same number of draws is made whether noise is on or off.
-        noise: Whether noise and bias act.
-        quantisation: Whether the converter rounds; it saturates either way.
+        rng: Source of bias, noise and phase; the same number of draws is made whatever the chain.
+        chain: Which links act.
 
     Returns:
-        The signals along the way.
+        Disturbance (N, n), V.
     """
-    bias = parameters.bias * rng.standard_normal(volts.shape[1])
-    pickup = parameters.noise * rng.standard_normal(volts.shape)
-    received = volts + bias + pickup if noise else volts.copy()
-    ticks = np.arange(len(volts))
-    held = received[ticks - ticks % parameters.hold]
-    step = parameters.adc_step
-    limit = 2 ** (parameters.adc_bits - 1)
-    counts = np.clip(quantise(held, step) if quantisation else held / step, -limit, limit - 1)
-    return StickRecord(received, counts, parameters.gain * step * counts)
+    bias = (1.0 - parameters.compensation) * parameters.bias * rng.standard_normal(axes)
+    noise = rng.standard_normal((ticks, axes))
+    phase = 2.0 * np.pi * rng.random(axes)
+    if parameters.noise_corner > 0.0:
+        pole = np.exp(-2.0 * np.pi * parameters.noise_corner * SAMPLE_TIME)
+        noise[1:] *= np.sqrt(1.0 - pole**2)
+        noise = lfilter([1.0], [1.0, -pole], noise, axis=0)
+    disturbance = np.zeros((ticks, axes))
+    if chain.bias:
+        disturbance += bias
+    if chain.noise:
+        time = np.arange(ticks)[:, None] * SAMPLE_TIME
+        disturbance += parameters.noise * noise
+        disturbance += parameters.hum * np.sin(2.0 * np.pi * parameters.hum_frequency * time + phase)
+    return disturbance
+
+
+@dataclass(frozen=True)
+class HandControllerInterface:
+    """The interface of one experiment: volts of the excitation computer to stick deflections.
+
+    Bias and noise are picked up, the converter saturates and rounds, its processor holds each sample and keeps small
+    deflections from the arm [Morris1996, III.2A, III.2C and III.4].
+
+    Attributes:
+        parameters: The interface.
+        chain: Which links act.
+        disturbance: What bias and wires add, tick by tick (N, n), V.
+    """
+
+    parameters: HandController
+    chain: Chain
+    disturbance: np.ndarray
+
+    @property
+    def hold(self) -> int:
+        """How many ticks of the position loop each sample lasts."""
+        return self.parameters.hold if self.chain.hold else 1
+
+    def receive(self, volts: np.ndarray, first: int = 0) -> np.ndarray:
+        """Return the voltage at the converter for excitation volts (m, n) from tick `first` on, (m, n) V."""
+        return volts + self.disturbance[first : first + len(volts)]
+
+    def convert(self, received: np.ndarray) -> np.ndarray:
+        """Return converter counts of voltages, same shape; fractions of counts where the converter does not round."""
+        step, limit = self.parameters.adc_step, self.parameters.adc_limit
+        counts = quantise(received, step) if self.chain.adc else received / step
+        return np.clip(counts, -limit, limit - 1)
+
+    def read(self, volts: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Pass a whole record through the interface.
+
+        Args:
+            volts: Output of the excitation computer (N, n), V.
+
+        Returns:
+            Voltage at the converter (N, n), V, and counts after sample and hold (N, n).
+        """
+        received = self.receive(volts)
+        ticks = np.arange(len(volts))
+        return received, self.convert(received[ticks - ticks % self.hold])
+
+
+def deflection(counts: np.ndarray, parameters: HandController) -> np.ndarray:
+    """Return stick deflections in volts at the converter: counts, less the deadband.
+
+    Args:
+        counts: Converter counts, any shape.
+        parameters: The interface. Deflections within its deadband are zero, larger ones start from zero there.
+
+    Returns:
+        Deflections, same shape, V.
+    """
+    volts = parameters.adc_step * counts
+    if parameters.deadband == 0.0:
+        return volts
+    return np.sign(volts) * np.maximum(np.abs(volts) - parameters.deadband, 0.0)

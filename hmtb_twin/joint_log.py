@@ -13,6 +13,7 @@ import numpy as np
 from hmtb_twin.errors import TwinError
 from hmtb_twin.modes import joint_index
 from hmtb_twin.parameters import JOINTS
+from hmtb_twin.status import Status
 from sysid import IOData
 
 if TYPE_CHECKING:
@@ -29,6 +30,11 @@ _CHANNELS = {
     "load_pressure": ("joint", "MPa", "pressure across each actuator"),
     "volts": ("axis", "V", "voltage at the hand-controller converter"),
     "counts": ("axis", "1", "hand-controller counts"),
+    "status": (
+        None,
+        "1",
+        "flags of the tick: " + ", ".join(f"{flag.value} {str(flag.name).lower()}" for flag in Status),
+    ),
 }
 
 
@@ -48,6 +54,7 @@ class JointLog:
         load_pressure: Load pressures (N, 7), MPa.
         volts: Voltage at the hand-controller converter (N, n_axes), V.
         counts: Hand-controller counts (N, n_axes).
+        status: What was limited or switched off at each tick, bits of `Status` (N,), integers.
         provenance: Versions, arm and switches with which the log was made.
     """
 
@@ -62,13 +69,15 @@ class JointLog:
     load_pressure: np.ndarray
     volts: np.ndarray
     counts: np.ndarray
+    status: np.ndarray
     provenance: Mapping[str, str] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         widths = {"joint": len(JOINTS), "component": len(WRENCH), "axis": len(self.axes)}
         for channel, (along, _, _) in _CHANNELS.items():
-            array = np.array(getattr(self, channel), dtype=float)
-            wanted = (len(np.atleast_1d(self.commanded)), widths[along])
+            array = np.array(getattr(self, channel), dtype=float if along else np.int64)
+            samples = len(np.atleast_1d(self.commanded))
+            wanted = (samples, widths[along]) if along else (samples,)
             if array.shape != wanted:
                 raise TwinError(f"{channel} of shape {array.shape} given, expected {wanted}")
             array.setflags(write=False)
@@ -134,7 +143,7 @@ class JointLog:
             "axis": list(self.axes),
         }
         variables = {
-            name: (("sample", along), getattr(self, name), {"units": unit, "long_name": text})
+            name: (("sample", along) if along else ("sample",), getattr(self, name), {"units": unit, "long_name": text})
             for name, (along, unit, text) in _CHANNELS.items()
         }
         attributes = {
@@ -214,7 +223,7 @@ class JointLog:
         )
 
 
-FORMAT = "hmtb joint log 1"
+FORMAT = "hmtb joint log 2"
 """Marks the files of this version."""
 
 

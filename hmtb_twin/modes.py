@@ -1,12 +1,35 @@
 """Control modes: how stick motions become joint commands, within velocity limits and joint ranges."""
 
+from typing import Protocol
+
 import numpy as np
 
+from hmtb_twin.arm import Arm
+from hmtb_twin.cartesian import Cartesian
 from hmtb_twin.errors import TwinError
-from hmtb_twin.parameters import JOINTS, MOTIONS
+from hmtb_twin.experiment import Experiment
+from hmtb_twin.parameters import INDEXED_JOINTS, JOINTS, MOTIONS, SAMPLE_TIME, HandController
+from hmtb_twin.single_joint import SingleJoint
+from hmtb_twin.status import Status
 
-MODES = ("single_joint",)
-"""The control modes that exist."""
+MODES = ("single_joint", "single_joint_rate", "cartesian", "cartesian_rate")
+"""The control modes: a deflection is an offset (position mode) or a velocity (rate mode), of a joint or of the tool in
+its own frame."""
+
+TOOL_AXES = ("x", "y", "z", "roll", "pitch", "yaw")
+"""Axes of the two three-axis hand controllers: translations along, rotations about x, y and z of the tool frame."""
+
+
+class Mode(Protocol):
+    """A control mode at work: it keeps the last command."""
+
+    def step(self, deflection: np.ndarray) -> tuple[np.ndarray, Status]:
+        """Return the next command (7,), rad, and what was limited, from deflections (n_axes,) in SI units."""
+        ...
+
+    def rebase(self, angles: np.ndarray, deflection: np.ndarray) -> np.ndarray:
+        """Take over at measured angles (7,) without a bump; return the command (7,), rad."""
+        ...
 
 
 def joint_index(name: str) -> int:
@@ -20,36 +43,53 @@ def joint_index(name: str) -> int:
     return JOINTS.index(name)
 
 
-def wanted_angles(pose: np.ndarray, axes: tuple[str, ...], offset: np.ndarray) -> np.ndarray:
-    """Return what the stick asks of the joints in single-joint mode: the others keep their pose.
+def axis_names(mode: str) -> tuple[str, ...]:
+    """Return what the stick can move in a mode.
+
+    Raises:
+        TwinError: There is no such mode.
+    """
+    if mode not in MODES:
+        raise TwinError(f"unknown mode {mode!r}, available: {', '.join(MODES)}")
+    if mode.startswith("cartesian"):
+        return TOOL_AXES
+    return tuple(name for name in JOINTS if name not in INDEXED_JOINTS)
+
+
+def axis_gains(mode: str, axes: tuple[str, ...], parameters: HandController) -> np.ndarray:
+    """Return what one volt of deflection asks for on each axis (n_axes,), in rad/V, m/V, rad/(s V) or m/(s V)."""
+    rate = mode.endswith("rate")
+    joint = parameters.rate_gain if rate else parameters.gain
+    translation = parameters.translation_rate_gain if rate else parameters.translation_gain
+    rotation = parameters.rotation_rate_gain if rate else parameters.rotation_gain
+    gains = {"x": translation, "y": translation, "z": translation, "roll": rotation, "pitch": rotation, "yaw": rotation}
+    return np.array([gains.get(name, joint) for name in axes])
+
+
+def start_mode(experiment: Experiment, arm: Arm) -> Mode:
+    """Return an experiment's control mode, its command at the experiment's pose.
 
     Args:
-        pose: Operating pose (7,), rad.
-        axes: Joints that the stick moves.
-        offset: Commanded offsets (N, n_axes), rad.
+        experiment: Its pose, mode, axes and chain count.
+        arm: The arm whose controller it is.
 
-    Returns:
-        Wanted angles (N, 7), rad.
+    Raises:
+        TwinError: Unknown mode, or axes that the mode does not have.
     """
-    wanted = np.tile(pose, (len(offset), 1))
-    for column, name in enumerate(axes):
-        wanted[:, joint_index(name)] += offset[:, column]
-    return wanted
-
-
-def limit_command(wanted: np.ndarray, previous: np.ndarray, step: np.ndarray) -> np.ndarray:
-    """Return the next joint command: toward the wanted angle, within velocity limit and joint range.
-
-    Args:
-        wanted: Wanted angles (..., 7), rad.
-        previous: Last command (..., 7), rad.
-        step: Largest change in one tick (7,), rad.
-
-    Returns:
-        The command (..., 7), rad.
-    """
-    return np.clip(previous + np.clip(wanted - previous, -step, step), _LOWER, _UPPER)
-
-
-_LOWER = np.array([MOTIONS[name].lower for name in JOINTS])
-_UPPER = np.array([MOTIONS[name].upper for name in JOINTS])
+    known = axis_names(experiment.mode)
+    axes = experiment.axes
+    if not axes or len(set(axes)) != len(axes) or set(axes) - set(known):
+        raise TwinError(
+            f"{experiment.name}: axes {', '.join(axes) or 'none'} given, expected different ones of "
+            f"{', '.join(known)} in mode {experiment.mode}"
+            + ("; the shoulder roll is indexed" if set(axes) & set(INDEXED_JOINTS) else "")
+        )
+    pose = arm.pose(experiment.pose)
+    lower = np.array([MOTIONS[name].lower for name in JOINTS])
+    upper = np.array([MOTIONS[name].upper for name in JOINTS])
+    step = arm.velocity_limits * SAMPLE_TIME if experiment.chain.velocity_limit else np.full(len(JOINTS), np.inf)
+    dt = SAMPLE_TIME if experiment.mode.endswith("rate") else None
+    if experiment.mode.startswith("cartesian"):
+        directions = [TOOL_AXES.index(name) for name in axes]
+        return Cartesian(arm.controller, pose, directions, lower, upper, step, dt)
+    return SingleJoint(pose, [joint_index(name) for name in axes], lower, upper, step, dt)

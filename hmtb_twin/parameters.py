@@ -3,6 +3,7 @@
 from dataclasses import dataclass, field
 from math import pi, radians
 
+from hmtb_twin.errors import TwinError
 from hmtb_twin.quantity import quantity
 
 JOINTS = (
@@ -126,6 +127,7 @@ class Actuator:
     no_load_speed: float = quantity(0.0, "rad/s", "assumed", "rated flow 18 (shoulder), 7.5 (elbow), 4.8 L/min (wrist)")
     hydraulics: Hydraulics = field(default_factory=Hydraulics)
     friction: Friction | None = field(default_factory=Friction)
+    valve_open: bool = True
 
     @property
     def maximum_torque(self) -> float:
@@ -144,8 +146,13 @@ class Actuator:
 
     @property
     def flow_pressure_gain(self) -> float:
-        """Flow lost per load pressure, K + C, cm^3/(s MPa)."""
-        return (1.0 + self.hydraulics.leakage) * self.rated_flow / self.hydraulics.pressure
+        """Flow lost per load pressure, cm^3/(s MPa): K + C, or the leakage C alone behind a closed valve."""
+        return (self.valve_open + self.hydraulics.leakage) * self.rated_flow / self.hydraulics.pressure
+
+    @property
+    def largest_flow(self) -> float:
+        """Largest flow that the servo can ask of the valve, cm^3/s; a closed one passes none that would be seen."""
+        return self.rated_flow if self.valve_open else 1e-12 * self.rated_flow
 
     @property
     def pressure_lag(self) -> float:
@@ -223,13 +230,48 @@ class HandController:
     gain: float = quantity(
         0.067, "rad/V", "derived", "OKID matrices (5.8)-(5.10) read as normalised data; 'very small'"
     )
+    rate_gain: float = quantity(0.05, "rad/(s V)", "assumed", "joint rate mode: full stick a little above the limit")
+    translation_gain: float = quantity(
+        0.03, "m/V", "assumed", "moves the joints about as far as the joint gain: 0.067 rad/V on half the reach"
+    )
+    translation_rate_gain: float = quantity(0.02, "m/(s V)", "assumed", "full stick 0.2 m/s")
+    rotation_gain: float = quantity(0.067, "rad/V", "assumed", "as the joint gain")
+    rotation_rate_gain: float = quantity(0.05, "rad/(s V)", "assumed", "as the joint rate gain")
     adc_bits: int = quantity(12, "bit", "assumed", "that it quantises: thesis III.2A and III.4")
     adc_range: float = quantity(10.0, "V", "assumed", "plus and minus, like the excitation computer's converter")
     hold: int = quantity(1, "samples", "assumed", "that it samples and holds: thesis III.4; at the loop's own rate")
+    deadband: float = quantity(0.0, "V", "assumed", "none is mentioned; an option")
     noise: float = quantity(0.01, "V", "assumed", "standard deviation; unshielded wires: thesis III.4")
+    noise_corner: float = quantity(0.0, "Hz", "assumed", "corner of the noise's low-pass; 0: white up to 25 Hz")
+    hum: float = quantity(0.0, "V", "assumed", "amplitude of mains hum; an option")
+    hum_frequency: float = quantity(60.0, "Hz", "assumed", "mains; the 50 Hz loop sees it at 10 Hz")
     bias: float = quantity(
         0.02, "V", "assumed", "standard deviation over experiments; compensated for MIMO: thesis II.3B"
     )
+    compensation: float = quantity(
+        0.0, "1", "assumed", "part of the bias that the compensating circuit removes; 0.95 in MIMO tests"
+    )
+
+    def __post_init__(self) -> None:
+        wanted = {
+            "adc_bits": (2 <= self.adc_bits <= 24, "2 to 24"),
+            "adc_range": (self.adc_range > 0.0, "above 0 V"),
+            "hold": (1 <= self.hold <= 10**6, "1 or more"),
+            "deadband": (self.deadband >= 0.0, "0 V or more"),
+            "noise": (self.noise >= 0.0, "0 V or more"),
+            "noise_corner": (0.0 <= self.noise_corner < SAMPLE_RATE / 2, f"0 to below {SAMPLE_RATE / 2:g} Hz"),
+            "hum": (self.hum >= 0.0, "0 V or more"),
+            "bias": (self.bias >= 0.0, "0 V or more"),
+            "compensation": (0.0 <= self.compensation <= 1.0, "0 to 1"),
+        }
+        for name, (passes, expected) in wanted.items():
+            if not passes:
+                raise TwinError(f"hand controller: {name} = {getattr(self, name)} given, expected {expected}")
+
+    @property
+    def adc_limit(self) -> int:
+        """Counts on either side of zero."""
+        return 2 ** (self.adc_bits - 1)
 
     @property
     def adc_step(self) -> float:

@@ -6,33 +6,32 @@ from hmtb_twin.hand_controller import quantise
 from hmtb_twin.parameters import Recorder
 
 
-def read_resolvers(
-    angles: np.ndarray,
-    delays: np.ndarray,
-    parameters: Recorder,
-    rng: np.random.Generator,
-    *,
-    noise: bool,
-    quantisation: bool,
-) -> np.ndarray:
-    """Return the measured angles that the bus recorded.
+def read_resolvers(angles: np.ndarray, noise: np.ndarray, parameters: Recorder, *, resolver: bool) -> np.ndarray:
+    """Return what resolvers tell of joint angles.
 
     Args:
-        angles: Joint angles at the ticks, the arm at rest before the first (N, 7), rad.
-        delays: How late each joint's angle reaches the record (7,), samples.
+        angles: Joint angles, any shape, rad.
+        noise: Standard normal numbers of the same shape.
         parameters: The recorder.
-        rng: Source of noise; the same number of draws is made whether noise is on or off.
-        noise: Whether resolver noise acts.
-        quantisation: Whether the resolvers round.
+        resolver: Whether the resolvers are noisy and round.
 
     Returns:
-        Measured angles (N, 7), rad.
+        Readings, same shape, rad.
     """
-    ticks = np.arange(len(angles))[:, None] - delays
-    read = np.take_along_axis(angles, np.maximum(ticks, 0), axis=0)
-    disturbance = parameters.noise * rng.standard_normal(angles.shape)
-    if noise:
-        read = read + disturbance
-    if quantisation:
-        read = parameters.resolver_step * quantise(read, parameters.resolver_step)
-    return read
+    if not resolver:
+        return angles
+    return parameters.resolver_step * quantise(angles + parameters.noise * noise, parameters.resolver_step)
+
+
+def delayed(readings: np.ndarray, delays: np.ndarray) -> np.ndarray:
+    """Return readings as the bus record has them: each joint late, at rest before the first tick.
+
+    Args:
+        readings: At the ticks (N, 7).
+        delays: How late each joint's reading reaches the record (7,), samples.
+
+    Returns:
+        The record (N, 7).
+    """
+    ticks = np.arange(len(readings))[:, None] - delays
+    return np.take_along_axis(readings, np.maximum(ticks, 0), axis=0)

@@ -3,6 +3,7 @@
 from collections import defaultdict
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
+from functools import partial
 from time import perf_counter
 from types import MappingProxyType
 from typing import overload
@@ -12,13 +13,12 @@ import numpy as np
 from mujoco import batch
 
 from hmtb_twin.arm import Arm, load_arm
+from hmtb_twin.control_station import ControlStation
 from hmtb_twin.errors import TwinError
-from hmtb_twin.experiment import Experiment
-from hmtb_twin.hand_controller import StickRecord, read_stick
-from hmtb_twin.joint_log import JointLog, software_versions
-from hmtb_twin.modes import MODES, joint_index, limit_command
-from hmtb_twin.parameters import HAND_CONTROLLER, INDEXED_JOINTS, JOINTS, RECORDER, SAMPLE_RATE, SAMPLE_TIME
-from hmtb_twin.recorder import read_resolvers
+from hmtb_twin.experiment import Experiment, View
+from hmtb_twin.joint_log import WRENCH, JointLog, software_versions
+from hmtb_twin.parameters import JOINTS, RECORDER, SAMPLE_RATE, SAMPLE_TIME
+from hmtb_twin.recorder import delayed, read_resolvers
 
 MOST_THREADS = 1024
 """More threads than that are a slip of the keyboard."""
@@ -62,11 +62,14 @@ class _Row:
     """One experiment on its way through a batch."""
 
     experiment: Experiment
-    ticks: int
-    stick: StickRecord
-    resolvers: np.random.Generator
+    station: ControlStation
+    resolver_noise: np.ndarray
     record: dict[str, np.ndarray] = field(default_factory=dict)
     failure: str | None = None
+
+    @property
+    def ticks(self) -> int:
+        return self.station.ticks
 
 
 def simulate(
@@ -88,13 +91,12 @@ def simulate(
     if threads is not None and not (isinstance(threads, int) and 1 <= threads <= MOST_THREADS):
         raise TwinError(f"threads = {threads} given, expected a whole number from 1 to {MOST_THREADS}")
     rows = [_prepare(experiment) for experiment in experiments]
-    arms: dict[tuple[str, str, bool], list[_Row]] = defaultdict(list)
+    arms: dict[Arm, list[_Row]] = defaultdict(list)
     for row in rows:
-        arms[row.experiment.variant, row.experiment.payload, row.experiment.friction].append(row)
+        arms[_arm(row.experiment)].append(row)
     total = sum(row.ticks for row in rows)
-    done, seconds = 0, 0.0
-    for (variant, payload, friction), group in arms.items():
-        arm = load_arm(variant, payload, friction=friction)
+    done, seconds, steps = 0, 0.0, 0
+    for arm, group in arms.items():
         offset = done
 
         def report(ticks: int, offset: int = offset) -> None:
@@ -103,6 +105,7 @@ def simulate(
 
         seconds += _run(arm, group, threads or 0, report)
         done += sum(row.ticks for row in group)
+        steps += sum(row.ticks for row in group) * _substeps(arm.model)
     names = [row.experiment.name for row in rows]
     labels = [
         name if names.count(name) == 1 else f"{name}@{row.experiment.seed}"
@@ -112,7 +115,7 @@ def simulate(
         logs=tuple(_log(row) for row in rows if row.failure is None),
         failed=MappingProxyType({label: row.failure for label, row in zip(labels, rows, strict=True) if row.failure}),
         physics_seconds=seconds,
-        steps=sum(row.ticks for row in rows) * _substeps(load_arm().model) if rows else 0,
+        steps=steps,
     )
 
 
@@ -120,64 +123,63 @@ def _substeps(model: mujoco.MjModel) -> int:
     return round(SAMPLE_TIME / model.opt.timestep)
 
 
+def _arm(experiment: Experiment) -> Arm:
+    return load_arm(
+        experiment.variant, experiment.payload, friction=experiment.chain.friction, worksite=experiment.worksite
+    )
+
+
 def _prepare(experiment: Experiment) -> _Row:
-    arm = load_arm(experiment.variant, experiment.payload)
-    arm.pose(experiment.pose)
-    if experiment.mode not in MODES:
-        raise TwinError(f"{experiment.name}: unknown mode {experiment.mode!r}, available: {', '.join(MODES)}")
-    axes = [joint_index(name) for name in experiment.axes]
-    if len(set(axes)) != len(axes) or set(experiment.axes) & set(INDEXED_JOINTS):
-        raise TwinError(
-            f"{experiment.name}: axes {', '.join(experiment.axes)} given, expected different joints of "
-            f"{', '.join(JOINTS[1:])}; the shoulder roll is indexed"
-        )
-    ticks = round(experiment.duration * SAMPLE_RATE)
-    if ticks < 1 or abs(ticks - experiment.duration * SAMPLE_RATE) > 1e-9 * ticks:
-        raise TwinError(
-            f"{experiment.name}: duration {experiment.duration:g} s given, expected a positive multiple of "
-            f"{SAMPLE_TIME:g} s"
-        )
-    volts = np.asarray(experiment.volts(), dtype=float)
-    if volts.shape != (ticks, len(axes)) or not np.isfinite(volts).all():
-        raise TwinError(
-            f"{experiment.name}: volts of shape {volts.shape} given, expected finite values of shape "
-            f"{(ticks, len(axes))} for {experiment.duration:g} s at {SAMPLE_RATE} Hz"
-        )
     wires, resolvers = np.random.default_rng(experiment.seed).spawn(2)
-    stick = read_stick(volts, HAND_CONTROLLER, wires, noise=experiment.noise, quantisation=experiment.quantisation)
-    return _Row(experiment, ticks, stick, resolvers)
+    station = ControlStation(experiment, _arm(experiment), wires)
+    return _Row(experiment, station, resolvers.standard_normal(station.commands.shape))
 
 
 def _run(arm: Arm, rows: list[_Row], threads: int, report: Callable[[int], None]) -> float:
     """Run the experiments of one arm, fill in their records and return the seconds spent in the physics."""
     simulations = batch.Batch(arm.model, nsim=len(rows), nthread=threads)
-    poses = np.array([arm.pose(row.experiment.pose) for row in rows])
-    for i, pose in enumerate(poses):
-        start = arm.rest(pose)
+    for i, row in enumerate(rows):
+        start = arm.rest(arm.pose(row.experiment.pose))
         for name in ("qpos", "qvel", "act", "ctrl"):
             simulations.bind(name)[i] = getattr(start, name)
     control, angles, act, sensors = (simulations.bind(name) for name in ("ctrl", "qpos", "act", "sensordata"))
     lengths = np.array([row.ticks for row in rows])
-    owner, joint, offset = _stick_columns(rows, lengths.max())
+    commands = np.zeros((lengths.max(), len(rows), len(JOINTS)))
+    for i, row in enumerate(rows):
+        commands[: row.ticks, i] = row.station.commands
     record = {
         name: np.empty((lengths.max(), len(rows), width))
-        for name, width in (("commanded", 7), ("true_angles", 7), ("load_pressure", 7), ("wrench", 6))
+        for name, width in (("true_angles", 7), ("load_pressure", 7), ("wrench", 6))
     }
-    limit = arm.velocity_limits * SAMPLE_TIME
-    substeps = _substeps(arm.model)
-    command, pressures = poses.copy(), arm.pressure_states
+    live = [i for i, row in enumerate(rows) if row.station.live]
+    if live:
+        tool = arm.model.site("tool").id
+        positions, rotations = (simulations.bind(name) for name in ("site_xpos", "site_xmat"))
+    substeps, pressures = _substeps(arm.model), arm.pressure_states
     active = np.arange(len(rows))
     seconds, ticks = 0.0, 0
+
+    def look(tick: int, i: int) -> View:
+        """What the operator of simulation i sees."""
+        return View(
+            time=tick * SAMPLE_TIME,
+            tool_position=positions[i, tool],
+            tool_rotation=rotations[i, tool].reshape(3, 3),
+            wrench=sensors[i, : len(WRENCH)],
+        )
+
     simulations.forward()
     for k in range(lengths.max()):
-        wanted = poses.copy()
-        wanted[owner, joint] += offset[k]
-        command = limit_command(wanted, command, limit)
-        record["true_angles"][k] = angles
+        record["true_angles"][k] = angles[:, : len(JOINTS)]
         record["load_pressure"][k] = act[:, pressures]
-        record["wrench"][k] = sensors
-        record["commanded"][k] = command
-        control[active] = arm.controls(command[active])
+        record["wrench"][k] = sensors[:, : len(WRENCH)]
+        for i in live:
+            if k < rows[i].ticks and rows[i].failure is None:
+                rows[i].station.tick(k, _reading(rows[i], k, angles[i, : len(JOINTS)]), partial(look, k, i))
+                commands[k, i] = rows[i].station.commands[k]
+        if live:
+            _switch_power(simulations, arm, rows, k)
+        control[active] = arm.controls(commands[k, active])
         started = perf_counter()
         # The forward pass at the new state makes the wrench that of this very tick, under the command still in force.
         simulations.step(ids=active, nstep=substeps, stage=mujoco.mjtStage.mjSTAGE_ACC)
@@ -196,17 +198,17 @@ def _run(arm: Arm, rows: list[_Row], threads: int, report: Callable[[int], None]
     return seconds
 
 
-def _stick_columns(rows: list[_Row], ticks: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Return, for every excited axis of every experiment, its row, its joint and its offsets (ticks, n_axes), rad."""
-    owner = [i for i, row in enumerate(rows) for _ in row.experiment.axes]
-    joint = [joint_index(name) for row in rows for name in row.experiment.axes]
-    offset = np.zeros((ticks, len(owner)))
-    column = 0
-    for row in rows:
-        width = len(row.experiment.axes)
-        offset[: row.ticks, column : column + width] = row.stick.angle
-        column += width
-    return np.array(owner, dtype=int), np.array(joint, dtype=int), offset
+def _reading(row: _Row, tick: int, angles: np.ndarray) -> np.ndarray:
+    """What the controller's own resolvers tell at a tick, (7,) rad."""
+    return read_resolvers(angles, row.resolver_noise[tick], RECORDER, resolver=row.experiment.chain.resolver)
+
+
+def _switch_power(simulations: batch.Batch, arm: Arm, rows: list[_Row], tick: int) -> None:
+    """Let simulations whose servo power goes off or on at a tick run on with closed or working valves."""
+    powered = [row.station.powered for row in rows]
+    if any(tick < len(on) and tick > 0 and on[tick] != on[tick - 1] for on in powered):
+        shut = arm.valves_closed
+        simulations.set_models([arm.model if tick >= len(on) or on[tick] else shut for on in powered])
 
 
 def _reason(counts: np.ndarray, tick: int) -> str:
@@ -215,35 +217,27 @@ def _reason(counts: np.ndarray, tick: int) -> str:
 
 
 def _log(row: _Row) -> JointLog:
-    experiment = row.experiment
-    arm = load_arm(experiment.variant, experiment.payload)
+    experiment, station = row.experiment, row.station
+    readings = read_resolvers(
+        row.record["true_angles"], row.resolver_noise, RECORDER, resolver=experiment.chain.resolver
+    )
     return JointLog(
         name=experiment.name,
         seed=experiment.seed,
         dt=SAMPLE_TIME,
         axes=tuple(experiment.axes),
-        commanded=row.record["commanded"],
-        measured=read_resolvers(
-            row.record["true_angles"],
-            arm.delays,
-            RECORDER,
-            row.resolvers,
-            noise=experiment.noise,
-            quantisation=experiment.quantisation,
-        ),
-        wrench=row.record["wrench"],
-        true_angles=row.record["true_angles"],
-        load_pressure=row.record["load_pressure"],
-        volts=row.stick.volts,
-        counts=row.stick.counts,
+        commanded=station.commands,
+        measured=delayed(readings, _arm(experiment).delays),
+        status=station.status,
+        volts=station.volts,
+        counts=station.counts,
+        **row.record,
         provenance={
             "variant": experiment.variant,
             "payload": experiment.payload,
             "pose": experiment.pose,
             "mode": experiment.mode,
-            "friction": str(experiment.friction).lower(),
-            "noise": str(experiment.noise).lower(),
-            "quantisation": str(experiment.quantisation).lower(),
+            **{name: str(on).lower() for name, on in vars(experiment.chain).items()},
             **_recipe(experiment),
             **software_versions(),
         },

@@ -57,7 +57,7 @@ def conditions(scenario: Scenario) -> tuple[Scenario, ...]:
     Returns:
         Scenarios in the order of `CONDITIONS[1:]`, with the noise of the original.
     """
-    smooth = replace(scenario, name=f"{scenario.name}-no-friction", friction=False)
+    smooth = replace(scenario, name=f"{scenario.name}-no-friction", chain=replace(scenario.chain, friction=False))
     small = replace(
         smooth, name=f"{scenario.name}-small", excitation=tuple(_scaled(entry, 0.3) for entry in scenario.excitation)
     )

@@ -2,9 +2,8 @@
 
 import inspect
 import re
-import sys
 import tomllib
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, field, fields, replace
 from pathlib import Path
 from types import MappingProxyType
@@ -13,9 +12,12 @@ from zlib import crc32
 
 import numpy as np
 
+from hmtb_twin import MODES, PAYLOADS, POSES, VARIANTS, Chain, HandController, Operator, axis_names
+from hmtb_twin.parameters import HAND_CONTROLLER
 from scenarios.errors import ScenarioError
 from scenarios.excitation import KINDS
 from scenarios.suggest import unknown
+from scenarios.toml_values import record, typed, written
 from scenarios.waveform import LONGEST, RATE, Waveform, check_seed
 
 Value = float | int | bool | str
@@ -59,7 +61,7 @@ class Scenario:
 
     Attributes:
         name: Unique name.
-        axes: Excited joints; all others hold their pose and servo.
+        axes: What the stick moves: joints, or directions of the tool in the Cartesian modes; all else is held.
         excitation: One entry, played on every axis, or one per axis.
         duration: Length of the record, s.
         seed: Draws the noise of the hand controller and of the sensors.
@@ -67,9 +69,10 @@ class Scenario:
         payload: What the end effector holds, e.g. ``"rpcm"``.
         pose: Keyframe of the operating point.
         mode: Control mode, e.g. ``"single_joint"``.
-        friction: Seal friction on.
-        noise: Hand-controller and resolver noise on.
-        quantisation: Converters and resolvers quantise.
+        worksite: At the worksite, with contact, instead of in free space.
+        shutdown: Emergency shutdowns: times of power off and of power on again in turn, s.
+        chain: Which links of the chain act; a TOML table of truth values.
+        hand_controller: The hand-controller interface; a TOML table of what differs from the nominal one.
         description: One line for the list.
         tags: Words to find it by.
     """
@@ -83,26 +86,29 @@ class Scenario:
     payload: str = "rpcm"
     pose: str = "rpcm_holster_out_approach"
     mode: str = "single_joint"
-    friction: bool = True
-    noise: bool = True
-    quantisation: bool = True
+    worksite: bool = False
+    shutdown: tuple[float, ...] = ()
+    chain: Chain = Chain()  # noqa: RUF009
+    hand_controller: HandController = HAND_CONTROLLER
     description: str = ""
     tags: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
-        from hmtb_twin import JOINTS
-
         if not NAME.fullmatch(self.name):
             raise ScenarioError(
                 f"scenario name {self.name!r}: expected 1 to 100 letters, digits, '.', '_', '-' or '+', the first a "
                 "letter or digit, because files are named after it"
             )
+        for attribute, known in _choices().items():
+            if getattr(self, attribute) not in known:
+                raise ScenarioError(f"scenario {self.name!r}: {unknown(attribute, getattr(self, attribute), known)}")
+        known = axis_names(self.mode)
         for name in self.axes:
-            if name not in JOINTS:
-                raise ScenarioError(f"scenario {self.name!r}: {unknown('joint', name, JOINTS)}")
+            if name not in known:
+                raise ScenarioError(f"scenario {self.name!r}, mode {self.mode}: {unknown('axis', name, known)}")
         if not self.axes or len(set(self.axes)) != len(self.axes):
             raise ScenarioError(
-                f"scenario {self.name!r}: expected one or more different joints in axes, given {self.axes}"
+                f"scenario {self.name!r}: expected one or more different entries in axes, given {self.axes}"
             )
         if len(self.excitation) not in (1, len(self.axes)):
             raise ScenarioError(
@@ -114,9 +120,6 @@ class Scenario:
                 f"scenario {self.name!r}: expected a duration of {1 / RATE} to {LONGEST:g} s, given {self.duration}"
             )
         check_seed(self.seed)
-        for attribute, known in _choices().items():
-            if getattr(self, attribute) not in known:
-                raise ScenarioError(f"scenario {self.name!r}: {unknown(attribute, getattr(self, attribute), known)}")
 
     def volts(self) -> np.ndarray:
         """Play the excitation.
@@ -126,6 +129,10 @@ class Scenario:
         """
         columns = [entry.waveform().play(self.duration) for entry in self.excitation]
         return np.hstack(columns * len(self.axes) if len(columns) == 1 else columns)
+
+    def operator(self) -> Operator | None:
+        """No operator: the excitation computer moves the stick."""
+        return None
 
     def reseeded(self, seed: int) -> "Scenario":
         """The same experiment with other noise: a seed of its own, drawn from `seed` and the name.
@@ -139,12 +146,19 @@ class Scenario:
 
     def to_toml(self) -> str:
         """Write every field as TOML, such that `from_toml` gives an equal scenario back."""
+        tables = {"chain": Chain(), "hand_controller": HAND_CONTROLLER}
         lines = [
-            f"{entry.name} = {_toml(getattr(self, entry.name))}" for entry in fields(self) if entry.name != "excitation"
+            f"{entry.name} = {written(getattr(self, entry.name))}"
+            for entry in fields(self)
+            if entry.name not in ("excitation", *tables)
         ]
+        for name, nominal in tables.items():
+            changed = {key: value for key, value in vars(getattr(self, name)).items() if value != getattr(nominal, key)}
+            if changed:
+                lines += ["", f"[{name}]", *(f"{key} = {written(value)}" for key, value in changed.items())]
         for entry in self.excitation:
-            lines += ["", "[[excitation]]", f"kind = {_toml(entry.kind)}"]
-            lines += [f"{name} = {_toml(value)}" for name, value in entry.parameters.items()]
+            lines += ["", "[[excitation]]", f"kind = {written(entry.kind)}"]
+            lines += [f"{name} = {written(value)}" for name, value in entry.parameters.items()]
         return "\n".join(lines) + "\n"
 
     @classmethod
@@ -178,7 +192,12 @@ class Scenario:
         for key, value in table.items():
             if key not in hints:
                 raise ScenarioError(unknown("key", key, hints))
-            values[key] = _excitations(value) if key == "excitation" else _typed(key, value, hints[key])
+            if key == "excitation":
+                values[key] = _excitations(value)
+            elif key in ("chain", "hand_controller"):
+                values[key] = record(hints[key], key, value)
+            else:
+                values[key] = typed(key, value, hints[key])
         missing = [key for key in ("name", "axes", "excitation") if key not in values]
         if missing:
             raise ScenarioError(f"missing {', '.join(missing)}; a scenario needs name, axes and excitation")
@@ -196,14 +215,7 @@ class Scenario:
 
 def _choices() -> dict[str, tuple[str, ...]]:
     """What the laboratory offers, by field."""
-    import hmtb_twin
-
-    return {
-        "variant": hmtb_twin.VARIANTS,
-        "payload": tuple(hmtb_twin.PAYLOADS),
-        "pose": tuple(hmtb_twin.POSES),
-        "mode": hmtb_twin.MODES,
-    }
+    return {"variant": VARIANTS, "payload": tuple(PAYLOADS), "pose": tuple(POSES), "mode": MODES}
 
 
 def _excitations(value: object) -> tuple[Excitation, ...]:
@@ -226,49 +238,9 @@ def _checked(kind: str, parameters: Mapping[str, object]) -> dict[str, float | i
     values: dict[str, float | int | bool] = {}
     for key, parameter in signature.items():
         if key in parameters:
-            values[key] = _typed(f"{kind}.{key}", parameters[key], hints[key])
+            values[key] = typed(f"{kind}.{key}", parameters[key], hints[key])
         elif parameter.default is not inspect.Parameter.empty:
             values[key] = parameter.default
         else:
             raise ScenarioError(f"excitation {kind!r} needs {key}; it takes {', '.join(signature)}")
     return values
-
-
-def _typed(key: str, value: object, expected: object) -> Any:
-    """Check a TOML value against a type; only whole numbers pass for float."""
-    checks: Mapping[object, tuple[Callable[[object], bool], Callable[[Any], object], str]] = {
-        bool: (lambda v: isinstance(v, bool), bool, "true or false"),
-        int: (lambda v: isinstance(v, int) and not isinstance(v, bool), int, "a whole number"),
-        float: (
-            lambda v: isinstance(v, int | float) and not isinstance(v, bool) and abs(v) < sys.float_info.max,
-            float,
-            "a finite number",
-        ),
-        str: (lambda v: isinstance(v, str), str, "a text"),
-        tuple[str, ...]: (
-            lambda v: isinstance(v, list | tuple) and all(isinstance(entry, str) for entry in v),
-            tuple,
-            "a list of texts",
-        ),
-    }
-    passes, convert, wanted = checks[expected]
-    if not passes(value):
-        raise ScenarioError(f"{key} must be {wanted}, given {value!r}")
-    return convert(value)
-
-
-def _toml(value: object) -> str:
-    if isinstance(value, bool):
-        return "true" if value else "false"
-    if isinstance(value, int | float):
-        return repr(value)
-    if isinstance(value, tuple):
-        return "[" + ", ".join(_toml(entry) for entry in value) + "]"
-    return '"' + "".join(_escape(character) for character in str(value)) + '"'
-
-
-def _escape(character: str) -> str:
-    if character in '"\\':
-        return "\\" + character
-    # TOML basic strings hold no control characters; everything else may stand as it is.
-    return character if ord(character) >= 0x20 and ord(character) != 0x7F else f"\\u{ord(character):04X}"

@@ -8,7 +8,7 @@ import pytest
 from scipy.signal import max_len_seq
 
 import sysid
-from hmtb_twin import JOINTS, STUDIED_JOINTS, linearize, load_arm, simulate
+from hmtb_twin import IDEAL, JOINTS, STUDIED_JOINTS, Chain, HandController, linearize, load_arm, simulate
 from scenarios import load
 from scenarios.attribution import conditions
 from scenarios.preparation import prepared
@@ -34,13 +34,17 @@ class SmallSignal:
     payload: str = "rpcm"
     pose: str = "rpcm_holster_out_approach"
     mode: str = "single_joint"
-    friction: bool = False
-    noise: bool = False
-    quantisation: bool = False
+    worksite: bool = False
+    shutdown: tuple[float, ...] = ()
+    chain: Chain = replace(IDEAL, velocity_limit=True)  # noqa: RUF009
+    hand_controller: HandController = HandController()  # noqa: RUF009
 
     def volts(self) -> np.ndarray:
         bits = 2.0 * max_len_seq(11)[0] - 1.0
         return 0.015 * np.resize(np.repeat(bits, 4), (round(50 * self.duration), 1))
+
+    def operator(self) -> None:
+        return None
 
 
 @pytest.fixture(scope="module")

@@ -3,7 +3,7 @@ from dataclasses import dataclass, field
 import numpy as np
 import pytest
 
-from hmtb_twin import Arm, Truth, linearize, load_arm
+from hmtb_twin import Arm, Chain, HandController, Operator, Truth, linearize, load_arm
 
 
 @dataclass(frozen=True)
@@ -20,9 +20,10 @@ class BinaryTest:
     payload: str = "rpcm"
     pose: str = "rpcm_holster_out_approach"
     mode: str = "single_joint"
-    friction: bool = True
-    noise: bool = True
-    quantisation: bool = True
+    worksite: bool = False
+    shutdown: tuple[float, ...] = ()
+    chain: Chain = Chain()  # noqa: RUF009
+    hand_controller: HandController = HandController()  # noqa: RUF009
     spoil: dict[int, float] = field(default_factory=dict)
 
     def volts(self) -> np.ndarray:
@@ -32,6 +33,9 @@ class BinaryTest:
         for row, value in self.spoil.items():
             volts[row] = value
         return volts
+
+    def operator(self) -> Operator | None:
+        return None
 
 
 @pytest.fixture(scope="session")

@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from hmtb_twin import JOINTS
+from hmtb_twin import JOINTS, Chain, HandController
 from scenarios import Excitation, Scenario, ScenarioError
 from scenarios.scenario import NAME
 
@@ -25,7 +25,7 @@ EXCITATIONS = st.one_of(
 
 @st.composite
 def scenarios(draw: st.DrawFn) -> Scenario:
-    axes = tuple(draw(st.lists(st.sampled_from(JOINTS), min_size=1, max_size=3, unique=True)))
+    axes = tuple(draw(st.lists(st.sampled_from(JOINTS[1:]), min_size=1, max_size=3, unique=True)))
     count = draw(st.sampled_from([1, len(axes)]))
     return Scenario(
         name=draw(st.from_regex(NAME, fullmatch=True)),
@@ -33,9 +33,8 @@ def scenarios(draw: st.DrawFn) -> Scenario:
         excitation=tuple(draw(st.lists(EXCITATIONS, min_size=count, max_size=count))),
         duration=draw(st.floats(0.02, 1e4)),
         seed=draw(st.integers(0, 2**63 - 1)),
-        friction=draw(st.booleans()),
-        noise=draw(st.booleans()),
-        quantisation=draw(st.booleans()),
+        chain=draw(st.builds(Chain, friction=st.booleans(), adc=st.booleans())),
+        hand_controller=draw(st.builds(HandController, gain=st.floats(0.01, 0.1), hold=st.integers(1, 5))),
         description=draw(st.text()),
         tags=tuple(draw(st.lists(st.text(), max_size=3))),
     )
@@ -98,12 +97,12 @@ def test_reseeding_draws_another_seed_for_every_name_and_keeps_the_file() -> Non
         (lambda t: "duration = 0.001\n" + t, "duration of 0.02 to"),
         (lambda t: "seed = 1.5\n" + t, "seed must be a whole number"),
         (lambda t: "seed = -1\n" + t, "a seed is a whole number"),
-        (lambda t: "noise = 1\n" + t, "noise must be true or false"),
+        (lambda t: t + "\n[chain]\nnoise = 1\n", "chain.noise must be true or false"),
         (lambda t: "tags = 'a'\n" + t, "tags must be a list of texts"),
         (lambda t: "variant = 'nominals'\n" + t, "unknown variant 'nominals'.*nominal"),
         (lambda t: "payload = 'rpmc'\n" + t, "unknown payload 'rpmc'.*rpcm"),
         (lambda t: "pose = 'hom'\n" + t, "unknown pose 'hom'.*home"),
-        (lambda t: t.replace('["elbow_pitch"]', "[]"), "one or more different joints"),
+        (lambda t: t.replace('["elbow_pitch"]', "[]"), "one or more different entries"),
         (lambda t: t.replace('name = "mine"', ""), "missing name"),
         (lambda t: t + "kind = 3", "not a TOML file"),
         (lambda t: t.replace("[excitation]\nkind", "[excitation]\nsort"), "must be a table with a kind"),
