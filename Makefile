@@ -76,11 +76,11 @@ format: $(INSTALLED) ## put the code into the house format and mend what ruff ca
 	@"$(BIN)/ruff" check --fix $(SOURCES)
 
 .PHONY: verification
-verification: $(INSTALLED) ## measure docs/verification.md again (about half an hour; installs the peers)
+verification: $(INSTALLED) ## measure docs/verification.md again (half an hour, installs the peers; DATA=folder: real data too)
 	@echo "==> Installing the peers that are measured beside ours"
 	@"$(BIN)/python" -m pip install --quiet --constraint constraints.txt --editable '.[dev,peers]'
 	@echo "==> Measuring"
-	@"$(BIN)/python" tests/benchmarks/verification.py
+	@"$(BIN)/python" tests/benchmarks/verification.py $(if $(DATA),--data "$(DATA)")
 
 .PHONY: images
 images: $(INSTALLED) ## make the pictures of the README anew

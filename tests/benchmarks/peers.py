@@ -58,11 +58,9 @@ def loss(p: sysid.Polynomials, u: np.ndarray, y: np.ndarray) -> float:
 def polynomials(A: object, B: object, C: object, F: object) -> sysid.Polynomials:
     """Polynomials from whatever a peer returns."""
     one = np.ones(1)
-    return sysid.Polynomials(
-        *(one if q is None else np.asarray(q, float).ravel() for q in (A, B, C)),
-        one,
-        one if F is None else np.asarray(F, float).ravel(),
-    )
+    a, c, f = (one if q is None else np.asarray(q, float).ravel() for q in (A, C, F))
+    b = np.asarray(B, float).squeeze()
+    return sysid.Polynomials(a, b, c, one, f if b.ndim == 1 else np.tile(f, (len(b), 1)))
 
 
 def ours(method: str, orders: tuple[int, ...]) -> Fit:
@@ -85,15 +83,21 @@ def pysib(method: str, orders: tuple[int, ...]) -> Fit:
     return fit
 
 
-def sippy(method: str, orders: tuple[int, ...]) -> Fit:
-    """SIPPY, optimisation; its theta counts delay beyond one sample."""
+def sippy(method: str, orders: tuple[int, ...], *, mode: str = "OPT") -> Fit:
+    """SIPPY, by optimisation if not said otherwise; its theta counts delay beyond one sample."""
     from sippy_unipi import system_identification
 
     def fit(u: np.ndarray, y: np.ndarray) -> sysid.Polynomials:
-        setting = {f"{method.upper()}_orders": [*orders[:-1], orders[-1] - 1], f"{method.upper()}_mod": "OPT"}
-        found = system_identification(y, u, method.upper(), **setting)
-        den, num = np.asarray(found.G.den[0][0]), np.asarray(found.G.num[0][0])
-        B = np.r_[np.zeros(len(den) - len(num)), num]
+        inputs = 1 if u.ndim == 1 else u.shape[1]
+        na, nb, *noise, nk = orders if method == "armax" else (None, *orders)
+        counts = [[na]] if method == "armax" else []
+        counts += [[[nb] * inputs], *([n] for n in noise), [[nk - 1] * inputs]]
+        found = system_identification(
+            y, u, method.upper(), **{f"{method.upper()}_orders": counts, f"{method.upper()}_mod": mode}
+        )
+        den = np.asarray(found.G.den[0][0])
+        nums = [np.asarray(num) for num in found.G.num[0]]
+        B = np.squeeze([np.r_[np.zeros(len(den) - len(num)), num] for num in nums])
         if method == "oe":
             return polynomials(None, B, None, den)
         C = np.asarray(found.H.num[0][0])
@@ -122,6 +126,11 @@ def jax_sysid(method: str, orders: tuple[int, ...]) -> Fit:
     return fit
 
 
+def versions(*names: str) -> str:
+    """What was measured beside ours."""
+    return ", ".join(f"{name} {version(name)}" for name in names)
+
+
 CASES = (
     ("P1", "armax", (5, 3, 5, 2), {"this package": ours, "pysib": pysib, "sippy-unipi": sippy}),
     ("P2", "oe", (2, 2, 1), {"this package": ours, "pysib": pysib, "sippy-unipi": sippy, "jax-sysid": jax_sysid}),
@@ -133,8 +142,7 @@ def main() -> None:
     """Measure and write a table."""
     draws = int(sys.argv[1]) if len(sys.argv) > 1 else 3
     library = problems()
-    names = ("numpy", "scipy", "pysib", "sippy-unipi", "jax-sysid")
-    print(", ".join(f"{name} {version(name)}" for name in names), f"; {draws} draws")
+    print(versions("numpy", "scipy", "pysib", "sippy-unipi", "jax-sysid"), f"; {draws} draws")
     print("\n| problem | method | median s | times ours | off |\n|---|---|---|---|---|")
     for key, method, orders, peers in CASES:
         problem = getattr(library, f"make_{key.lower()}")()

@@ -1,66 +1,149 @@
 """Fits to measured data beside the peers, at equal orders.
 
 Run by hand in an environment that has the peers, with a folder that holds the DaISy files [DeMoor1997]:
-`python tests/benchmarks/real_data.py FOLDER`. Models are fitted to the first half of each record, mean removed; the
-loss is the root mean square of the one-step prediction error there, `held out` the simulation fit to the second half,
-both with the initial state fitted for every model alike.
+`python tests/benchmarks/real_data.py FOLDER`, or all benches by `make verification DATA=FOLDER`. Models are fitted to
+the first half of each record, mean removed, and judged on both halves by this package's `residuals` and `compare`, the
+initial state fitted to each half for every model alike. A loss is the root mean square of the errors; of two outputs,
+the fourth root of the determinant of their covariance.
 """
 
 import sys
 import warnings
+from collections.abc import Callable, Iterator
+from functools import partial
 from pathlib import Path
 
-from peers import pysib, silence, sippy  # isort: skip - sets the number of threads before NumPy loads
+from peers import jax_sysid, pysib, silence, sippy, versions  # isort: skip - sets the number of threads first
 import numpy as np
+import state_space_peers
 
 import sysid
 
 SETS = {
-    "robot arm": ("robot_arm.dat", 0, 1, 1.0),
-    "hair dryer": ("hair_dryer.dat", 0, 1, 0.08),
-    "heat exchanger": ("heat_exchanger.dat", 1, 2, 1.0),
+    "robot arm": ("robot_arm.dat", (0,), (1,), 1.0),
+    "hair dryer": ("hair_dryer.dat", (0,), (1,), 0.08),
+    "heat exchanger": ("heat_exchanger.dat", (1,), (2,), 1.0),
+    "CD player, y1": ("cd_player_arm.dat", (0, 1), (2,), 1.0),
+    "CD player, y2": ("cd_player_arm.dat", (0, 1), (3,), 1.0),
+    "CD player": ("cd_player_arm.dat", (0, 1), (2, 3), 1.0),
 }
-STRUCTURES = {
-    "robot arm": (("armax", (4, 4, 4, 1)), ("oe", (4, 4, 1))),
-    "hair dryer": (("armax", (2, 2, 2, 3)), ("oe", (2, 2, 3))),
-    "heat exchanger": (("armax", (2, 2, 2, 1)), ("oe", (2, 2, 1))),
+STRUCTURES = (
+    ("robot arm", "armax", (4, 4, 4, 1)),
+    ("robot arm", "oe", (4, 4, 1)),
+    ("hair dryer", "armax", (2, 2, 2, 3)),
+    ("hair dryer", "oe", (2, 2, 3)),
+    ("heat exchanger", "armax", (2, 2, 2, 1)),
+    ("heat exchanger", "oe", (2, 2, 1)),
+    ("CD player, y1", "armax", (4, 4, 4, 1)),
+    ("CD player, y2", "armax", (4, 4, 4, 1)),
+)
+ORDERS = (2, 4, 6, 8, 10)
+BLOCK_ROWS = (10, 15, 20, 30, 40)
+"""Of the N4SID models among which prediction-error fits begin."""
+
+WITHOUT_GAIN = {
+    "ctrlsys, SLICOT's N4SID": state_space_peers.slicot,
+    "control, markov and era": state_space_peers.control_era,
+    "jax-sysid": state_space_peers.jax_sysid,
 }
 
+Outcome = sysid.StateSpace | Exception
 
-def scores(p: sysid.Polynomials, first: sysid.IOData, second: sysid.IOData) -> str:
-    """One-step loss on the first half, simulation fit to the second."""
-    model = sysid.innovations_form(p, first.dt)
+
+def halves(folder: Path, name: str) -> tuple[sysid.IOData, sysid.IOData]:
+    """For estimation and for validation, the means of the first removed from both."""
+    file, inputs, outputs, dt = SETS[name]
+    table = np.loadtxt(folder / file)
+    half = len(table) // 2
+    table = table - table[:half].mean(axis=0)
+    data = sysid.IOData(table[:, inputs], table[:, outputs], dt)
+    return data[:half], data[half:]
+
+
+def attempt(fit: Callable[[], sysid.StateSpace]) -> Outcome:
+    """The model, or why there is none."""
+    try:
+        with silence(), np.errstate(all="ignore"):
+            return fit()
+    except Exception as error:
+        return error
+
+
+def loss(errors: np.ndarray) -> float:
+    """Root mean square, of several outputs the geometric mean of the principal ones."""
+    return float(np.linalg.det(np.atleast_2d(errors.T @ errors / len(errors))) ** (0.5 / errors.shape[1]))
+
+
+def scores(model: Outcome, first: sysid.IOData, second: sysid.IOData) -> str:
+    """Losses and fits on both halves."""
+    if isinstance(model, Exception):
+        return f"failed: {type(model).__name__} | | | "
+    out = []
     predictor = np.abs(np.linalg.eigvals(model.A - model.gain @ model.C)).max(initial=0.0)
-    if predictor >= 1.0:
-        return f"unstable predictor, radius {predictor:.3f} | "
-    error = float(np.sqrt(np.mean(sysid.residuals(model, first) ** 2)))
-    (fit,) = sysid.compare(model, second)
-    return f"{error:.6g} | {float(fit.simulation[0]):.2f} %"
+    if not model.gain.any():
+        out += ["–", "–"]
+    elif predictor > 1.0:
+        out += [f"unstable predictor, radius {predictor:.3f}", ""]
+    else:
+        out += [f"{loss(sysid.residuals(model, half)):.6g}" for half in (first, second)]
+    if not model.is_stable():
+        return " | ".join([*out, f"unstable, radius {np.abs(model.poles()).max():.3f}", ""])
+    ours, theirs = (sysid.compare(model, half)[0] for half in (first, second))
+    fits = ", ".join(f"{percent:.2f} %" for percent in theirs.simulation)
+    return " | ".join([*out, f"{loss(first.y - ours.simulated):.6g}", fits])
+
+
+def polynomial_fits(
+    name: str, method: str, orders: tuple[int, ...], data: sysid.IOData
+) -> Iterator[tuple[str, Outcome]]:
+    """Who fitted a polynomial structure, and the model in innovations form."""
+    peers = {"sippy-unipi": sippy(method, orders)}
+    if data.nu == 1:
+        peers["pysib"] = pysib(method, orders)
+    if method == "armax" and data.nu > 1:
+        peers["sippy-unipi, ILLS"] = sippy(method, orders, mode="ILLS")
+    if method == "oe" and orders[-1] == 1:
+        peers["jax-sysid"] = jax_sysid(method, orders)
+    yield "this package", attempt(lambda: getattr(sysid, method)(data, *orders).model)
+    u, y = data.u if data.nu > 1 else data.u[:, 0].copy(), data.y[:, 0].copy()
+    for peer, fit in peers.items():
+        yield peer, attempt(lambda fit=fit: sysid.innovations_form(fit(u, y), data.dt))
+
+
+def state_space_fits(data: sysid.IOData, order: int) -> Iterator[tuple[str, Outcome]]:
+    """Who fitted a state-space model of some order: those with an innovation gain, then those without."""
+
+    def starts() -> list[sysid.Estimate]:
+        return [sysid.n4sid(data, order, block_rows=rows, stable=True) for rows in BLOCK_ROWS]
+
+    yield "this package, pem_ss", attempt(lambda: sysid.pem_ss(data, starts()).model)
+    yield "this package, n4sid", attempt(lambda: sysid.n4sid(data, order).model)
+    yield "this package, okid", attempt(lambda: sysid.okid(data, order, p=20).model)
+    for weighting in ("N4SID", "MOESP", "CVA", "PARSIM-K"):
+        yield f"sippy-unipi, {weighting}", attempt(lambda w=weighting: state_space_peers.sippy(w)(data, order))
+    yield "nfoursid", attempt(lambda: state_space_peers.nfoursid(data, order))
+    yield "this package, pem_ss, no gain", attempt(lambda: sysid.pem_ss(data, starts(), gain=False).model)
+    for peer, fit in WITHOUT_GAIN.items():
+        yield peer, attempt(partial(fit, data, order))
 
 
 def main() -> None:
-    """Fit all and write a table."""
+    """Fit all and write a table of each kind."""
     folder = Path(sys.argv[1])
     warnings.simplefilter("ignore")
-    print("| data | structure | method | one-step loss | held out, simulation fit |\n|---|---|---|---|---|")
-    for name, (file, input_column, output_column, dt) in SETS.items():
-        table = np.loadtxt(folder / file)
-        half = len(table) // 2
-        u, y = table[:, input_column], table[:, output_column]
-        u1, y1 = u[:half] - u[:half].mean(), y[:half] - y[:half].mean()
-        u2, y2 = u[half:] - u[:half].mean(), y[half:] - y[:half].mean()
-        for method, orders in STRUCTURES[name]:
-            data, second = sysid.IOData(u1, y1, dt), sysid.IOData(u2, y2, dt)
-            fits = {"this package": getattr(sysid, method)(data, *orders).polynomials}
-            for peer, make in (("pysib", pysib), ("sippy-unipi", sippy)):
-                try:
-                    with silence(), np.errstate(all="ignore"):
-                        fits[peer] = make(method, orders)(u1, y1)
-                except Exception as error:
-                    print(f"| {name} | {method} {orders} | {peer} | failed: {type(error).__name__} | |")
-            for who, p in fits.items():
-                with np.errstate(all="ignore"):
-                    print(f"| {name} | {method} {orders} | {who} | {scores(p, data, second)} |")
+    names = ("numpy", "scipy", "pysib", "sippy-unipi", "jax-sysid", "nfoursid", "ctrlsys", "control")
+    print(versions(*names) + "\n")
+    scored = "one-step loss | held out | simulation loss | simulation fit, held out |\n|---|---|---|---|---|---|---|"
+    print(f"| data | structure | method | {scored}")
+    for name, method, orders in STRUCTURES:
+        first, second = halves(folder, name)
+        for who, model in polynomial_fits(name, method, orders, first):
+            print(f"| {name} | {method} {orders} | {who} | {scores(model, first, second)} |", flush=True)
+    print(f"\n| data | order | method | {scored}")
+    first, second = halves(folder, "CD player")
+    for order in ORDERS:
+        for who, model in state_space_fits(first, order):
+            print(f"| CD player | {order} | {who} | {scores(model, first, second)} |", flush=True)
 
 
 if __name__ == "__main__":

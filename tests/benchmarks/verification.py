@@ -1,9 +1,11 @@
 """Measure again what `docs/verification.md` says. Run by `make verification`, or by hand with words to choose by.
 
 A block of that page begins with a comment that names its command and ends with another; what the command prints takes
-the place of what stands between them. A command that fails leaves its block as it was.
+the place of what stands between them. A command that fails leaves its block as it was, and so does one that needs the
+FOLDER of measured data where none is given.
 """
 
+import argparse
 import re
 import shlex
 import subprocess
@@ -14,17 +16,20 @@ ROOT = Path(__file__).parents[2]
 PAGE = ROOT / "docs" / "verification.md"
 BLOCK = re.compile(r"<!-- measured by: (?P<command>.+?) -->\n.*?<!-- end -->", re.DOTALL)
 
+FOLDER = "FOLDER"
+"""Word of a command that stands for where the measured data are, which this repository does not hold."""
+
 TALK = re.compile(r"=|\.*$|\(\d+ durations|\d+ passed|[\d.]+s (call|setup|teardown)")
 """What the test runner says of itself."""
 
 
-def measured(command: str) -> str:
+def measured(command: str, folder: Path | None) -> str:
     """Run a command at the root of the project and return its output as Markdown.
 
     Raises:
         RuntimeError: The command failed.
     """
-    words = shlex.split(command)
+    words = [str(folder) if word == FOLDER else word for word in shlex.split(command)]
     words[0] = sys.executable if words[0] == "python" else words[0]
     run = subprocess.run(words, cwd=ROOT, capture_output=True, text=True, check=False, env=_environment())
     if run.returncode:
@@ -42,14 +47,22 @@ def _environment() -> dict[str, str]:
 
 def main() -> int:
     """Renew the blocks whose command holds one of the words given, or all."""
+    parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
+    parser.add_argument("words", nargs="*", help="of the commands to run; all when none is given")
+    parser.add_argument("--data", type=Path, help="folder with the measured data")
+    asked = parser.parse_args()
+    folder = asked.data.resolve() if asked.data else None
     page, failed = PAGE.read_text(encoding="utf-8"), 0
     for block in list(BLOCK.finditer(page)):
         command = block["command"]
-        if sys.argv[1:] and not any(word in command for word in sys.argv[1:]):
+        if asked.words and not any(word in command for word in asked.words):
+            continue
+        if folder is None and FOLDER in shlex.split(command):
+            print(f"==> {command}\n    left as it was: make verification DATA=... names the folder", flush=True)
             continue
         print(f"==> {command}", flush=True)
         try:
-            renewed = f"<!-- measured by: {command} -->\n{measured(command)}\n<!-- end -->"
+            renewed = f"<!-- measured by: {command} -->\n{measured(command, folder)}\n<!-- end -->"
         except RuntimeError as error:
             failed += 1
             print(f"    left as it was: {error}", flush=True)
