@@ -1,0 +1,55 @@
+"""The best small step within bounds: a convex quadratic programme of a few unknowns, solved exactly."""
+
+import numpy as np
+
+ITERATIONS = 50
+"""More changes of the active set than any step of three unknowns needs; a bound against cycling."""
+
+NEGLIGIBLE = 1e-12
+"""A direction that moves a bounded quantity less than this, relative to its own size, does not move it."""
+
+
+def bounded_step(
+    hessian: np.ndarray, gradient: np.ndarray, rows: np.ndarray, lower: np.ndarray, upper: np.ndarray
+) -> tuple[np.ndarray, list[int]]:
+    """Minimise `step @ hessian @ step / 2 - gradient @ step` subject to `lower <= rows @ step <= upper`.
+
+    The primal active-set method [NocedalWright2006, algorithm 16.3], started at the zero step.
+
+    Args:
+        hessian: Positive definite (n, n).
+        gradient: (n,).
+        rows: What is bounded, linear in the step (m, n).
+        lower: Lower bounds (m,), none above zero.
+        upper: Upper bounds (m,), none below zero.
+
+    Returns:
+        The step (n,) and the rows that hold it back.
+    """
+    n = len(gradient)
+    step = np.zeros(n)
+    # Row and the side on which it is held: +1 at its upper bound, -1 at its lower.
+    active: dict[int, float] = {}
+    for _ in range(ITERATIONS):
+        held = rows[list(active)]
+        matrix = np.zeros((n + len(held), n + len(held)))
+        matrix[:n, :n], matrix[:n, n:], matrix[n:, :n] = hessian, held.T, held
+        solution = np.linalg.solve(matrix, np.concatenate([gradient - hessian @ step, np.zeros(len(held))]))
+        direction, multipliers = solution[:n], solution[n:]
+        speed = rows @ direction
+        share, blocking = 1.0, -1
+        for row in range(len(rows)):
+            if row in active or abs(speed[row]) <= NEGLIGIBLE * (1.0 + np.abs(rows[row]).sum()):
+                continue
+            room = (upper if speed[row] > 0.0 else lower)[row] - rows[row] @ step
+            if room < share * speed[row] if speed[row] > 0.0 else room > share * speed[row]:
+                share, blocking = max(room / speed[row], 0.0), row
+        step = step + share * direction
+        if blocking >= 0:
+            active[blocking] = np.sign(speed[blocking])
+            continue
+        pushes = {row: push * side for (row, side), push in zip(active.items(), multipliers, strict=True)}
+        if not pushes or min(pushes.values()) >= 0.0:
+            break
+        del active[min(pushes, key=pushes.__getitem__)]
+    return step, list(active)
