@@ -43,6 +43,7 @@ from sysid.roe import roe
 from sysid.selstruc import selstruc
 from sysid.simulate import simulate
 from sysid.spa import spa
+from sysid.split_delay import split_delay
 from sysid.state_space import StateSpace, block_diagonal
 from sysid.structure_scan import structure_scan
 from sysid.structure_table import StructureTable
@@ -126,6 +127,7 @@ __all__ = [
     "selstruc",
     "simulate",
     "spa",
+    "split_delay",
     "structure_scan",
     "transfer_function",
     "welch",

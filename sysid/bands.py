@@ -81,9 +81,15 @@ def band(estimate: Estimate, quantity: Quantity) -> Band:
         estimate: Any parametric estimate.
         quantity: From a model to a real array of any shape: `StateSpace.dc_gain`, or for instance
             `lambda model: model.step_response(100)`.
+
+    Returns:
+        The quantity, its standard deviation and its interval.
+
+    Raises:
+        SysidError: A complex quantity.
     """
+    value = _real(quantity(estimate.model))
     moves = spread(lambda theta: quantity(estimate.realise(theta)), estimate.parameters, estimate.covariance)
-    value = np.asarray(quantity(estimate.model), dtype=float)
     deviation = np.sqrt(np.sum(moves**2, axis=0))
     return Band(value, deviation, (value - NORMAL_95 * deviation, value + NORMAL_95 * deviation))
 
@@ -101,13 +107,25 @@ def sampled_band(estimate: Estimate, quantity: Quantity, rng: np.random.Generato
         Standard deviation and 2.5 and 97.5 percentiles of the draws.
 
     Raises:
-        SysidError: Fewer than two draws, or an estimate without covariance.
+        SysidError: Fewer than two draws, an estimate without covariance, or a complex quantity.
     """
+    value = _real(quantity(estimate.model))
     values = np.array([quantity(model) for model in sample_models(estimate, rng, draws=draws)], dtype=float)
     # a draw may be unstable, its response endless: that is part of the answer
     with np.errstate(over="ignore", invalid="ignore"):
         low, high = np.percentile(values, [2.5, 97.5], axis=0)
-        return Band(np.asarray(quantity(estimate.model), dtype=float), values.std(axis=0, ddof=1), (low, high))
+        return Band(value, values.std(axis=0, ddof=1), (low, high))
+
+
+def _real(value: FloatArray) -> FloatArray:
+    """The quantity, unless it is complex: an interval needs an ordered one."""
+    out = np.asarray(value)
+    if np.iscomplexobj(out):
+        raise SysidError(
+            "the quantity is complex: expected real numbers, such as its modulus; poles_band and zeros_band give "
+            "regions of poles and zeros, estimate.frequency_response that of the response"
+        )
+    return np.asarray(out, dtype=float)
 
 
 def sample_models(estimate: Estimate, rng: np.random.Generator, *, draws: int = 500) -> list[StateSpace]:
@@ -131,13 +149,29 @@ def sample_models(estimate: Estimate, rng: np.random.Generator, *, draws: int = 
 
 
 def poles_band(estimate: Estimate) -> RootBand:
-    """Poles with their covariances, by the delta method. Where two poles coincide there is none to first order."""
-    return _roots_band(estimate, StateSpace.poles)
+    """Poles of the path from input to output with their covariances, by the delta method [Ljung1999, ch. 9].
+
+    Where two poles coincide there is none to first order.
+
+    Args:
+        estimate: Any parametric estimate.
+
+    Returns:
+        The poles, largest modulus first.
+    """
+    return _roots_band(estimate, lambda model: model.input_path().poles())
 
 
 def zeros_band(estimate: Estimate) -> RootBand:
-    """Transmission zeros with their covariances, by the delta method."""
-    return _roots_band(estimate, StateSpace.zeros)
+    """Transmission zeros with their covariances, by the delta method [Ljung1999, ch. 9].
+
+    Args:
+        estimate: Any parametric estimate.
+
+    Returns:
+        The zeros of the path from input to output, largest modulus first.
+    """
+    return _roots_band(estimate, lambda model: model.input_path().zeros())
 
 
 def _roots_band(estimate: Estimate, roots_of: Callable[[StateSpace], ComplexArray]) -> RootBand:

@@ -1,11 +1,15 @@
 """Between discrete and continuous time."""
 
+from typing import Any
+
 import control
 import numpy as np
 import scipy.linalg
 
 from sysid.arrays import ComplexArray
 from sysid.errors import SysidError
+from sysid.estimate import Estimate
+from sysid.simulate import as_model
 from sysid.state_space import StateSpace
 from sysid.zero_pole_gain import ZeroPoleGain, zero_pole_gain
 
@@ -13,13 +17,14 @@ AT_ZERO = 1e-9  # modulus of a pole below which it is a sample of delay
 AT_ONE = 1e-9  # distance from z = 1 below which a pole integrates
 
 
-def d2c(model: StateSpace) -> control.StateSpace:
+def d2c(model: StateSpace | Estimate) -> control.StateSpace:
     """The continuous-time system that gives `model` when its input is held between samples.
 
     exp([F G; 0 0] dt) = [A B; 0 I], by the principal logarithm: frequencies are taken to lie below Nyquist.
 
     Args:
-        model: Path from u to y; its noise model has no part in this.
+        model: A model or estimate; its noise model has no part in this, and its input is taken as held whatever
+            the record of an estimate says.
 
     Returns:
         A continuous-time python-control system with the names of `model`.
@@ -28,12 +33,13 @@ def d2c(model: StateSpace) -> control.StateSpace:
         SysidError: A pole at zero or on the negative real axis (a delay, or an oscillation at Nyquist): no real
             system of this order has it.
     """
+    model = as_model(model).input_path()
     poles = model.poles()
-    without = poles[(np.abs(poles) < AT_ZERO) | ((poles.real < 0.0) & (np.abs(poles.imag) <= 1e-12 * np.abs(poles)))]
+    without = poles[_without_match(poles)]
     if len(without):
         raise SysidError(
             f"the model has {len(without)} pole(s) at zero or on the negative real axis, {_list(without)}, which no "
-            "continuous-time system of the same order has; take delays out first, or fit a lower order"
+            "continuous-time system of the same order has; take delays out by split_delay, or fit a lower order"
         )
     n, nu = model.B.shape
     held = np.block([[model.A, model.B], [np.zeros((nu, n)), np.eye(nu)]])
@@ -56,32 +62,40 @@ def c2d(system: control.LTI, dt: float) -> StateSpace:
         system: A continuous-time python-control system.
         dt: Sampling interval in s.
 
+    Returns:
+        The discrete-time model, without noise model.
+
     Raises:
         SysidError: The system is not continuous, or dt is not positive.
     """
     return StateSpace.from_control(control.sample_system(control.ss(_continuous(system, dt)), dt, method="zoh"))
 
 
-def d2c_matched(model: StateSpace) -> control.TransferFunction:
+def d2c_matched(model: StateSpace | Estimate) -> control.TransferFunction:
     """The continuous-time system whose poles and zeros s map to those of `model` by z = exp(s dt).
 
-    Zeros at z = -1 belong to infinite frequency and are left out. The gain is matched at 0 Hz, or where that is zero or
-    infinite at a tenth of the Nyquist frequency.
+    Zeros at zero and on the negative real axis, which sampling makes [Astrom1984], belong to infinite frequency and are
+    left out. The gain is matched at 0 Hz, or where that is zero or infinite at a tenth of the Nyquist frequency.
 
     Args:
-        model: One input, one output.
+        model: A model or estimate with one input and one output; its noise model has no part in this.
+
+    Returns:
+        A continuous-time python-control transfer function.
 
     Raises:
-        SysidError: Several channels, or poles or zeros at zero or on the negative real axis.
+        SysidError: Several channels, or poles at zero or on the negative real axis.
     """
+    model = as_model(model).input_path()
     z = zero_pole_gain(model)
-    finite = z.zeros[np.abs(z.zeros + 1.0) > 1e-6]
-    for what, roots in (("poles", z.poles), ("zeros", finite)):
-        lost = roots[(np.abs(roots) < AT_ZERO) | ((roots.real < 0.0) & (np.abs(roots.imag) <= 1e-12 * np.abs(roots)))]
-        if len(lost):
-            raise SysidError(
-                f"{what} at zero or on the negative real axis, {_list(lost)}, match none in continuous time"
-            )
+    # several at -1 come out as a small circle round it
+    finite = z.zeros[~_without_match(z.zeros) & (np.abs(z.zeros + 1.0) > 1e-6)]
+    lost = z.poles[_without_match(z.poles)]
+    if len(lost):
+        raise SysidError(
+            f"poles at zero or on the negative real axis, {_list(lost)}, match none in continuous time; take delays "
+            "out by split_delay, or fit a lower order"
+        )
     zeros, poles = np.log(finite) / model.dt, np.log(z.poles) / model.dt
     unscaled = control.zpk(zeros, poles, 1.0)
     f = 0.0 if _regular_at_zero(z) else 0.05 / model.dt
@@ -100,6 +114,9 @@ def c2d_matched(system: control.LTI, dt: float) -> StateSpace:
     Args:
         system: A continuous-time python-control system with one input and one output.
         dt: Sampling interval in s.
+
+    Returns:
+        The discrete-time model, without noise model.
 
     Raises:
         SysidError: Several channels, not continuous, dt not positive, more zeros than poles.
@@ -126,6 +143,12 @@ def _continuous(system: control.LTI, dt: float) -> control.LTI:
     if not (np.isfinite(dt) and dt > 0):
         raise SysidError(f"dt must be a positive number of seconds, got {dt!r}")
     return system
+
+
+def _without_match(roots: ComplexArray) -> np.ndarray[Any, np.dtype[np.bool_]]:
+    """Which of the roots z are exp(s dt) of no s on the principal branch: at zero, or on the negative real axis."""
+    on_axis = np.abs(roots.imag) <= 1e-9 * np.abs(roots)
+    return (np.abs(roots) < AT_ZERO) | ((roots.real < 0.0) & on_axis)
 
 
 def _regular_at_zero(z: ZeroPoleGain) -> bool:

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from sysid.arrays import FloatArray, Locked, lock, real_array
+from sysid.arrays import ComplexArray, FloatArray, Locked, lock, real_array
 from sysid.data import IOData
 from sysid.delta_method import spread
 from sysid.errors import SysidError
@@ -139,11 +139,55 @@ class Estimate(Locked):
             ]
         else:
             lines.append(f"  {len(self.parameters)} parameters")
-        poles = (f"{p.real:.4f}" + (f"{p.imag:+.4f}j" if abs(p.imag) > 1e-9 else "") for p in self.model.poles())
-        lines.append(f"  poles (z plane): {', '.join(poles) or 'none'}")
+        poles = (f"{p.real:.4f}" + (f"{p.imag:+.4f}j" if abs(p.imag) > 1e-9 else "") for p in self.poles())
+        lines.append(f"  poles from input to output (z plane): {', '.join(poles) or 'none'}")
         lines.append(f"  innovation variance: {', '.join(f'{v:.4g}' for v in np.diag(self.noise_variance))}")
+        lines.append(f"  final prediction error: {self.fpe:.4g}, AIC {self.aic:.6g}, BIC {self.bic:.6g}")
         lines += [f"  warning: {text}" for text in self.diagnostics.get("warnings", ())]
         return "\n".join(lines)
+
+    def poles(self) -> ComplexArray:
+        """Poles of the path from input to output, largest modulus first; `poles_band` tells how well they are known."""
+        return self.model.input_path().poles()
+
+    def zeros(self) -> ComplexArray:
+        """Transmission zeros of the path from input to output, largest modulus first; see `zeros_band`."""
+        return self.model.input_path().zeros()
+
+    def dc_gain(self) -> FloatArray:
+        """Gain at 0 Hz (ny, nu); see `band`."""
+        return self.model.dc_gain()
+
+    def step_response(self, n: int) -> FloatArray:
+        """Response to a unit step in each input (n, ny, nu); see `band`."""
+        return self.model.step_response(n)
+
+    @property
+    def loss(self) -> float:
+        """Mean square of the residuals; with several outputs the ny-th root of the determinant of their covariance."""
+        known = self.residuals[np.isfinite(self.residuals).all(axis=1)]
+        return float(np.linalg.det(known.T @ known / len(known)) ** (1.0 / known.shape[1]))
+
+    @property
+    def fpe(self) -> float:
+        """Akaike's final prediction error, loss (1 + p/N) / (1 - p/N) [Ljung1999, ch. 16]; infinite for p >= N."""
+        share = self._parameters_per_sample
+        return self.loss * (1.0 + share) / (1.0 - share) if share < 1.0 else np.inf
+
+    @property
+    def aic(self) -> float:
+        """Akaike's information criterion, log(loss) + 2 p/N; comparable on the same data."""
+        return float(np.log(self.loss) + 2.0 * self._parameters_per_sample) if self.loss else -np.inf
+
+    @property
+    def bic(self) -> float:
+        """Schwarz's criterion, log(loss) + p log(N)/N; comparable on the same data."""
+        samples = sum(self.data.samples)
+        return float(np.log(self.loss) + np.log(samples) * self._parameters_per_sample) if self.loss else -np.inf
+
+    @property
+    def _parameters_per_sample(self) -> float:
+        return len(self.parameters) / sum(self.data.samples)
 
     def bandwidth(self) -> Bandwidth:
         """Half-power bandwidth with its 95 % interval, by the delta method on its logarithm.

@@ -242,6 +242,21 @@ class StateSpace(Locked):
         A, B, C, _ = balanced_truncation(self.A, self.B, self.C, tolerance)
         return replace(self, A=A, B=B, C=C, K=None)
 
+    def input_path(self) -> "StateSpace":
+        """The path from u to y alone: without noise model, and without states that stand apart from it.
+
+        Dropped are states that the zeros of A, B and C cut off from every input or every output, as those of the noise
+        model of OE and Box-Jenkins estimates are; no tolerance is involved, and unstable models will do.
+        """
+        moves, n = self.A != 0.0, self.order
+        reached, seen = (self.B != 0.0).any(axis=1), (self.C != 0.0).any(axis=0)
+        for _ in range(n):
+            reached = reached | moves[:, reached].any(axis=1)
+            seen = seen | moves[seen].any(axis=0)
+        keep = np.flatnonzero(reached & seen)
+        A, B, C = self.A[np.ix_(keep, keep)], self.B[keep], self.C[:, keep]
+        return replace(self, A=A, B=B, C=C, K=None, innovation_covariance=None)
+
     def to_control(self) -> control.StateSpace:
         """The path from u to y as a python-control system."""
         return control.ss(

@@ -10,6 +10,8 @@ from numpy.typing import ArrayLike
 
 from sysid.arrays import ComplexArray, lock, real_array
 from sysid.errors import SysidError
+from sysid.estimate import Estimate
+from sysid.simulate import as_model
 from sysid.state_space import StateSpace
 
 
@@ -69,17 +71,24 @@ def _pairs(roots: ComplexArray) -> list[ComplexArray]:
     return pairs + [real[k : k + 2] for k in range(0, len(real), 2)]
 
 
-def zero_pole_gain(model: StateSpace, *, input: int = 0, output: int = 0) -> ZeroPoleGain:
-    """Zeros, poles and gain of one channel. Poles that it does not share with the model have a zero on top of them.
+def zero_pole_gain(model: StateSpace | Estimate, *, input: int = 0, output: int = 0) -> ZeroPoleGain:
+    """Zeros, poles and gain of one channel.
+
+    Poles of the model that stand apart from the channel, such as those of a noise model of its own, have no part in it;
+    others that it does not share have a zero on top of them.
 
     Args:
-        model: The model.
+        model: A model or estimate.
         input: Index of the input.
         output: Index of the output.
+
+    Returns:
+        The channel's zeros, poles and gain.
 
     Raises:
         SysidError: No such channel, or one without any response.
     """
+    model = as_model(model)
     if not (0 <= input < model.nu and 0 <= output < model.ny):
         raise SysidError(
             f"no channel from input {input} to output {output}: the model has {model.nu} input(s) and {model.ny} "
@@ -92,17 +101,27 @@ def zero_pole_gain(model: StateSpace, *, input: int = 0, output: int = 0) -> Zer
     return ZeroPoleGain(channel.zeros(), channel.poles(), leading, model.dt)
 
 
-def transfer_function(model: StateSpace) -> control.TransferFunction:
+def transfer_function(model: StateSpace | Estimate) -> control.TransferFunction:
     """The path from u to y as a python-control transfer function, numerators and denominators in z.
 
     High orders lose digits in polynomials: for computations the state space is the better form.
+
+    Args:
+        model: A model or estimate; its noise model has no part in this.
+
+    Returns:
+        One numerator and denominator per channel, with the names of the model.
+
+    Raises:
+        SysidError: Neither a model nor an estimate.
     """
-    denominator = np.atleast_1d(np.poly(model.poles()).real)
+    model = as_model(model)
     channels = [[_channel(model, j, i) for j in range(model.nu)] for i in range(model.ny)]
     numerators = [[_leading(c) * np.atleast_1d(np.poly(c.zeros()).real) for c in row] for row in channels]
+    denominators = [[np.atleast_1d(np.poly(c.poles()).real) for c in row] for row in channels]
     return control.tf(
         numerators,
-        [[denominator] * model.nu] * model.ny,
+        denominators,
         model.dt,
         inputs=list(model.input_names or ()),
         outputs=list(model.output_names or ()),
@@ -110,7 +129,7 @@ def transfer_function(model: StateSpace) -> control.TransferFunction:
 
 
 def _channel(model: StateSpace, j: int, i: int) -> StateSpace:
-    return StateSpace(model.A, model.B[:, [j]], model.C[[i]], model.D[[i]][:, [j]], None, model.dt)
+    return StateSpace(model.A, model.B[:, [j]], model.C[[i]], model.D[[i]][:, [j]], None, model.dt).input_path()
 
 
 def _leading(channel: StateSpace) -> float:

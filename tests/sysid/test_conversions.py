@@ -5,7 +5,9 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from scipy.signal import lfilter
 
+import sysid
 from sysid import (
     IOData,
     StateSpace,
@@ -216,3 +218,51 @@ def test_initial_states_are_found(model: StateSpace, simulation: bool) -> None:
     found = findstates(model, data, simulation=simulation)
     steps = None if simulation else 1
     np.testing.assert_allclose(predict(model, data, steps=steps, x0=found), data.y, atol=1e-6 * np.abs(data.y).max())
+
+
+def box_jenkins(nk: int) -> sysid.Estimate:
+    """Path 0.5 z^-nk / (1 - 0.8 z^-1), noise with a pole at -0.66."""
+    rng = np.random.default_rng(5)
+    u, e = rng.standard_normal((2, 2000))
+    y = lfilter([*np.zeros(nk), 0.5], [1.0, -0.8], u) + lfilter([1.0], [1.0, 0.66], 0.1 * e)
+    return sysid.bj(sysid.IOData(u, y, DT), 1, 0, 1, 1, nk)
+
+
+def test_the_noise_models_own_poles_have_no_part_in_the_path() -> None:
+    estimate = box_jenkins(1)
+    assert estimate.model.order == 2
+    assert estimate.poles() == pytest.approx([0.8], abs=0.01)
+    assert len(estimate.zeros()) == 0
+    assert transfer_function(estimate).poles() == pytest.approx([0.8], abs=0.01)
+    assert len(zero_pole_gain(estimate).zeros) == 0
+    assert d2c(estimate).poles() == pytest.approx([np.log(0.8) / DT], rel=0.05)
+    assert sysid.poles_band(estimate).roots == pytest.approx([0.8], abs=0.01)
+
+
+def test_delays_come_out_and_leave_the_dynamics() -> None:
+    model, (delay,) = sysid.split_delay(box_jenkins(4))
+    assert (delay, model.order) == (3, 1)
+    whole = box_jenkins(4).model
+    np.testing.assert_allclose(model.markov(20), whole.markov(23)[3:], atol=1e-12)
+    back = c2d(d2c(model), DT)
+    np.testing.assert_allclose(back.markov(20), model.markov(20), atol=1e-10)
+
+
+def test_delays_of_several_inputs_come_out_each_its_own() -> None:
+    rng = np.random.default_rng(6)
+    u = rng.standard_normal((500, 2))
+    y = lfilter([0.0, 1.0], [1.0, -0.5], u[:, 0]) + lfilter([0.0, 0.0, 0.0, 2.0, 1.0], [1.0, -0.9], u[:, 1])
+    estimate = sysid.oe(sysid.IOData(u, y, DT), (1, 2), (1, 1), (1, 3))
+    model, delays = sysid.split_delay(estimate)
+    assert delays == (0, 2)
+    np.testing.assert_allclose(model.markov(10)[:, 0, 1], estimate.model.markov(12)[2:, 0, 1], atol=1e-9)
+    np.testing.assert_allclose(model.markov(10)[:, 0, 0], estimate.model.markov(10)[:, 0, 0], atol=1e-9)
+
+
+def test_sampling_zeros_have_no_match_and_are_left_out() -> None:
+    system = control.tf([2.0], [1.0, 3.0, 2.0])
+    model = c2d(system, DT)
+    assert model.zeros().real.max() < 0.0
+    matched = d2c_matched(model)
+    np.testing.assert_allclose(np.sort(matched.poles().real), [-2.0, -1.0], rtol=1e-9)
+    assert matched.dcgain() == pytest.approx(1.0)

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from sysid import FrequencyResponse, IOData, SysidError, arx, oe, okid, residuals
+from sysid import FrequencyResponse, IOData, SysidError, arx, band, oe, okid, residuals, structure_scan
 from sysid.delta_method import spread, standard_directions
 
 
@@ -99,3 +99,18 @@ def test_magnitude_and_phase_deviation_by_hand() -> None:
     low, high = response.magnitude_ci95()
     assert low[0, 0, 0] * high[0, 0, 0] == pytest.approx(4.0)
     assert high[0, 0, 0] == pytest.approx(2 * np.exp(1.96 * 0.01), rel=1e-6)
+
+
+def test_criteria_are_those_of_the_structure_table(p2: Any) -> None:
+    data = p2.draw(0)
+    estimate = oe(data, 2, 2)
+    table = structure_scan(oe, data, ("nb", "nf"), [(2, 2)])
+    assert estimate.loss == pytest.approx(table.loss[0], rel=1e-3)
+    assert estimate.aic == pytest.approx(table.aic[0], abs=1e-3)
+    assert estimate.bic == pytest.approx(table.bic[0], abs=1e-3)
+    assert estimate.fpe == pytest.approx(table.fpe[0], rel=1e-3)
+
+
+def test_a_complex_quantity_has_no_interval(p2: Any) -> None:
+    with pytest.raises(SysidError, match="complex"):
+        band(oe(p2.draw(0), 2, 2), lambda model: model.frequency_response([1.0]))

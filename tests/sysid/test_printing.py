@@ -31,13 +31,13 @@ def test_an_estimate_lists_parameters_with_their_deviations(data: IOData) -> Non
     assert first.endswith("from 600 samples every 0.02 s")
     deviation = np.sqrt(found.covariance[0, 0])
     assert f"  {found.parameter_names[0]} = {found.parameters[0]:.6g} ± {deviation:.2g}" in rest
-    assert f"  poles (z plane): {found.model.poles()[0].real:.4f}" in rest
+    assert f"  poles from input to output (z plane): {found.poles()[0].real:.4f}" in rest
 
 
 def test_a_large_estimate_stays_short(data: IOData) -> None:
     found = sysid.arx(data, 10, 10, 1)
     assert "  20 parameters" in str(found)
-    assert str(found).count("\n") == 3
+    assert str(found).count("\n") == 4
     assert str(replace(found, diagnostics={"warnings": ("poor",)})).endswith("\n  warning: poor")
 
 
