@@ -6,20 +6,22 @@ import numpy as np
 
 from sysid.arrays import FloatArray
 from sysid.errors import SysidError
+from sysid.estimate import Estimate
 from sysid.reduction import balanced_truncation
+from sysid.simulate import as_model
 from sysid.state_space import StateSpace
 
 MINIMAL = 1e-12
 
 
-def balred(model: StateSpace, order: int, *, match_dc: bool = False) -> StateSpace:
+def balred(model: StateSpace | Estimate, order: int, *, match_dc: bool = False) -> StateSpace:
     """Keep the states that matter most from u and e to y, by balanced truncation [Moore1981].
 
     The response from [u, e / sigma] changes by at most twice the sum of the dropped Hankel singular values, at any
     frequency; sigma are the standard deviations of the innovations where they are known, else 1.
 
     Args:
-        model: A stable model.
+        model: A stable model, or an estimate of one.
         order: Number of states to keep.
         match_dc: Whether the dropped states follow the others at once instead of vanishing, so that the response at
             0 Hz is kept exactly.
@@ -30,6 +32,7 @@ def balred(model: StateSpace, order: int, *, match_dc: bool = False) -> StateSpa
     Raises:
         SysidError: The model is not stable, or has fewer states than `order`.
     """
+    model = as_model(model)
     if isinstance(order, bool) or not isinstance(order, int | np.integer) or not 0 <= order <= model.order:
         raise SysidError(f"order must be a whole number from 0 to {model.order}, got {order!r}")
     sigma = _deviations(model)
@@ -55,12 +58,19 @@ def balred(model: StateSpace, order: int, *, match_dc: bool = False) -> StateSpa
     return replace(model, A=A, B=B[:, :nu], C=C, D=D[:, :nu], K=gain, innovation_covariance=covariance)
 
 
-def hankel_singular_values(model: StateSpace) -> FloatArray:
-    """Of the path from [u, e / sigma] to y as in `balred`, largest first (n,).
+def hankel_singular_values(model: StateSpace | Estimate) -> FloatArray:
+    """Of the path from [u, e / sigma] to y as in `balred` [Moore1981].
+
+    Args:
+        model: A stable model, or an estimate of one.
+
+    Returns:
+        Singular values, largest first (n,).
 
     Raises:
         SysidError: The model is not stable.
     """
+    model = as_model(model)
     B = np.hstack((model.B, model.gain * _deviations(model)))
     return balanced_truncation(model.A, B, model.C, 0.0)[3]
 

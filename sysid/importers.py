@@ -96,7 +96,9 @@ def read_mat(
         LookupError,
         zlib.error,
     ) as error:
-        raise SysidError(f"{file.name}: not a .mat file of version 7.2 or older ({error})") from error
+        raise SysidError(
+            f"{file.name}: not a .mat file of version 7.2 or older, which MATLAB writes by save -v7 ({error})"
+        ) from error
     columns = {}
     for name, value in content.items():
         if isinstance(value, np.ndarray) and value.dtype.kind in "biuf" and value.ndim == 2 and value.size:
@@ -176,10 +178,13 @@ def record_of(
         *((outputs,) if isinstance(outputs, str) else outputs),
     ]
     for name in wanted:
+        if not isinstance(name, str):
+            raise SysidError(f"{file.name}: expected columns by name, got {name!r}; there are {', '.join(columns)}")
         if name not in columns:
             near = get_close_matches(name, columns, 1)
             hint = f"; did you mean {near[0]!r}?" if near else ""
-            raise SysidError(f"{file.name}: unknown column {name!r}; there are {', '.join(columns)}{hint}")
+            there = ", ".join(columns) or "none of numbers"
+            raise SysidError(f"{file.name}: unknown column {name!r}; there are {there}{hint}")
     if len(set(wanted)) != len(wanted):
         raise SysidError(f"{file.name}: expected different columns, got {', '.join(wanted)}")
     step = sampling_interval({n: v for n, v in columns.items() if n not in wanted}, dt, file)
@@ -294,7 +299,10 @@ def _csv_columns(file: Path, expected: Sequence[str]) -> dict[str, FloatArray]:
     if not lines:
         raise SysidError(f"{file.name}: the file is empty; expected columns {', '.join(expected)}")
     separator = next((mark for mark in (";", ",", "\t") if mark in lines[0][1]), None)
-    rows = [(k, [cell.strip().strip('"') for cell in line.strip("\n").split(separator)]) for k, line in lines]
+    rows = [(k, [cell.strip().strip('"') for cell in line.split(separator)]) for k, line in lines]
+    if all(not row[-1] for _, row in rows):
+        # A separator that ends every line has no column behind it.
+        rows = [(k, row[:-1]) for k, row in rows]
     if _is_number(rows[0][1][0]):
         names = list(expected)
         if len(rows[0][1]) != len(names):

@@ -5,6 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 from numpy.typing import ArrayLike
+from scipy.signal.windows import parzen
 
 from sysid.arrays import ComplexArray, FloatArray, real_array
 from sysid.correlation import covariance_function, covariance_with_gaps
@@ -15,6 +16,7 @@ from sysid.frequency import FrequencyResponse
 from sysid.spectra import response_of_spectra
 
 GRID = 512
+SIDE_LOBES = 0.01  # of the peak: the highest of the Hamming window are 43 dB below it
 
 
 def spa(
@@ -38,7 +40,8 @@ def spa(
         data: One experiment, or several whose covariances are averaged; any numbers of inputs and outputs.
         lag: Length of the lag window; by default a tenth of the samples.
         window: Lag window: 2 lag + 1 values, 1 in the middle, e.g. `np.hamming`, `np.bartlett`,
-            `scipy.signal.windows.parzen`; the last two cannot make a spectrum negative.
+            `scipy.signal.windows.parzen`. The last two cannot make a spectrum negative; where another one makes the
+            disturbance's negative, its spectrum and the covariance are those of the Parzen window of the same lag.
         frequencies: Hz (nf,); by default 512 values, evenly spaced up to Nyquist, without 0.
 
     Returns:
@@ -75,7 +78,34 @@ def spa(
     )
     averages = samples / float(weights @ weights)
     found = response_of_spectra("spa", experiments, f, phi_u, phi_y, phi_yu, averages=averages)
+    if complete and _negative(found):
+        found = _with_positive_noise(found, spa(experiments, lag=m, window=parzen, frequencies=f))
     return found if complete else _with_gaps(found, experiments, weights)
+
+
+def _negative(found: FrequencyResponse) -> bool:
+    """Whether the disturbance has a spectrum below zero somewhere, beyond rounding."""
+    if found.noise_spectrum is None or found.output_spectrum is None:
+        return False
+    noise, output = (np.einsum("fii->fi", s).real for s in (found.noise_spectrum, found.output_spectrum))
+    return bool((noise < -1e-9 * np.abs(output)).any())
+
+
+def _with_positive_noise(found: FrequencyResponse, positive: FrequencyResponse) -> FrequencyResponse:
+    """Disturbance and covariance of a window that cannot make them negative, at the frequencies where this one did."""
+    if found.noise_spectrum is None or positive.noise_spectrum is None:
+        return found
+    if found.covariance is None or positive.covariance is None:
+        return found
+    noise, output = (np.einsum("fii->fi", np.asarray(s)).real for s in (found.noise_spectrum, found.output_spectrum))
+    power = np.linalg.eigvalsh(np.asarray(found.input_spectrum))[:, 0]
+    # Where the input has less than what side lobes carry there from its peak, nothing is known, whatever the window.
+    swap = ((noise < -1e-9 * np.abs(output)).any(axis=1) & (power > SIDE_LOBES * power.max()))[:, None, None]
+    return replace(
+        found,
+        noise_spectrum=np.where(swap, positive.noise_spectrum, found.noise_spectrum),
+        covariance=np.where(swap[..., None, None], positive.covariance, found.covariance),
+    )
 
 
 def _filled(experiments: Sequence[IOData]) -> list[FloatArray]:

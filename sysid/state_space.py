@@ -303,11 +303,20 @@ def block_diagonal(models: Sequence[StateSpace]) -> StateSpace:
 
     Names are kept where they stay unique; otherwise channels are renumbered.
 
+    Args:
+        models: State-space models, `estimate.model` of estimates.
+
+    Returns:
+        One model with all their states, inputs and outputs; noise models and innovation covariances go along.
+
     Raises:
-        SysidError: No model, or models with different sampling intervals.
+        SysidError: No model, something else, or models with different sampling intervals.
     """
     if not models:
         raise SysidError("expected at least one model, got none")
+    for m in models:
+        if not isinstance(m, StateSpace):
+            raise SysidError(f"expected StateSpace models, got {type(m).__name__}; an estimate's is `estimate.model`")
     if not all(np.isclose(m.dt, models[0].dt, rtol=1e-9, atol=0.0) for m in models):
         raise SysidError(f"models must share one sampling interval, got {[m.dt for m in models]} s")
     covariances = [m.innovation_covariance for m in models]

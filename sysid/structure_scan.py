@@ -47,6 +47,8 @@ def structure_scan(
     fits: list[tuple[tuple[Order, ...], Estimate]] = []
     failed = []
     for given in candidates:
+        if not isinstance(given, Sequence | tuple):
+            raise SysidError(f"expected a tuple of the orders {', '.join(names)} per candidate, got {given!r}")
         candidate = tuple(given)
         if len(candidate) != len(names):
             raise SysidError(f"expected the orders {', '.join(names)}, got {candidate}")

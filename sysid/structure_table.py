@@ -9,6 +9,7 @@ from sysid.arrays import FloatArray, lock
 from sysid.errors import SysidError
 
 Order = int | tuple[int, ...]
+CRITERIA = ("loss", "aic", "aicc", "bic", "fpe", "mdl", "validation")
 FLOOR = 1e-20  # loss, as a part of the mean square output, below which nothing is left to tell apart
 
 
@@ -59,15 +60,22 @@ class StructureTable:
         """Number of candidates."""
         return len(self.orders)
 
-    def best(self, criterion: FloatArray) -> dict[str, Order]:
-        """Orders with the least value of one of the criteria, e.g. `table.best(table.aic)`.
+    def best(self, criterion: FloatArray | str) -> dict[str, Order]:
+        """Orders with the least value of one of the criteria, e.g. `table.best("aic")`.
 
         Args:
-            criterion: One value per candidate (m,).
+            criterion: One of the criteria by name, or a value per candidate (m,).
+
+        Returns:
+            Orders by name.
 
         Raises:
-            SysidError: Another number of values, or none of them finite.
+            SysidError: No such criterion, another number of values, or none of them finite.
         """
+        if isinstance(criterion, str):
+            if criterion not in CRITERIA:
+                raise SysidError(f"unknown criterion {criterion!r}, available: {', '.join(CRITERIA)}")
+            criterion = getattr(self, criterion)
         values = np.asarray(criterion, dtype=float)
         if values.shape != (len(self),):
             raise SysidError(f"expected one value per candidate, shape ({len(self)},), got {values.shape}")

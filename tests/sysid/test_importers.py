@@ -119,3 +119,12 @@ def test_a_matrix_in_a_mat_file_is_never_transposed(tmp_path: Path) -> None:
     savemat(tmp_path / "wide.mat", {"u": np.ones((2, 50)), "y": np.ones(50), "dt": 0.1})
     with pytest.raises(SysidError, match="more channels than samples"):
         read_mat(tmp_path / "wide.mat")
+
+
+def test_columns_may_end_in_a_tab_or_blanks(tmp_path: Path) -> None:
+    for name, ending in (("tab", "\t"), ("blanks", "  ")):
+        file = tmp_path / f"{name}.dat"
+        file.write_text(
+            "".join(f"{k}\t{2 * k}{ending}\n" if name == "tab" else f"{k} {2 * k}{ending}\n" for k in range(5))
+        )
+        np.testing.assert_array_equal(read_csv(file, dt=1.0).y[:, 0], 2.0 * np.arange(5))

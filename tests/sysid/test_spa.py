@@ -122,3 +122,18 @@ def test_nothing_is_claimed_where_the_input_is_silent() -> None:
     assert found.coherence.min() >= 0.0
     at_tone = int(np.argmin(np.abs(found.frequencies - 0.3 / (2 * np.pi * 0.05))))
     assert abs(found.response[at_tone, 0, 0]) == pytest.approx(1.0, rel=0.02)
+
+
+def test_a_window_that_makes_the_disturbance_negative_still_gives_intervals_that_cover() -> None:
+    covered = []
+    for seed in range(20):
+        u, e = np.random.default_rng(seed).standard_normal((2, 2000))
+        y = lfilter([0.0, 0.0, 0.0, 1.0, 0.5], [1.0, -1.2, 0.5], u) + 0.1 * e
+        found = spa(IOData(u, y, 0.1))
+        assert np.isfinite(found.magnitude_deviation()).all()
+        assert found.noise_spectrum.real.min() > -1e-9 * np.abs(found.output_spectrum).max()
+        z = np.exp(-2j * np.pi * found.frequencies * 0.1)
+        true = np.abs((z**3 + 0.5 * z**4) / (1 - 1.2 * z + 0.5 * z**2))
+        low, high = (edge[:, 0, 0] for edge in found.magnitude_ci95())
+        covered.append(np.mean((low <= true) & (true <= high)))
+    assert np.mean(covered) == pytest.approx(0.95, abs=0.03)
