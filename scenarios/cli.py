@@ -13,6 +13,7 @@ from typing import ParamSpec
 
 import tyro
 
+from scenarios.commands.convert import convert
 from scenarios.commands.identify import identify
 from scenarios.commands.output import reason
 from scenarios.commands.scenarios import scenarios
@@ -45,6 +46,7 @@ COMMANDS: dict[str, Callable[..., int]] = {
     "waveform": waveform,
     "truth": truth,
     "identify": identify,
+    "convert": convert,
 }
 
 

@@ -1,6 +1,7 @@
-"""Data files: our own logs, CSV from anywhere, .mat; to and from the analyst's record."""
+"""Data files for the analyst: our own records and logs, tables and .mat files from anywhere."""
 
 import os
+import warnings
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -8,6 +9,7 @@ import numpy as np
 
 import sysid
 from scenarios.errors import ScenarioError
+from scenarios.record_file import ENDINGS, is_record, read_records, write_record
 from scenarios.suggest import unknown
 from sysid import IOData
 
@@ -17,9 +19,12 @@ if TYPE_CHECKING:
 SAME_INTERVAL = 1e-3
 """Two sampling intervals that differ by less than this part are one, written with few digits."""
 
+KINDS = ".nc, .csv, .mat, .asc, .txt or .ch10"
+"""Kinds of data files, for messages."""
+
 
 def write_log(log: "JointLog", path: Path) -> Path:
-    """Write a log as NetCDF4 (`.nc`, everything) or CSV (`.csv`: time, commanded and measured angles, rad).
+    """Write a log as NetCDF4 (`.nc`, everything), or what the bus recorded of it as CSV, ASCII or .mat.
 
     Args:
         log: The log.
@@ -33,69 +38,113 @@ def write_log(log: "JointLog", path: Path) -> Path:
     """
     if path.is_dir():
         raise ScenarioError(f"cannot write {str(path)!r}: it is a folder; expected a file or nothing of that name")
-    if path.suffix == ".nc":
-        try:
-            log.save(path)
-        except ValueError as error:
-            # The text of the NetCDF library's own errors is for its programmers; the system's number is enough.
-            number = getattr(error.__cause__, "errno", None)
-            why = os.strerror(number) if number else "the file system refuses"
-            raise ScenarioError(f"cannot write {str(path)!r}: {why}") from error
-    elif path.suffix == ".csv":
-        from hmtb_twin import JOINTS
+    if path.suffix != ".nc":
+        from hmtb_twin.bus_record import BusRecord
 
-        header = ["time_s", *(f"{name}_commanded" for name in JOINTS), *(f"{name}_measured" for name in JOINTS)]
-        time = np.arange(len(log.commanded)) * log.dt
-        table = np.column_stack([time, log.commanded, log.measured])
-        np.savetxt(path, table, fmt="%.17g", delimiter=",", header=",".join(header), comments="")
-    else:
-        raise ScenarioError(f"unknown format {path.suffix!r}; there are: .nc, .csv")
-    return path
+        if path.suffix not in ENDINGS.values():
+            raise ScenarioError(f"unknown format {path.suffix!r}; there are: {', '.join(ENDINGS.values())}")
+        return write_record(BusRecord.of(log), path)
+    try:
+        return log.save(path)
+    except ValueError as error:
+        # The text of the NetCDF library's own errors is for its programmers; the system's number is enough.
+        number = getattr(error.__cause__, "errno", None)
+        why = os.strerror(number) if number else "the file system refuses"
+        raise ScenarioError(f"cannot write {str(path)!r}: {why}") from error
 
 
 def read_data(
-    path: str | Path, *, joint: str | None = None, input: str = "u", output: str = "y", dt: float | None = None
+    path: str | Path,
+    *,
+    joint: str | None = None,
+    input: str = "u",
+    output: str = "y",
+    dt: float | None = None,
+    test: str | None = None,
 ) -> IOData:
     """Read one input and one output from a file.
 
     Args:
-        path: `.nc` (a joint log), `.csv` (with a header or two bare columns), or `.mat` (version 7.2 or older).
-        joint: Joint of a joint log, or of a CSV written from one.
+        path: `.nc` (a joint log or a bus record), `.csv` (with a header or two bare columns), `.mat` (version 7.2 or
+            older), `.asc` or `.txt` (our ASCII records, or any table), `.ch10` (a 1553 record).
+        joint: Joint of a log or record, or of a CSV written from one.
         input: Name of the input column or variable.
         output: Name of the output column or variable.
         dt: Sampling interval, s. Needed where the file says none; must agree with it where it does.
+        test: Which test of a 1553 record, by name or number, where it holds several.
 
     Returns:
-        The record.
+        The record; lost output samples are declared as missing.
 
     Raises:
         ScenarioError: The file is missing, foreign, or lacks what is asked for; no sampling interval, or two that
-            contradict each other.
+            contradict each other; inputs were lost.
+        TwinError: Likewise, of our own logs and records.
+    """
+    parts = read_parts(path, joint=joint, input=input, output=output, dt=dt, test=test)
+    if len(parts) > 1:
+        raise ScenarioError(
+            f"{Path(path).name}: commands were lost in between; an input must be complete: read its {len(parts)} parts"
+        )
+    return parts[0]
+
+
+def read_parts(
+    path: str | Path,
+    *,
+    joint: str | None = None,
+    input: str = "u",
+    output: str = "y",
+    dt: float | None = None,
+    test: str | None = None,
+) -> tuple[IOData, ...]:
+    """Read one input and one output from a file, cut where inputs were lost.
+
+    Args:
+        path: As in `read_data`, like all others.
+        joint: Joint.
+        input: Input column.
+        output: Output column.
+        dt: Sampling interval, s.
+        test: Test of a run.
+
+    Returns:
+        One record, or as many as there are stretches of inputs; lost outputs are declared as missing. A damaged 1553
+        record gives all that is good in it and a `TwinWarning` on the rest.
+
+    Raises:
+        ScenarioError: As `read_data`, but for lost inputs.
+        TwinError: Likewise.
     """
     path = Path(path)
     if not path.is_file():
-        raise ScenarioError(f"no data file {str(path)!r}; expected a .nc log, a .csv or a .mat file")
+        raise ScenarioError(f"no data file {str(path)!r}; expected {KINDS}")
     if dt is not None and not 0 < dt < np.inf:
         raise ScenarioError(f"dt must be above 0 s, given {dt}")
+    # A table may be read by its columns or by joint; a .csv does not say what it excites.
+    ours = (path.suffix != ".csv" or joint is not None) and is_record(path)
+    if test is not None and not (ours and path.suffix != ".csv"):
+        raise ScenarioError(f"{path.name} holds one test; --test is for 1553 records")
+    if ours:
+        contents = read_records(path)
+        if contents.message:
+            from hmtb_twin import TwinWarning
+
+            warnings.warn(contents.message, TwinWarning, stacklevel=2)
+        return _agreeing(contents.choose(test, path).parts(joint), dt, path)
     if path.suffix == ".nc":
         from hmtb_twin import JointLog
 
-        data = JointLog.load(path).iodata(joint)
-        if dt is not None and abs(dt - data.dt) > SAME_INTERVAL * data.dt:
-            raise ScenarioError(
-                f"{path.name}: --dt says a sampling interval of {dt:.6g} s, the log of {data.dt:.6g} s; "
-                "expected one (leave out --dt)"
-            )
-        return data
+        return _agreeing((JointLog.load(path).iodata(joint),), dt, path)
     if joint is not None:
         from hmtb_twin import JOINTS
 
         if joint not in JOINTS:
             raise ScenarioError(unknown("joint", joint, JOINTS))
         input, output = f"{joint}_commanded", f"{joint}_measured"
-    readers = {".csv": sysid.read_csv, ".mat": sysid.read_mat}
+    readers = {".csv": sysid.read_csv, ".mat": sysid.read_mat, ".asc": sysid.read_csv, ".txt": sysid.read_csv}
     if path.suffix not in readers:
-        raise ScenarioError(f"{str(path)!r}: unknown kind of data file; expected .nc, .csv or .mat")
+        raise ScenarioError(f"{str(path)!r}: unknown kind of data file; expected {KINDS}")
     try:
         data = readers[path.suffix](path, inputs=(input,), outputs=(output,), dt=dt)
     except sysid.SysidError as error:
@@ -111,13 +160,33 @@ def read_data(
     for name, count in ((input, data.nu), (output, data.ny)):
         if count != 1:
             raise ScenarioError(f"{path.name}: {name!r} has {count} columns; expected a vector")
-    return data
+    return (data,)
 
 
-def excited(path: Path) -> tuple[str, ...]:
-    """Joints that the experiment of a joint log excites; none for other files."""
+def excited(path: Path, test: str | None = None) -> tuple[str, ...]:
+    """What the experiment of a log or record excites; nothing for files that do not say."""
+    if is_record(path):
+        return read_records(path).choose(test, path).axes
     if path.suffix != ".nc":
         return ()
     from hmtb_twin import JointLog
 
     return JointLog.load(path).axes
+
+
+def of_joint(record: IOData) -> str | None:
+    """Which joint a record from one of our own files is of; None for records from elsewhere."""
+    from hmtb_twin import JOINTS
+
+    name, mark, _ = (record.input_names or ("",))[0].partition(" commanded")
+    return name if mark and name in JOINTS else None
+
+
+def _agreeing(parts: tuple[IOData, ...], dt: float | None, path: Path) -> tuple[IOData, ...]:
+    """The records of one of our files, unless --dt contradicts it."""
+    if dt is not None and abs(dt - parts[0].dt) > SAME_INTERVAL * parts[0].dt:
+        raise ScenarioError(
+            f"{path.name}: --dt says a sampling interval of {dt:.6g} s, the log of {parts[0].dt:.6g} s; "
+            "expected one (leave out --dt)"
+        )
+    return parts

@@ -23,7 +23,7 @@ class Estimator:
 
     orders: tuple[str, ...]
     optional: Mapping[str, int]
-    run: Callable[[IOData, Sequence[int]], Estimate]
+    run: Callable[[IOData | Sequence[IOData], Sequence[int]], Estimate]
     meaning: str
 
     def complete(self, name: str, given: Sequence[int]) -> dict[str, int]:
@@ -81,11 +81,13 @@ ESTIMATORS: Mapping[str, Estimator] = MappingProxyType(
 """Every estimator of the command line."""
 
 
-def estimate(data: IOData, method: str, orders: Sequence[int]) -> tuple[Estimate, dict[str, int]]:
+def estimate(
+    data: IOData | Sequence[IOData], method: str, orders: Sequence[int]
+) -> tuple[Estimate, dict[str, int]]:
     """Run an estimator by name.
 
     Args:
-        data: Input and output.
+        data: Input and output, of one experiment or several.
         method: One of `ESTIMATORS`.
         orders: Its orders in their usual sequence; the last ones may be left out where they have defaults.
 

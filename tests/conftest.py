@@ -1,6 +1,8 @@
 """Settings that hold for every test."""
 
 import os
+from collections.abc import Callable
+from typing import TYPE_CHECKING
 
 # Before numpy loads its BLAS: waiting threads make small problems many times slower, and timings meaningless.
 for variable in ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS"):
@@ -8,8 +10,36 @@ for variable in ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS"):
 # No test may open a window.
 os.environ["MPLBACKEND"] = "Agg"
 
+import pytest  # noqa: E402
 from hypothesis import settings  # noqa: E402
+
+if TYPE_CHECKING:
+    from hmtb_twin.bus_record import BusRecord
 
 # The same examples on every run, and no verdict that depends on how busy the machine is.
 settings.register_profile("house", deadline=None, derandomize=True, database=None)
 settings.load_profile("house")
+
+
+@pytest.fixture(scope="session")
+def bus_record() -> "Callable[..., BusRecord]":
+    """Make a record of the bus: measured angles in whole quanta, everything else any number."""
+    import numpy as np
+
+    from hmtb_twin.bus_record import BusRecord
+    from hmtb_twin.bus_words import BAM
+
+    def make(name: str, length: int, seed: int = 0, axes: tuple[str, ...] = ("elbow_pitch",)) -> BusRecord:
+        rng = np.random.default_rng(seed)
+        return BusRecord(
+            name=name,
+            dt=0.02,
+            axes=axes,
+            commanded=rng.uniform(-3.0, 3.0, (length, 7)),
+            measured=BAM * rng.integers(-(2**15), 2**15, (length, 7)),
+            wrench=rng.normal(0.0, 60.0, (length, 6)),
+            status=rng.integers(0, 64, length),
+            saturated=np.zeros(length),
+        )
+
+    return make

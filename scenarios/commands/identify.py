@@ -8,6 +8,8 @@ import tyro
 from scenarios.commands.output import print_json, print_table, say
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
     from sysid import IOData
 
 
@@ -21,6 +23,7 @@ def identify(
     input: str = "u",
     output: str = "y",
     dt: float | None = None,
+    test: str | None = None,
     skip: float = 0.0,
     keep_mean: bool = False,
     validate: Path | None = None,
@@ -31,7 +34,9 @@ def identify(
     Methods and their orders: arx na nb [nk], armax na nb nc [nk], oe nb nf [nk], okid order [p]. nk = 1 (the default)
     means that y(t) depends on u(t-1) first; p = 5 (the default) is the number of observer Markov parameters.
 
-    Reads .nc logs of hmtb simulate, .csv (a header, or two bare columns u, y) and .mat (variables u, y).
+    Reads the logs and records of hmtb simulate and hmtb convert (.nc, .csv, .mat, .asc, .ch10), and anyone's .csv (a
+    header, or two bare columns u, y), .txt (likewise) and .mat (variables u, y). Samples that the bus lost are left
+    out: the model is of all parts between them, the fits are to the longest.
 
     hmtb identify robot.csv --input command --output angle --method oe --orders 2 2 1
 
@@ -44,6 +49,7 @@ def identify(
         output: Name of the output column of a CSV or .mat file.
         dt: Sampling interval of a CSV or .mat file that says none, s. A column t, time or Time (s), or a variable dt
             or Ts, says it.
+        test: Which test of a 1553 record, by name or number.
         skip: Leave out this much of the start, s. Worth it where the record starts from rest: a start that is still
             settling leaves different means in input and output.
         keep_mean: Leave the means in; otherwise they are removed.
@@ -56,24 +62,38 @@ def identify(
 
     import sysid
     from scenarios.commands.bandwidth import claim
-    from scenarios.datafile import read_data
+    from scenarios.datafile import of_joint, read_parts
     from scenarios.estimators import estimate
 
-    record = _prepare(read_data(data, joint=joint, input=input, output=output, dt=dt), skip, keep_mean, data)
+    with warnings.catch_warnings(record=True) as said:
+        warnings.simplefilter("always", UserWarning)
+        read = read_parts(data, joint=joint, input=input, output=output, dt=dt, test=test)
+    parts = _prepare(read, skip, keep_mean, data, test)
+    record = max(parts, key=len)
     other = record
     if validate is not None:
         # A log is validated on the joint that the model is of, whichever it excites.
-        same = (record.input_names or ("",))[0].removesuffix(" commanded") if data.suffix == ".nc" else joint
-        other = read_data(validate, joint=same, input=input, output=output, dt=dt)
-        other = _prepare(other, skip, keep_mean, validate)
+        same = of_joint(record) or joint
+        others = read_parts(validate, joint=same, input=input, output=output, dt=dt)
+        other = max(_prepare(others, skip, keep_mean, validate), key=len)
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", sysid.SysidWarning)
-        found, complete = estimate(record, method, orders)
+        found, complete = estimate(parts if len(parts) > 1 else record, method, orders)
         (fit,) = sysid.compare(found, other)
         band = claim(found, record)
     hz, low, high = band.hz, band.low, band.high
     poles = found.model.poles()
-    texts = [*band.warnings, *found.diagnostics.get("warnings", ())]
+    samples = sum(map(len, parts))
+    gaps = (
+        f"the model is of {len(parts)} parts between lost samples, {samples} samples in all; the fits are to the "
+        f"longest part, {len(record)} samples"
+    )
+    texts = [
+        *(str(one.message) for one in said),
+        *([gaps] if len(parts) > 1 else []),
+        *band.warnings,
+        *found.diagnostics.get("warnings", ()),
+    ]
     gain = float(found.model.dc_gain()[0, 0])
     if json:
         print_json(
@@ -86,7 +106,7 @@ def identify(
                 "poles": poles,
                 "zeros": found.model.zeros(),
                 "dc_gain": gain,
-                "samples": len(record),
+                "samples": samples,
                 "dt": record.dt,
                 "warnings": texts,
             }
@@ -99,7 +119,7 @@ def identify(
         interval = "—" if band.refused else "none below Nyquist"
     rows = [
         ("orders", ", ".join(f"{name} {value}" for name, value in complete.items())),
-        ("record", f"{len(record)} samples every {record.dt:g} s"),
+        ("record", f"{samples} samples every {record.dt:g} s"),
         ("fit in simulation", f"{fit.simulation[0]:.2f} %"),
         ("fit one step ahead", f"{fit.one_step[0]:.2f} %"),
         ("bandwidth (-3 dB)", interval),
@@ -114,22 +134,50 @@ def identify(
     return 0
 
 
-def _prepare(record: "IOData", skip: float, keep_mean: bool, path: Path) -> "IOData":
+SHORTEST = 100
+"""Parts with fewer samples between two gaps are left out: the past of a model would take most of them."""
+
+
+def _prepare(
+    records: "Sequence[IOData]", skip: float, keep_mean: bool, path: Path, test: str | None = None
+) -> "tuple[IOData, ...]":
+    """Leave out the start and the means, and cut the record at its gaps."""
+    import numpy as np
+
     from scenarios.datafile import excited
     from scenarios.errors import ScenarioError
+    from sysid import SysidError
 
-    if not 0 <= skip < (len(record) - 1) * record.dt:
+    dt, samples = records[0].dt, sum(map(len, records))
+    if not 0 <= skip < (samples - 1) * dt:
         raise ScenarioError(
-            f"{path.name}: skip must be 0 to less than the record's {len(record) * record.dt:g} s, given {skip:g} s"
+            f"{path.name}: skip must be 0 to less than the record's {samples * dt:g} s, given {skip:g} s"
         )
-    part = record[round(skip / record.dt) :]
+    left, kept = round(skip / dt), []
+    for part in records:
+        kept += [part[left:]] if len(part) > left else []
+        left = max(left - len(part), 0)
+    u, y = (np.concatenate([getattr(part, channel) for part in kept]) for channel in "uy")
     # Seen before the mean is removed, which would leave rounding where there was a constant.
-    for what, values, names in (("input", part.u, part.input_names), ("output", part.y, part.output_names)):
-        if values.min() == values.max():
-            joints = excited(path)
-            hint = f"; {path.name} excites {', '.join(joints)}, expected a log of the same joint" if joints else ""
+    for what, values, names in (("input", u, kept[0].input_names), ("output", y, kept[0].output_names)):
+        if np.nanmin(values) == np.nanmax(values):
+            axes = excited(path, test)
+            hint = f"; {path.name} excites {', '.join(axes)}, expected a log of the same joint" if axes else ""
             raise ScenarioError(
-                f"{path.name}: the {what} {(names or ('',))[0]!r} is constant at {values[0, 0]:g}; expected one that "
-                f"moves in {len(part)} samples{hint}"
+                f"{path.name}: the {what} {(names or ('',))[0]!r} is constant at {np.nanmin(values):g}; expected one "
+                f"that moves in {len(u)} samples{hint}"
             )
-    return part if keep_mean else part.detrend()
+    if len(kept) == 1 and kept[0].complete:
+        return (kept[0] if keep_mean else kept[0].detrend(),)
+    if not keep_mean:  # one mean for all parts: each has one of its own only by chance
+        kept = [part.subtract(u=u.mean(axis=0), y=np.nanmean(y, axis=0)) for part in kept]
+    whole: list[IOData] = []
+    for part in kept:
+        try:
+            whole += part.complete_parts(shortest=SHORTEST)
+        except SysidError:
+            continue
+    whole = [part for part in whole if len(part) >= SHORTEST]
+    if not whole:
+        raise ScenarioError(f"{path.name}: between the gaps no part has {SHORTEST} samples; nothing to identify from")
+    return tuple(whole)

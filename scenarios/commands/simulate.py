@@ -1,11 +1,15 @@
 """`hmtb simulate`: one experiment or several, to files."""
 
+from collections.abc import Sequence
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import tyro
 
 from scenarios.commands.output import output_folder, print_json, print_table, progress, say
+
+if TYPE_CHECKING:
+    from hmtb_twin import JointLog
 
 
 def simulate(
@@ -17,6 +21,9 @@ def simulate(
     duration: float | None = None,
     seed: int | None = None,
     threads: int | None = None,
+    dropped: float = 0.0,
+    invalid: float = 0.0,
+    silent: float = 0.0,
     json: bool = False,
 ) -> int:
     """Run experiments on the twin and write their 50 Hz logs.
@@ -27,23 +34,38 @@ def simulate(
     Args:
         names: Scenarios, tags or TOML files.
         out: Folder for the logs, NAME.nc and so on.
-        format: File formats, comma-separated: nc (NetCDF4, everything), csv (time, commanded and measured angles).
+        format: File formats, comma-separated: nc (NetCDF4, everything); csv, mat, ascii (what passes over the bus);
+            1553 (IRIG 106 Chapter 10: NAME.ch10, or run-1.ch10, run-2.ch10, ... of five tests each).
         duration: Length of every record instead of the scenario's own, s.
         seed: Draw other noise; the same seed gives the same bits.
         threads: Threads to use; the logs do not depend on it.
+        dropped: Probability that the 1553 recorder misses a message.
+        invalid: Probability that a data word on the bus fails parity.
+        silent: Probability that a terminal on the bus does not answer.
         json: Print JSON.
     """
     from dataclasses import replace
 
     from scenarios.datafile import write_log
     from scenarios.errors import ScenarioError
+    from scenarios.record_file import ENDINGS
     from scenarios.registry import load, registered
     from scenarios.registry import names as registered_names
+    from scenarios.suggest import unknown
 
     formats = tuple(dict.fromkeys(entry.strip() for entry in format.split(",")))
-    wrong = [entry for entry in formats if entry not in ("nc", "csv")]
+    wrong = [entry for entry in formats if entry not in ENDINGS]
     if wrong:
-        raise ScenarioError(f"unknown format {wrong[0]!r}; there are: nc, csv")
+        raise ScenarioError(unknown("format", wrong[0], ENDINGS))
+    for name, rate in (("dropped", dropped), ("invalid", invalid), ("silent", silent)):
+        if not 0.0 <= rate <= 1.0:
+            raise ScenarioError(f"{name} is a probability, 0 to 1, given {rate}")
+        if rate and "1553" not in formats:
+            raise ScenarioError(f"--{name} is a fault of the bus; expected --format 1553")
+    if "1553" in formats:
+        from hmtb_twin.chapter10 import pychapter10
+
+        pychapter10()  # before the work, not after
     if threads is not None and threads < 1:
         raise ScenarioError(f"threads must be 1 or more, given {threads}")
     wanted = [entry for name in names for entry in (registered_names(name) if name in registered().tags() else [name])]
@@ -65,7 +87,12 @@ def simulate(
 
         with progress("simulating") as report:
             result = hmtb_twin.simulate(chosen, threads=threads, progress=report)
-        paths = [[write_log(log, folder / f"{log.name}.{ending}") for ending in formats] for log in result.logs]
+        endings = [ENDINGS[entry] for entry in formats if entry != "1553"]
+        paths = [[write_log(log, folder / f"{log.name}{ending}") for ending in endings] for log in result.logs]
+        remarks: list[str] = []
+        if "1553" in formats:
+            for entry, made in zip(paths, _record(result.logs, folder, dropped, invalid, silent, remarks), strict=True):
+                entry.append(made)
 
     from scenarios.saturation import clipped_share, velocity_limited_share
 
@@ -77,10 +104,11 @@ def simulate(
         for name, share in clipped.items()
         if share > 0
     ]
+    warnings += remarks
     if json:
         print_json(
             {
-                "logs": [path for written in paths for path in written],
+                "logs": list(dict.fromkeys(path for written in paths for path in written)),
                 "failed": result.failed,
                 "physics_s": result.physics_seconds,
                 "clipped": clipped,
@@ -95,10 +123,30 @@ def simulate(
         for path in written
     ]
     rows += [(name, f"failed: {reason}", "", "") for name, reason in result.failed.items()]
-    count = sum(map(len, paths))
+    count = len({path for written in paths for path in written})
     print_table(
         f"{count} file{'s' if count != 1 else ''}", ("log", "length", "converter clips", "at velocity limit"), rows
     )
     for text in warnings:
         say(f"warning: {text}")
     return 1 if result.failed else 0
+
+
+def _record(
+    logs: "Sequence[JointLog]", folder: Path, dropped: float, invalid: float, silent: float, remarks: list[str]
+) -> list[Path]:
+    """Record logs on the bus, five to a run; return the file of each, and add to the remarks what did not fit."""
+    from hmtb_twin.bus_faults import BusFaults
+    from hmtb_twin.bus_record import BusRecord
+    from hmtb_twin.bus_run import record_run, runs
+
+    shared = runs([BusRecord.of(log) for log in logs])
+    files: list[Path] = []
+    for number, run in enumerate(shared, start=1):
+        name = run[0].name if len(logs) == 1 else f"run-{number}"
+        # Every run has its own noise: that of its first test's seed.
+        faults = BusFaults(dropped=dropped, invalid=invalid, silent=silent, seed=logs[len(files)].seed)
+        made = record_run(run, folder / f"{name}.ch10", faults=faults)
+        remarks += [made.message] if made.message else []
+        files += [made.path] * len(run)
+    return files

@@ -1,0 +1,130 @@
+"""`hmtb convert`: 1553 records to ASCII, and between the other formats of records."""
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import tyro
+
+from scenarios.commands.output import output_folder, print_json, print_table, say
+
+if TYPE_CHECKING:
+    from hmtb_twin.bus_record import BusRecord
+
+
+def convert(
+    paths: Annotated[tuple[Path, ...], tyro.conf.Positional, tyro.conf.arg(metavar="IN ... OUT")],
+    /,
+    *,
+    format: str | None = None,
+    test: str | None = None,
+    lossy: bool = False,
+    json: bool = False,
+) -> int:
+    """Convert records of the bus between 1553, ASCII, CSV, NetCDF and MATLAB files.
+
+    The ending says what a file is: .ch10 (1553, IRIG 106 Chapter 10), .asc or .txt (ASCII flat file), .csv, .nc
+    (NetCDF4), .mat (MATLAB 5). A 1553 record holds up to five tests: several files become one run, and a run becomes
+    several files where OUT is a folder. What was lost on the bus stays lost: NaN in every other format.
+
+    hmtb convert run-1.ch10 ascii --format ascii
+
+    A conversion that would lose something is refused and says what; --lossy does it nevertheless.
+
+    Args:
+        paths: Files to convert, then the file or folder to write.
+        format: Format of the files in the folder OUT: nc, csv, mat, 1553, ascii.
+        test: Convert only this test of a run, by name or number.
+        lossy: Convert although something is lost.
+        json: Print JSON.
+    """
+    from scenarios.errors import ScenarioError
+    from scenarios.record_file import Contents, losses, read_records
+
+    if len(paths) < 2:
+        raise ScenarioError("expected a file to convert and the file or folder to write; see hmtb convert --help")
+    *sources, out = paths
+    kind, single = _target(sources, out, format)
+    contents = [read_records(source) for source in sources]
+    if test is not None:
+        contents = [
+            Contents((entry.choose(test, source),), entry.message, entry.hidden)
+            for entry, source in zip(contents, sources, strict=True)
+        ]
+    records = [record for entry in contents for record in entry.records]
+    lost = losses(contents, kind)
+    if lost and not lossy:
+        raise ScenarioError(f"{out.name} would lose {'; '.join(lost)}. To convert nevertheless: --lossy")
+    warnings = [entry.message for entry in contents if entry.message] + [f"lost: {text}" for text in lost]
+    names = [record.name for record in records]
+    if kind != "1553" and single and len(records) > 1:
+        raise ScenarioError(
+            f"{len(records)} tests ({', '.join(names)}) need a folder; choose one by --test, or give one"
+        )
+    if len(set(names)) < len(names) and not single:
+        twice_named = next(name for name in names if names.count(name) > 1)
+        raise ScenarioError(f"two tests are named {twice_named!r}; their files would be one")
+    written, full = _write(records, kind, out, single, sources[0].stem)
+    warnings += full
+    missing = [int(record.lost.sum()) for record in records]
+    code = 1 if any(entry.message for entry in contents) else 0
+    if json:
+        tests = [
+            {"name": record.name, "ticks": len(record), "ticks_lost": gone, "excited": record.axes}
+            for record, gone in zip(records, missing, strict=True)
+        ]
+        print_json({"files": written, "tests": tests, "warnings": warnings})
+        return code
+    rows = [
+        (record.name, str(written[min(k, len(written) - 1)]), f"{len(record) * record.dt:g} s", str(gone))
+        for k, (record, gone) in enumerate(zip(records, missing, strict=True))
+    ]
+    print_table(
+        f"{len(written)} file{'s' if len(written) != 1 else ''}", ("test", "file", "length", "ticks lost"), rows
+    )
+    for text in warnings:
+        say(f"warning: {text}")
+    return code
+
+
+def _target(sources: Sequence[Path], out: Path, format: str | None) -> tuple[str, bool]:
+    """The format to write, and whether into one file or a folder."""
+    from scenarios.errors import ScenarioError
+    from scenarios.record_file import ENDINGS, FORMATS, format_of
+    from scenarios.suggest import unknown
+
+    if format is not None and format not in ENDINGS:
+        raise ScenarioError(unknown("format", format, ENDINGS))
+    if out.is_dir() or out.suffix not in FORMATS:
+        if format is None:
+            raise ScenarioError(
+                f"{str(out)!r} ends in none of {', '.join(FORMATS)}; to write into a folder of that name, give --format"
+            )
+        return format, False
+    if format not in (None, format_of(out)):
+        raise ScenarioError(f"{out.name} ends like {format_of(out)}, --format says {format}; expected one of them")
+    if any(source.resolve() == out.resolve() for source in sources):
+        raise ScenarioError(f"{str(out)!r} would be written over itself; name another file")
+    return format_of(out), True
+
+
+def _write(
+    records: "Sequence[BusRecord]", kind: str, out: Path, single: bool, stem: str
+) -> tuple[list[Path], list[str]]:
+    """Write the records; return the files and what did not fit into the recorder's memory."""
+    from hmtb_twin.bus_run import record_run
+    from scenarios.record_file import ENDINGS, write_record
+
+    with output_folder(out.parent if single else out):
+        if kind == "1553":
+            made = record_run(records, out if single else out / f"{stem}{ENDINGS[kind]}")
+            return [made.path], [made.message] if made.message else []
+        return [
+            write_record(record, out if single else out / f"{_file_name(record.name)}{ENDINGS[kind]}")
+            for record in records
+        ], []
+
+
+def _file_name(name: str) -> str:
+    """A test's name as the name of a file in one folder."""
+    return name.replace("/", "_").replace("\\", "_").lstrip(".") or "test"
