@@ -4,6 +4,7 @@ import numpy as np
 import pinocchio as pin
 
 from hmtb_twin.controller_model import ControllerModel
+from hmtb_twin.resolved_rate import ResolvedRate
 from hmtb_twin.status import Status
 
 
@@ -33,8 +34,6 @@ class Cartesian:
         step: np.ndarray,
         dt: float | None,
     ) -> None:
-        from hmtb_twin.resolved_rate import ResolvedRate
-
         self._controller = controller
         self._resolved_rate = ResolvedRate(controller, lower=lower, upper=upper, step=step)
         self._directions = directions

@@ -163,9 +163,9 @@ def _run(arm: Arm, rows: list[_Row], threads: int, report: Callable[[int], None]
         """What the operator of simulation i sees."""
         return View(
             time=tick * SAMPLE_TIME,
-            tool_position=positions[i, tool],
-            tool_rotation=rotations[i, tool].reshape(3, 3),
-            wrench=sensors[i, : len(WRENCH)],
+            tool_position=positions[i, tool].copy(),
+            tool_rotation=rotations[i, tool].reshape(3, 3).copy(),
+            wrench=sensors[i, : len(WRENCH)].copy(),
         )
 
     simulations.forward()
