@@ -4,9 +4,9 @@ What a controller that resolves rates does [Whitney1969], with the tool's orient
 
 - **Orientation** is exact at every tick, limited or not: the wrist takes it up in closed form (`ToolKinematics`), and
   the three joints before it position the wrist centre.
-- **Position** follows the straight line from the command to the wanted place, by Newton's method on those three joints.
-  Near singular poses, where joints turn fast for a slow tool, the step is damped [NakamuraHanafusa1986; Wampler1986],
-  the more so the more singular the pose [Chiaverini1997], and the tool lags.
+- **Position** follows the straight line from the command to the wanted place. The end of each step is known in closed
+  form too, so that nothing drifts. Near singular poses, where joints turn fast for a slow tool, the step is damped
+  [NakamuraHanafusa1986; Wampler1986], the more so the more singular the pose [Chiaverini1997], and the tool lags.
 - **Velocity limits**: the whole step is shortened along its path until every joint keeps its limit. The tool slows down
   and stays on its line.
 - **Joint ranges**: a joint at the end of its range stays there, and the others bring the tool as near to where it is
@@ -52,10 +52,7 @@ STRIDES = 500
 """The most strides of a tick."""
 
 CORRECTIONS = 6
-"""The most corrections by Newton's method; two are usual."""
-
-ARRIVED = 1e-10
-"""Distance at which there is no more to correct, m."""
+"""The most corrections by Newton's method where joints slide along the ends of their ranges."""
 
 HELD = 1e-7
 """A wanted orientation no further than this from the command's is taken over at once, rad."""
@@ -131,14 +128,16 @@ class ResolvedRate:
             raise TwinError(f"locked joints {', '.join(locked) or 'none'} given, expected {JOINTS[0]} alone")
         self._controller = controller
         self._kinematics = ToolKinematics(controller)
-        low, high = np.array(lower, float)[1:], np.array(upper, float)[1:]
+        low, high = np.array(lower, float), np.array(upper, float)
         # The elbow bends one way only, and the wrist yaw stays clear of its quarter turn.
-        low[2] = max(low[2], 0.0)
-        low[4], high[4] = max(low[4], -QUARTER_TURN), min(high[4], QUARTER_TURN)
-        self._lower: list[float] = low.tolist()
-        self._upper: list[float] = high.tolist()
+        low[3] = max(low[3], 0.0)
+        low[5], high[5] = max(low[5], -QUARTER_TURN), min(high[5], QUARTER_TURN)
+        low[0], high[0] = -np.inf, np.inf
+        self._low: list[float] = low.tolist()
+        self._high: list[float] = high.tolist()
+        self._fastest: list[float] = np.array(step, float).tolist()
         self._unlimited = bool(np.isinf(step).all())
-        self._step: list[float] = [STRIDE] * len(low) if self._unlimited else np.array(step, float)[1:].tolist()
+        self._step: list[float] = [STRIDE] * len(low) if self._unlimited else self._fastest
 
     def follow(self, previous: np.ndarray, position: np.ndarray, rotation: np.ndarray) -> CartesianStep:
         """Return the command of the next tick.
@@ -151,18 +150,37 @@ class ResolvedRate:
         Returns:
             The command, with the tool as wanted or, where that is further than one tick, on the straight line and the
             shortest turn toward it; and what was limited.
+
+        Raises:
+            TwinError: The wanted pose or the command is not finite.
         """
-        place, turned = position.tolist(), rotation.tolist()
-        reached = self._advance(previous.tolist(), place, turned)
+        angles, place, turned = previous.tolist(), position.tolist(), rotation.tolist()
+        ordinary = self._ordinary(angles, place, turned)
+        if ordinary is not None:
+            return ordinary
+        if not (np.isfinite(position).all() and np.isfinite(rotation).all() and np.isfinite(previous).all()):
+            raise TwinError(f"tool pose {place}, {turned} wanted from command {angles}, expected finite numbers")
+        reached = self._advance(angles, place, turned)
         if self._unlimited:
             for _ in range(STRIDES):
-                if not (reached.velocity_limited or reached.joint_limited or reached.singular):
-                    break
                 before, reached = reached, self._advance(reached.angles.tolist(), place, turned)
                 if np.abs(reached.angles - before.angles).max() <= ROUNDING:
                     break
             reached = replace(reached, velocity_limited=False)
         return reached
+
+    def _ordinary(self, previous: list[float], position: list[float], rotation: Rotation) -> CartesianStep | None:
+        """Return the command that reaches the wanted pose in this tick; None where a limit stands against it."""
+        roll, _, shoulder, elbow, pitch, wrist_yaw, wrist_roll = previous
+        wrist = WristAngles(shoulder - elbow + pitch, wrist_yaw, wrist_roll)
+        arrived = self._kinematics.reaching(*self._kinematics.wanted(roll, position, rotation), wrist)
+        if arrived is None or arrived.radius < CLEARANCE or arrived.rigidity < SINGULAR:
+            return None
+        angles = [roll, *arrived.angles]
+        for angle, before, low, high, step in zip(angles, previous, self._low, self._high, self._fastest, strict=True):
+            if not (low <= angle <= high and -step <= angle - before <= step):
+                return None
+        return CartesianStep(np.array(angles))
 
     def _advance(
         self, previous: list[float], position: list[float], rotation: Rotation, kept: bool = False
@@ -173,13 +191,15 @@ class ResolvedRate:
         wrist = WristAngles(shoulder - elbow + pitch, wrist_yaw, wrist_roll)
         centre, turned = kinematics.wanted(roll, position, rotation)
         here = kinematics.posture(yaw, shoulder, elbow, centre, turned, wrist)
-        offset = _difference(here.wrist, wrist)
+        offset = [new - old for new, old in zip(here.wrist, wrist, strict=True)]
         held = kept or (max(offset) <= HELD and min(offset) >= -HELD)
         path: Path | None = None
         share, shortened, halvings = 1.0, False, 0
         for _ in range(ATTEMPTS):
             arrived, damped, ratio = self._arrive(here, centre, turned, previous)
-            if arrived is not None and ratio <= 1.0:
+            if arrived is None or ratio > 1.0:
+                share, shortened = share * (1.0 - SLACK) / ratio, True
+            else:
                 beyond = self._beyond(arrived, previous)
                 if not beyond:
                     singular = damped and max(map(abs, here.error)) > ROUNDING
@@ -189,8 +209,6 @@ class ResolvedRate:
                 if halvings == HALVINGS:
                     break
                 halvings, share = halvings + 1, 0.5 * share
-            else:
-                share, shortened = share * (1.0 - SLACK) / ratio, True
             path = path or (_line(here, centre, turned) if held else self._turn(previous, position, rotation))
             centre, turned = path(share)
             here = kinematics.posture(yaw, shoulder, elbow, centre, turned, wrist)
@@ -203,31 +221,24 @@ class ResolvedRate:
     def _arrive(
         self, here: Posture, centre: Vector, turned: Rotation, previous: list[float]
     ) -> tuple[Posture | None, bool, float]:
-        """Return the posture nearest to the wanted one, whether it is damped, and the fastest joint over its limit.
+        """Return where one step leads, whether it is damped, and the fastest joint's motion over its limit.
 
         There is no posture where the first estimate is over the limit already.
         """
-        posture = self._kinematics.posture
-        rigidity, change = here.resolved()
-        damped = rigidity < SINGULAR
-        if damped:
-            change = tuple(np.linalg.solve(*_damped(here, rigidity)).tolist())
-        ratio = self._ratio(here.moved(change), previous)
+        rigidity = here.rigidity
+        if rigidity < SINGULAR:
+            yaw, shoulder, elbow = np.linalg.solve(*_damped(here, rigidity)).tolist()
+        else:
+            yaw, shoulder, elbow = here.resolved()
+        ratio = self._ratio(here.moved((yaw, shoulder, elbow)), previous)
         if ratio > 1.0:
-            return None, damped, ratio
-        arrived = posture(
-            here.yaw + change[0], here.shoulder + change[1], here.elbow + change[2], centre, turned, here.wrist
-        )
-        if not damped:
-            for _ in range(CORRECTIONS):
-                if max(map(abs, arrived.error)) <= ARRIVED:
-                    break
-                rigidity, change = arrived.resolved()
-                if rigidity < 0.5 * SINGULAR:
-                    break
-                yaw, shoulder, elbow = arrived.yaw + change[0], arrived.shoulder + change[1], arrived.elbow + change[2]
-                arrived = posture(yaw, shoulder, elbow, centre, turned, here.wrist)
-        return arrived, damped, self._ratio(arrived.angles, previous)
+            return None, False, ratio
+        arrived = self._kinematics.reaching(centre, turned, here.wrist, here.radius)
+        if arrived is not None and arrived.rigidity >= SINGULAR:
+            return arrived, False, self._ratio(arrived.angles, previous)
+        yaw, shoulder, elbow = here.yaw + yaw, here.shoulder + shoulder, here.elbow + elbow
+        damped = self._kinematics.posture(yaw, shoulder, elbow, centre, turned, here.wrist)
+        return damped, True, self._ratio(damped.angles, previous)
 
     def _slide(
         self, here: Posture, centre: Vector, turned: Rotation, previous: list[float], beyond: set[int], shortened: bool
@@ -238,9 +249,10 @@ class ResolvedRate:
         """
         lower, upper = self._room(here, previous)
         rows = here.rates()
-        step, active = bounded_step(*_damped(here, here.resolved()[0]), rows, lower, upper)
+        step, active = bounded_step(*_damped(here, here.rigidity), rows, lower, upper)
         beyond = beyond | set(active)
-        flags = {"joint_limited": bool(beyond - GUARDS), "singular": bool(beyond & GUARDS)}
+        singular = bool(beyond & GUARDS) or here.rigidity < SINGULAR
+        flags = {"joint_limited": bool(beyond - GUARDS), "singular": singular}
         ratio = self._ratio(here.moved(tuple(step)), previous)
         if ratio > 1.0 - SLACK:
             step, shortened = step * (1.0 - SLACK) / ratio, True
@@ -264,7 +276,7 @@ class ResolvedRate:
     def _room(self, here: Posture, previous: list[float]) -> tuple[np.ndarray, np.ndarray]:
         """Return how far the six joints and the wrist centre's radius may go down and up from the command."""
         now = np.array((*previous[1:], here.radius))
-        lower, upper = np.array((*self._lower, -np.inf)), np.array((*self._upper, np.inf))
+        lower, upper = np.array((*self._low[1:], -np.inf)), np.array((*self._high[1:], np.inf))
         if here.radius >= 0.0:
             lower[6] = CLEARANCE
         else:
@@ -275,7 +287,7 @@ class ResolvedRate:
         """Return which of the six joints (0-5), and the wrist centre's radius (6), have gone beyond their limits."""
         beyond = set()
         for joint, (angle, before, low, high) in enumerate(
-            zip(arrived.angles, previous[1:], self._lower, self._upper, strict=True)
+            zip(arrived.angles, previous[1:], self._low[1:], self._high[1:], strict=True)
         ):
             if angle > max(high, before) + ROUNDING or angle < min(low, before) - ROUNDING:
                 beyond.add(joint)
@@ -288,12 +300,12 @@ class ResolvedRate:
 
     def _ratio(self, angles: tuple[float, ...], previous: list[float]) -> float:
         """Return the fastest joint's motion over its limit."""
-        return max(abs(a - b) / s for a, b, s in zip(angles, previous[1:], self._step, strict=True))
+        return max(abs(a - b) / s for a, b, s in zip(angles, previous[1:], self._step[1:], strict=True))
 
     def _command(self, arrived: Posture, previous: list[float]) -> np.ndarray:
         """Return the joint angles of a posture, no joint an iota beyond its range."""
         angles = [previous[0]]
-        for angle, before, low, high in zip(arrived.angles, previous[1:], self._lower, self._upper, strict=True):
+        for angle, before, low, high in zip(arrived.angles, previous[1:], self._low[1:], self._high[1:], strict=True):
             angles.append(min(max(angle, min(low, before)), max(high, before)))
         return np.array(angles)
 
@@ -326,15 +338,11 @@ def _line(here: Posture, centre: Vector, turned: Rotation) -> Path:
 def _damped(here: Posture, rigidity: float) -> tuple[np.ndarray, np.ndarray]:
     """Return the normal equations of the damped step: its Hessian (3, 3) and gradient (3,).
 
-    The step minimises the squares of the error that remains and, times `DAMPING**2` at a singular pose, of the motion of
-    all six joints [NakamuraHanafusa1986].
+    The step minimises the square of the error that remains and, times `DAMPING**2` at a singular pose, that of the
+    motion of all six joints [NakamuraHanafusa1986].
     """
     jacobian = here.jacobian(BEND)
     rates = here.rates()[:6]
     # The square grows from nothing at the border of the singular region [Chiaverini1997].
     damping = DAMPING**2 * max(1.0 - (rigidity / SINGULAR) ** 2, 1e-6)
     return jacobian.T @ jacobian + damping * rates.T @ rates, jacobian.T @ np.array(here.error)
-
-
-def _difference(new: WristAngles, old: WristAngles) -> tuple[float, float, float]:
-    return new.tilt - old.tilt, new.yaw - old.yaw, new.roll - old.roll

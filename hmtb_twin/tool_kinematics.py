@@ -9,8 +9,8 @@ three joints that positions the wrist centre, in a plane that the yaw turns, at
 Plain numbers throughout: at this size they are faster than arrays.
 """
 
-from cmath import rect
-from math import atan2, cos, hypot, sin, sqrt, tan, tau
+from cmath import phase, rect
+from math import acos, atan2, cos, hypot, sin, sqrt, tan, tau
 from typing import NamedTuple
 
 import numpy as np
@@ -74,50 +74,57 @@ class Posture(NamedTuple):
         tilt, yaw, _ = self.wrist
         return -sin(tilt) * tan(yaw), -cos(tilt), -sin(tilt) / cos(yaw)
 
-    def resolved(self) -> tuple[float, Vector]:
-        """Return how rigidly the joints hold the tool, and the step that takes the error away, the orientation held.
+    def _inverse(self) -> tuple[float, float, float, float, float, float, float] | None:
+        """Return the inverse of the Jacobian, less its zeros; None where it has none.
 
-        The rigidity is `1 / ||rates @ inv(jacobian)||`, m/rad, by the Frobenius norm: a motion of the tool of this
-        length turns the joints by at most 1 rad, in the worst direction. It bounds the smallest singular value of the
-        tool's motion over unit joint motion from below, within sqrt(3), and is zero at singular poses.
-
-        Returns:
-            Rigidity in m/rad, and the changes of yaw, shoulder and elbow in rad; zero where the pose is singular.
+        Shoulder and elbow for unit error along, the same upward, and yaw, shoulder and elbow for unit error across.
         """
+        determinant = (self.upper_arm * self.forearm.conjugate()).imag
+        if determinant == 0.0 or self.radius == 0.0:
+            return None
+        along_shoulder, along_elbow = -self.forearm.real / determinant, -self.upper_arm.real / determinant
+        up_shoulder, up_elbow = -self.forearm.imag / determinant, -self.upper_arm.imag / determinant
+        yaw = 1.0 / self.radius
+        # Yaw tilts the hand along with it; shoulder and elbow make up for that.
+        lag = -1j * self.wrist_rates[0] * yaw * self.hand
+        shoulder = lag.real * along_shoulder + lag.imag * up_shoulder
+        elbow = lag.real * along_elbow + lag.imag * up_elbow
+        return along_shoulder, along_elbow, up_shoulder, up_elbow, yaw, shoulder, elbow
+
+    @property
+    def rigidity(self) -> float:
+        """How much motion of the tool turns the joints by 1 rad, in the worst direction, m/rad; zero at singular poses.
+
+        `1 / ||rates @ inv(jacobian)||` by the Frobenius norm: the smallest singular value of the tool's motion over
+        unit joint motion is not smaller, and at most sqrt(3) times larger.
+        """
+        inverse = self._inverse()
+        if inverse is None:
+            return 0.0
+        along_shoulder, along_elbow, up_shoulder, up_elbow, yaw, shoulder, elbow = inverse
         tilt_rate, wrist_yaw_rate, wrist_roll_rate = self.wrist_rates
-        radius = self.radius
-        # Columns of the arm's plane: a rotation by the angle turns i times the vector; the elbow turns the other way.
-        a, b = -self.upper_arm.imag, self.upper_arm.real
-        c, d = self.forearm.imag, -self.forearm.real
-        determinant = a * d - b * c
-        if determinant == 0.0 or radius == 0.0:
-            return 0.0, (0.0, 0.0, 0.0)
-        # Joint changes for a unit of error along, upward and across the plane.
-        along_shoulder, along_elbow = d / determinant, -b / determinant
-        up_shoulder, up_elbow = -c / determinant, a / determinant
-        yaw = 1.0 / radius
-        along, up = self.hand.imag * tilt_rate * yaw, -self.hand.real * tilt_rate * yaw
-        shoulder = along * along_shoulder + up * up_shoulder
-        elbow = along * along_elbow + up * up_elbow
-        squares = (
-            along_shoulder**2
-            + along_elbow**2
-            + (along_elbow - along_shoulder) ** 2
-            + up_shoulder**2
-            + up_elbow**2
-            + (up_elbow - up_shoulder) ** 2
-            + yaw**2 * (1.0 + wrist_yaw_rate**2 + wrist_roll_rate**2)
-            + shoulder**2
-            + elbow**2
-            + (tilt_rate * yaw - shoulder + elbow) ** 2
-        )
+        along_pitch, up_pitch = along_elbow - along_shoulder, up_elbow - up_shoulder
+        pitch = tilt_rate * yaw - shoulder + elbow
+        square = along_shoulder * along_shoulder + along_elbow * along_elbow + along_pitch * along_pitch
+        square += up_shoulder * up_shoulder + up_elbow * up_elbow + up_pitch * up_pitch
+        square += yaw * yaw * (1.0 + wrist_yaw_rate * wrist_yaw_rate + wrist_roll_rate * wrist_roll_rate)
+        return 1.0 / sqrt(square + shoulder * shoulder + elbow * elbow + pitch * pitch)
+
+    def resolved(self) -> Vector:
+        """Return the changes of yaw, shoulder and elbow that take the error away to first order, rad.
+
+        Zero where the pose is singular.
+        """
+        inverse = self._inverse()
+        if inverse is None:
+            return 0.0, 0.0, 0.0
+        along_shoulder, along_elbow, up_shoulder, up_elbow, yaw, shoulder, elbow = inverse
         x, y, z = self.error
-        change = (
+        return (
             y * yaw,
             x * along_shoulder + z * up_shoulder + y * shoulder,
             x * along_elbow + z * up_elbow + y * elbow,
         )
-        return 1.0 / sqrt(squares), change
 
     def moved(self, change: Vector) -> tuple[float, float, float, float, float, float]:
         """Return the six angles after changes of yaw, shoulder and elbow, the wrist following to first order, rad."""
@@ -186,11 +193,12 @@ class ToolKinematics:
             np.abs(jacobian[3:].T - AXES).max(),
             abs(yaw[1] - wrist[1]),
             abs(wrist[1] - tool[1]),
+            abs(np.cross((shoulder - elbow)[::2], (elbow - pitch)[::2])),
         ]
         if max(misplaced) > TOLERANCE:
             raise TwinError(
                 "the controller's model has other axes than roll x, yaw z, pitch -y, pitch y, pitch -y, yaw z, roll x "
-                "at zero angles, with both yaw axes and the wrist roll in one plane: no closed form holds its tool"
+                "at zero angles, both yaw axes and the wrist roll in one plane, the elbow straight at zero"
             )
         # Height along a yaw axis, and the place along a roll axis, are free: take the wrist roll's and the yaw's.
         self._centre_to_tool = (float(wrist[0]), float(wrist[1]), float(tool[2]))
@@ -202,11 +210,8 @@ class ToolKinematics:
             complex(elbow[0] - pitch[0], elbow[2] - pitch[2]),
             complex(pitch[0] - wrist[0], pitch[2] - tool[2]),
         )
-
-    @property
-    def reach(self) -> float:
-        """Distance of the last pitch axis from the shoulder pitch axis with a straight elbow, m."""
-        return abs(self._lengths[1]) + abs(self._lengths[2])
+        upper_arm, forearm = abs(self._lengths[1]), abs(self._lengths[2])
+        self._squares, self._product = upper_arm**2 + forearm**2, 2.0 * upper_arm * forearm
 
     def radius(self, shoulder: float, elbow: float, tilt: float) -> float:
         """Return the distance of the wrist centre from the yaw axis, in the arm's plane, m, at three angles in rad."""
@@ -256,22 +261,54 @@ class ToolKinematics:
             rotation: Wanted rotation behind the shoulder roll.
             near: Tilt and wrist roll are given within half a turn of these.
         """
-        (r00, r01, r02), (r10, r11, r12), (r20, _, _) = rotation
-        c, s = cos(yaw), sin(yaw)
-        forward = c * r00 + s * r10
-        wrist = WristAngles(
-            _near(atan2(r20, forward), near.tilt),
-            atan2(c * r10 - s * r00, hypot(forward, r20)),
-            _near(atan2(s * r02 - c * r12, c * r11 - s * r01), near.roll),
-        )
+        wrist = _wrist(yaw, rotation, near)
         base, upper_arm, forearm, hand = self._lengths
         upper_arm *= rect(1.0, shoulder)
         forearm *= rect(1.0, shoulder - elbow)
         hand *= rect(1.0, wrist.tilt)
         reached = base + upper_arm + forearm + hand
         x, y, z = centre
+        c, s = cos(yaw), sin(yaw)
         error = (c * x + s * y - reached.real, c * y - s * x, z - reached.imag)
         return Posture(yaw, shoulder, elbow, wrist, reached.real, upper_arm + forearm, forearm, hand, error)
+
+    def reaching(self, centre: Vector, rotation: Rotation, near: WristAngles, side: float = 1.0) -> Posture | None:
+        """Return the arm with its tool where and as wanted, its elbow bent the usual way.
+
+        Args:
+            centre: Wanted wrist centre behind the shoulder roll, m.
+            rotation: Wanted rotation behind the shoulder roll.
+            near: Tilt and wrist roll are given within half a turn of these.
+            side: Negative for the wrist centre on the far side of the yaw axis.
+
+        Returns:
+            The posture; None where no elbow angle reaches.
+        """
+        x, y, z = centre
+        radius, yaw = (hypot(x, y), atan2(y, x)) if side >= 0.0 else (-hypot(x, y), atan2(-y, -x))
+        wrist = _wrist(yaw, rotation, near)
+        base, upper_arm, forearm, hand = self._lengths
+        hand *= rect(1.0, wrist.tilt)
+        span = complex(radius, z) - base - hand
+        cosine = (span.real**2 + span.imag**2 - self._squares) / self._product
+        if not -1.0 <= cosine <= 1.0:
+            return None
+        elbow = acos(cosine)
+        shoulder = phase(span / (upper_arm + forearm * rect(1.0, -elbow)))
+        forearm *= rect(1.0, shoulder - elbow)
+        return Posture(yaw, shoulder, elbow, wrist, radius, span, forearm, hand, (0.0, 0.0, 0.0))
+
+
+def _wrist(yaw: float, rotation: Rotation, near: WristAngles) -> WristAngles:
+    """Return the wrist that holds a rotation at a yaw angle, `Rz(-yaw) @ rotation = Ry(-tilt) Rz(yaw) Rx(roll)`."""
+    (r00, r01, r02), (r10, r11, r12), (r20, _, _) = rotation
+    c, s = cos(yaw), sin(yaw)
+    forward = c * r00 + s * r10
+    return WristAngles(
+        _near(atan2(r20, forward), near.tilt),
+        atan2(c * r10 - s * r00, hypot(forward, r20)),
+        _near(atan2(s * r02 - c * r12, c * r11 - s * r01), near.roll),
+    )
 
 
 def _near(angle: float, reference: float) -> float:
