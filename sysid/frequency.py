@@ -3,12 +3,14 @@
 from dataclasses import dataclass, field
 
 import numpy as np
+from scipy.special import chndtrinc
 from scipy.stats import chi2, t
 
 from sysid.arrays import ComplexArray, FloatArray, Locked, lock
 from sysid.errors import SysidError
 
 NORMAL_95 = 1.959963984540054
+FAR = 20.0  # standard deviations from zero beyond which the modulus is normal
 
 
 @dataclass(frozen=True, eq=False)
@@ -104,14 +106,26 @@ class FrequencyResponse(Locked):
         return self._along(1j * self._direction()) / np.maximum(self.magnitude, np.finfo(float).tiny)
 
     def magnitude_ci95(self) -> tuple[FloatArray, FloatArray]:
-        """95 % interval of the magnitude, on a logarithmic scale so that it stays positive, (nf, ny, nu) each.
+        """95 % interval of the magnitude, never below zero, (nf, ny, nu) each.
+
+        The modulus of a normal complex error has a Rice distribution [Rice1945]: its noncentrality is inverted where the
+        error is not small against the response, so that a response lost in noise is not claimed to be above zero.
 
         Raises:
             SysidError: The method gave no covariance.
         """
-        size = np.maximum(self.magnitude, np.finfo(float).tiny)
-        factor = np.exp(np.minimum(self.quantile_95 * self.magnitude_deviation() / size, 700.0))
-        return size / factor, size * factor
+        size = self.magnitude
+        # Student's quantile for the normal one stands for an error whose variance is itself estimated.
+        deviation = self.magnitude_deviation() * (self.quantile_95 / NORMAL_95)
+        low, high = size - NORMAL_95 * deviation, size + NORMAL_95 * deviation
+        real = self._along(1j * self._direction()) <= 1e-6 * deviation
+        with np.errstate(divide="ignore", invalid="ignore"):
+            ratio = size / deviation
+        for entries, dimensions in ((real, 1), (~real, 2)):
+            near = entries & (ratio < FAR)
+            edges = _rice_interval(ratio[near], dimensions)
+            low[near], high[near] = deviation[near] * edges[0], deviation[near] * edges[1]
+        return low, high
 
     def phase_ci95(self) -> tuple[FloatArray, FloatArray]:
         """95 % interval of the phase in rad round the unwrapped phase, (nf, ny, nu) each.
@@ -153,3 +167,18 @@ class FrequencyResponse(Locked):
             raise SysidError(f"{self.method} gives no covariance of its frequency response")
         d = np.stack((direction.real, direction.imag), axis=-1)
         return np.sqrt(np.maximum(np.einsum("...i,...ij,...j->...", d, self.covariance, d), 0.0))
+
+
+def _rice_interval(ratio: FloatArray, dimensions: int) -> tuple[FloatArray, FloatArray]:
+    """95 % interval of the length of a vector from a measured one, both in standard deviations of its error.
+
+    Args:
+        ratio: Measured lengths (n,).
+        dimensions: Of the vector: 2, or 1 where the response is real.
+    """
+    # A length that is small by chance bounds the true one no closer than one standard deviation does.
+    low, high = (
+        np.sqrt(chndtrinc(np.maximum(ratio, least) ** 2, dimensions, probability))
+        for least, probability in ((0.1, 0.975), (1.0, 0.025))
+    )
+    return low, high

@@ -66,3 +66,19 @@ def test_a_parametric_response_has_normal_intervals() -> None:
     assert spa(record(0)).quantile_95 == pytest.approx(2.07, abs=0.03)
     with pytest.raises(SysidError, match="no disturbance spectrum"):
         response.noise_ci95()
+
+
+def test_a_response_lost_in_noise_is_not_claimed_to_be_above_zero() -> None:
+    covered = []
+    for seed in range(30):
+        u, e = np.random.default_rng(seed).standard_normal((2, 2000))
+        found = spa(IOData(u, np.roll(u, 1) + np.sqrt(10.0) * e, 0.1), lag=100)
+        low, high = (edge[5:-5, 0, 0] for edge in found.magnitude_ci95())
+        covered.append(np.mean((low <= 1.0) & (high >= 1.0)))
+    assert 0.94 < np.mean(covered) < 0.99
+    still = FrequencyResponse(
+        np.array([1.0]), np.array([[[0.3 + 0.0j]]]), 0.1, "none", covariance=np.eye(2).reshape(1, 1, 1, 2, 2)
+    )
+    low, high = still.magnitude_ci95()
+    assert low[0, 0, 0] == pytest.approx(0.0, abs=1e-9)
+    assert high[0, 0, 0] == pytest.approx(np.sqrt(6.9491), rel=1e-3)  # noncentral chi-square by tables
