@@ -5,14 +5,15 @@ from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
     from scenarios.errors import ScenarioError
+    from scenarios.excitation_computer import Excitation
     from scenarios.registry import load, names
-    from scenarios.scenario import Excitation, Scenario
+    from scenarios.scenario import Scenario
     from scenarios.waveform import Waveform
 
 __all__ = ["Excitation", "Scenario", "ScenarioError", "Waveform", "load", "names"]
 
 _ROOMS = {
-    "Excitation": "scenario",
+    "Excitation": "excitation_computer",
     "Scenario": "scenario",
     "ScenarioError": "errors",
     "Waveform": "waveform",

@@ -2,12 +2,14 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from typing import cast
 
 import sysid
 from hmtb_twin import JointLog
 from scenarios.crossing import half_power_hz
+from scenarios.excitation_computer import Excitation
 from scenarios.preparation import prepared
-from scenarios.scenario import Excitation, Scenario
+from scenarios.scenario import Scenario
 
 
 @dataclass(frozen=True)
@@ -65,8 +67,8 @@ def conditions(scenario: Scenario) -> tuple[Scenario, ...]:
 
 
 def _scaled(excitation: Excitation, factor: float) -> Excitation:
-    amplitude = float(excitation.parameters["amplitude"])
-    return Excitation(excitation.kind, {**excitation.parameters, "amplitude": factor * amplitude})
+    amplitude = cast(float, excitation.parameters["amplitude"])
+    return replace(excitation, parameters={**excitation.parameters, "amplitude": factor * amplitude})
 
 
 def attribute(

@@ -12,7 +12,9 @@ import numpy as np
 from scenarios.chirp import chirp, chirp_as_printed, chirp_franklin
 from scenarios.errors import ScenarioError
 from scenarios.prbs import prbs
+from scenarios.sign_recursion import sign_recursion
 from scenarios.waveform import POINTS, RATE, WINDOW, Waveform, check_seed
+from scenarios.waveform_file import points
 
 __all__ = [
     "KINDS",
@@ -21,7 +23,9 @@ __all__ = [
     "chirp_as_printed",
     "chirp_franklin",
     "multisine",
+    "points",
     "prbs",
+    "sign_recursion",
     "sine",
     "two_sines",
     "white_noise",
@@ -180,11 +184,13 @@ KINDS: Mapping[str, Callable[..., Waveform]] = MappingProxyType(
             two_sines,
             multisine,
             prbs,
+            sign_recursion,
             chirp,
             chirp_as_printed,
             chirp_franklin,
             bipolar_ramping_pulse,
             white_noise,
+            points,
         )
     }
 )

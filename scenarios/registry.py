@@ -1,11 +1,15 @@
 """Scenarios by name."""
 
 import tomllib
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from functools import cache
 from importlib.resources import files
 from pathlib import Path
+from typing import Any
 
 from scenarios.errors import ScenarioError
+from scenarios.excitation_computer import Excitation
 from scenarios.scenario import Scenario
 from scenarios.suggest import unknown
 
@@ -53,7 +57,19 @@ class Registry:
 
 def table1() -> tuple[Scenario, ...]:
     """The 24 single-joint tests of the thesis [Morris1996, table 1]."""
-    table = tomllib.loads((files("scenarios") / "data" / "table1.toml").read_text(encoding="utf-8"))
+    table = _table("table1.toml")
+    return _single_joint_tests(table, table["joints"], table["tags"], 0)
+
+
+def other_joints() -> tuple[Scenario, ...]:
+    """The tests of Table 1 on the joints that the thesis left alone."""
+    table = _table("table1.toml")
+    return _single_joint_tests(table, table["other_joints"], table["other_tags"], len(table["joints"]))
+
+
+def _single_joint_tests(
+    table: Mapping[str, Any], joints: Sequence[str], tags: Sequence[str], first: int
+) -> tuple[Scenario, ...]:
     return tuple(
         Scenario.from_table(
             {
@@ -62,20 +78,67 @@ def table1() -> tuple[Scenario, ...]:
                 "duration": table["duration"],
                 "seed": 100 * test["number"] + position,
                 "description": f"{joint.replace('_', ' ')}: {test['description']}",
-                "tags": [*table["tags"], joint, test["excitation"]["kind"]],
+                "tags": [*tags, joint, test["excitation"]["kind"]],
                 "excitation": test["excitation"],
             }
         )
         for test in table["test"]
-        for position, joint in enumerate(table["joints"])
+        for position, joint in enumerate(joints, start=first)
     )
+
+
+def table2() -> tuple[Scenario, ...]:
+    """The 13 tests of several joints of the thesis [Morris1996, table 2]."""
+    table = _table("table2.toml")
+    return tuple(_tool_test(table, test) for test in table["test"])
+
+
+def independent() -> tuple[Scenario, ...]:
+    """Tests of Table 2 with a waveform of its own on every axis."""
+    table = _table("table2.toml")
+    extra = table["independent"]
+    shared = {test["number"]: test for test in table["test"]}
+    return tuple(
+        replace(
+            _tool_test(table, shared[number]),
+            name=f"mimo-{number}-independent",
+            seed=3000 + number,
+            description=f"tool along x, y and z: {shared[number]['description']}, another one on every axis",
+            tags=(*extra["tags"], shared[number]["excitation"]["kind"]),
+            independent_channels=True,
+            excitation=tuple(
+                Excitation.from_table({**shared[number]["excitation"], "seed": seed}) for seed in extra["seeds"]
+            ),
+        )
+        for number in extra["tests"]
+    )
+
+
+def _tool_test(table: Mapping[str, Any], test: Mapping[str, Any]) -> Scenario:
+    return Scenario.from_table(
+        {
+            "name": f"mimo-{test['number']}",
+            "axes": table["axes"],
+            "mode": table["mode"],
+            "duration": table["duration"],
+            "seed": 2000 + test["number"],
+            "description": f"tool along x, y and z: {test['description']}",
+            "tags": [*table["tags"], test["excitation"]["kind"]],
+            "hand_controller": {"compensation": table["compensation"]},
+            "excitation": test["excitation"],
+        }
+    )
+
+
+def _table(name: str) -> dict[str, Any]:
+    return tomllib.loads((files("scenarios") / "data" / name).read_text(encoding="utf-8"))
 
 
 @cache
 def registered() -> Registry:
     """All scenarios that come with the package."""
     registry = Registry()
-    for scenario in table1():
+    for scenario in (*table1(), *other_joints(), *table2(), *independent()):
         registry.add(scenario)
     return registry
 

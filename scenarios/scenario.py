@@ -1,12 +1,10 @@
 """One experiment: a frozen record that is a TOML file."""
 
-import inspect
 import re
 import tomllib
 from collections.abc import Mapping
-from dataclasses import dataclass, field, fields, replace
+from dataclasses import dataclass, fields, replace
 from pathlib import Path
-from types import MappingProxyType
 from typing import Any, get_type_hints
 from zlib import crc32
 
@@ -15,44 +13,13 @@ import numpy as np
 from hmtb_twin import MODES, PAYLOADS, POSES, VARIANTS, Chain, HandController, Operator, axis_names
 from hmtb_twin.parameters import HAND_CONTROLLER
 from scenarios.errors import ScenarioError
-from scenarios.excitation import KINDS
+from scenarios.excitation_computer import Excitation, check_outputs, played
 from scenarios.suggest import unknown
 from scenarios.toml_values import record, typed, written
-from scenarios.waveform import LONGEST, RATE, Waveform, check_seed
-
-Value = float | int | bool | str
+from scenarios.waveform import LONGEST, RATE, check_seed
 
 NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9._+-]{0,99}")
 """What a scenario may be called."""
-
-
-@dataclass(frozen=True)
-class Excitation:
-    """What the excitation computer plays on an axis.
-
-    Attributes:
-        kind: Name of the excitation, one of `KINDS`.
-        parameters: Its arguments by name; those left out keep their defaults.
-    """
-
-    kind: str
-    parameters: Mapping[str, float | int | bool] = field(default_factory=dict)
-
-    def __post_init__(self) -> None:
-        if self.kind not in KINDS:
-            raise ScenarioError(unknown("excitation", self.kind, KINDS))
-        object.__setattr__(self, "parameters", MappingProxyType(_checked(self.kind, self.parameters)))
-        self.waveform()  # a bad value speaks here, not in the middle of a campaign
-
-    def __hash__(self) -> int:
-        return hash((self.kind, tuple(sorted(self.parameters.items()))))
-
-    def __reduce__(self) -> tuple[type["Excitation"], tuple[str, dict[str, float | int | bool]]]:
-        return (Excitation, (self.kind, dict(self.parameters)))
-
-    def waveform(self) -> Waveform:
-        """The 100-point file."""
-        return KINDS[self.kind](**self.parameters)
 
 
 @dataclass(frozen=True)
@@ -71,6 +38,7 @@ class Scenario:
         mode: Control mode, e.g. ``"single_joint"``.
         worksite: At the worksite, with contact, instead of in free space.
         shutdown: Emergency shutdowns: times of power off and of power on again in turn, s.
+        independent_channels: As many different excitations as axes, beyond the two outputs of the excitation computer.
         chain: Which links of the chain act; a TOML table of truth values.
         hand_controller: The hand-controller interface; a TOML table of what differs from the nominal one.
         description: One line for the list.
@@ -88,6 +56,7 @@ class Scenario:
     mode: str = "single_joint"
     worksite: bool = False
     shutdown: tuple[float, ...] = ()
+    independent_channels: bool = False
     chain: Chain = Chain()  # noqa: RUF009
     hand_controller: HandController = HAND_CONTROLLER
     description: str = ""
@@ -110,11 +79,10 @@ class Scenario:
             raise ScenarioError(
                 f"scenario {self.name!r}: expected one or more different entries in axes, given {self.axes}"
             )
-        if len(self.excitation) not in (1, len(self.axes)):
-            raise ScenarioError(
-                f"scenario {self.name!r}: {len(self.excitation)} excitations for {len(self.axes)} axes; "
-                "expected one for all, or one per axis"
-            )
+        try:
+            check_outputs(self.excitation, self.axes, self.independent_channels)
+        except ScenarioError as error:
+            raise ScenarioError(f"scenario {self.name!r}: {error}") from error
         if not 1.0 / RATE <= self.duration <= LONGEST:
             raise ScenarioError(
                 f"scenario {self.name!r}: expected a duration of {1 / RATE} to {LONGEST:g} s, given {self.duration}"
@@ -122,13 +90,12 @@ class Scenario:
         check_seed(self.seed)
 
     def volts(self) -> np.ndarray:
-        """Play the excitation.
+        """Play the excitation through the excitation computer's converter.
 
         Returns:
             Volts `(N, len(axes))` at 50 Hz, `N = round(50 * duration)`, before noise and bias.
         """
-        columns = [entry.waveform().play(self.duration) for entry in self.excitation]
-        return np.hstack(columns * len(self.axes) if len(columns) == 1 else columns)
+        return played(self.excitation, len(self.axes), self.duration, rounds=self.chain.dac)
 
     def operator(self) -> Operator | None:
         """No operator: the excitation computer moves the stick."""
@@ -157,17 +124,17 @@ class Scenario:
             if changed:
                 lines += ["", f"[{name}]", *(f"{key} = {written(value)}" for key, value in changed.items())]
         for entry in self.excitation:
-            lines += ["", "[[excitation]]", f"kind = {written(entry.kind)}"]
-            lines += [f"{name} = {written(value)}" for name, value in entry.parameters.items()]
+            lines += ["", "[[excitation]]", entry.to_toml()]
         return "\n".join(lines) + "\n"
 
     @classmethod
-    def from_toml(cls, text: str, *, source: str = "TOML text") -> "Scenario":
+    def from_toml(cls, text: str, *, source: str = "TOML text", folder: Path = Path()) -> "Scenario":
         """Read a scenario, strictly.
 
         Args:
             text: The TOML text.
             source: Where it came from, for messages.
+            folder: Where the paths of waveform files start.
 
         Returns:
             The scenario.
@@ -180,12 +147,12 @@ class Scenario:
         except tomllib.TOMLDecodeError as error:
             raise ScenarioError(f"{source}: not a TOML file ({error})") from error
         try:
-            return cls.from_table(table)
+            return cls.from_table(table, folder=folder)
         except ScenarioError as error:
             raise ScenarioError(f"{source}: {error}") from error
 
     @classmethod
-    def from_table(cls, table: Mapping[str, Any]) -> "Scenario":
+    def from_table(cls, table: Mapping[str, Any], *, folder: Path = Path()) -> "Scenario":
         """Build a scenario from parsed TOML; see `from_toml`."""
         hints = get_type_hints(cls)
         values: dict[str, Any] = {}
@@ -193,7 +160,8 @@ class Scenario:
             if key not in hints:
                 raise ScenarioError(unknown("key", key, hints))
             if key == "excitation":
-                values[key] = _excitations(value)
+                entries = value if isinstance(value, list) else [value]
+                values[key] = tuple(Excitation.from_table(entry, folder) for entry in entries)
             elif key in ("chain", "hand_controller"):
                 values[key] = record(hints[key], key, value)
             else:
@@ -210,37 +178,9 @@ class Scenario:
             text = Path(path).read_text(encoding="utf-8")
         except (OSError, UnicodeDecodeError) as error:
             raise ScenarioError(f"cannot read scenario file {str(path)!r}: {error}") from error
-        return cls.from_toml(text, source=str(path))
+        return cls.from_toml(text, source=str(path), folder=Path(path).parent)
 
 
 def _choices() -> dict[str, tuple[str, ...]]:
     """What the laboratory offers, by field."""
     return {"variant": VARIANTS, "payload": tuple(PAYLOADS), "pose": tuple(POSES), "mode": MODES}
-
-
-def _excitations(value: object) -> tuple[Excitation, ...]:
-    tables = value if isinstance(value, list) else [value]
-    entries = []
-    for table in tables:
-        if not isinstance(table, dict) or not isinstance(table.get("kind"), str):
-            raise ScenarioError(f"excitation must be a table with a kind, given {table!r}; kinds: {', '.join(KINDS)}")
-        entries.append(Excitation(table["kind"], {key: entry for key, entry in table.items() if key != "kind"}))
-    return tuple(entries)
-
-
-def _checked(kind: str, parameters: Mapping[str, object]) -> dict[str, float | int | bool]:
-    """All arguments of an excitation, defaults filled in, of the right types."""
-    signature: Mapping[str, inspect.Parameter] = inspect.signature(KINDS[kind]).parameters
-    for key in parameters:
-        if key not in signature:
-            raise ScenarioError(f"excitation {kind!r}: {unknown('parameter', key, signature)}")
-    hints = get_type_hints(KINDS[kind])
-    values: dict[str, float | int | bool] = {}
-    for key, parameter in signature.items():
-        if key in parameters:
-            values[key] = typed(f"{kind}.{key}", parameters[key], hints[key])
-        elif parameter.default is not inspect.Parameter.empty:
-            values[key] = parameter.default
-        else:
-            raise ScenarioError(f"excitation {kind!r} needs {key}; it takes {', '.join(signature)}")
-    return values

@@ -8,6 +8,9 @@ import numpy as np
 
 from scenarios.errors import ScenarioError
 
+Parameter = float | int | bool | tuple[float, ...]
+"""What an excitation is made from."""
+
 POINTS = 100
 """Points in one file; they hold one period [Morris1996, sec. II.2B]."""
 
@@ -50,7 +53,7 @@ class Waveform:
 
     points: np.ndarray
     kind: str
-    parameters: Mapping[str, float | int | bool] = field(default_factory=dict)
+    parameters: Mapping[str, Parameter] = field(default_factory=dict)
     update_rate: float = RATE
 
     def __post_init__(self) -> None:
@@ -72,11 +75,14 @@ class Waveform:
         """Length of one period, s."""
         return POINTS / self.update_rate
 
-    def play(self, duration: float) -> np.ndarray:
+    def play(self, duration: float, *, iterations: int | None = None) -> np.ndarray:
         """Repeat the file for a time, holding each point until the next.
+
+        At an update rate above 50 Hz the position loop, which reads 50 times per second, misses points.
 
         Args:
             duration: Time to play, s.
+            iterations: How often to play the file, then 0 V; until the end by default.
 
         Returns:
             Volts at 50 Hz `(N, 1)` with `N = round(50 * duration)`.
@@ -88,17 +94,23 @@ class Waveform:
             raise ScenarioError(f"duration must be {1 / RATE} s (one sample) to {LONGEST:g} s, given {duration} s")
         count = round(RATE * duration)
         # The small shift keeps k * update_rate / RATE from rounding down onto the point before.
-        index = np.floor(np.arange(count) * (self.update_rate / RATE) + 1e-9).astype(int) % POINTS
-        return self.points[index][:, None]
+        passed = np.floor(np.arange(count) * (self.update_rate / RATE) + 1e-9).astype(np.int64)
+        volts = self.points[passed % POINTS]
+        if iterations is not None:
+            volts[passed >= iterations * POINTS] = 0.0
+        return volts[:, None]
 
     def order_of_excitation(self) -> int:
         """Count the lines of the two-sided spectrum that are not zero [Soderstrom1989, sec. 5.4].
 
-        A sum of m sinusoids has order 2m; a file of 100 points at most 100.
+        A sum of m sinusoids has order 2m; a file of 100 points at most 100. Lines of a millionth of the strongest are
+        none: a file written with nine digits has them everywhere.
         """
         power = np.abs(np.fft.fft(self.points)) ** 2
-        # Rounding of the parts that cancel, not of what is left, is the floor: a sine sampled at its zeros has order 0.
-        floor = 1e-20 * max(float(power.max()), (POINTS * float(self.parameters.get("amplitude", 0.0))) ** 2)
+        # Rounding of the parts that cancel, not of what is left, is a floor: a sine sampled at its zeros has order 0.
+        amplitude = self.parameters.get("amplitude", 0.0)
+        cancelled = POINTS * amplitude if isinstance(amplitude, float | int) else 0.0
+        floor = max(1e-12 * float(power.max()), 1e-20 * cancelled**2)
         return int(np.count_nonzero(power > floor))
 
     def psd(self) -> PowerSpectrum:

@@ -11,7 +11,9 @@ from scenarios.excitation import (
     chirp_as_printed,
     chirp_franklin,
     multisine,
+    points,
     prbs,
+    sign_recursion,
     sine,
     two_sines,
     white_noise,
@@ -29,6 +31,8 @@ EXAMPLES = [
     bipolar_ramping_pulse(),
     multisine(),
     white_noise(),
+    sign_recursion(),
+    points(points=tuple(np.linspace(-1.0, 1.0, 100))),
 ]
 
 
@@ -47,7 +51,7 @@ def test_every_kind_has_an_example() -> None:
 def test_parameters_make_the_same_file_again_within_the_amplitude(waveform: Waveform) -> None:
     again = KINDS[waveform.kind](**waveform.parameters)
     np.testing.assert_array_equal(again.points, waveform.points)
-    assert np.abs(waveform.points).max() <= waveform.parameters["amplitude"] + 1e-12
+    assert np.abs(waveform.points).max() <= waveform.parameters.get("amplitude", 1.0) + 1e-12
     with pytest.raises(ValueError, match="read-only"):
         waveform.points[0] = 1.0
 
@@ -95,6 +99,36 @@ def test_prbs_has_two_levels_and_bits_of_the_clock(clock: int) -> None:
 def test_prbs_seed_chooses_the_start() -> None:
     assert np.array_equal(prbs(seed=3).points, prbs(seed=3).points)
     assert len({prbs(seed=seed).points.tobytes() for seed in range(10)}) > 5
+
+
+@pytest.mark.parametrize(("memory", "changes"), [(-0.8, (60, 90)), (0.0, (35, 65)), (0.8, (10, 40))])
+def test_the_sign_recursion_is_the_equation_to_the_letter(memory: float, changes: tuple[int, int]) -> None:
+    c1, c2, points = 1.5, -1.5, sign_recursion(amplitude=1.5, memory=memory, seed=4).points
+    noise = np.random.default_rng(4).standard_normal(POINTS)
+    level = c1
+    for t in range(POINTS):
+        sign = np.sign(memory * level / c1 + noise[t])
+        level = (c1 + c2) / 2 + (c1 - c2) / 2 * sign
+        assert points[t] == level
+        # As printed, without the halves, both levels are twice as large.
+        assert (
+            sign_recursion(amplitude=1.5, memory=memory, seed=4, as_printed=True).points[t]
+            == (c1 + c2) + (c1 - c2) * sign
+        )
+    assert changes[0] <= np.count_nonzero(np.diff(points)) <= changes[1]
+
+
+def test_a_sign_that_never_changes_is_refused() -> None:
+    with pytest.raises(ScenarioError, match="never changes its level"):
+        sign_recursion(memory=9.0)
+
+
+def test_franklins_chirp_is_equations_2_12_to_2_14() -> None:
+    waveform = chirp_franklin(f_start=1.0, f_end=5.0, amplitude=2.0, ramp=0.2, offset=0.5)
+    for k, point in enumerate(waveform.points):
+        height = 2.0 * min(k / (0.2 * 100), 1.0) * min((100 - k) / (0.2 * 100), 1.0)
+        f_k = (1.0 + k / 100 * (5.0 - 1.0)) / 50.0  # in cycles per sample, as (2.12) counts
+        assert point == pytest.approx(0.5 + height * np.sin(2 * np.pi * f_k * k), abs=1e-12)
 
 
 @pytest.mark.parametrize(("f_start", "f_end"), [(0, 1), (0, 5), (5, 10), (5, 15)])
@@ -162,6 +196,9 @@ def test_play_repeats_the_period(waveform: Waveform) -> None:
         lambda: bipolar_ramping_pulse(pulse_width=0.6),
         lambda: multisine(f_min=5.0, f_max=4.0),
         lambda: prbs().play(-1.0),
+        lambda: points(points=(0.0, 1.0)),
+        lambda: points(points=(float("nan"),) * 100),
+        lambda: sign_recursion(seed=-1),
         lambda: Waveform(np.zeros(99), "sine"),
         lambda: Waveform(np.full(100, np.nan), "sine"),
         lambda: Waveform(np.zeros(100), "sine", update_rate=0.0),

@@ -20,6 +20,12 @@ EXCITATIONS = st.one_of(
     ),
     st.builds(lambda n: Excitation("sine", {"frequency": n / 2}), st.integers(1, 49)),
     st.builds(lambda g: Excitation("bipolar_ramping_pulse", {"growing": g}), st.booleans()),
+    st.builds(
+        lambda points, frequency, count: Excitation("points", {"points": tuple(points)}, frequency, count),
+        st.lists(st.floats(-10, 10), min_size=100, max_size=100),
+        st.one_of(st.none(), st.floats(1e-3, 1e3)),
+        st.one_of(st.none(), st.integers(1, 1000)),
+    ),
 )
 
 
@@ -33,6 +39,7 @@ def scenarios(draw: st.DrawFn) -> Scenario:
         excitation=tuple(draw(st.lists(EXCITATIONS, min_size=count, max_size=count))),
         duration=draw(st.floats(0.02, 1e4)),
         seed=draw(st.integers(0, 2**63 - 1)),
+        independent_channels=True,
         chain=draw(st.builds(Chain, friction=st.booleans(), adc=st.booleans())),
         hand_controller=draw(st.builds(HandController, gain=st.floats(0.01, 0.1), hold=st.integers(1, 5))),
         description=draw(st.text()),
@@ -71,7 +78,10 @@ def test_volts_are_shared_or_one_per_axis() -> None:
     np.testing.assert_array_equal(shared[:, 0], shared[:, 1])
     apart = Scenario("apart", axes, (sine, prbs), duration=2.0).volts()
     assert apart.shape == (100, 2)
-    np.testing.assert_array_equal(apart, np.column_stack([sine.waveform().points, prbs.waveform().points]))
+    asked = np.column_stack([sine.waveform().points, prbs.waveform().points])
+    np.testing.assert_allclose(apart, asked, atol=0.5 * 20 / 4096 + 1e-12)
+    smooth = Scenario("smooth", axes, (sine, prbs), duration=2.0, chain=Chain(dac=False)).volts()
+    np.testing.assert_allclose(smooth, asked, rtol=1e-15)
 
 
 def test_reseeding_draws_another_seed_for_every_name_and_keeps_the_file() -> None:
@@ -105,6 +115,11 @@ def test_reseeding_draws_another_seed_for_every_name_and_keeps_the_file() -> Non
         (lambda t: t.replace('["elbow_pitch"]', "[]"), "one or more different entries"),
         (lambda t: t.replace('name = "mine"', ""), "missing name"),
         (lambda t: t + "kind = 3", "not a TOML file"),
+        (lambda t: t + "iterations = 1.5\n", "iterations must be a whole number"),
+        (lambda t: t + "iterations = 0\n", "iterations must be 1 or more, given 0"),
+        (lambda t: t + "repeat_frequency = 0.0\n", "repeat_frequency must be above 0 and up to 1000 Hz, given 0"),
+        (lambda t: t.replace("sine", "points"), "excitation 'points': unknown parameter 'frequency'"),
+        (lambda t: t.replace("sine", "file"), "excitation 'file' takes a path and repeat_frequency"),
         (lambda t: t.replace("[excitation]\nkind", "[excitation]\nsort"), "must be a table with a kind"),
     ],
 )
