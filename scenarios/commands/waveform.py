@@ -31,15 +31,19 @@ def waveform(
     pulse_width: float | None = None,
     growing: bool = False,
     odd: bool = False,
+    memory: float | None = None,
+    as_printed: bool = False,
     seed: int | None = None,
+    path: Path | None = None,
     out: Path = Path("."),
     json: bool = False,
 ) -> int:
     """Write the 100-point file of an excitation and a plot of it with its spectrum.
 
-    Kinds: sine, two_sines, multisine, prbs, chirp, chirp_as_printed, chirp_franklin, bipolar_ramping_pulse,
-    white_noise. Each takes only the options that concern it, by the names they have in scenario files, and says which
-    when one is missing. Files of the same names in the folder are replaced.
+    Kinds: sine, two_sines, multisine, prbs, sign_recursion, chirp, chirp_as_printed, chirp_franklin,
+    bipolar_ramping_pulse, white_noise; and file, a 100-point file of your own, which is looked at only. Each takes only
+    the options that concern it, by the names they have in scenario files, and says which when one is missing. Files of
+    the same names in the folder are replaced.
 
     Args:
         kind: Name of the excitation.
@@ -58,7 +62,10 @@ def waveform(
         pulse_width: Length of each ramp of a bipolar_ramping_pulse, s.
         growing: Let the pulses of a bipolar_ramping_pulse grow over the file.
         odd: Only odd lines in a multisine.
-        seed: Seed of prbs, multisine and white_noise.
+        memory: Weight of the last level in a sign_recursion, against noise of standard deviation 1.
+        as_printed: Give a sign_recursion twice the levels, as equation (2.11) is printed.
+        seed: Seed of prbs, sign_recursion, multisine and white_noise.
+        path: The file, with kind file: 100 numbers in V.
         out: Folder for KIND.txt (one point per line, V) and KIND.png.
         json: Print JSON.
     """
@@ -80,8 +87,11 @@ def waveform(
             "pulse_width": pulse_width,
             "growing": growing or None,
             "odd": odd or None,
+            "memory": memory,
+            "as_printed": as_printed or None,
             "seed": seed,
         },
+        path,
     )
     if not wave.points.any():
         from scenarios.errors import ScenarioError
@@ -91,15 +101,20 @@ def waveform(
     import numpy as np
 
     from scenarios.figures import waveform_figure
+    from scenarios.needed_order import needed_orders, shortcoming
+    from scenarios.waveform_file import write_points
 
     with output_folder(out) as folder:
-        text, picture = folder / f"{kind}.txt", folder / f"{kind}.png"
-        np.savetxt(text, wave.points, fmt="%.9g")
+        name = kind if path is None else path.stem
+        text = write_points(wave.points.tolist(), folder / f"{name}.txt") if path is None else path
+        picture = folder / f"{name}.png"
         waveform_figure(wave).savefig(picture, dpi=150)
     order = wave.order_of_excitation()
+    parameters = wave.parameters if path is None else {"path": str(path)}
+    warning = shortcoming(order)
     record = {
         "kind": kind,
-        "parameters": wave.parameters,
+        "parameters": parameters,
         "points": str(text),
         "plot": str(picture),
         "update_rate_hz": wave.update_rate,
@@ -107,6 +122,8 @@ def waveform(
         "order_of_excitation": order,
         "mean_v": float(wave.points.mean()),
         "rms_v": float(np.sqrt(np.mean(wave.points**2))),
+        "needed_order": needed_orders(),
+        "warnings": [warning] if warning else [],
     }
     if json:
         print_json(record)
@@ -125,25 +142,32 @@ def waveform(
         (label, f"{value:.6g}" if isinstance(value, float) else str(value))
         for label, value in ((label, record[key]) for key, label in labels.items())
     ]
-    rows[1:1] = [(f"--{_flag(key)}", str(value)) for key, value in wave.parameters.items()]
+    rows[1:1] = [(f"--{_flag(key)}", str(value)) for key, value in parameters.items()]
     print_table(f"Waveform {kind}", ("", ""), rows)
-    if order < 10:
-        say(f"Order of excitation {order}: enough for {order} parameters of a linear model, no more.")
+    if warning:
+        say(f"warning: {warning}")
     return 0
 
 
-def _waveform(kind: str, options: Mapping[str, float | int | bool | None]) -> "Waveform":
+def _waveform(kind: str, options: Mapping[str, float | int | bool | None], path: Path | None) -> "Waveform":
     """The waveform, with complaints about options in the words that were typed."""
     from inspect import Parameter, signature
 
     from scenarios.errors import ScenarioError
     from scenarios.excitation import KINDS
-    from scenarios.scenario import Excitation
+    from scenarios.excitation_computer import Excitation
     from scenarios.suggest import unknown
+    from scenarios.waveform_file import KIND, read_points
 
-    if kind not in KINDS:
-        raise ScenarioError(unknown("excitation", kind, KINDS))
     given = {name: value for name, value in options.items() if value is not None}
+    if kind in (KIND, "points"):
+        if kind != KIND or path is None or given:
+            raise ScenarioError(f"points of one's own come from a file: hmtb waveform {KIND} --path FILE, nothing else")
+        return Excitation("points", {"points": read_points(path)}).waveform()
+    if kind not in KINDS:
+        raise ScenarioError(unknown("excitation", kind, [KIND, *KINDS]))
+    if path is not None:
+        raise ScenarioError(f"{kind} has no --path; a file of one's own is shown by: hmtb waveform {KIND} --path FILE")
     taken = signature(KINDS[kind]).parameters
     takes = ", ".join(f"--{_flag(name)}" for name in taken)
     for name in given:
