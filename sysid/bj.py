@@ -22,13 +22,14 @@ def bj(
     coloured: bool = False,
     past: Past = Past.ESTIMATED,
 ) -> Estimate:
-    """Fit y = B(q)/F(q) u + C(q)/D(q) e by minimising the one-step prediction errors [Ljung1999, eqs. 4.31, 10.40].
+    """Fit y = B(q)/F(q) u + C(q)/D(q) e by minimising the one-step prediction errors [Ljung1999, sec. 4.2, ch. 10].
 
     C, D and F stay stable at every step; by default the unknown past of each experiment is projected out. The path from
     the input has a model of its own, so that a poor model of the disturbance does not bias it.
 
     Args:
-        data: One experiment, or several that share the model.
+        data: One experiment, or several that share the model. Outputs may be missing: the
+            likelihood of those that are known is maximised.
         nb: Number of coefficients of B, one for all inputs or one per input.
         nc: Degree of C.
         nd: Degree of D.
@@ -36,7 +37,7 @@ def bj(
         nk: Delay in samples, likewise; nk = 1 means y(t) depends on u(t-1) first, nk = 0 gives a direct term.
         max_iterations: Steps of the final minimisation at most.
         coloured: Whether the covariance allows for prediction errors that are not white, as where the orders are too
-            small: a "sandwich" [Ljung1999, eqs. 9.8-9.12]. It then tells the spread about the parameters that the
+            small: a "sandwich" [Ljung1999, ch. 9]. It then tells the spread about the parameters that the
             criterion leads to, which need not be the true ones. The estimate itself is the same.
         past: What is assumed about the time before each experiment; by default nothing.
 
@@ -49,7 +50,7 @@ def bj(
     Warns:
         SysidWarning: Poor excitation, no convergence, bad conditioning, C, D or F at the edge of stability.
     """
-    experiments = as_experiments(data)
+    experiments = as_experiments(data, missing=not coloured)
     orders = make_orders(experiments[0].nu, nb=nb, nc=nc, nd=nd, nf=nf, nk=nk)
     asked = {"nb": orders.nb, "nc": orders.nc, "nd": orders.nd, "nf": orders.nf, "nk": orders.nk}
     return prediction_error_estimate(

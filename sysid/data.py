@@ -35,8 +35,9 @@ class IOData(Locked):
         intersample: Behaviour of the input between samples: held (`zoh`), linear (`foh`), band-limited (`bl`).
         window: Number of leading samples that only initialise a model: they enter no cost and no score.
         missing: Whether NaN among the outputs marks samples that were lost; without it NaN is refused. Inputs must be
-            complete. `arx`, `spa`, `covf`, `predict`, `residuals` and `compare` take such records; everything else
-            refuses them and takes their `complete_parts()`.
+            complete. `oe`, `armax`, `bj` and `pem_ss` use every output that is known; `arx`, `iv4` and `okid` leave out
+            equations that touch a missing one; `spa`, `covf`, `predict`, `residuals` and `compare` take such records
+            too. Everything else refuses them and takes their `complete_parts()`.
         name: What the experiment is called.
 
     Raises:

@@ -27,11 +27,15 @@ class ErrorJacobian:
             disturbances from zero stand in front, in units of the innovation's deviation (rows, p + 1).
         errors: Number of prediction errors among the rows.
         transients: Number of free initial conditions.
+        log_determinant: What missing outputs add to the logarithm of the likelihood, times -2.
+        slope: Its derivatives (p,); None where no output is missing.
     """
 
     columns: FloatArray
     errors: int
     transients: int
+    log_determinant: float = 0.0
+    slope: FloatArray | None = None
 
 
 def error_jacobian(experiment: IOData, orders: Orders, theta: FloatArray, past: Past) -> ErrorJacobian:
@@ -64,10 +68,8 @@ def _with_free_past(y: FloatArray, u: FloatArray, orders: Orders, theta: FloatAr
     eps = lfilter(d, c, v)[start:]
 
     noise_count = max(orders.nc, orders.nd)
-    blocks = [(np.ones(1), c, noise_count)] if noise_count else []
-    inputs = [j for j, nf in enumerate(orders.nf) if nf]
-    blocks += [(d, np.convolve(c, f[j]), orders.nf[j]) for j in inputs]
-    basis, tau = _orthonormal(_transients(blocks, n - start), eps) if blocks else (None, np.zeros(0))
+    transients = free_transients(orders, theta, n - start)
+    basis, tau = _orthonormal(transients, eps) if transients.shape[1] else (None, np.zeros(0))
     if basis is not None:
         lasting = len(basis)
         eps[:lasting] -= basis @ (basis.T @ eps[:lasting])
@@ -192,6 +194,21 @@ def _inverse_root(c: FloatArray, d: FloatArray, m: int) -> FloatArray:
     covariance = scipy.linalg.solve_discrete_lyapunov(A, K @ K.T) + LEAST_VARIANCE * np.eye(m)
     root = np.linalg.cholesky(0.5 * (covariance + covariance.T))
     return np.asarray(scipy.linalg.solve_triangular(root, np.eye(m), lower=True))
+
+
+def free_transients(orders: Orders, theta: FloatArray, rows: int) -> FloatArray:
+    """What the unknown past may add to the errors of a record, as columns, up to where they have died out.
+
+    Args:
+        orders: The structure.
+        theta: Parameters (p,).
+        rows: Number of errors.
+    """
+    _, _, c, d, f = orders.split(theta)
+    noise_count = max(orders.nc, orders.nd)
+    blocks = [(np.ones(1), c, noise_count)] if noise_count else []
+    blocks += [(d, np.convolve(c, fj), nf) for fj, nf in zip(f, orders.nf, strict=True) if nf]
+    return _transients(blocks, rows) if blocks else np.zeros((0, 0))
 
 
 def _shifts(signal: FloatArray, count: int, first: int = 0) -> FloatArray:

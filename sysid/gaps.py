@@ -6,11 +6,11 @@ import numpy as np
 
 from sysid.arrays import FloatArray
 from sysid.data import IOData
-from sysid.recursion import state_trajectory
 from sysid.state_space import StateSpace
 
-SETTLED = 1e-13  # state covariance, as a part of the innovation's, below which the stationary gain holds
-LONG = 100  # samples between gaps for which the stationary filter is worth setting up
+SEGMENTS = 128  # parts of a record that are gone through side by side
+WARM_UP = 32  # samples before a part after which its state's covariance may have forgotten how it began
+SETTLED = 1e-12  # difference of covariances, as a part of what they may be, that has been forgotten
 
 
 @dataclass(frozen=True, eq=False)
@@ -40,48 +40,89 @@ def filtered(model: StateSpace, data: IOData, x0: FloatArray, *, free: bool = Fa
         x0: State at the first sample (n,).
         free: Whether the free responses are wanted too.
     """
-    A, B, C, D, K = model.A, model.B, model.C, model.D, model.gain
-    n, ny = K.shape
-    R = np.eye(ny) if model.innovation_covariance is None else model.innovation_covariance
-    if not np.trace(R) > 0.0:
-        R = np.eye(ny)
-    R = R / np.trace(R)
-    known, y = data.known, np.where(data.known, data.y, 0.0)
-    width = 1 + n if free else 1
-    states = np.empty((len(data), n, width))
-    weights = np.zeros((len(data), ny))
-    x = np.zeros((n, width))
-    x[:, 0] = x0
-    if free:
-        x[:, 1:] = np.eye(n)
-    P = np.zeros((n, n))
-    gaps = np.append(np.flatnonzero(~known.all(axis=1)), len(data))
-    stationary = 1.0 / np.sqrt(np.maximum(np.diag(R), 1e-300))
-    t = 0
-    while t < len(data):
-        until = int(gaps[np.searchsorted(gaps, t)])
-        if until - t > LONG and np.abs(P).max(initial=0.0) <= SETTLED:
-            drive = data.u[t:until] @ (B - K @ D).T + y[t:until] @ K.T
-            rest = np.zeros_like(drive)
-            for column in range(width):
-                w = drive if column == 0 else rest
-                run = state_trajectory(A - K @ C, np.vstack((w, w[:1])), x[:, column])
-                states[t:until, :, column] = run[:-1]
-                x[:, column] = run[-1]
-            weights[t:until] = stationary
-            P, t = np.zeros((n, n)), until
-            continue
-        states[t] = x
-        o = known[t]
-        S = C[o] @ P @ C[o].T + R[np.ix_(o, o)]
-        across = A @ P @ C[o].T + K @ R[:, o]
-        L = across / S if S.size == 1 else np.linalg.lstsq(S, across.T, rcond=None)[0].T
-        weights[t, o] = 1.0 / np.sqrt(np.maximum(np.diag(S), 1e-300))
-        error = -C[o] @ x
-        error[:, 0] += y[t, o] - D[o] @ data.u[t]
-        x = A @ x + L @ error
-        x[:, 0] += B @ data.u[t]
-        P = A @ P @ A.T + K @ R @ K.T - L @ S @ L.T
-        P = 0.5 * (P + P.T)
-        t += 1
-    return Filtered(states, weights)
+    n = model.order
+    known = data.known
+    gains, deviations = _gains(model, known)
+    y = np.where(known, data.y, 0.0)
+    drive = data.u @ model.B.T + np.einsum("tnl,tl->tn", gains, y - data.u @ model.D.T)
+    start = np.concatenate((np.asarray(x0, dtype=float)[:, None], np.eye(n)), axis=1) if free else x0[:, None]
+    return Filtered(_trajectory(model.A - gains @ model.C, drive, start), deviations)
+
+
+def _gains(model: StateSpace, known: np.ndarray) -> tuple[FloatArray, FloatArray]:
+    """Gain (N, n, ny) and inverse deviation of the prediction (N, ny) at every sample, zero for what is missing.
+
+    The covariance of the state forgets how it began. Parts of the record are gone through side by side, each from some
+    samples before its own; these are doubled until every part begins with what the one before has ended with.
+    """
+    A, C, K = model.A, model.C, model.gain
+    steps, ny = known.shape
+    n = len(A)
+    R = np.eye(ny) if model.innovation_covariance is None else np.asarray(model.innovation_covariance)
+    R = R / np.trace(R) if np.trace(R) > 0.0 else np.eye(ny) / ny
+    noise, cross = K @ R @ K.T, K @ R
+    ahead = WARM_UP
+    while True:
+        length = max(-(-steps // SEGMENTS), ahead)
+        parts = -(-steps // length)
+        # before the record, and behind it, everything is on record: there the covariance stays what it is, zero
+        padded = np.ones((ahead + parts * length, ny), dtype=bool)
+        padded[ahead : ahead + steps] = known
+        P = np.zeros((parts, n, n))
+        gains, deviations = np.empty((parts, length, n, ny)), np.empty((parts, length, ny))
+        begun = P
+        for t in range(-ahead, length):
+            if t == 0:
+                begun = P
+            mask = padded[ahead + t :: length][:parts].astype(float)
+            PC = P @ C.T
+            S = mask[:, :, None] * (C @ PC + R) * mask[:, None, :]
+            across = (A @ PC + cross) * mask[:, None, :]
+            variances = np.diagonal(S, axis1=1, axis2=2)
+            if ny == 1:
+                L = across * (mask / np.maximum(S[:, 0], 1e-300))[:, None]
+            else:
+                L = np.matmul(across, np.linalg.pinv(S, hermitian=True))
+            P = A @ P @ A.T + noise - np.matmul(L, across.transpose(0, 2, 1))
+            P = 0.5 * (P + P.transpose(0, 2, 1))
+            if t >= 0:
+                gains[:, t] = L
+                deviations[:, t] = mask / np.sqrt(np.maximum(variances, 1e-300))
+        if parts == 1 or np.abs(begun[1:] - P[:-1]).max() <= SETTLED * (1.0 + np.abs(P).max()):
+            break
+        ahead *= 4
+    flat = parts * length
+    return gains.reshape(flat, n, ny)[:steps], deviations.reshape(flat, ny)[:steps]
+
+
+def _trajectory(transitions: FloatArray, drive: FloatArray, start: FloatArray) -> FloatArray:
+    """States of x+ = F(t) x + w(t), w acting on the first column alone, (N, n, columns).
+
+    Args:
+        transitions: F (N, n, n).
+        drive: w (N, n).
+        start: States at the first sample (n, columns).
+    """
+    steps, n = drive.shape
+    length = -(-steps // SEGMENTS)
+    parts = -(-steps // length)
+    F, w = np.zeros((parts * length, n, n)), np.zeros((parts * length, n))
+    F[:steps], w[:steps] = transitions, drive
+    F, w = F.reshape(parts, length, n, n), w.reshape(parts, length, n)
+    # each part from rest, and from unit states; then one after the other
+    x = np.zeros((parts, n, 1 + n))
+    x[:, :, 1:] = np.eye(n)
+    inside = np.empty((length, parts, n, 1 + n))
+    for t in range(length):
+        inside[t] = x
+        x = np.matmul(F[:, t], x)
+        x[:, :, 0] += w[:, t]
+    begin = np.empty((parts, n, start.shape[1]))
+    state = start
+    for k in range(parts):
+        begin[k] = state
+        state = x[k, :, 1:] @ state
+        state[:, 0] += x[k, :, 0]
+    out = np.matmul(inside[..., 1:], begin)
+    out[..., 0] += inside[..., 0]
+    return np.ascontiguousarray(out.transpose(1, 0, 2, 3).reshape(parts * length, n, -1)[:steps])

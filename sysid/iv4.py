@@ -4,12 +4,13 @@ import warnings
 from collections.abc import Sequence
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.signal import lfilter
 
 from sysid.arrays import FloatArray
-from sysid.arx import arx_solution
+from sysid.arx import arx, arx_solution
 from sysid.data import IOData, as_experiments
-from sysid.errors import SysidWarning
+from sysid.errors import SysidError, SysidWarning
 from sysid.estimate import Estimate
 from sysid.excitation import check_excitation
 from sysid.least_squares import LeastSquares, solve
@@ -34,7 +35,8 @@ def iv4(data: IOData | Sequence[IOData], na: int, nb: int | Sequence[int], nk: i
     A y - B u, which need not be white. The whitener L is in the diagnostics.
 
     Args:
-        data: One experiment, or several that share the model.
+        data: One experiment, or several that share the model. Outputs may be missing: rows that touch one are left out,
+            and so are those that the whitener reaches; `armax` and `bj` use every known output.
         na: Degree of A.
         nb: Number of coefficients of B, one for all inputs or one per input.
         nk: Delay in samples, likewise; nk = 1 means y(t) depends on u(t-1) first, nk = 0 gives a direct term.
@@ -48,7 +50,7 @@ def iv4(data: IOData | Sequence[IOData], na: int, nb: int | Sequence[int], nk: i
     Warns:
         SysidWarning: The input excites too little, or the instruments hardly correlate with the regressors.
     """
-    experiments = as_experiments(data)
+    experiments = as_experiments(data, missing=True)
     check_single_output(experiments)
     orders = make_orders(experiments[0].nu, na=na, nb=nb, nk=nk)
     texts = check_excitation(experiments, [n + orders.na for n in orders.nb])
@@ -56,7 +58,10 @@ def iv4(data: IOData | Sequence[IOData], na: int, nb: int | Sequence[int], nk: i
     rows = [orders.first_row(e.window) for e in experiments]
     y, u = [e.y[:, 0] for e in experiments], [e.u for e in experiments]
 
-    theta = arx_solution(y, u, orders.na, orders.nb, orders.nk, rows)
+    if all(e.complete for e in experiments):
+        theta = arx_solution(y, u, orders.na, orders.nb, orders.nk, rows)
+    else:
+        theta = arx(experiments, orders.na, orders.nb, orders.nk).parameters
     theta = _instrumented(experiments, orders, theta, np.ones(1)).solution[:, 0]
     order = min(orders.count, min(usable, *(len(e) for e in experiments)) // ROWS_PER_COEFFICIENT)
     whitener = _whitener(_disturbances(experiments, orders, theta), order)
@@ -64,7 +69,8 @@ def iv4(data: IOData | Sequence[IOData], na: int, nb: int | Sequence[int], nk: i
 
     theta = fit.solution[:, 0]
     disturbances = _disturbances(experiments, orders, theta)
-    innovations = np.concatenate([lfilter(whitener, [1.0], v)[order:] for v in disturbances])
+    innovations = _known(np.concatenate([lfilter(whitener, [1.0], v)[order:] for v in disturbances]))
+    left = [_known(v) for v in disturbances]
     freedom = max(len(innovations) - orders.count, 1)
     if fit.rank < orders.count:
         texts.append(
@@ -79,7 +85,7 @@ def iv4(data: IOData | Sequence[IOData], na: int, nb: int | Sequence[int], nk: i
         {"na": orders.na, "nb": orders.nb, "nk": orders.nk},
         theta=theta,
         covariance=float(innovations @ innovations) / freedom * fit.inverse_gram,
-        variance=sum(float(v @ v) for v in disturbances) / (usable - orders.count),
+        variance=sum(float(v @ v) for v in left) / (sum(len(v) for v in left) - orders.count),
         diagnostics={
             "condition": fit.condition,
             "rank": fit.rank,
@@ -112,10 +118,15 @@ def _instrumented(
         instruments.append(arx_regressors(x, u, orders.na, orders.nb, orders.nk, start))
         regressors.append(arx_regressors(y, u, orders.na, orders.nb, orders.nk, start))
         targets.append(y[start:])
-    z = np.vstack(instruments)
+    z, phi, target = np.vstack(instruments), np.vstack(regressors), np.concatenate(targets)
+    if not all(e.complete for e in experiments):
+        # filters with finite memory: a missing output spoils the rows that it reaches, and no other
+        kept = np.isfinite(phi).all(axis=1) & np.isfinite(target)
+        _check_enough(kept, orders.count)
+        z, phi, target = z[kept], phi[kept], target[kept]
     lengths = np.linalg.norm(z, axis=0)
     basis, _ = np.linalg.qr(z / np.where(lengths > 0.0, lengths, 1.0))
-    return solve(basis.T @ np.vstack(regressors), (basis.T @ np.concatenate(targets))[:, None])
+    return solve(basis.T @ phi, (basis.T @ target)[:, None])
 
 
 def _disturbances(experiments: Sequence[IOData], orders: Orders, theta: FloatArray) -> list[FloatArray]:
@@ -128,4 +139,20 @@ def _whitener(disturbances: Sequence[FloatArray], order: int) -> FloatArray:
     """1, l1, ..., of the autoregressive model of the disturbances, by least squares (order + 1,)."""
     phi = np.vstack([-lagged(v, output_lags(order), order) for v in disturbances])
     target = np.concatenate([v[order:] for v in disturbances])
+    kept = np.isfinite(phi).all(axis=1) & np.isfinite(target)
+    if not kept.all():
+        _check_enough(kept, order)
+        phi, target = phi[kept], target[kept]
     return np.concatenate(([1.0], solve(phi, target[:, None]).solution[:, 0]))
+
+
+def _check_enough(kept: NDArray[np.bool_], unknown: int) -> None:
+    if kept.sum() <= unknown:
+        raise SysidError(
+            f"too many missing samples: {int(kept.sum())} of {len(kept)} rows touch none, {unknown} coefficients need "
+            "more; armax, bj and oe use every known output"
+        )
+
+
+def _known(signal: FloatArray) -> FloatArray:
+    return signal[np.isfinite(signal)]

@@ -7,15 +7,16 @@ from typing import Any
 import numpy as np
 
 from sysid.arrays import FloatArray
+from sysid.completed_records import completed
 from sysid.data import IOData
-from sysid.errors import SysidWarning
+from sysid.errors import SysidError, SysidWarning
 from sysid.estimate import Estimate
 from sysid.excitation import check_excitation
 from sysid.orders import Orders
 from sysid.past import Past
 from sysid.polynomial_estimate import check_enough_data, check_single_output, make_estimate
 from sysid.prediction_error import Linearisation, coloured_information
-from sysid.robust_covariance import sandwich
+from sysid.robust_covariance import curvature_covariance, sandwich
 from sysid.search import Start, search
 
 ILL_CONDITIONED = 1e10
@@ -36,7 +37,8 @@ def prediction_error_estimate(
     """Check the data, search, and turn the minimum into an estimate.
 
     The covariance is variance * (J' J)^-1 with J the exact Jacobian of the errors, initial conditions projected out
-    [Ljung1999, eqs. 9.17, 10.74]; the variance is unbiased: parameters and initial conditions are counted.
+    [Ljung1999, ch. 9]; the variance is unbiased: parameters and initial conditions are counted. Where
+    outputs are missing, the gaps tell of the parameters too, and the curvature of the likelihood takes J' J's place.
 
     Args:
         method: Name of the estimator.
@@ -49,17 +51,29 @@ def prediction_error_estimate(
             taken to be independent of the input, which makes for sharper intervals.
         past: What is assumed about the time before each record.
 
+    Raises:
+        SysidError: Several outputs, too little data, or backcasting over gaps.
+
     Warns:
         SysidWarning: Poor excitation, no convergence, bad conditioning, roots of C, D or F at the unit circle.
     """
     check_single_output(experiments)
+    gaps = not all(e.complete for e in experiments)
+    if gaps and past is Past.BACKCAST:
+        raise SysidError(
+            "past=Past.BACKCAST needs complete outputs; Past.ESTIMATED and Past.ZERO do not, and data.complete_parts() "
+            "cuts a record into experiments without gaps"
+        )
     transients = max(orders.nc, orders.nd) + sum(orders.nf)
     texts = check_excitation(experiments, [n + max(orders.na, f) for n, f in zip(orders.nb, orders.nf, strict=True)])
     check_enough_data(experiments, orders, transients)
-    found = search(experiments, orders, starts(experiments, orders), max_iterations=max_iterations, past=past)
+    beginnings = starts(completed(experiments, orders) if gaps else experiments, orders)
+    found = search(experiments, orders, beginnings, max_iterations=max_iterations, past=past)
     at = found.best.at
-    variance = at.cost / (at.errors - orders.count - at.transients)
-    covariance, condition = covariance_of(at, variance)
+    variance = at.sum_of_squares / (at.errors - orders.count - at.transients)
+    covariance, condition = covariance_of(at, at.inflation * variance)
+    if gaps and orders.na + orders.nc + orders.nd and at.cost > 0.0:
+        covariance = curvature_covariance(experiments, orders, at.theta, covariance, at.inflation * variance, past)
     if coloured and at.cost > 0.0:
         if orders.na == orders.nc == orders.nd == 0:
             half = covariance / variance
@@ -90,7 +104,7 @@ def prediction_error_estimate(
             "reason": found.best.reason,
             "starts": found.costs,
             "start": found.chosen,
-            "sum_of_squares": at.cost,
+            "sum_of_squares": at.sum_of_squares,
             "rows": at.errors,
             "initial_conditions": at.transients,
         },

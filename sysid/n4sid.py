@@ -12,9 +12,9 @@ from sysid.estimate import Estimate
 from sysid.excitation import check_excitation
 from sysid.local_coordinates import InputCoordinates, LocalCoordinates
 from sysid.predictor import Predictor, Scales
-from sysid.predictor_errors import Record
 from sysid.predictor_estimate import check_enough_samples, make_predictor_estimate
 from sysid.predictor_fit import least_squares_fit
+from sysid.predictor_record import Record
 from sysid.subspace import subspace
 
 

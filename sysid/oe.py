@@ -20,19 +20,20 @@ def oe(
     coloured: bool = False,
     past: Past = Past.ESTIMATED,
 ) -> Estimate:
-    """Fit y = B(q)/F(q) u + e by minimising the simulation error [Ljung1999, eqs. 4.25, 10.40].
+    """Fit y = B(q)/F(q) u + e by minimising the simulation error [Ljung1999, sec. 4.2, ch. 10].
 
     F stays stable at every step; by default the unknown past of each experiment is projected out. The covariance holds
     for a white disturbance, unless `coloured` is set.
 
     Args:
-        data: One experiment, or several that share the model.
+        data: One experiment, or several that share the model. Outputs may be missing: they
+            leave the sum.
         nb: Number of coefficients of B, one for all inputs or one per input.
         nf: Degree of F, likewise.
         nk: Delay in samples, likewise; nk = 1 means y(t) depends on u(t-1) first, nk = 0 gives a direct term.
         max_iterations: Steps of the final minimisation at most.
         coloured: Whether the covariance allows for a disturbance that is not white (but independent of the input), by
-            an autoregressive model of it [Ljung1999, eq. 9.42]. The estimate itself is the same.
+            an autoregressive model of it [Ljung1999, ch. 9]. The estimate itself is the same.
         past: What is assumed about the time before each experiment; by default nothing.
 
     Returns:
@@ -44,7 +45,7 @@ def oe(
     Warns:
         SysidWarning: Poor excitation, no convergence, bad conditioning, F at the edge of stability.
     """
-    experiments = as_experiments(data)
+    experiments = as_experiments(data, missing=not coloured)
     orders = make_orders(experiments[0].nu, nb=nb, nf=nf, nk=nk)
     asked = {"nb": orders.nb, "nf": orders.nf, "nk": orders.nk}
     return prediction_error_estimate(

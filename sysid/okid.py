@@ -160,7 +160,8 @@ def okid(
     observer), the gain of the same disturbance spectrum with a stable predictor takes its place.
 
     Args:
-        data: One experiment, or several that share the model; any numbers of inputs and outputs.
+        data: One experiment, or several that share the model; any numbers of inputs and outputs. Outputs may be
+            missing: equations that touch one are left out.
         order: Number of states.
         p: Number of observer Markov parameters; p * ny >= order.
         realiser: `era` or `era_dc`, or either with options fixed by `functools.partial`.
@@ -184,7 +185,7 @@ def okid(
     Warns:
         SysidWarning: Poor excitation, rank deficient regressors, unstable model or predictor.
     """
-    experiments = as_experiments(data)
+    experiments = as_experiments(data, missing=True)
     first = experiments[0]
     nu, ny = first.nu, first.ny
     for name, value in (("order", order), ("p", p)):
@@ -206,13 +207,23 @@ def okid(
         )
     blocks = [_regressors(e, p, s, direct) for e, s in zip(experiments, starts, strict=True)]
     phi = blocks[0] if len(blocks) == 1 else np.vstack(blocks)
-    fit = solve(phi, np.vstack([e.y[s:] for e, s in zip(experiments, starts, strict=True)]))
+    target = np.vstack([e.y[s:] for e, s in zip(experiments, starts, strict=True)])
+    if not all(e.complete for e in experiments):
+        # equations that touch a missing output are left out
+        known = np.isfinite(phi).all(axis=1) & np.isfinite(target).all(axis=1)
+        if known.sum() <= width:
+            raise SysidError(
+                f"too many missing samples: {int(known.sum())} of {rows} equations touch none, {width} observer "
+                "parameters per output need more; a smaller p may help; pem_ss uses every known output"
+            )
+        phi, target, rows = phi[known], target[known], int(known.sum())
+    fit = solve(phi, target)
     variance = fit.residual_gram / (rows - width)
     if fit.rank < width:
         texts.append(f"the regressors have rank {fit.rank} for {width} columns: the solution of least norm is given")
 
     u_max = np.max([np.abs(e.u).max(axis=0) for e in experiments], axis=0)
-    y_max = np.max([np.abs(e.y).max(axis=0) for e in experiments], axis=0)
+    y_max = np.max([np.nanmax(np.abs(e.y), axis=0) for e in experiments], axis=0)
     summary = DataSummary.of(experiments)
     realise = Realise(
         p=int(p),

@@ -14,9 +14,11 @@ from sysid.local_coordinates import LocalCoordinates
 from sysid.observer_gain import spectral_radius, stable_gain
 from sysid.predict import check_channels
 from sysid.predictor import Predictor, Scales
-from sysid.predictor_errors import Point, Record
+from sysid.predictor_errors import Point
 from sysid.predictor_estimate import check_enough_samples, degrees_of_freedom, make_predictor_estimate
 from sysid.predictor_fit import Minimum, coloured_information, column_scale, minimise
+from sysid.predictor_gaps import gapped_covariance
+from sysid.predictor_record import Record
 from sysid.simulate import as_model
 from sysid.state_space import StateSpace
 
@@ -47,7 +49,8 @@ def pem_ss(
     it; the covariance then holds for a white one, unless `coloured` is set.
 
     Args:
-        data: One experiment, or several that share the model; any numbers of inputs and outputs.
+        data: One experiment, or several that share the model; any numbers of inputs and outputs. Outputs may be
+            missing: the likelihood of those that are known is maximised. `okid`, `armax` and others give a start then.
         start: Where to begin: an estimate by `n4sid`, `okid` or any other method, or a model; or several of one order.
         direct: Whether D is estimated; otherwise it is zero.
         gain: Whether K is estimated; otherwise it is zero.
@@ -67,7 +70,7 @@ def pem_ss(
     Warns:
         SysidWarning: Poor excitation, no convergence, bad conditioning, a predictor at the edge of stability.
     """
-    experiments = as_experiments(data)
+    experiments = as_experiments(data, missing=not coloured)
     given = list(start) if isinstance(start, Sequence) else [start]
     models = [as_model(one) for one in given]
     if coloured and gain:
@@ -104,6 +107,12 @@ def pem_ss(
     chosen = min(minima, key=lambda k: minima[k].point.criterion)
     found = minima[chosen]
     covariance, condition = _covariance(found.normal.information)
+    innovation = None
+    if found.point.gaps:
+        innovation = found.point.covariance
+        if gain and found.reason != "errors at rounding level":
+            at, information = found.point, found.normal.information
+            covariance = gapped_covariance(records, at.predictor, at.weight, information, found.normal.basis)
     if coloured and found.reason != "errors at rounding level":
         point, basis = found.point, found.normal.basis
         covariance = covariance @ coloured_information(records, point, basis, min(COLOUR, samples // 20)) @ covariance
@@ -138,6 +147,7 @@ def pem_ss(
             "criteria": tuple(minima[k].point.criterion if k in minima else np.nan for k in range(len(given))),
         },
         texts=texts,
+        innovation=innovation,
     )
 
 

@@ -124,9 +124,10 @@ def check_enough_data(experiments: Sequence[IOData], orders: Orders, transients:
             f"nk = {slow} given, expected a delay of at most half the record: the shortest experiment has "
             f"{min(len(e) for e in experiments)} samples"
         )
-    rows = sum(max(len(e) - orders.first_row(e.window), 0) for e in experiments)
+    usable = [int(e.known[orders.first_row(e.window) :].sum()) for e in experiments]
+    rows = sum(usable)
     unknown = orders.count + transients * len(experiments)
-    short = [len(e) for e in experiments if len(e) <= orders.first_row(e.window) + transients]
+    short = [count for count in usable if count <= transients]
     if rows <= unknown or short:
         raise SysidError(
             f"too many orders for the data: {orders.count} parameters and {transients} initial conditions "

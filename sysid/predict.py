@@ -10,7 +10,7 @@ from sysid.arrays import FloatArray
 from sysid.data import IOData
 from sysid.errors import SysidError, SysidWarning
 from sysid.estimate import Estimate
-from sysid.gaps import filtered
+from sysid.gaps import Filtered, filtered
 from sysid.recursion import LARGEST, free_response, state_trajectory
 from sysid.simulate import as_model, as_state, output
 from sysid.state_space import StateSpace
@@ -19,7 +19,7 @@ from sysid.state_space import StateSpace
 def predict(
     model: StateSpace | Estimate, data: IOData, *, steps: int | None = 1, x0: ArrayLike | None = None
 ) -> FloatArray:
-    """Prediction of y(t) from outputs up to t - steps and inputs up to t [Ljung1999, eqs. 3.29, 4.86].
+    """Prediction of y(t) from outputs up to t - steps and inputs up to t [Ljung1999, sec. 3.2, 4.3].
 
     Missing outputs are predicted too, and what follows them from what is known, by the Kalman filter.
 
@@ -44,7 +44,13 @@ def predict(
     if steps is not None and (isinstance(steps, bool) or not isinstance(steps, int | np.integer) or steps < 1):
         raise SysidError(f"steps must be a whole number >= 1, or None to simulate; got {steps!r}")
     gain = np.zeros_like(m.gain) if steps is None else m.gain
-    start = initial_state(m, data, gain) if x0 is None else as_state(m, x0)
+    run = None
+    if x0 is None and not data.complete and m.order and gain.any():
+        # one run of the filter serves the initial state and the prediction
+        run = filtered(m, data, np.zeros(m.order), free=True)
+        start = _fitted_state(m, data, run)
+    else:
+        start = initial_state(m, data, gain) if x0 is None else as_state(m, x0)
     if steps is None or not gain.any():
         return output(m, data.u, start)
     observer = m.A - m.gain @ m.C
@@ -58,6 +64,8 @@ def predict(
     if data.complete:
         drive = data.u @ (m.B - m.gain @ m.D).T + data.y @ m.gain.T
         states = state_trajectory(observer, drive, start)
+    elif run is not None:
+        states = run.states[:, :, 0] + run.states[:, :, 1:] @ start
     else:
         states = filtered(m, data, start).states[:, :, 0]
     if steps == 1:
@@ -89,7 +97,7 @@ def initial_state(model: StateSpace, data: IOData, gain: FloatArray | None = Non
     seen = data.window or len(data)
     u, y = data.u[:seen], data.y[:seen]
     if not data.complete:
-        return _initial_state_with_gaps(model, data[:seen], K)
+        return _fitted_state(model, data, filtered(replace(model, K=K), data, np.zeros(model.order), free=True))
     observer = model.A - K @ model.C
     free = free_response(observer, model.C, seen)
     # what comes after the free response has died out says nothing about the initial state
@@ -102,14 +110,13 @@ def initial_state(model: StateSpace, data: IOData, gain: FloatArray | None = Non
     return np.asarray(solution, dtype=np.float64)
 
 
-def _initial_state_with_gaps(model: StateSpace, data: IOData, K: FloatArray) -> FloatArray:
-    """The same from the known outputs, each weighted by how well it can be predicted."""
-    run = filtered(replace(model, K=K), data, np.zeros(model.order), free=True)
+def _fitted_state(model: StateSpace, data: IOData, run: Filtered) -> FloatArray:
+    """The same from the known outputs of a record with gaps, each weighted by how well it can be predicted."""
     outputs = np.einsum("ij,tjk->tik", model.C, run.states)
     error = np.where(data.known, data.y, 0.0) - outputs[:, :, 0] - data.u @ model.D.T
     weights = run.deviations
     usable = (np.abs(outputs) < LARGEST).all(axis=(1, 2))
-    rows = len(usable) if usable.all() else int(np.argmin(usable))
+    rows = min(data.window or len(data), len(usable) if usable.all() else int(np.argmin(usable)))
     phi = (weights[:, :, None] * outputs[:, :, 1:])[:rows].reshape(-1, model.order)
     solution, *_ = np.linalg.lstsq(phi, (weights * error)[:rows].ravel(), rcond=None)
     return np.asarray(solution, dtype=np.float64)

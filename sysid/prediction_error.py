@@ -15,6 +15,7 @@ from sysid.arrays import FloatArray
 from sysid.autoregression import autoregression
 from sysid.data import IOData
 from sysid.error_jacobian import error_jacobian
+from sysid.error_jacobian_gaps import gapped_error_jacobian
 from sysid.least_squares import scaled_triangle
 from sysid.orders import Orders
 from sysid.past import Past
@@ -31,12 +32,13 @@ class Linearisation:
 
     Attributes:
         theta: Parameters (p,).
-        cost: Sum of squared prediction errors, initial conditions optimal.
+        cost: Sum of squared prediction errors, initial conditions and missing outputs optimal, times `inflation`.
         triangle: R of the projected Jacobian of the errors, columns scaled to unit length (p, p).
         target: Q' eps, so that the errors change as triangle @ (scale * step) + target (p,).
         scale: Lengths of the projected Jacobian's columns (p,).
         errors: Number of prediction errors.
         transients: Number of independent initial conditions taken out.
+        inflation: Factor in the cost beside the sum of squares: where outputs are missing, det(G'G)^(1/errors).
     """
 
     theta: FloatArray
@@ -46,6 +48,12 @@ class Linearisation:
     scale: FloatArray
     errors: int
     transients: int
+    inflation: float = 1.0
+
+    @property
+    def sum_of_squares(self) -> float:
+        """Sum of squared prediction errors."""
+        return self.cost / self.inflation
 
 
 @dataclass(frozen=True, eq=False)
@@ -86,7 +94,7 @@ def minimise(
         past: What is assumed about the time before each record.
         good_enough: Sum of squares at which to stop.
     """
-    energy = sum(float(e.y[:, 0] @ e.y[:, 0]) for e in experiments)
+    energy = sum(float(np.nansum(e.y[:, 0] ** 2)) if e.missing else float(e.y[:, 0] @ e.y[:, 0]) for e in experiments)
     at = start if isinstance(start, Linearisation) else linearise(experiments, orders, start, past)
     damping, iterations, evaluations = 1e-4, 0, 1
     while True:
@@ -148,7 +156,7 @@ def coloured_information(
 ) -> FloatArray:
     """J' R J of the errors' true covariance R, where they are independent of the input but not white.
 
-    R stands for an autoregressive model of the errors: J is filtered by its inverse [Ljung1999, eq. 9.42].
+    R stands for an autoregressive model of the errors: J is filtered by its inverse [Ljung1999, ch. 9].
 
     Args:
         experiments: Single-output experiments.
@@ -189,9 +197,20 @@ def linearise(
         theta: Parameters (p,).
         past: What is assumed about the time before each record.
     """
-    parts = [error_jacobian(e, orders, theta, past) for e in experiments]
+    parts = [
+        error_jacobian(e, orders, theta, past) if e.complete else gapped_error_jacobian(e, orders, theta, past)
+        for e in experiments
+    ]
     columns = np.vstack([part.columns for part in parts]) if len(parts) > 1 else parts[0].columns
     p = orders.count
+    inflation = 1.0
+    slopes = [part.slope for part in parts if part.slope is not None]
+    if slopes:
+        # -2 log likelihood is `count` times the logarithm of cost, the variance of the errors being the best one
+        count = sum(part.errors for part in parts)
+        inflation = float(np.exp(sum(part.log_determinant for part in parts) / count))
+        columns[:, :p] += columns[:, p:] * np.sum(slopes, axis=0) / (2.0 * count)
+        columns *= np.sqrt(inflation)
     errors = columns[:, p]
     cost = float(errors @ errors)
     triangle, lengths = scaled_triangle(columns, guarded=p)
@@ -203,4 +222,5 @@ def linearise(
         scale=lengths[:p],
         errors=sum(part.errors for part in parts),
         transients=sum(part.transients for part in parts),
+        inflation=inflation,
     )

@@ -94,7 +94,8 @@ class Scales:
         """Take them from a data set, behind the initialisation windows."""
 
         def size(parts: list[FloatArray]) -> FloatArray:
-            mean_square = np.mean(np.concatenate(parts) ** 2, axis=0)
+            squares = np.concatenate(parts) ** 2
+            mean_square = np.nanmean(squares, axis=0) if np.isnan(squares).any() else np.mean(squares, axis=0)
             return np.where(mean_square > 0.0, np.sqrt(mean_square), 1.0)
 
         return Scales(size([e.u[e.window :] for e in experiments]), size([e.y[e.window :] for e in experiments]))

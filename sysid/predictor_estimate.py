@@ -53,7 +53,7 @@ def check_enough_samples(experiments: Sequence[IOData], order: int, count: int) 
     Raises:
         SysidError: Not more equations than unknowns.
     """
-    samples = sum(len(e) - e.window for e in experiments)
+    samples = int(usable_samples(experiments))
     unknown = count + order * len(experiments)
     short = [len(e) for e in experiments if len(e) - e.window <= order]
     if samples * experiments[0].ny <= unknown or short:
@@ -76,6 +76,7 @@ def make_predictor_estimate(
     covariance: FloatArray,
     diagnostics: Mapping[str, Any],
     texts: Sequence[str],
+    innovation: FloatArray | None = None,
 ) -> Estimate:
     """Assemble the record.
 
@@ -89,16 +90,21 @@ def make_predictor_estimate(
         covariance: Of the local coordinates (q, q), NaN where not known.
         diagnostics: Condition, convergence, and what belongs to the method.
         texts: Warnings that were given.
+        innovation: Covariance of the prediction errors, channels scaled (ny, ny), where residuals do not tell it:
+            behind missing outputs they are larger.
     """
     summary = DataSummary.of(experiments)
     parameters = basis.T @ predictor.vector()
-    bare = scales.model(predictor, summary, None)
+    freedom = degrees_of_freedom(experiments, predictor, len(parameters))
+    if innovation is not None:
+        innovation = innovation * np.outer(scales.y, scales.y) * usable_samples(experiments) / freedom
+    bare = scales.model(predictor, summary, innovation)
     with warnings.catch_warnings():
         # said by the estimator
         warnings.simplefilter("ignore", SysidWarning)
         parts = [residuals(bare, e) for e in experiments]
     counted = np.concatenate([part[e.window :] for part, e in zip(parts, experiments, strict=True)])
-    variance = counted.T @ counted / degrees_of_freedom(experiments, predictor, len(parameters))
+    variance = counted.T @ counted / freedom if innovation is None else innovation
     realise = RealiseLocally(predictor, basis, parameters, scales, summary, variance)
     return Estimate(
         model=realise(parameters),
@@ -116,7 +122,14 @@ def make_predictor_estimate(
     )
 
 
+def usable_samples(experiments: Sequence[IOData]) -> float:
+    """Known outputs behind the initialisation windows, per output."""
+    if all(e.complete for e in experiments):
+        return sum(len(e) - e.window for e in experiments)
+    return sum(int(e.known[e.window :].sum()) for e in experiments) / experiments[0].ny
+
+
 def degrees_of_freedom(experiments: Sequence[IOData], predictor: Predictor, parameters: int) -> float:
     """Samples less the parameters and initial states per output."""
-    samples = sum(len(e) - e.window for e in experiments)
+    samples = usable_samples(experiments)
     return samples - (parameters + len(predictor.A) * len(experiments)) / experiments[0].ny

@@ -15,7 +15,9 @@ from scipy.signal import lfilter
 from sysid.arrays import FloatArray
 from sysid.autoregression import autoregression
 from sysid.predictor import Predictor
-from sysid.predictor_errors import Point, Record, initial_spread
+from sysid.predictor_errors import Point
+from sysid.predictor_gaps import gapped_normal
+from sysid.predictor_record import Record, initial_spread
 from sysid.predictor_sensitivities import Sensitivities
 from sysid.recursion import free_response
 
@@ -150,6 +152,8 @@ def linearise(records: Sequence[Record], point: Point, basis: FloatArray) -> Nor
         point: Where.
         basis: Directions (all entries of A, M, C, D, q).
     """
+    if point.gaps:
+        return Normal(*gapped_normal(point.predictor, point.gaps, point.states, point.covariance, basis), basis)
     sensitivities = Sensitivities.of(point.predictor)
     weight = point.weight
     q = basis.shape[1]

@@ -7,7 +7,7 @@ import numpy as np
 from sysid.arrays import FloatArray
 from sysid.orthonormal_basis import all_pass, gramian, stein
 from sysid.predictor import Predictor
-from sysid.predictor_errors import Record
+from sysid.predictor_record import Record
 from sysid.recursion import free_response, state_trajectory
 
 

@@ -1,7 +1,7 @@
 """Covariance of estimates whose prediction errors are not white, or whose model is not true: the "sandwich".
 
 Where the criterion is least, the estimate errs by H^-1 sum_t psi(t) e(t), with H the curvature of the criterion and
-terms psi(t) e(t) that are correlated in time [Ljung1999, eqs. 9.8-9.12]. The covariance of their sum is that of a
+terms psi(t) e(t) that are correlated in time [Ljung1999, ch. 9]. The covariance of their sum is that of a
 vector autoregression of them [DenHaanLevin1997], which needs no choice of a window.
 """
 
@@ -50,6 +50,41 @@ def sandwich(
     series = [s @ directions for s in scores(experiments, orders, theta, past)]
     half = directions @ np.linalg.inv(curvature)
     return half @ long_run_covariance(series) @ half.T
+
+
+def curvature_covariance(
+    experiments: Sequence[IOData],
+    orders: Orders,
+    theta: FloatArray,
+    covariance: FloatArray,
+    variance: float,
+    past: Past,
+) -> FloatArray:
+    """Covariance by the curvature of the likelihood where it is greatest (p, p): the observed information's inverse.
+
+    Args:
+        experiments: Single-output experiments.
+        orders: The structure.
+        theta: Where the criterion is least (p,).
+        covariance: About what it is (p, p); its directions serve as coordinates.
+        variance: Of the prediction errors, in units of the criterion.
+        past: What is assumed about the time before each record.
+
+    Returns:
+        Covariance; the one given where the curvature is that of no minimum, as at a bound.
+    """
+    directions = standard_directions(covariance)
+    gradients = []
+    for step in STEP * directions.T:
+        if not admissible(orders, theta + step):
+            return covariance
+        # the gradient at theta itself is nothing
+        at = linearise(experiments, orders, theta + step, past)
+        gradients.append(directions.T @ (at.scale * (at.triangle.T @ at.target)) / STEP)
+    curvature = 0.5 * (np.array(gradients) + np.array(gradients).T)
+    if np.linalg.eigvalsh(curvature)[0] < 0.01 * variance:
+        return covariance
+    return variance * directions @ np.linalg.inv(curvature) @ directions.T
 
 
 def long_run_covariance(series: Sequence[FloatArray]) -> FloatArray:

@@ -18,8 +18,10 @@ from sysid import (
     delayest,
     etfe,
     innovations_form,
+    n4sid,
     oe,
     okid,
+    pem_ss,
     predict,
     resid,
     residuals,
@@ -200,9 +202,10 @@ def test_covariances_average_known_products() -> None:
 def test_everything_else_refuses_and_takes_the_parts() -> None:
     data = record(0, 600, lost=0.01)
     refusing = [
-        lambda d: armax(d, 2, 2, 2),
-        lambda d: oe(d, 2, 2),
-        lambda d: okid(d, 2, p=4),
+        lambda d: armax(d, 2, 2, 2, coloured=True),
+        lambda d: oe(d, 2, 2, coloured=True),
+        lambda d: pem_ss(d, MODEL, gain=False, coloured=True),
+        lambda d: n4sid(d, 2),
         lambda d: etfe(d),
         lambda d: welch(d, segment=20),
         lambda d: cra(d, lags=4),

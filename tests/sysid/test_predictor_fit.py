@@ -8,8 +8,10 @@ from sysid.estimate import DataSummary
 from sysid.hankel_moments import hankel_moments, hankel_triangle
 from sysid.local_coordinates import InputCoordinates, LocalCoordinates
 from sysid.predictor import Predictor, Scales
-from sysid.predictor_errors import PRIOR, Point, Record
+from sysid.predictor_errors import Point
 from sysid.predictor_fit import least_squares_fit, linearise
+from sysid.predictor_record import PRIOR, Record, initial_spread
+from sysid.recursion import free_response
 
 
 def a_predictor(gain: bool, states: int = 4) -> Predictor:
@@ -30,7 +32,8 @@ def a_point(records: list[Record], p: Predictor, states: list[np.ndarray]) -> Po
     """Anywhere, not only where the initial states are optimal."""
     errors = [r.y - p.predict(r.w, r.u, x) for r, x in zip(records, states, strict=True)]
     covariance = sum(e.T @ e for e in errors) / sum(map(len, errors))
-    return Point(p, states, errors, np.asarray(covariance), 0.0)
+    spreads = tuple(initial_spread(free_response(p.A, p.C, len(e))) for e in errors)
+    return Point(p, states, errors, np.asarray(covariance), 0.0, spreads=spreads)
 
 
 @pytest.mark.parametrize("gain", [False, True])
