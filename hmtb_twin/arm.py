@@ -23,7 +23,9 @@ from hmtb_twin.parameters import (
     Servo,
 )
 from hmtb_twin.resources import model_file
+from hmtb_twin.seats import SEATS
 from hmtb_twin.servo import servo_gains
+from hmtb_twin.worksite_model import LATCH_WELD, worksite_spec
 
 VARIANTS = ("nominal",)
 """The arms that exist."""
@@ -40,8 +42,10 @@ class Arm:
         model: The compiled MuJoCo model.
         controller: The controller's own rigid-body model.
         variant: One of `VARIANTS`.
-        payload: One of `PAYLOADS`.
+        payload: One of `PAYLOADS`; at the worksite, what the end effector holds at first.
         friction: Whether the seals rub.
+        worksite: Whether the arm stands at its worksite: the model has contact, and the replacement unit as a free body
+            behind the arm's joints.
         actuators: Actuator of each joint.
         servos: Servo of each joint.
         gains: kp (N m/rad) and kd (N m s/rad) of each joint.
@@ -52,6 +56,7 @@ class Arm:
     variant: str
     payload: str
     friction: bool
+    worksite: bool
     actuators: Mapping[str, Actuator]
     servos: Mapping[str, Servo]
     gains: Mapping[str, tuple[float, float]]
@@ -59,7 +64,8 @@ class Arm:
     @cached_property
     def valves_closed(self) -> mujoco.MjModel:
         """The arm after an emergency shutdown: no flow through the valves, the oil trapped but for the leakage."""
-        return _compile(self.payload, {name: replace(a, valve_open=False) for name, a in self.actuators.items()})
+        shut = {name: replace(a, valve_open=False) for name, a in self.actuators.items()}
+        return _compile(self.payload, shut, self.worksite)
 
     @property
     def delays(self) -> np.ndarray:
@@ -109,6 +115,8 @@ class Arm:
     def rest(self, angles: np.ndarray) -> mujoco.MjData:
         """Return the state of the arm at rest at a pose, its oil already carrying the load.
 
+        At the worksite the unit is where the end effector holds it, or stands in the holster.
+
         Args:
             angles: Joint angles (7,), rad.
 
@@ -116,7 +124,13 @@ class Arm:
             A new MuJoCo state with controls that hold the pose.
         """
         data = mujoco.MjData(self.model)
-        data.qpos[:] = angles
+        data.qpos[: len(JOINTS)] = angles
+        if self.worksite:
+            held = PAYLOADS[self.payload] is not None
+            data.eq_active[self.model.equality(LATCH_WELD).id] = held
+            position, rotation = self.controller.tool_pose(angles) if held else SEATS["holster"].seated
+            data.qpos[len(JOINTS) : len(JOINTS) + 3] = position
+            mujoco.mju_mat2Quat(data.qpos[len(JOINTS) + 3 :], rotation.ravel())
         data.ctrl[:] = self.controls(angles[None])[0]
         displacement = np.array([self.actuators[name].displacement for name in JOINTS])
         data.act[self.pressure_states] = data.ctrl[1::2] / displacement
@@ -129,7 +143,8 @@ def load_arm(variant: str = "nominal", payload: str = "rpcm", *, friction: bool 
 
     Args:
         variant: One of `VARIANTS`.
-        payload: What the end effector holds, one of `PAYLOADS`. The servo gains are those of the RPCM either way.
+        payload: What the end effector holds, one of `PAYLOADS`. The servo gains are those of the RPCM either way. At
+            the worksite, what it holds at first: "none" leaves the unit in its holster.
         friction: Whether the seals rub; without friction the arm is what `linearize` describes.
         worksite: Whether the arm stands at the worksite, with contact, instead of in free space.
 
@@ -143,36 +158,42 @@ def load_arm(variant: str = "nominal", payload: str = "rpcm", *, friction: bool 
         raise TwinError(f"unknown variant {variant!r}, available: {', '.join(VARIANTS)}")
     if payload not in PAYLOADS:
         raise TwinError(f"unknown payload {payload!r}, available: {', '.join(PAYLOADS)}")
-    return _load(variant, payload, bool(friction))
+    return _load(variant, payload, bool(friction), bool(worksite))
 
 
 @lru_cache(maxsize=16)
-def _load(variant: str, payload: str, friction: bool) -> Arm:
+def _load(variant: str, payload: str, friction: bool, worksite: bool) -> Arm:
     gains = tuned_gains(controller_model("rpcm"))
     actuators = ACTUATORS if friction else {name: replace(a, friction=None) for name, a in ACTUATORS.items()}
     return Arm(
-        model=_compile(payload, actuators),
+        model=_compile(payload, actuators, worksite),
         controller=controller_model(payload),
         variant=variant,
         payload=payload,
         friction=friction,
+        worksite=worksite,
         actuators=MappingProxyType(dict(actuators)),
         servos=MappingProxyType(dict(SERVOS)),
         gains=MappingProxyType(gains),
     )
 
 
-def _compile(payload: str, actuators: Mapping[str, Actuator]) -> mujoco.MjModel:
+def _compile(payload: str, actuators: Mapping[str, Actuator], worksite: bool) -> mujoco.MjModel:
+    spec = worksite_spec() if worksite else _free_space_spec(payload)
+    gains = tuned_gains(controller_model("rpcm"))
+    for name in JOINTS:
+        configure(spec.actuator(name), actuators[name], gains[name])
+    return spec.compile()
+
+
+def _free_space_spec(payload: str) -> mujoco.MjSpec:
     spec = mujoco.MjSpec.from_file(str(model_file("hmtb/hmtb.xml")))
     for key in list(spec.keys):
         # Its activations would not fit an arm without friction, and `Arm.rest` computes the same state.
         spec.delete(key)
     if PAYLOADS[payload] is None:
         spec.delete(spec.body("rpcm"))
-    gains = tuned_gains(controller_model("rpcm"))
-    for name in JOINTS:
-        configure(spec.actuator(name), actuators[name], gains[name])
-    return spec.compile()
+    return spec
 
 
 def tuned_gains(controller: ControllerModel) -> dict[str, tuple[float, float]]:

@@ -33,7 +33,7 @@ class ControlStation:
         status: What was limited at each tick, bits of `Status` (N,).
         powered: Whether the servos have power at each tick (N,).
         live: Whether commands are computed tick by tick.
-        grip: Whether the end effector is closed.
+        grip: Whether the operator has the end effector closed; None where nobody works it.
 
     Raises:
         TwinError: The experiment asks for something that the station does not have.
@@ -52,7 +52,7 @@ class ControlStation:
         self.live = self._operator is not None or not self.powered.all()
         self.commands = np.empty((self.ticks, len(JOINTS)))
         self.status = np.zeros(self.ticks, dtype=np.int64)
-        self.grip = True
+        self.grip: bool | None = None
         if self._operator is None:
             self._excitation = _excitation(experiment, self.ticks)
             self.volts, self.counts = self._interface.read(self._excitation)

@@ -10,6 +10,21 @@ from hmtb_twin.parameters import HandController
 
 
 @dataclass(frozen=True)
+class UnitView:
+    """The replacement unit as the cameras show it.
+
+    Attributes:
+        position: Its grip, the tool point when it is held, in the world (3,), m.
+        rotation: Its frame, the tool frame when it is held, in the world (3, 3).
+        held: Whether the end effector holds it.
+    """
+
+    position: np.ndarray
+    rotation: np.ndarray
+    held: bool
+
+
+@dataclass(frozen=True)
 class View:
     """What an operator at the control station sees at a tick: cameras and displays, without his own delay or error.
 
@@ -18,12 +33,14 @@ class View:
         tool_position: Tool point in the world (3,), m.
         tool_rotation: Tool frame in the world (3, 3).
         wrench: Wrist force and torque (6,), N and N m.
+        unit: The replacement unit; None in free space.
     """
 
     time: float
     tool_position: np.ndarray
     tool_rotation: np.ndarray
     wrench: np.ndarray
+    unit: UnitView | None = None
 
 
 @dataclass(frozen=True)
@@ -32,7 +49,7 @@ class Motion:
 
     Attributes:
         volts: Stick voltage of each axis of the experiment (n_axes,), V.
-        grip: Whether the end effector is closed.
+        grip: Whether the end effector is closed; at the worksite, closing about the unit's fitting takes hold of it.
     """
 
     volts: np.ndarray

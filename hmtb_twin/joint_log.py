@@ -37,6 +37,17 @@ _CHANNELS = {
     ),
 }
 
+_WORKSITE_CHANNELS = {
+    "unit_pose": ("pose", "m, 1", "position and quaternion (w, x, y, z) of the replacement unit in the world"),
+    "contact_force": (
+        None,
+        "N",
+        "sum of the normal forces between unit and worksite, largest over the physics steps of the tick before",
+    ),
+}
+POSE = ("x", "y", "z", "qw", "qx", "qy", "qz")
+"""Components of a pose."""
+
 
 @dataclass(frozen=True)
 class JointLog:
@@ -56,6 +67,9 @@ class JointLog:
         counts: Hand-controller counts (N, n_axes).
         status: What was limited or switched off at each tick, bits of `Status` (N,), integers.
         provenance: Versions, arm and switches with which the log was made.
+        unit_pose: At the worksite, position (m) and quaternion of the replacement unit (N, 7); None elsewhere.
+        contact_force: At the worksite, sum of the normal forces between the unit and the worksite (N,), N: the largest
+            since the tick before; None elsewhere.
     """
 
     name: str
@@ -71,11 +85,13 @@ class JointLog:
     counts: np.ndarray
     status: np.ndarray
     provenance: Mapping[str, str] = field(default_factory=dict)
+    unit_pose: np.ndarray | None = None
+    contact_force: np.ndarray | None = None
 
     def __post_init__(self) -> None:
-        widths = {"joint": len(JOINTS), "component": len(WRENCH), "axis": len(self.axes)}
-        for channel, (along, _, _) in _CHANNELS.items():
-            array = np.array(getattr(self, channel), dtype=float if along else np.int64)
+        widths = {"joint": len(JOINTS), "component": len(WRENCH), "axis": len(self.axes), "pose": len(POSE)}
+        for channel, (along, _, _) in self._channels().items():
+            array = np.array(getattr(self, channel), dtype=np.int64 if channel == "status" else float)
             samples = len(np.atleast_1d(self.commanded))
             wanted = (samples, widths[along]) if along else (samples,)
             if array.shape != wanted:
@@ -86,6 +102,11 @@ class JointLog:
 
     def __len__(self) -> int:
         return len(self.commanded)
+
+    def _channels(self) -> "dict[str, tuple[str | None, str, str]]":
+        """The channels of this log: what each runs along besides time, unit and meaning."""
+        worksite = {name: entry for name, entry in _WORKSITE_CHANNELS.items() if getattr(self, name) is not None}
+        return {**_CHANNELS, **worksite}
 
     @property
     def time(self) -> np.ndarray:
@@ -144,8 +165,10 @@ class JointLog:
         }
         variables = {
             name: (("sample", along) if along else ("sample",), getattr(self, name), {"units": unit, "long_name": text})
-            for name, (along, unit, text) in _CHANNELS.items()
+            for name, (along, unit, text) in self._channels().items()
         }
+        if self.unit_pose is not None:
+            coordinates["pose"] = list(POSE)
         attributes = {
             "title": self.name,
             "format": FORMAT,
@@ -219,7 +242,7 @@ class JointLog:
                 for key, value in dataset.attrs.items()
                 if str(key).startswith(prefix)
             },
-            **{name: dataset[name].values for name in _CHANNELS},
+            **{name: dataset[name].values for name in (*_CHANNELS, *_WORKSITE_CHANNELS) if name in dataset},
         )
 
 

@@ -15,14 +15,15 @@ from hmtb_twin.parameters import (
     Hydraulics,
 )
 from hmtb_twin.quantity import Provenance, provenance
+from hmtb_twin.seats import LATCH, SEATS, TOUCH
 
 
 def provenance_table() -> tuple[Provenance, ...]:
     """List every tagged parameter of the nominal arm.
 
     Returns:
-        One line per parameter of links, payload, oil, friction, actuators, servos, motion, bus, hand controller and
-        recorder.
+        One line per parameter of links, payload, oil, friction, actuators, servos, motion, bus, hand controller,
+        recorder, seats, latch and touch.
     """
     owners: list[tuple[str, object]] = [(f"link {name}", link) for name, link in LINKS.items()]
     owners += [(f"payload {name}", payload) for name, payload in PAYLOADS.items() if payload is not None]
@@ -32,6 +33,8 @@ def provenance_table() -> tuple[Provenance, ...]:
     owners += [(f"motion {name}", motion) for name, motion in MOTIONS.items()]
     owners += [(f"bus terminal {name}", terminal) for name, terminal in BUS.items()]
     owners += [("hand controller", HAND_CONTROLLER), ("recorder", RECORDER)]
+    owners += [(f"seat {name}", seat) for name, seat in SEATS.items()]
+    owners += [("latch", LATCH), ("touch", TOUCH)]
     return tuple(line for owner, record in owners for line in provenance(owner, record))
 
 

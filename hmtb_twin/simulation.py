@@ -19,6 +19,8 @@ from hmtb_twin.experiment import Experiment, View
 from hmtb_twin.joint_log import WRENCH, JointLog, software_versions
 from hmtb_twin.parameters import JOINTS, RECORDER, SAMPLE_RATE, SAMPLE_TIME
 from hmtb_twin.recorder import delayed, read_resolvers
+from hmtb_twin.status import Status
+from hmtb_twin.worksite_run import WorksiteRun
 
 MOST_THREADS = 1024
 """More threads than that are a slip of the keyboard."""
@@ -140,7 +142,7 @@ def _run(arm: Arm, rows: list[_Row], threads: int, report: Callable[[int], None]
     simulations = batch.Batch(arm.model, nsim=len(rows), nthread=threads)
     for i, row in enumerate(rows):
         start = arm.rest(arm.pose(row.experiment.pose))
-        for name in ("qpos", "qvel", "act", "ctrl"):
+        for name in ("qpos", "qvel", "act", "ctrl", "eq_active"):
             simulations.bind(name)[i] = getattr(start, name)
     control, angles, act, sensors = (simulations.bind(name) for name in ("ctrl", "qpos", "act", "sensordata"))
     lengths = np.array([row.ticks for row in rows])
@@ -151,6 +153,10 @@ def _run(arm: Arm, rows: list[_Row], threads: int, report: Callable[[int], None]
         name: np.empty((lengths.max(), len(rows), width))
         for name, width in (("true_angles", 7), ("load_pressure", 7), ("wrench", 6))
     }
+    site = WorksiteRun(simulations, arm) if arm.worksite else None
+    if site:
+        record["unit_pose"] = np.empty((lengths.max(), len(rows), 7))
+        record["contact_force"] = np.empty((lengths.max(), len(rows), 1))
     live = [i for i, row in enumerate(rows) if row.station.live]
     if live:
         tool = arm.model.site("tool").id
@@ -166,6 +172,7 @@ def _run(arm: Arm, rows: list[_Row], threads: int, report: Callable[[int], None]
             tool_position=positions[i, tool].copy(),
             tool_rotation=rotations[i, tool].reshape(3, 3).copy(),
             wrench=sensors[i, : len(WRENCH)].copy(),
+            unit=site.look(i) if site else None,
         )
 
     simulations.forward()
@@ -173,13 +180,24 @@ def _run(arm: Arm, rows: list[_Row], threads: int, report: Callable[[int], None]
         record["true_angles"][k] = angles[:, : len(JOINTS)]
         record["load_pressure"][k] = act[:, pressures]
         record["wrench"][k] = sensors[:, : len(WRENCH)]
+        if site:
+            record["unit_pose"][k], record["contact_force"][k] = site.unit_pose, site.contact_force
+        changed = False
         for i in live:
             if k < rows[i].ticks and rows[i].failure is None:
                 rows[i].station.tick(k, _reading(rows[i], k, angles[i, : len(JOINTS)]), partial(look, k, i))
                 commands[k, i] = rows[i].station.commands[k]
+                closed = rows[i].station.grip
+                if site and closed is not None:
+                    changed |= site.close(i, closed)
         if live:
-            _switch_power(simulations, arm, rows, k)
-        control[active] = arm.controls(commands[k, active])
+            _switch_models(simulations, arm, rows, k, site, changed)
+        if site:
+            for i in active[site.held[active]]:
+                rows[i].station.status[k] |= Status.UNIT_HELD
+            control[active] = site.controls(commands[k, active], active)
+        else:
+            control[active] = arm.controls(commands[k, active])
         started = perf_counter()
         # The forward pass at the new state makes the wrench that of this very tick, under the command still in force.
         simulations.step(ids=active, nstep=substeps, stage=mujoco.mjtStage.mjSTAGE_ACC)
@@ -195,6 +213,8 @@ def _run(arm: Arm, rows: list[_Row], threads: int, report: Callable[[int], None]
             break
     for i, row in enumerate(rows):
         row.record = {name: values[: row.ticks, i] for name, values in record.items()}
+        if site:
+            row.record["contact_force"] = row.record["contact_force"][:, 0]
     return seconds
 
 
@@ -203,12 +223,16 @@ def _reading(row: _Row, tick: int, angles: np.ndarray) -> np.ndarray:
     return read_resolvers(angles, row.resolver_noise[tick], RECORDER, resolver=row.experiment.chain.resolver)
 
 
-def _switch_power(simulations: batch.Batch, arm: Arm, rows: list[_Row], tick: int) -> None:
+def _switch_models(
+    simulations: batch.Batch, arm: Arm, rows: list[_Row], tick: int, site: WorksiteRun | None, changed: bool
+) -> None:
     """Let simulations whose servo power goes off or on at a tick run on with closed or working valves."""
     powered = [row.station.powered for row in rows]
-    if any(tick < len(on) and tick > 0 and on[tick] != on[tick - 1] for on in powered):
-        shut = arm.valves_closed
-        simulations.set_models([arm.model if tick >= len(on) or on[tick] else shut for on in powered])
+    if changed or any(tick < len(on) and tick > 0 and on[tick] != on[tick - 1] for on in powered):
+        on_now = [bool(tick >= len(on) or on[tick]) for on in powered]
+        simulations.set_models(
+            site.models(on_now) if site else [arm.model if on else arm.valves_closed for on in on_now]
+        )
 
 
 def _reason(counts: np.ndarray, tick: int) -> str:
