@@ -1,6 +1,9 @@
 """The laboratory: arm, hydraulics, servos, hand controller, recorder; and the truth about them."""
 
 from hmtb_twin.arm import VARIANTS, Arm, load_arm
+from hmtb_twin.bus_faults import BusFaults
+from hmtb_twin.bus_record import BusRecord
+from hmtb_twin.bus_run import BusRun, read_run, record_run
 from hmtb_twin.chain import IDEAL, Chain
 from hmtb_twin.errors import TwinError, TwinWarning
 from hmtb_twin.experiment import Experiment, Motion, Operator, View
@@ -22,6 +25,9 @@ __all__ = [
     "STUDIED_JOINTS",
     "VARIANTS",
     "Arm",
+    "BusFaults",
+    "BusRecord",
+    "BusRun",
     "Chain",
     "Experiment",
     "HandController",
@@ -38,6 +44,8 @@ __all__ = [
     "axis_names",
     "linearize",
     "load_arm",
+    "read_run",
+    "record_run",
     "render",
     "simulate",
 ]

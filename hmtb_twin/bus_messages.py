@@ -5,7 +5,7 @@ from functools import cache
 import numpy as np
 
 from hmtb_twin.bus_record import CHANNELS, BusRecord
-from hmtb_twin.bus_words import COUNTS_PER_TICK, HIGHEST, LOWEST, MESSAGES, Message, checksum
+from hmtb_twin.bus_words import COUNTS_PER_TICK, HIGHEST, LOWEST, MESSAGES, Message, check_words
 
 INTRA_PACKET_HEADER = 14
 """Bytes before the words of a message: time stamp 8, block status 2, gap times 2, length 2 [IRIG2015, 10.6.4]."""
@@ -83,7 +83,7 @@ def pack(record: BusRecord, test: int, start: int) -> tuple[np.ndarray, np.ndarr
         part["length"] = message.length
         part["command"] = message.command
         part["status"] = message.status
-        part["data"] = np.column_stack([words, checksum(words)])
+        part["data"] = np.column_stack([words, check_words(words)])
         sent[:, column] = known
     return frames, sent
 
@@ -109,7 +109,7 @@ def unpack(messages: dict[str, np.ndarray], name: str, axes: tuple[str, ...], le
         channels[message.name][ticks] = np.array(message.steps) * codes
         if message.has_status:
             channels["status"][ticks, 0] = data[:, 2 + width]
-        flags[ticks] |= data[:, -2].astype(np.int64) << FIRST_BIT[message.name]
+        flags[ticks] |= data[:, -3].astype(np.int64) << FIRST_BIT[message.name]
         known[ticks] = True
     channels["saturated"][:, 0] = np.where(known, flags, np.nan)
     return BusRecord(

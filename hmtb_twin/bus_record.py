@@ -4,18 +4,14 @@ import warnings
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import numpy as np
 
-from hmtb_twin.bus_words import WRENCH_COMPONENTS
 from hmtb_twin.errors import TwinError
+from hmtb_twin.joint_log import WRENCH, JointLog
 from hmtb_twin.modes import joint_index
 from hmtb_twin.parameters import JOINTS
 from sysid import IOData
-
-if TYPE_CHECKING:
-    from hmtb_twin.joint_log import JointLog
 
 FORMAT = "hmtb bus record 1"
 """Marks the NetCDF files of this version."""
@@ -23,7 +19,7 @@ FORMAT = "hmtb bus record 1"
 CHANNELS = {
     "commanded": (tuple(f"{joint}_commanded" for joint in JOINTS), ("rad",) * len(JOINTS)),
     "measured": (tuple(f"{joint}_measured" for joint in JOINTS), ("rad",) * len(JOINTS)),
-    "wrench": (WRENCH_COMPONENTS, ("N",) * 3 + ("N m",) * 3),
+    "wrench": (WRENCH, ("N",) * 3 + ("N m",) * 3),
     "status": (("status",), ("1",)),
     "saturated": (("saturated",), ("1",)),
 }
@@ -83,15 +79,14 @@ class BusRecord:
         return len(self.commanded)
 
     @classmethod
-    def of(cls, log: "JointLog") -> "BusRecord":
+    def of(cls, log: JointLog) -> "BusRecord":
         """Take from a log what passes over the bus, before any rounding to words.
 
         Args:
             log: The log.
         """
         flags = np.zeros(len(log))
-        status = np.asarray(getattr(log, "status", flags), dtype=float)
-        return cls(log.name, log.dt, tuple(log.axes), log.commanded, log.measured, log.wrench, status, flags)
+        return cls(log.name, log.dt, tuple(log.axes), log.commanded, log.measured, log.wrench, log.status, flags)
 
     @classmethod
     def from_columns(cls, name: str, dt: float, axes: Sequence[str], table: np.ndarray) -> "BusRecord":
@@ -207,7 +202,7 @@ class BusRecord:
             name: (("sample", *([along[name]] if name in along else [])), getattr(self, name), _attributes(units))
             for name, (_, units) in CHANNELS.items()
         }
-        coordinates = {"sample": np.arange(len(self)), "joint": list(JOINTS), "component": list(WRENCH_COMPONENTS)}
+        coordinates = {"sample": np.arange(len(self)), "joint": list(JOINTS), "component": list(WRENCH)}
         attributes = {
             "title": self.name,
             "format": FORMAT,

@@ -11,7 +11,7 @@ import numpy as np
 from hmtb_twin.bus_faults import BUS_B, FAULTS, BusFaults
 from hmtb_twin.bus_messages import INTRA_PACKET_HEADER, layout, pack, unpack
 from hmtb_twin.bus_record import BusRecord
-from hmtb_twin.bus_words import CLOCK, COUNTS_PER_TICK, MESSAGES, checksum
+from hmtb_twin.bus_words import CLOCK, COUNTS_PER_TICK, MESSAGES, check_words
 from hmtb_twin.chapter10 import recording
 from hmtb_twin.chapter10_scan import scan
 from hmtb_twin.errors import TwinError
@@ -35,7 +35,7 @@ class Recording:
     Attributes:
         path: The file.
         ticks: Ticks recorded of each test.
-        message: Empty, or what was not recorded because the memory was full.
+        message: Empty, or what did not fit: values outside the range of their words, ticks after the memory was full.
     """
 
     path: Path
@@ -103,16 +103,23 @@ def record_run(
             )
     # Every test begins at a whole second, so that the time packets do too.
     start, used = CLOCK, 0
-    tests, starts, announcements, message = [], [], [], ""
+    tests, starts, announcements = [], [], []
+    full, clipping = "", []
     for number, record in enumerate(records, start=1):
         length = min(len(record), MEMORY - used)
         if length < len(record):
             left_out = sum(map(len, records[number - 1 :])) - length
-            message = message or (
-                f"{path.name}: memory full at tick {length} of {record.name} after {MEMORY} ticks in all; "
+            full = full or (
+                f"memory full at tick {length} of {record.name} after {MEMORY} ticks in all; "
                 f"the other {left_out} ticks were not recorded"
             )
         frames, sent = pack(record, number, start)
+        clipped = np.flatnonzero(sum(frames[message.name]["data"][:length, -3] != 0 for message in MESSAGES))
+        if len(clipped):
+            clipping.append(
+                f"values of {record.name} stand at the end of their words' range at {len(clipped)} ticks, "
+                f"from {clipped[0]} to {clipped[-1]}"
+            )
         struck, kept = (faults or BusFaults()).strike(frames[:length], sent[:length], number)
         tests.append((struck, kept))
         starts.append(start)
@@ -129,14 +136,15 @@ def record_run(
         raise TwinError(f"cannot write the record {path}: {error.strerror or error}") from error
     finally:
         partial.unlink(missing_ok=True)
-    return Recording(path, tuple(test.ticks for test in announcements), message)
+    remarks = "; ".join([*clipping, *([full] if full else [])])
+    return Recording(path, tuple(test.ticks for test in announcements), f"{path.name}: {remarks}" if remarks else "")
 
 
 def read_run(path: str | Path) -> BusRun:
     """Read every good message of a recording; what is missing is NaN, never a guess.
 
-    A message counts if the bus flagged no fault in it, its words are those of the interface control table, its checksum
-    is right, and its time stamp agrees with its tick.
+    A message counts if the bus flagged no fault in it, its words are those of the interface control table, its check
+    words are right, and its time stamp agrees with its tick.
 
     Args:
         path: The file.
@@ -197,7 +205,7 @@ def _good_messages(data: bytes, offsets: np.ndarray) -> tuple[dict[str, np.ndarr
         at = offsets[fits & (offsets + kind.itemsize <= len(raw))]
         rows = np.ascontiguousarray(raw[at[:, None] + np.arange(kind.itemsize)]).view(kind)[:, 0]
         words = rows["data"].astype(np.uint16)
-        sound = (rows["status"] == message.status) & (checksum(words[:, :-1]) == words[:, -1])
+        sound = (rows["status"] == message.status) & (check_words(words[:, :-2]) == words[:, -2:]).all(axis=1)
         sound &= (words[:, 1] >= 1) & (words[:, 1] <= TESTS_PER_RUN)
         good[message.name] = rows[sound]
     return _of_one_clock(good), flagged

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from hmtb_twin.bus_messages import INTRA_PACKET_HEADER
+from hmtb_twin.bus_messages import FRAME
 from hmtb_twin.bus_words import CLOCK, MESSAGES
 from hmtb_twin.errors import TwinError
 from hmtb_twin.parameters import SAMPLE_RATE
@@ -30,6 +30,9 @@ FIRST_BIT_OF_FIRST_WORD = 1
 
 INTERNAL_CLOCK, REAL_TIME_CLOCK, MONTH_AND_YEAR = 0, 3, 1
 """Source, format and date format of the time packets."""
+
+_FIRST_BYTES = np.cumsum([0, *(FRAME[message.name].itemsize for message in MESSAGES[:-1])])
+"""Where the messages of a tick begin; of each that the recorder has, it has the first byte."""
 
 TICKS_PER_PACKET = 5
 """A packet must hold less than 100 ms of data: five ticks, whose last message ends at 82 ms."""
@@ -91,7 +94,7 @@ def recording(
                     data_checksum=CHECKSUM_32,
                     data_type=BUS,
                     rtc=int.from_bytes(body[:8], "little"),
-                    count=_count(kept[part]),
+                    count=int(kept[part][:, _FIRST_BYTES].sum()),
                     time_tag_bits=FIRST_BIT_OF_FIRST_WORD,
                 )
                 packet.append(body)
@@ -128,9 +131,3 @@ def _time_packet(counter: int, date: datetime, number: int) -> bytes:
     )
     packet.time = date + timedelta(seconds=counter // CLOCK)
     return bytes(packet)
-
-
-def _count(kept: np.ndarray) -> int:
-    """How many messages a packet holds: of each that is there, the recorder has the first byte."""
-    sizes = [INTRA_PACKET_HEADER + message.length for message in MESSAGES]
-    return int(kept[:, np.cumsum([0, *sizes[:-1]])].sum())

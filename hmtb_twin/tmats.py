@@ -1,6 +1,7 @@
 """The set-up record of a recording (TMATS): what was recorded, on which channel, and what each word means."""
 
 import re
+from binascii import crc_hqx
 from collections.abc import Sequence
 from dataclasses import dataclass
 from urllib.parse import quote, unquote
@@ -106,15 +107,15 @@ def setup_record(tests: Sequence[Test]) -> str:
                 )
             )
     lines += "\n".join(conversions).splitlines()
-    lines += [r"V-1\ID:HMTB", r"V-1\VN:HTB", rf"V-1\HTB\TST\N:{len(tests)}"]
+    ours = [r"V-1\ID:HMTB", r"V-1\VN:HTB", rf"V-1\HTB\TST\N:{len(tests)}"]
     for n, test in enumerate(tests, start=1):
-        lines += [
+        ours += [
             rf"V-1\HTB\NAM-{n}:{spelled(test.name)}",
             rf"V-1\HTB\TIC-{n}:{test.ticks}",
             rf"V-1\HTB\PLN-{n}:{test.planned}",
             rf"V-1\HTB\AXS-{n}:{' '.join(quote(axis) for axis in test.axes)}",
         ]
-    return "".join(f"{line};\r\n" for line in lines)
+    return "".join(f"{line};\r\n" for line in [*lines, *ours, rf"V-1\HTB\CRC:{_check(ours)}"])
 
 
 def announced(text: str) -> tuple[Test, ...]:
@@ -124,8 +125,11 @@ def announced(text: str) -> tuple[Test, ...]:
         text: The record.
 
     Returns:
-        The tests in their sequence; none if the record is not ours.
+        The tests in their sequence; none if the record is not ours, or their lines are damaged.
     """
+    *ours, check = re.findall(r"^(V-1\\[^;]*);", text, re.M) or [""]
+    if check != rf"V-1\HTB\CRC:{_check(ours)}":
+        return ()
     found = dict(re.findall(r"^V-1\\HTB\\([A-Z]+-\d+):([^;]*);", text, re.M))
     tests = []
     for n in range(1, len(found) + 1):
@@ -135,6 +139,11 @@ def announced(text: str) -> tuple[Test, ...]:
         axes = tuple(map(unquote, found.get(f"AXS-{n}", "").split()))
         tests.append(Test(unquote(found[f"NAM-{n}"]), int(length), axes, int(planned)))
     return tuple(tests)
+
+
+def _check(lines: Sequence[str]) -> str:
+    """A check of our own lines: the sum that guards a packet lets two wrong bits through that cancel."""
+    return f"{crc_hqx(';'.join(lines).encode(errors='replace'), 0xFFFF):04X}"
 
 
 def spelled(name: str) -> str:

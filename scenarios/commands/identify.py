@@ -27,6 +27,7 @@ def identify(
     skip: float = 0.0,
     keep_mean: bool = False,
     validate: Path | None = None,
+    validate_test: str | None = None,
     json: bool = False,
 ) -> int:
     """Identify one input and one output from a record, ours or any robot's.
@@ -54,6 +55,7 @@ def identify(
             settling leaves different means in input and output.
         keep_mean: Leave the means in; otherwise they are removed.
         validate: Another record; the fits are then to it.
+        validate_test: Which of its tests, by name or number.
         json: Print JSON.
     """
     import warnings
@@ -68,14 +70,14 @@ def identify(
     with warnings.catch_warnings(record=True) as said:
         warnings.simplefilter("always", UserWarning)
         read = read_parts(data, joint=joint, input=input, output=output, dt=dt, test=test)
-    parts = _prepare(read, skip, keep_mean, data, test)
-    record = max(parts, key=len)
-    other = record
-    if validate is not None:
-        # A log is validated on the joint that the model is of, whichever it excites.
-        same = of_joint(record) or joint
-        others = read_parts(validate, joint=same, input=input, output=output, dt=dt)
-        other = max(_prepare(others, skip, keep_mean, validate), key=len)
+        parts = _prepare(read, skip, keep_mean, data, test)
+        record = max(parts, key=len)
+        other = record
+        if validate is not None:
+            # A log is validated on the joint that the model is of, whichever it excites.
+            same = of_joint(record) or joint
+            others = read_parts(validate, joint=same, input=input, output=output, dt=dt, test=validate_test)
+            other = max(_prepare(others, skip, keep_mean, validate, validate_test), key=len)
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", sysid.SysidWarning)
         found, complete = estimate(parts if len(parts) > 1 else record, method, orders)

@@ -71,7 +71,7 @@ def test_a_log_passes_to_the_analyst_within_one_quantum(experiment, tmp_path):
     assert np.abs(bus.u - net.u).max() <= BAM
     assert (bus.dt, bus.input_names, bus.output_names) == (net.dt, net.input_names, net.output_names)
     assert (bus.input_units, bus.output_units, bus.missing) == (net.input_units, net.output_units, False)
-    np.testing.assert_array_equal(run.tests[0].status, getattr(log, "status", np.zeros(len(log))))
+    np.testing.assert_array_equal(run.tests[0].status, log.status)
 
 
 def test_the_same_tests_make_the_same_file(records, content, tmp_path):
@@ -85,7 +85,8 @@ def test_what_does_not_fit_stands_at_the_end_and_says_so(bus_record, tmp_path):
     wrench[1, 0], wrench[1, 5] = 1e5, -1e5
     commanded[2, 6], measured[3, 0] = 4.0, np.pi
     record = replace(record, wrench=wrench, commanded=commanded, measured=measured)
-    record_run([record], tmp_path / "hard.ch10")
+    done = record_run([record], tmp_path / "hard.ch10")
+    assert done.message == "hard.ch10: values of hard stand at the end of their words' range at 3 ticks, from 1 to 3"
     found = read_run(tmp_path / "hard.ch10").tests[0]
     assert found.wrench[1, 0] == 2048 - FORCE_STEP
     assert found.wrench[1, 5] == -512
@@ -95,17 +96,18 @@ def test_what_does_not_fit_stands_at_the_end_and_says_so(bus_record, tmp_path):
     np.testing.assert_array_equal(read_run(tmp_path / "again.ch10").tests[0].saturated, found.saturated)
 
 
-def test_memory_ends_after_twenty_minutes(bus_record, tmp_path):
-    long = bus_record("long", MEMORY - 100)
+def test_memory_ends_after_twenty_minutes(bus_record, tmp_path, monkeypatch):
+    assert MEMORY == 20 * 60 * 50
+    monkeypatch.setattr("hmtb_twin.bus_run.MEMORY", 1000)
+    long = bus_record("long", 900)
     short = bus_record("short", 300)
     done = record_run([long, short, short], tmp_path / "full.ch10")
-    assert done.ticks == (MEMORY - 100, 100, 0)
+    assert done.ticks == (900, 100, 0)
     assert done.message == (
-        f"full.ch10: memory full at tick 100 of short after {MEMORY} ticks in all; "
-        "the other 500 ticks were not recorded"
+        "full.ch10: memory full at tick 100 of short after 1000 ticks in all; the other 500 ticks were not recorded"
     )
     run = read_run(tmp_path / "full.ch10")
-    assert [len(test) for test in run.tests] == [MEMORY - 100, 100, 0]
+    assert [len(test) for test in run.tests] == [900, 100, 0]
     assert run.lost == 0
     assert "short was to have 300 ticks, of which the memory held 100" in run.message
 
@@ -184,7 +186,7 @@ def test_every_cut_gives_every_whole_message(content, passed, tmp_path):
     rng = np.random.default_rng(0)
     counts = []
     setup = int.from_bytes(content[4:8], "little")
-    for end in [*range(setup + 150, setup + 400), *sorted(rng.integers(setup + 400, len(content), 60))]:
+    for end in [*range(setup + 150, setup + 300), *sorted(rng.integers(setup + 300, len(content), 30))]:
         path.write_bytes(content[:end])
         run = read_run(path)
         read = [nothing_made_up(found, sent) for found, sent in zip(run.tests, passed, strict=True)]
@@ -214,7 +216,7 @@ def test_nothing_usable_is_one_line(content, tmp_path):
         read_run(tmp_path / "absent.ch10")
 
 
-@settings(max_examples=60)
+@settings(max_examples=40)
 @given(flips=st.lists(st.tuples(st.floats(0, 0.999999), st.integers(0, 7)), min_size=1, max_size=4))
 def test_a_flipped_bit_costs_one_message_at_most(content, passed, tmp_path_factory, flips):
     spoilt = bytearray(content)
@@ -240,7 +242,7 @@ def test_every_bit_of_one_packet(content, passed, tmp_path):
     path.write_bytes(small)
     before = read_run(path).lost
     length = int.from_bytes(content[start + 4 : start + 8], "little")
-    for position in range(start, start + length):
+    for position in [*range(start, start + 60), *range(start + 60, start + length, 3)]:
         spoilt = bytearray(small)
         spoilt[position] ^= 1 << position % 8
         path.write_bytes(spoilt)

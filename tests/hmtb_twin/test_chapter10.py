@@ -72,9 +72,9 @@ def test_first_message_by_hand(content, bus_record):
     (specific,) = struct.unpack_from("<I", content, at + 24)
     assert (specific & 0xFFFFFF, specific >> 30) == (15, 1)  # five ticks of three messages, stamped at the first bit
     stamp, block, gaps, length = struct.unpack_from("<QHHH", content, at + 28)
-    assert (stamp, block, gaps, length) == (10_000_000, 0, 80, 26)
-    words = struct.unpack_from("<13H", content, at + 42)
-    assert words[:4] == (0b00001_1_00001_01011, 0b00001 << 11, 0, 1)  # command, status, tick, test
+    assert (stamp, block, gaps, length) == (10_000_000, 0, 80, 28)
+    words = struct.unpack_from("<14H", content, at + 42)
+    assert words[:4] == (0b00001_1_00001_01100, 0b00001 << 11, 0, 1)  # command, status, tick, test
     signed = [word - 65536 if word > 32767 else word for word in words[4:11]]
     np.testing.assert_array_equal(np.array(signed) * BAM, record.measured[0])
     assert words[11] == 0
