@@ -16,6 +16,7 @@ import tyro
 from scenarios.commands.convert import convert
 from scenarios.commands.identify import identify
 from scenarios.commands.output import reason
+from scenarios.commands.preview import preview
 from scenarios.commands.scenarios import scenarios
 from scenarios.commands.simulate import simulate
 from scenarios.commands.thesis import thesis
@@ -31,7 +32,8 @@ Start with:
 
   hmtb thesis                                     the whole study, ending in report.html
   hmtb scenarios                                  the experiments that exist
-  hmtb simulate siso-5-elbow_pitch                one of them, to a file
+  hmtb preview siso-5-elbow_pitch                 what one of them will command, before anything moves
+  hmtb simulate siso-5-elbow_pitch                run it, to a file
   hmtb identify siso-5-elbow_pitch.nc --method oe --orders 2 2 1
   hmtb truth                                      what an estimator should have found
 
@@ -44,6 +46,7 @@ COMMANDS: dict[str, Callable[..., int]] = {
     "simulate": simulate,
     "scenarios": scenarios,
     "waveform": waveform,
+    "preview": preview,
     "truth": truth,
     "identify": identify,
     "convert": convert,

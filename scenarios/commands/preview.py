@@ -1,0 +1,138 @@
+"""`hmtb preview`: what an experiment will command, before anything moves."""
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import tyro
+
+from scenarios.commands.output import output_folder, print_json, print_table, say
+
+if TYPE_CHECKING:
+    from scenarios.preview import Preview
+
+
+def preview(
+    names: Annotated[tuple[str, ...], tyro.conf.Positional, tyro.conf.arg(metavar="NAME ...")],
+    /,
+    *,
+    out: Path = Path("."),
+    duration: float | None = None,
+    seed: int | None = None,
+    json: bool = False,
+) -> int:
+    """Show what experiments will command, before anything moves: the oscilloscope of the laboratory.
+
+    Commands are those of a simulation to the bit, noise included; there is no physics. Names are registered scenarios
+    (hmtb scenarios), tags of them, or TOML files. Files of the same names in the folder are replaced.
+
+    Args:
+        names: Scenarios, tags or TOML files.
+        out: Folder for the plots, NAME-preview.png.
+        duration: Length of every experiment instead of the scenario's own, s.
+        seed: Draw other noise, as hmtb simulate does with the same seed.
+        json: Print JSON.
+    """
+    from dataclasses import replace
+
+    from scenarios.errors import ScenarioError
+    from scenarios.preview import preview as computed
+    from scenarios.preview_figure import preview_figure
+    from scenarios.registry import load, registered
+    from scenarios.registry import names as registered_names
+
+    wanted = [entry for name in names for entry in (registered_names(name) if name in registered().tags() else [name])]
+    if not wanted:
+        raise ScenarioError(
+            f"no scenario named; there are {len(registered_names())}, listed by: hmtb scenarios list; "
+            f"tags: {', '.join(registered().tags())}"
+        )
+    chosen = [load(name) for name in dict.fromkeys(wanted)]
+    if duration is not None:
+        chosen = [replace(entry, duration=duration) for entry in chosen]
+    if seed is not None:
+        chosen = [entry.reseeded(seed) for entry in chosen]
+    records = {}
+    with output_folder(out) as folder:
+        for scenario in chosen:
+            seen = computed(scenario)
+            picture = folder / f"{scenario.name}-preview.png"
+            preview_figure(seen).savefig(picture, dpi=120)
+            records[scenario.name] = {**_record(seen), "plot": str(picture)}
+            if not json:
+                _print(seen, picture)
+    if json:
+        print_json({"previews": records})
+    return 0
+
+
+def _record(seen: "Preview") -> dict[str, object]:
+    from hmtb_twin import JOINTS, Status
+    from scenarios.joint_inputs import LIMIT
+    from scenarios.needed_order import needed_orders
+
+    inputs = seen.inputs
+    return {
+        "duration_s": seen.scenario.duration,
+        "joints": {
+            joint: {
+                "peak_rate_rad_s": seen.peak_rate(joint),
+                "velocity_limit_rad_s": seen.velocity_limits[JOINTS.index(joint)],
+                "range_margin_rad": seen.margin(joint),
+            }
+            for joint in seen.moving
+        },
+        "tool_deflection_m": seen.deflection,
+        "tool_turn_rad": seen.turn,
+        "velocity_limited": seen.velocity_limited,
+        "joint_limited": seen.share(Status.JOINT_LIMITED),
+        "singular": seen.share(Status.SINGULAR),
+        "clipped": {"dac": seen.dac_clipped, "adc": seen.share(Status.CONVERTER_SATURATED)},
+        "order_of_excitation": seen.orders,
+        "needed_order": needed_orders(),
+        "inputs": None
+        if inputs is None
+        else {
+            "joints": inputs.joints,
+            "condition": inputs.condition,
+            "limit": LIMIT,
+            "covariance_condition": inputs.covariance_condition,
+            "orders": inputs.orders,
+            "full_model": inputs.full,
+            "block_diagonal_model": inputs.block_diagonal,
+        },
+        "warnings": seen.warnings(),
+    }
+
+
+def _print(seen: "Preview", picture: Path) -> None:
+    from math import degrees
+
+    from hmtb_twin import JOINTS, Status
+
+    rows = [
+        (
+            joint,
+            f"{degrees(seen.peak_rate(joint)):.1f} deg/s",
+            f"{degrees(seen.velocity_limits[JOINTS.index(joint)]):.1f} deg/s",
+            f"{degrees(seen.margin(joint)):.1f} deg",
+        )
+        for joint in seen.moving
+    ]
+    print_table(
+        f"{seen.scenario.name}: {seen.scenario.duration:g} s, {seen.scenario.mode.replace('_', ' ')} mode, "
+        f"axes {', '.join(seen.scenario.axes)}",
+        ("joint", "peak rate", "limit", "distance from the range's end"),
+        rows,
+    )
+    say(f"tool: up to {1000 * seen.deflection:.1f} mm away and {degrees(seen.turn):.3f} deg turned")
+    say(f"at the velocity limit: {100 * seen.velocity_limited:.3g} % of the time")
+    say(
+        f"clipped: {100 * seen.dac_clipped:.3g} % by the excitation computer's converter, "
+        f"{100 * seen.share(Status.CONVERTER_SATURATED):.3g} % by the hand controller's"
+    )
+    say(f"order of excitation: {', '.join(map(str, seen.orders))}")
+    if seen.inputs is not None:
+        say(f"condition between the commands of {', '.join(seen.inputs.joints)}: {seen.inputs.condition:.3g}")
+    for text in seen.warnings():
+        say(f"warning: {text}")
+    say(f"plot: {picture}\n")
