@@ -27,7 +27,7 @@ def arx(
     *,
     coloured: bool = False,
 ) -> Estimate:
-    """Fit A(q) y = B(q) u + e by least squares [Ljung1999, eqs. 4.7, 7.32].
+    """Fit A(q) y = B(q) u + e by least squares [Ljung1999, sec. 4.2, 7.3].
 
     Args:
         data: One experiment, or several that share the model. Outputs may be missing: equations that touch one are
@@ -36,7 +36,7 @@ def arx(
         nb: Number of coefficients of B, one for all inputs or one per input.
         nk: Delay in samples, likewise; nk = 1 means y(t) depends on u(t-1) first, nk = 0 gives a direct term.
         coloured: Whether the covariance allows for prediction errors that are not white, as where the orders are too
-            small: a "sandwich" [Ljung1999, eqs. 9.8-9.12]. It then tells the spread about the parameters that the
+            small: a "sandwich" [Ljung1999, ch. 9]. It then tells the spread about the parameters that the
             criterion leads to, which need not be the true ones. The estimate itself is the same.
 
     Returns:

@@ -73,7 +73,7 @@ class RootBand:
 
 
 def band(estimate: Estimate, quantity: Quantity) -> Band:
-    """95 % interval of a quantity by the delta method [Ljung1999, eq. 9.56].
+    """95 % interval of a quantity by the delta method [Ljung1999, ch. 9].
 
     Right where the quantity is about linear over the parameters' own spread; `sampled_band` is the check.
 

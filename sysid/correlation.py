@@ -9,7 +9,7 @@ from sysid.arrays import FloatArray
 
 
 def covariance_function(x: Sequence[FloatArray], z: Sequence[FloatArray], lags: int) -> FloatArray:
-    """R_xz(tau) = 1/N sum_t x(t + tau) z(t)', tau = -lags..lags [Ljung1999, eq. 6.10].
+    """R_xz(tau) = 1/N sum_t x(t + tau) z(t)', tau = -lags..lags [Ljung1999, sec. 6.1].
 
     Division is by the total N at every lag (biased, positive semidefinite). Means are left as they are. Products never
     reach over the boundary of an experiment.

@@ -59,7 +59,7 @@ class CovarianceFunction:
 
 
 def covf(data: IOData | Sequence[IOData], *, lags: int = 25) -> CovarianceFunction:
-    """Covariance functions of outputs and inputs [Ljung1999, eq. 6.10].
+    """Covariance functions of outputs and inputs [Ljung1999, sec. 6.1].
 
     Division is by N at every lag, so that the function is positive semidefinite. Means are left as they are: detrend
     first. Initialisation windows are left out, products never reach over the boundary of an experiment. Where samples

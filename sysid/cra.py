@@ -143,7 +143,7 @@ def _lags(u: FloatArray, lags: int, start: int, level_of: FloatArray) -> FloatAr
 
 
 def _deviation(phi: Sequence[FloatArray], inverse_gram: FloatArray, errors: FloatArray) -> FloatArray:
-    """Standard deviations of least squares with errors that are not white [Ljung1999, eq. 9.42]."""
+    """Standard deviations of least squares with errors that are not white [Ljung1999, ch. 9]."""
     rows, width = sum(len(part) for part in phi), len(inverse_gram)
     scale = float(np.abs(errors).max())
     if scale <= np.finfo(float).tiny:

@@ -31,7 +31,7 @@ def standard_directions(covariance: FloatArray) -> FloatArray:
 def spread(function: Callable[[FloatArray], FloatArray], parameters: FloatArray, covariance: FloatArray) -> FloatArray:
     """Change of `function` per standard direction, by central differences.
 
-    The sum over the first axis of the products of two entries is their covariance [Ljung1999, eq. 9.56].
+    The sum over the first axis of the products of two entries is their covariance [Ljung1999, ch. 9].
 
     Args:
         function: From parameters (p,) to a real array of any shape.

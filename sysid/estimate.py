@@ -193,7 +193,7 @@ class Estimate(Locked):
         """Half-power bandwidth with its 95 % interval, by the delta method on its logarithm.
 
         The crossing moves by d(log f) = -d(log ratio) / (d log ratio / d log f), ratio = |G(f)|^2 / |G(0)|^2, so that
-        the crossing is solved for only once [Ljung1999, eq. 9.56].
+        the crossing is solved for only once [Ljung1999, ch. 9].
         """
         hz = self.model.bandwidth()
         deviation = np.full(hz.shape, np.nan)

@@ -17,7 +17,7 @@ SILENT = 1e-20
 
 
 def etfe(data: IOData | Sequence[IOData], *, smoothing: int = 0) -> FrequencyResponse:
-    """Ratio of Fourier transforms Y(f) / U(f), smoothed over neighbours on request [Ljung1999, eqs. 6.24, 6.38].
+    """Ratio of Fourier transforms Y(f) / U(f), smoothed over neighbours on request [Ljung1999, sec. 6.3].
 
     Without smoothing it is unbiased apart from transients, but its variance does not fall with N: it is for looking,
     and for periodic inputs, where it is exact in the limit. Several experiments of equal length give

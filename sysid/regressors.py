@@ -46,7 +46,7 @@ def first_row(na: int, nb: Sequence[int], nk: Sequence[int], window: int = 0) ->
 def arx_regressors(
     y: FloatArray, u: FloatArray, na: int, nb: Sequence[int], nk: Sequence[int], start: int
 ) -> FloatArray:
-    """Rows [-y(t-1) ... -y(t-na), u1(t-nk1) ..., u2(t-nk2) ...] [Ljung1999, eq. 4.11].
+    """Rows [-y(t-1) ... -y(t-na), u1(t-nk1) ..., u2(t-nk2) ...] [Ljung1999, sec. 4.2].
 
     Args:
         y: Output (N,).

@@ -10,7 +10,7 @@ from sysid.state_space import StateSpace
 
 
 def residuals(model: StateSpace | Estimate, data: IOData, *, x0: ArrayLike | None = None) -> FloatArray:
-    """y(t) minus its one-step prediction [Ljung1999, eq. 3.20].
+    """y(t) minus its one-step prediction [Ljung1999, sec. 3.2].
 
     Args:
         model: The model, or an estimate of it.

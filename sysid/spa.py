@@ -45,7 +45,7 @@ def spa(
         frequencies: Hz (nf,); by default 512 values, evenly spaced up to Nyquist, without 0.
 
     Returns:
-        Response with covariance [Ljung1999, eqs. 6.62, 6.63], coherence, and the four spectra (two-sided, unit^2/Hz).
+        Response with covariance [Ljung1999, sec. 6.4], coherence, and the four spectra (two-sided, unit^2/Hz).
         Response and covariance are NaN where the input has no power to speak of.
 
     Raises:

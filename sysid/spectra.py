@@ -24,7 +24,7 @@ def response_of_spectra(
     """G = Phi_yu Phi_u^-1, disturbance Phi_v = Phi_y - Phi_yu Phi_u^-1 Phi_uy, coherence, covariance.
 
     The variance of G is Phi_v / (K Phi_u) with K the number of independent averages that the smoothing amounts to
-    [Ljung1999, eqs. 6.62, 6.63]; Phi_v is short of the nu averages that went into G, which is made up for there.
+    [Ljung1999, sec. 6.4]; Phi_v is short of the nu averages that went into G, which is made up for there.
 
     Args:
         method: Name of the estimator.

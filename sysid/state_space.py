@@ -20,7 +20,7 @@ HALF_POWER = 0.5  # -3.0103 dB
 
 @dataclass(frozen=True, eq=False)
 class StateSpace(Locked):
-    """Discrete-time model x(t+1) = A x + B u + K e, y(t) = C x + D u + e [Ljung1999, eq. 4.92].
+    """Discrete-time model x(t+1) = A x + B u + K e, y(t) = C x + D u + e [Ljung1999, sec. 4.3].
 
     Attributes:
         A: State matrix (n, n); n may be 0.
