@@ -8,7 +8,7 @@ import numpy as np
 from sysid.arrays import FloatArray
 from sysid.data import IOData, as_experiments
 from sysid.errors import SysidError, SysidWarning
-from sysid.estimate import Estimate
+from sysid.estimate import DataSummary, Estimate
 from sysid.excitation import check_excitation
 from sysid.local_coordinates import LocalCoordinates
 from sysid.observer_gain import spectral_radius, stable_gain
@@ -19,10 +19,14 @@ from sysid.predictor_estimate import check_enough_samples, degrees_of_freedom, m
 from sysid.predictor_fit import Minimum, coloured_information, column_scale, minimise
 from sysid.predictor_gaps import gapped_covariance
 from sysid.predictor_record import Record
+from sysid.predictor_starts import other_starts
 from sysid.simulate import as_model
 from sysid.state_space import StateSpace
 
 ILL_CONDITIONED = 1e12
+CROSSING_STEPS = 20  # towards the minimum with K, where none is asked for, and the other way round
+SCREENING_STEPS, POLISHED = 10, 2  # steps by which other beginnings are compared, and how many of them are gone on with
+SHORT = 50.0  # values of output per parameter below which a criterion often has several minima
 COLOUR = 30  # coefficients of the autoregressive models of a coloured disturbance
 
 
@@ -33,13 +37,19 @@ def pem_ss(
     direct: bool = True,
     gain: bool = True,
     coloured: bool = False,
+    search: bool = True,
     max_iterations: int = 100,
 ) -> Estimate:
-    """Minimise log det of the covariance of the one-step prediction errors [Ljung1999, eq. 7.92; McKelvey2004].
+    """Minimise log det of the covariance of the one-step prediction errors [Ljung1999, ch. 7; McKelvey2004].
 
     The order is that of `start`. Every step moves in the directions that change the behaviour, none in those that only
     change the basis of the state, so that no canonical form is needed. The predictor A - K C stays stable at every
     accepted step; the initial state of every experiment is estimated.
+
+    With `gain=True`, the default, plant and disturbance share one state, and the estimate is the best there is where
+    the order is that of both together: three outputs with a disturbance of first order each add three states to it.
+    Where the order is that of the plant alone, K is bought with errors in the plant; take more states then, or
+    `gain=False`. `resid` tells: what is left must be white with K, and independent of the input without.
 
     Real data of a higher order than the model often have several minima. Give several starts then, for example `n4sid`
     with different `block_rows`: each is refined, and the best is returned.
@@ -55,7 +65,10 @@ def pem_ss(
         direct: Whether D is estimated; otherwise it is zero.
         gain: Whether K is estimated; otherwise it is zero.
         coloured: With `gain=False`, whether the covariance allows for a disturbance that is not white, by an
-            autoregressive model of each output's [Ljung1999, eq. 9.42]. The estimate itself is the same.
+            autoregressive model of each output's [Ljung1999, ch. 9]. The estimate itself is the same.
+        search: Whether other beginnings (`n4sid` with several horizons, `okid`, with and without K) are tried where one
+            start is given and several minima are likely: the data hold fewer than 50 values of output per parameter. A
+            few steps screen them. Such a fit takes about ten times as long.
         max_iterations: Accepted steps at most.
 
     Returns:
@@ -105,7 +118,11 @@ def pem_ss(
     if not minima:
         raise refused[0]
     chosen = min(minima, key=lambda k: minima[k].point.criterion)
-    found = minima[chosen]
+    found, origin = minima[chosen], given[chosen]
+    name = origin.method if isinstance(origin, Estimate) else "model"
+    doubtful = samples * ny < SHORT * count and found.reason != "errors at rounding level"
+    if search and len(given) == 1 and doubtful and all(e.complete for e in experiments):
+        found, name = _searched(experiments, records, scales, (name, models[0], found), direct, gain, max_iterations)
     covariance, condition = _covariance(found.normal.information)
     innovation = None
     if found.point.gaps:
@@ -143,12 +160,50 @@ def pem_ss(
             "evaluations": found.evaluations,
             "converged": found.converged,
             "reason": found.reason,
-            "start": used.method if isinstance(used := given[chosen], Estimate) else "model",
+            "start": name,
             "criteria": tuple(minima[k].point.criterion if k in minima else np.nan for k in range(len(given))),
         },
         texts=texts,
         innovation=innovation,
     )
+
+
+def _searched(
+    experiments: Sequence[IOData],
+    records: Sequence[Record],
+    scales: Scales,
+    first: tuple[str, StateSpace, Minimum],
+    direct: bool,
+    gain: bool,
+    max_iterations: int,
+) -> tuple[Minimum, str]:
+    """The best of several minima, and from where."""
+    name, given, best = first
+    summary = DataSummary.of(experiments)
+    directions = LocalCoordinates(direct)
+    screened: list[tuple[str, Minimum]] = []
+    candidates = list(other_starts(experiments, given.order))
+    # the minimum of the other criterion leads round some that are not the lowest
+    other = [Record.of(e, scales, not gain) for e in experiments]
+    try:
+        crossed = minimise(other, _starts(given, scales, direct, not gain)[0], directions, CROSSING_STEPS)
+        candidates.append(
+            (f"{name}, refined {'without' if gain else 'with'} K", scales.model(crossed.point.predictor, summary, None))
+        )
+    except SysidError:
+        pass
+    for label, model in candidates:
+        try:
+            starts = _starts(model, scales, direct, gain)
+        except SysidError:
+            continue
+        screened += [(label, minimise(records, begin, directions, SCREENING_STEPS)) for begin in starts]
+    screened.sort(key=lambda pair: pair[1].point.criterion)
+    for label, few in screened[:POLISHED]:
+        found = few if few.converged else minimise(records, few.point.predictor, directions, max_iterations)
+        if found.point.criterion < best.point.criterion:
+            best, name = found, label
+    return best, name
 
 
 def _refined(records: Sequence[Record], starts: Sequence[Predictor], direct: bool, max_iterations: int) -> Minimum:

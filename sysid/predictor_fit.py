@@ -17,11 +17,12 @@ from sysid.autoregression import autoregression
 from sysid.predictor import Predictor
 from sysid.predictor_errors import Point
 from sysid.predictor_gaps import gapped_normal
-from sysid.predictor_record import Record, initial_spread
+from sysid.predictor_record import Record
 from sysid.predictor_sensitivities import Sensitivities
-from sysid.recursion import free_response
+from sysid.stability_edge import constrained_step, outward, pulled_in, stability_limit
 
 CONVERGED = 1e-8  # decrease still to be had, as a part of the sum of squares
+SETTLED = 1e-4  # the same in N dV / V: a hundredth of a standard deviation
 ROUNDING = 1e-29  # mean square of the errors, as a part of the output's, below which nothing is left to explain
 REPAIRS = 6  # steps towards an exact fit
 Directions = Callable[[Predictor], FloatArray]
@@ -64,7 +65,7 @@ class Minimum:
 
 
 def minimise(records: Sequence[Record], start: Predictor, directions: Directions, max_iterations: int) -> Minimum:
-    """Levenberg-Marquardt on log det of the errors' covariance; the predictor stays stable [Ljung1999, eq. 7.92].
+    """Levenberg-Marquardt on log det of the errors' covariance; the predictor stays stable [Ljung1999, ch. 7].
 
     Args:
         records: Experiments.
@@ -73,8 +74,9 @@ def minimise(records: Sequence[Record], start: Predictor, directions: Directions
         max_iterations: Accepted steps at most.
     """
     power = float(np.mean([np.mean(r.y**2) for r in records]))
-    point = Point.at(records, start.balanced(), np.eye(start.C.shape[0]))
     samples = sum(len(r.y) for r in records)
+    limit = stability_limit(max(len(r.y) for r in records))
+    point = Point.at(records, pulled_in(start, limit).balanced(), np.eye(start.C.shape[0]))
     damping, iterations, evaluations = 1e-6, 0, 1
     while True:
         normal = linearise(records, point, directions(point.predictor))
@@ -85,31 +87,30 @@ def minimise(records: Sequence[Record], start: Predictor, directions: Directions
         kept = values > 1e-14 * values[-1]
         values = np.where(kept, values, 1.0)
         g = np.where(kept, vectors.T @ (normal.gradient / scale), 0.0)
-        left = float(np.sum(g**2 / values)) / (samples * len(point.covariance))
-        if left <= CONVERGED:
-            return Minimum(point, normal, iterations, evaluations, True, "no decrease left")
+        rows = np.where(kept, outward(point.predictor, normal.basis, limit) / scale @ vectors, 0.0)
+        left = float(g @ constrained_step(values, g, rows)) / (samples * len(point.covariance))
+        if left <= max(CONVERGED, SETTLED / (samples * len(point.covariance))):
+            where = " at the edge of stability" if len(rows) else ""
+            return Minimum(point, normal, iterations, evaluations, True, f"no decrease left{where}")
         if iterations >= max_iterations:
-            return Minimum(point, normal, iterations, evaluations, False, f"stopped after {iterations} iterations")
-        blocked = False
+            why = f"stopped after {iterations} iterations, one more promises N dV/V = {left * samples:.2g}"
+            return Minimum(point, normal, iterations, evaluations, False, why)
         trial = None
         while damping < 1e8:
-            weights = 1.0 / (values + damping)
-            step = (vectors @ (weights * g)) / scale
-            predictor = point.predictor.moved(normal.basis @ step)
-            if predictor.is_stable():
-                trial = Point.at(records, predictor, point.weight)
+            step = constrained_step(values + damping, g, rows)
+            moved = point.predictor.moved(normal.basis @ (vectors @ step / scale))
+            if np.isfinite(moved.A).all():
+                trial = Point.at(records, pulled_in(moved, limit), point.weight, point.spreads)
                 evaluations += 1
                 if trial.criterion < point.criterion:
                     break
                 trial = None
-            else:
-                blocked = True
             damping = max(damping * 10.0, 1e-8)
         if trial is None:
             flat = left <= 1e-4 or float(np.trace(point.covariance)) <= 1e-16 * power
-            why = "the edge of stability bars the way" if blocked else "no step decreases the errors further"
+            why = f"no step decreases the errors further; promised is N dV/V = {left * samples:.2g}"
             return Minimum(point, normal, iterations, evaluations, flat, why)
-        promised = float(np.sum(g**2 * weights * (2.0 - values * weights))) / samples
+        promised = float(2.0 * g @ step - step**2 @ values) / samples
         achieved = point.criterion - trial.criterion
         damping = damping / 30.0 if achieved > 0.75 * promised else damping
         if achieved < 0.25 * promised:
@@ -134,7 +135,7 @@ def least_squares_fit(records: Sequence[Record], start: Predictor, directions: D
         scale = column_scale(normal.information)
         solution = np.linalg.lstsq(normal.information / np.outer(scale, scale), normal.gradient / scale, rcond=1e-13)
         step = solution[0] / scale
-        better = Point.at(records, point.predictor.moved(normal.basis @ step), point.weight)
+        better = Point.at(records, point.predictor.moved(normal.basis @ step), point.weight, point.spreads)
         if not better.criterion < point.criterion:
             break
         point = better
@@ -158,7 +159,7 @@ def linearise(records: Sequence[Record], point: Point, basis: FloatArray) -> Nor
     weight = point.weight
     q = basis.shape[1]
     information, gradient = np.zeros((q, q)), np.zeros(q)
-    for record, x0, e in zip(records, point.states, point.errors, strict=True):
+    for record, x0, e, prior in zip(records, point.states, point.errors, point.spreads, strict=True):
         table = sensitivities.table(x0, basis)
         moments, products = sensitivities.moments(record, e)
         weighted = np.einsum("lr,lac->rac", np.linalg.cholesky(weight), table)
@@ -166,7 +167,6 @@ def linearise(records: Sequence[Record], point: Point, basis: FloatArray) -> Nor
         full = flat.T @ np.matmul(moments, weighted).reshape(flat.shape)
         slope = np.einsum("lac,al->c", table, products @ weight)
         corner, side = full[q:, q:], full[q:, :q]
-        prior = initial_spread(free_response(point.predictor.A, point.predictor.C, len(e)))
         inverse = np.outer(prior, prior) * np.linalg.inv(corner * np.outer(prior, prior) + np.eye(len(prior)))
         slope[q:] -= x0 / prior**2
         information += full[:q, :q] - side.T @ inverse @ side
@@ -178,7 +178,7 @@ def coloured_information(records: Sequence[Record], point: Point, basis: FloatAr
     """J' W R W J of the errors' own covariance R, where they are independent of the input but not white.
 
     Errors are made uncorrelated by the root of W; each component then stands for an autoregressive model of its own, by
-    whose inverse J is filtered [Ljung1999, eq. 9.42]. Correlation between components at lags other than zero is left
+    whose inverse J is filtered [Ljung1999, ch. 9]. Correlation between components at lags other than zero is left
     out.
 
     Args:
@@ -197,11 +197,10 @@ def coloured_information(records: Sequence[Record], point: Point, basis: FloatAr
     variances = [float(np.mean(lfilter(w, [1.0], e) ** 2)) for w, e in zip(whiteners, errors.T, strict=True)]
     q = basis.shape[1]
     total = np.zeros((q, q))
-    for record, x0 in zip(records, point.states, strict=True):
+    for record, x0, prior in zip(records, point.states, point.spreads, strict=True):
         table = np.einsum("lr,lac->rac", root, sensitivities.table(x0, basis))
         signals = sensitivities.signals(record)
         columns = [signals @ part for part in table]
-        prior = initial_spread(free_response(point.predictor.A, point.predictor.C, len(record.y)))
         corner = sum(part[:, q:].T @ part[:, q:] for part in columns) + np.diag(prior**-2.0)
         onto = np.linalg.solve(corner, sum(part[:, q:].T @ part[:, :q] for part in columns))
         for part, whitener, variance in zip(columns, whiteners, variances, strict=True):
