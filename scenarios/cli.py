@@ -22,6 +22,8 @@ from scenarios.commands.simulate import simulate
 from scenarios.commands.thesis import thesis
 from scenarios.commands.truth import truth
 from scenarios.commands.usage import one_line
+from scenarios.commands.video import video
+from scenarios.commands.view import view
 from scenarios.commands.waveform import waveform
 from scenarios.errors import ScenarioError
 from scenarios.suggest import unknown
@@ -50,6 +52,8 @@ COMMANDS: dict[str, Callable[..., int]] = {
     "truth": truth,
     "identify": identify,
     "convert": convert,
+    "view": view,
+    "video": video,
 }
 
 

@@ -1,0 +1,87 @@
+"""`hmtb video`: a film or a picture of an experiment."""
+
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import tyro
+
+from scenarios.commands.output import print_json, progress, say
+
+if TYPE_CHECKING:
+    import numpy as np
+
+
+def video(
+    name: Annotated[str, tyro.conf.Positional, tyro.conf.arg(metavar="SCENARIO|LOG")],
+    /,
+    *,
+    out: Path | None = None,
+    camera: str = "overview",
+    width: int = 640,
+    height: int = 480,
+    fps: float = 25.0,
+    speed: float = 1.0,
+    start: float = 0.0,
+    duration: float | None = None,
+    seed: int | None = None,
+    json: bool = False,
+) -> int:
+    """Film an experiment: a scenario, which is simulated first, or a log that hmtb simulate has written.
+
+    Films are rendered without a display. .mp4 needs the extra hmtb-twin[video]; .gif and .png do without.
+
+    Args:
+        name: A registered scenario, a TOML file, or a log NAME.nc.
+        out: The file, its ending .mp4, .gif or .png (the picture at --start); NAME.mp4 when not given.
+        camera: View, or several separated by commas: overview, window (the aft flight deck's), port, starboard and
+            worksite (the bay's cameras), wrist_camera; deck is window, port, starboard and wrist_camera in one.
+        width: Width of each view, pixels.
+        height: Height of each view, pixels.
+        fps: Frames per second.
+        speed: Seconds of the experiment per second of film.
+        start: First time to show, s.
+        duration: How much of the experiment to show, s; to its end when not given.
+        seed: Draw other noise; for a scenario only.
+        json: Print JSON.
+    """
+    from scenarios.errors import ScenarioError
+    from scenarios.film import frames, write_film
+    from scenarios.playback import played
+    from scenarios.whole_file import check_place
+
+    for label, value in (("fps", fps), ("speed", speed)):
+        if not 0 < value <= 1000:
+            raise ScenarioError(f"--{label} must be above 0 and at most 1000, given {value:g}")
+    log = played(name, seed=seed)
+    path = Path(f"{log.name}.mp4") if out is None else out
+    check_place(path)
+    end = len(log) * log.dt
+    last = end - log.dt if duration is None else min(start + duration, end - log.dt)
+    if not 0 <= start <= last:
+        raise ScenarioError(f"nothing to show from {start:g} s for {duration} s; {log.name} lasts from 0 to {end:g} s")
+    if path.suffix == ".png":
+        last = start
+    cameras = DECK if camera == "deck" else tuple(entry.strip() for entry in camera.split(","))
+    pictures = frames(log, cameras, size=(width, height), rate=fps, speed=speed, span=(start, last))
+    count = int((last - start) / speed * fps + 1e-9) + 1
+    with progress("filming") as report:
+        write_film(_counted(pictures, count, report), path, rate=fps)
+    record = {"film": str(path), "scenario": log.name, "frames": count, "cameras": cameras}
+    if json:
+        print_json(record)
+    else:
+        say(f"{path}: {count} frame{'s' if count != 1 else ''} of {log.name}, {start:g} to {last:g} s")
+    return 0
+
+
+DECK = ("window", "port", "starboard", "wrist_camera")
+"""What the operator on the aft flight deck sees at once."""
+
+
+def _counted(
+    pictures: "Iterator[np.ndarray]", total: int, report: Callable[[int, int], None]
+) -> "Iterator[np.ndarray]":
+    for number, picture in enumerate(pictures, start=1):
+        report(number, total)
+        yield picture

@@ -1,0 +1,44 @@
+"""`hmtb view`: the arm in MuJoCo's viewer."""
+
+from typing import Annotated
+
+import tyro
+
+from scenarios.commands.output import say
+
+
+def view(
+    name: Annotated[str | None, tyro.conf.Positional, tyro.conf.arg(metavar="[SCENARIO|LOG]")] = None,
+    /,
+    *,
+    payload: str = "rpcm",
+    speed: float = 1.0,
+    loop: bool = False,
+    seed: int | None = None,
+) -> int:
+    """Show the arm in MuJoCo's viewer: alone, to be moved by hand, or an experiment as it went.
+
+    Needs a display; hmtb video films without one.
+
+    Args:
+        name: A scenario, which is simulated first, or a log NAME.nc: played back. Nothing: the arm at the approach
+            point, its servos on, with the viewer's own controls.
+        payload: What the end effector of the arm alone holds: rpcm or none.
+        speed: Seconds of the experiment per second of playback.
+        loop: Play again and again.
+        seed: Draw other noise; for a scenario only.
+    """
+    from scenarios.errors import ScenarioError
+    from scenarios.viewer import play, show
+
+    if not 0 < speed <= 1000:
+        raise ScenarioError(f"--speed must be above 0 and at most 1000, given {speed:g}")
+    if name is None:
+        show(payload)
+        return 0
+    from scenarios.playback import played
+
+    log = played(name, seed=seed)
+    say(f"{log.name}: {len(log) * log.dt:g} s, played at {speed:g} times its speed; close the window to end")
+    play(log, speed=speed, loop=loop)
+    return 0

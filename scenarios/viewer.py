@@ -1,0 +1,83 @@
+"""The arm in MuJoCo's own viewer, on a display."""
+
+import os
+import sys
+from time import perf_counter, sleep
+from typing import Any
+
+import mujoco
+import numpy as np
+
+from hmtb_twin import JointLog, load_arm
+from hmtb_twin.parameters import JOINTS, OPERATING_POSE
+from hmtb_twin.rendering import scene_model
+from scenarios.errors import ScenarioError
+
+REFRESH = 1.0 / 60.0
+"""Shortest time between two pictures, s."""
+
+
+def show(payload: str) -> None:
+    """Open the viewer with the arm at the approach point and its servos on; returns when the window is closed.
+
+    Raises:
+        TwinError: Unknown payload.
+        ScenarioError: No display.
+    """
+    arm = load_arm(payload=payload)
+    viewer = _viewer()
+    data = arm.rest(arm.pose(OPERATING_POSE))
+    viewer.launch(arm.model, data)
+
+
+def play(log: JointLog, *, speed: float = 1.0, loop: bool = False) -> None:
+    """Play a log back in the viewer; returns at its end, or when the window is closed.
+
+    Args:
+        log: What happened.
+        speed: Seconds of the experiment per second.
+        loop: Whether to begin again at the end.
+
+    Raises:
+        ScenarioError: No display.
+    """
+    viewer = _viewer()
+    arm = load_arm(
+        log.provenance.get("variant", "nominal"),
+        log.provenance.get("payload", "rpcm"),
+        worksite=log.unit_pose is not None,
+    )
+    model = scene_model(arm)
+    data = mujoco.MjData(model)
+    with viewer.launch_passive(model, data, show_left_ui=False, show_right_ui=False) as window:
+        begun = perf_counter()
+        while window.is_running():
+            time = (perf_counter() - begun) * speed
+            if time > len(log) * log.dt:
+                if not loop:
+                    return
+                begun, time = perf_counter(), 0.0
+            _pose(model, data, log, min(int(time / log.dt), len(log) - 1))
+            window.sync()
+            sleep(REFRESH)
+
+
+def _pose(model: mujoco.MjModel, data: mujoco.MjData, log: JointLog, tick: int) -> None:
+    data.time = tick * log.dt
+    data.qpos[: len(JOINTS)] = log.true_angles[tick]
+    if log.unit_pose is not None:
+        data.qpos[len(JOINTS) : len(JOINTS) + 7] = np.asarray(log.unit_pose[tick])
+    mujoco.mj_forward(model, data)
+
+
+def _viewer() -> Any:
+    """MuJoCo's viewer module.
+
+    Raises:
+        ScenarioError: There is no display to open a window on.
+    """
+    if sys.platform == "linux" and not (os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY")):
+        raise ScenarioError("no display here, so no window for the viewer; hmtb video films without one")
+    import mujoco.viewer
+
+    return mujoco.viewer
