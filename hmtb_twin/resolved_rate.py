@@ -19,7 +19,7 @@ Nothing is owed after a limit: each tick starts from the last command alone.
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from math import cos, pi, sin
+from math import cos, isfinite, pi, sin
 
 import numpy as np
 import pinocchio as pin
@@ -66,7 +66,10 @@ ATTEMPTS = 12
 HALVINGS = 3
 """How often a turn that meets the end of a range is halved before it stops."""
 
-ROUNDING = 1e-9
+ARRIVED = 1e-9
+"""A tool this near to where it is wanted is there, m; joints that still move this much have come to rest, rad."""
+
+ROUNDING = 1e-12
 """Excess over the end of a range that is cut off, rad: the tool turns by no more."""
 
 GUARDS = frozenset({4, 6})
@@ -155,16 +158,16 @@ class ResolvedRate:
             TwinError: The wanted pose or the command is not finite.
         """
         angles, place, turned = previous.tolist(), position.tolist(), rotation.tolist()
+        if not isfinite(sum(angles) + sum(place) + sum(map(sum, turned))):
+            raise TwinError(f"tool pose {place}, {turned} wanted from command {angles}, expected finite numbers")
         ordinary = self._ordinary(angles, place, turned)
         if ordinary is not None:
             return ordinary
-        if not (np.isfinite(position).all() and np.isfinite(rotation).all() and np.isfinite(previous).all()):
-            raise TwinError(f"tool pose {place}, {turned} wanted from command {angles}, expected finite numbers")
         reached = self._advance(angles, place, turned)
         if self._unlimited:
             for _ in range(STRIDES):
                 before, reached = reached, self._advance(reached.angles.tolist(), place, turned)
-                if np.abs(reached.angles - before.angles).max() <= ROUNDING:
+                if np.abs(reached.angles - before.angles).max() <= ARRIVED:
                     break
             reached = replace(reached, velocity_limited=False)
         return reached
@@ -202,10 +205,10 @@ class ResolvedRate:
             else:
                 beyond = self._beyond(arrived, previous)
                 if not beyond:
-                    singular = damped and max(map(abs, here.error)) > ROUNDING
+                    singular = damped and max(map(abs, here.error)) > ARRIVED
                     return CartesianStep(self._command(arrived, previous), shortened, halvings > 0, singular)
                 if held:
-                    return self._slide(here, centre, turned, previous, beyond, shortened)
+                    return self._slide(here, centre, turned, previous, beyond)
                 if halvings == HALVINGS:
                     break
                 halvings, share = halvings + 1, 0.5 * share
@@ -241,7 +244,7 @@ class ResolvedRate:
         return damped, True, self._ratio(damped.angles, previous)
 
     def _slide(
-        self, here: Posture, centre: Vector, turned: Rotation, previous: list[float], beyond: set[int], shortened: bool
+        self, here: Posture, centre: Vector, turned: Rotation, previous: list[float], beyond: set[int]
     ) -> CartesianStep:
         """Return the command that brings the tool nearest to where it is wanted, joints at the ends of their ranges.
 
@@ -255,23 +258,24 @@ class ResolvedRate:
         flags = {"joint_limited": bool(beyond - GUARDS), "singular": singular}
         ratio = self._ratio(here.moved(tuple(step)), previous)
         if ratio > 1.0 - SLACK:
-            step, shortened = step * (1.0 - SLACK) / ratio, True
-        values = np.array((*here.angles, here.radius))
+            step = step * (1.0 - SLACK) / ratio
+        now = np.array((*previous[1:], here.radius))
         for _ in range(ATTEMPTS):
             trial = step
             for _ in range(CORRECTIONS):
-                yaw, shoulder, elbow = (here.yaw + trial[0], here.shoulder + trial[1], here.elbow + trial[2])
+                yaw, shoulder, elbow = (np.array((here.yaw, here.shoulder, here.elbow)) + trial).tolist()
                 arrived = self._kinematics.posture(yaw, shoulder, elbow, centre, turned, here.wrist)
-                moved = np.array((*arrived.angles, arrived.radius)) - values
+                moved = np.array((*arrived.angles, arrived.radius)) - now
                 excess = np.maximum(moved - upper, 0.0) + np.minimum(moved - lower, 0.0)
-                over = np.abs(excess) > 0.1 * ROUNDING
+                over = np.abs(excess) > ROUNDING
                 if not over.any():
-                    if self._ratio(arrived.angles, previous) <= 1.0:
-                        return CartesianStep(self._command(arrived, previous), shortened, **flags)
+                    ratio = self._ratio(arrived.angles, previous)
+                    if ratio <= 1.0:
+                        return CartesianStep(self._command(arrived, previous), ratio > 1.0 - 2.0 * SLACK, **flags)
                     break
                 trial = trial - np.linalg.pinv(rows[over]) @ excess[over]
             step = 0.5 * step
-        return CartesianStep(np.array(previous), shortened, **flags)
+        return CartesianStep(np.array(previous), False, **flags)
 
     def _room(self, here: Posture, previous: list[float]) -> tuple[np.ndarray, np.ndarray]:
         """Return how far the six joints and the wrist centre's radius may go down and up from the command."""

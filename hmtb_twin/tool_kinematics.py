@@ -193,7 +193,7 @@ class ToolKinematics:
             np.abs(jacobian[3:].T - AXES).max(),
             abs(yaw[1] - wrist[1]),
             abs(wrist[1] - tool[1]),
-            abs(np.cross((shoulder - elbow)[::2], (elbow - pitch)[::2])),
+            abs(np.cross(shoulder - elbow, elbow - pitch)[1]),
         ]
         if max(misplaced) > TOLERANCE:
             raise TwinError(
