@@ -7,7 +7,7 @@ Run by hand from the root of the repository:
 
 Per problem it writes the mean of error' J error / p (1 is the Cramer-Rao bound), the coverage of nominal 95 % intervals
 of parameters and bandwidth, how many predictors and models are unstable, how many fits explain less than nothing or did
-not converge, and the median time. J is the information at the true parameters: with little data and much noise the
+not converge, and the processor time. J is the information at the true parameters: with little data and much noise the
 error leaves the region where it describes the criterion, the more so the nearer the structure is to being redundant.
 """
 
@@ -59,9 +59,9 @@ def measure(problem: Any, estimator: Any, orders: tuple[int, ...], draws: int, f
     unstable = runaway = diverged = failed = 0
     for seed in range(first, first + draws):
         data = problem.draw(seed)
-        begin = time.perf_counter()
+        begin = time.process_time()
         estimate = estimator(data, *orders)
-        seconds.append(time.perf_counter() - begin)
+        seconds.append(time.process_time() - begin)
         error = estimate.parameters - problem.parameters
         errors.append(error @ information @ error / len(error))
         covered.append(np.mean(np.abs(error) <= 1.96 * np.sqrt(np.diag(estimate.covariance))))

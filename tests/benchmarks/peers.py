@@ -1,4 +1,4 @@
-"""Speed and quality beside the peers, same data, one process, one thread each.
+"""Speed and quality beside the peers, same data, one process, one thread each, processor time.
 
 Run by hand in an environment that has the peers (`pip install -e '.[peers]'`): `python tests/benchmarks/peers.py 3`,
 3 being the noise draws per problem.
@@ -12,7 +12,7 @@ from collections.abc import Callable, Iterator
 from importlib.metadata import version
 from pathlib import Path
 from statistics import median
-from time import perf_counter
+from time import process_time
 
 for variable in ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS"):
     os.environ[variable] = "1"
@@ -143,7 +143,7 @@ def main() -> None:
     draws = int(sys.argv[1]) if len(sys.argv) > 1 else 3
     library = problems()
     print(versions("numpy", "scipy", "pysib", "sippy-unipi", "jax-sysid"), f"; {draws} draws")
-    print("\n| problem | method | median s | times ours | off |\n|---|---|---|---|---|")
+    print("\n| problem | method | processor time, median s | times ours | off |\n|---|---|---|---|---|")
     for key, method, orders, peers in CASES:
         problem = getattr(library, f"make_{key.lower()}")()
         seconds: dict[str, list[float]] = {name: [] for name in peers}
@@ -155,10 +155,10 @@ def main() -> None:
             for name, fit in fits.items():
                 if seed < 0 and name in ("pysib", "sippy-unipi"):
                     continue  # nothing in them warms up
-                started = perf_counter()
+                started = process_time()
                 with silence():
                     found = fit(u, y)
-                elapsed = perf_counter() - started
+                elapsed = process_time() - started
                 if seed >= 0:
                     seconds[name].append(elapsed)
                     losses[name].append(loss(found, u, y))

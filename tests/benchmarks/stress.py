@@ -7,7 +7,7 @@ Run by hand from the root of the repository:
 
 Systems have order 2 to 6, poles up to 0.985, nk 1 to 3 and a binary input that is held for 1, 2 or 5 samples. A search
 counts as off where N (V - V*) / V* > 20, V* the lesser of its own minimum and that reached from the true parameters.
-Per structure the script writes how many were off, not stable or not converged, the worst distance and the median time.
+Per structure the script writes how many were off, not stable or not converged, the worst distance and the times taken.
 """
 
 import argparse
@@ -90,11 +90,11 @@ def measure(kind: str, first: int, systems: int, samples: int, snr_db: tuple[flo
     unstable = open_ended = diverged = 0
     for seed in range(first, first + systems):
         case = make_case(kind, seed, samples, snr_db)
-        begin = time.perf_counter()
+        begin = time.process_time()
         with warnings.catch_warnings():
             warnings.simplefilter("ignore", sysid.SysidWarning)
             estimate = fit(kind, case)
-        seconds.append(time.perf_counter() - begin)
+        seconds.append(time.process_time() - begin)
         cost = estimate.diagnostics["sum_of_squares"]
         reference = minimise([case.data], case.orders, case.theta, max_iterations=200).at.cost
         best = min(cost, reference)
