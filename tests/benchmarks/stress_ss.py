@@ -168,15 +168,17 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
     parser.add_argument("--systems", type=int, default=200)
     parser.add_argument("--samples", type=int, nargs=2, default=(200, 500), metavar="N", help="shortest and longest")
+    parser.add_argument("--fits", choices=("free", "zero"), nargs="+", default=["free", "zero"], help="the gain K")
     parser.add_argument("--coverage", type=int, default=0, metavar="DRAWS", help="coverage over so many draws instead")
     asked = parser.parse_args()
     if asked.coverage:
-        for samples in asked.samples:
+        for samples in sorted(set(asked.samples)):
             for figure, value in coverage(asked.coverage, samples).items():
                 sys.stdout.write(f"N = {samples:5d}  {figure:26s}{value:10.4g}\n")
         return
-    for label, gain in (("K free", True), ("K = 0", False)):
-        for figure, value in measure(asked.systems, tuple(asked.samples), gain).items():
+    for fit in asked.fits:
+        label = "K free" if fit == "free" else "K = 0"
+        for figure, value in measure(asked.systems, tuple(asked.samples), fit == "free").items():
             sys.stdout.write(f"{label:8s}{figure:26s}{value:10.4g}\n")
         sys.stdout.flush()
 
