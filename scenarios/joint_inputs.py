@@ -58,6 +58,19 @@ class JointInputs:
         """Whether models of each joint's response to its own command can be."""
         return min(self.orders) >= self.lags
 
+    def summary(self) -> dict[str, object]:
+        """All of it by name, for JSON."""
+        return {
+            "joints": self.joints,
+            "lags": self.lags,
+            "condition": self.condition,
+            "limit": LIMIT,
+            "covariance_condition": self.covariance_condition,
+            "orders": self.orders,
+            "full_model": self.full,
+            "block_diagonal_model": self.block_diagonal,
+        }
+
     def warning(self) -> str | None:
         """One line where a full model cannot be identified, else None."""
         if self.full:
@@ -114,8 +127,19 @@ def joint_inputs(commands: np.ndarray, joints: tuple[str, ...], *, lags: int = L
     )
 
 
-def of_log(log: JointLog, joints: tuple[str, ...]) -> JointInputs | None:
-    """Look at the settled part of a log; see `joint_inputs`."""
+def logged_inputs(log: JointLog, experiment: Experiment) -> JointInputs | None:
+    """Look at the settled part of an experiment's log.
+
+    Args:
+        log: The log.
+        experiment: The experiment.
+
+    Returns:
+        As `joint_inputs`; None also where it is for one joint only, or an operator moves the stick.
+    """
+    joints = moved_joints(experiment)
+    if len(joints) == 1 or experiment.operator() is not None:
+        return None
     start = round(SETTLING / log.dt)
     return joint_inputs(log.commanded[start:] if len(log) > 2 * start else log.commanded, joints)
 

@@ -67,10 +67,8 @@ def preview(
 
 def _record(seen: "Preview") -> dict[str, object]:
     from hmtb_twin import JOINTS, Status
-    from scenarios.joint_inputs import LIMIT
     from scenarios.needed_order import needed_orders
 
-    inputs = seen.inputs
     return {
         "duration_s": seen.scenario.duration,
         "joints": {
@@ -89,17 +87,7 @@ def _record(seen: "Preview") -> dict[str, object]:
         "clipped": {"dac": seen.dac_clipped, "adc": seen.share(Status.CONVERTER_SATURATED)},
         "order_of_excitation": seen.orders,
         "needed_order": needed_orders(),
-        "inputs": None
-        if inputs is None
-        else {
-            "joints": inputs.joints,
-            "condition": inputs.condition,
-            "limit": LIMIT,
-            "covariance_condition": inputs.covariance_condition,
-            "orders": inputs.orders,
-            "full_model": inputs.full,
-            "block_diagonal_model": inputs.block_diagonal,
-        },
+        "inputs": seen.inputs.summary() if seen.inputs else None,
         "warnings": seen.warnings(),
     }
 

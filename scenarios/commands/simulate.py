@@ -94,6 +94,7 @@ def simulate(
             for entry, made in zip(paths, _record(result.logs, folder, dropped, invalid, silent, remarks), strict=True):
                 entry.append(made)
 
+    from scenarios.joint_inputs import logged_inputs
     from scenarios.saturation import clipped_share, velocity_limited_share
 
     clipped = {log.name: clipped_share(log) for log in result.logs}
@@ -104,6 +105,9 @@ def simulate(
         for name, share in clipped.items()
         if share > 0
     ]
+    by_name = {entry.name: entry for entry in chosen}
+    inputs = {log.name: found for log in result.logs if (found := logged_inputs(log, by_name[log.name]))}
+    warnings += [f"{name}: {text}" for name, found in inputs.items() if (text := found.warning())]
     warnings += remarks
     if json:
         print_json(
@@ -113,6 +117,7 @@ def simulate(
                 "physics_s": result.physics_seconds,
                 "clipped": clipped,
                 "velocity_limited": limited,
+                "inputs": {name: found.summary() for name, found in inputs.items()},
                 "warnings": warnings,
             }
         )
