@@ -50,6 +50,8 @@ def play(log: JointLog, *, speed: float = 1.0, loop: bool = False) -> None:
     model = scene_model(arm)
     data = mujoco.MjData(model)
     with viewer.launch_passive(model, data, show_left_ui=False, show_right_ui=False) as window:
+        with window.lock():
+            mujoco.mjv_defaultFreeCamera(model, window.cam)
         begun = perf_counter()
         while window.is_running():
             time = (perf_counter() - begun) * speed

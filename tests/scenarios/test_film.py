@@ -1,9 +1,11 @@
 """Films and pictures of an experiment."""
 
 import json
+from contextlib import nullcontext
 from pathlib import Path
 
 import av
+import mujoco
 import numpy as np
 import pytest
 from PIL import Image
@@ -99,7 +101,7 @@ def test_a_log_plays_back_tick_by_tick(log: Path, monkeypatch: pytest.MonkeyPatc
 
     class Window:
         def __init__(self, model, data, **_):  # type: ignore[no-untyped-def]
-            self.data = data
+            self.data, self.cam, self.lock = data, mujoco.MjvCamera(), nullcontext
 
         def __enter__(self):  # type: ignore[no-untyped-def]
             return self
