@@ -33,7 +33,8 @@ def measured(command: str, folder: Path | None) -> str:
     words[0] = sys.executable if words[0] == "python" else words[0]
     run = subprocess.run(words, cwd=ROOT, capture_output=True, text=True, check=False, env=_environment())
     if run.returncode:
-        raise RuntimeError(f"exit {run.returncode}: {run.stderr.strip().splitlines()[-1:]}")
+        said = (run.stderr.strip() or run.stdout.strip() or "nothing").splitlines()
+        raise RuntimeError(f"exit {run.returncode}, said at last: {said[-1]}")
     text = "\n".join(line for line in run.stdout.splitlines() if not TALK.match(line)).strip("\n ")
     return text if "|---" in text else f"```text\n{text}\n```"
 
