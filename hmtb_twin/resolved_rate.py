@@ -168,8 +168,7 @@ class ResolvedRate:
             for _ in range(STRIDES):
                 before, reached = reached, self._advance(reached.angles.tolist(), place, turned)
                 if np.abs(reached.angles - before.angles).max() <= ARRIVED:
-                    break
-            reached = replace(reached, velocity_limited=False)
+                    return replace(reached, velocity_limited=False)
         return reached
 
     def _ordinary(self, previous: list[float], position: list[float], rotation: Rotation) -> CartesianStep | None:
@@ -199,7 +198,7 @@ class ResolvedRate:
         path: Path | None = None
         share, shortened, halvings = 1.0, False, 0
         for _ in range(ATTEMPTS):
-            arrived, damped, ratio = self._arrive(here, centre, turned, previous)
+            arrived, damped, ratio = self._arrive(here, centre, turned, previous, share < 1.0)
             if arrived is None or ratio > 1.0:
                 share, shortened = share * (1.0 - SLACK) / ratio, True
             else:
@@ -222,26 +221,33 @@ class ResolvedRate:
         return replace(self._advance(previous, position, now.tolist(), kept=True), joint_limited=True)
 
     def _arrive(
-        self, here: Posture, centre: Vector, turned: Rotation, previous: list[float]
+        self, here: Posture, centre: Vector, turned: Rotation, previous: list[float], shorter: bool
     ) -> tuple[Posture | None, bool, float]:
         """Return where one step leads, whether it is damped, and the fastest joint's motion over its limit.
 
-        There is no posture where the first estimate is over the limit already.
+        There is no posture where the estimate to first order is over the limit already. A step that is shorter for such
+        an estimate needs another only where it leads to a singular pose.
         """
-        rigidity = here.rigidity
-        if rigidity < SINGULAR:
-            yaw, shoulder, elbow = np.linalg.solve(*_damped(here, rigidity)).tolist()
-        else:
-            yaw, shoulder, elbow = here.resolved()
-        ratio = self._ratio(here.moved((yaw, shoulder, elbow)), previous)
-        if ratio > 1.0:
-            return None, False, ratio
+        if not shorter:
+            change, ratio = self._estimate(here, previous)
+            if ratio > 1.0:
+                return None, False, ratio
         arrived = self._kinematics.reaching(centre, turned, here.wrist, here.radius)
         if arrived is not None and arrived.rigidity >= SINGULAR:
             return arrived, False, self._ratio(arrived.angles, previous)
-        yaw, shoulder, elbow = here.yaw + yaw, here.shoulder + shoulder, here.elbow + elbow
+        if shorter:
+            change, ratio = self._estimate(here, previous)
+            if ratio > 1.0:
+                return None, True, ratio
+        yaw, shoulder, elbow = here.yaw + change[0], here.shoulder + change[1], here.elbow + change[2]
         damped = self._kinematics.posture(yaw, shoulder, elbow, centre, turned, here.wrist)
         return damped, True, self._ratio(damped.angles, previous)
+
+    def _estimate(self, here: Posture, previous: list[float]) -> tuple[Vector, float]:
+        """Return the step to first order, damped as the pose is singular, and its fastest joint over the limit."""
+        rigidity = here.rigidity
+        step = here.resolved() if rigidity >= SINGULAR else tuple(np.linalg.solve(*_damped(here, rigidity)).tolist())
+        return step, self._ratio(here.moved(step), previous)
 
     def _slide(
         self, here: Posture, centre: Vector, turned: Rotation, previous: list[float], beyond: set[int]
@@ -290,10 +296,10 @@ class ResolvedRate:
     def _beyond(self, arrived: Posture, previous: list[float]) -> set[int]:
         """Return which of the six joints (0-5), and the wrist centre's radius (6), have gone beyond their limits."""
         beyond = set()
-        for joint, (angle, before, low, high) in enumerate(
-            zip(arrived.angles, previous[1:], self._low[1:], self._high[1:], strict=True)
-        ):
-            if angle > max(high, before) + ROUNDING or angle < min(low, before) - ROUNDING:
+        for joint, angle in enumerate(arrived.angles):
+            low, high, before = self._low[joint + 1], self._high[joint + 1], previous[joint + 1]
+            # Most joints are well within their range: only at its ends does it matter where they come from.
+            if not low <= angle <= high and not min(low, before) - ROUNDING <= angle <= max(high, before) + ROUNDING:
                 beyond.add(joint)
         if abs(arrived.radius) < CLEARANCE:
             _, _, shoulder, elbow, pitch, _, _ = previous
@@ -304,13 +310,18 @@ class ResolvedRate:
 
     def _ratio(self, angles: tuple[float, ...], previous: list[float]) -> float:
         """Return the fastest joint's motion over its limit."""
-        return max(abs(a - b) / s for a, b, s in zip(angles, previous[1:], self._step[1:], strict=True))
+        a, b, c, d, e, f = angles
+        _, s, t, u, v, w, x = previous
+        _, k, m, n, o, p, q = self._step
+        return max(abs(a - s) / k, abs(b - t) / m, abs(c - u) / n, abs(d - v) / o, abs(e - w) / p, abs(f - x) / q)
 
     def _command(self, arrived: Posture, previous: list[float]) -> np.ndarray:
         """Return the joint angles of a posture, no joint an iota beyond its range."""
-        angles = [previous[0]]
-        for angle, before, low, high in zip(arrived.angles, previous[1:], self._low[1:], self._high[1:], strict=True):
-            angles.append(min(max(angle, min(low, before)), max(high, before)))
+        angles = [previous[0], *arrived.angles]
+        for joint, (angle, low, high) in enumerate(zip(angles, self._low, self._high, strict=True)):
+            if not low <= angle <= high:
+                before = previous[joint]
+                angles[joint] = min(max(angle, min(low, before)), max(high, before))
         return np.array(angles)
 
     def _turn(self, previous: list[float], position: list[float], rotation: Rotation) -> Path:

@@ -10,7 +10,7 @@ Plain numbers throughout: at this size they are faster than arrays.
 """
 
 from cmath import phase, rect
-from math import acos, atan2, cos, hypot, sin, sqrt, tan, tau
+from math import acos, atan2, cos, hypot, sin, sqrt, tau
 from typing import NamedTuple
 
 import numpy as np
@@ -45,6 +45,7 @@ class Posture(NamedTuple):
         shoulder: Shoulder pitch, rad.
         elbow: Elbow pitch, rad.
         wrist: Tilt, wrist yaw and wrist roll that give the orientation, rad.
+        wrist_rates: How these follow the yaw while the orientation is held, rad/rad.
         radius: Distance of the wrist centre from the yaw axis, in the arm's plane, m.
         upper_arm: What the shoulder moves, from its axis to the last pitch axis, `x + i z`, m.
         forearm: What the elbow moves, m.
@@ -56,6 +57,7 @@ class Posture(NamedTuple):
     shoulder: float
     elbow: float
     wrist: WristAngles
+    wrist_rates: Vector
     radius: float
     upper_arm: complex
     forearm: complex
@@ -67,12 +69,6 @@ class Posture(NamedTuple):
         """Angles of the six joints behind the shoulder roll, rad."""
         wrist = self.wrist
         return self.yaw, self.shoulder, self.elbow, wrist.tilt - self.shoulder + self.elbow, wrist.yaw, wrist.roll
-
-    @property
-    def wrist_rates(self) -> Vector:
-        """How tilt, wrist yaw and wrist roll follow the yaw while the orientation is held, rad/rad."""
-        tilt, yaw, _ = self.wrist
-        return -sin(tilt) * tan(yaw), -cos(tilt), -sin(tilt) / cos(yaw)
 
     def _inverse(self) -> tuple[float, float, float, float, float, float, float] | None:
         """Return the inverse of the Jacobian, less its zeros; None where it has none.
@@ -261,16 +257,16 @@ class ToolKinematics:
             rotation: Wanted rotation behind the shoulder roll.
             near: Tilt and wrist roll are given within half a turn of these.
         """
-        wrist = _wrist(yaw, rotation, near)
+        wrist, rates, tilted = _wrist(yaw, rotation, near)
         base, upper_arm, forearm, hand = self._lengths
         upper_arm *= rect(1.0, shoulder)
         forearm *= rect(1.0, shoulder - elbow)
-        hand *= rect(1.0, wrist.tilt)
+        hand *= tilted
         reached = base + upper_arm + forearm + hand
         x, y, z = centre
         c, s = cos(yaw), sin(yaw)
         error = (c * x + s * y - reached.real, c * y - s * x, z - reached.imag)
-        return Posture(yaw, shoulder, elbow, wrist, reached.real, upper_arm + forearm, forearm, hand, error)
+        return Posture(yaw, shoulder, elbow, wrist, rates, reached.real, upper_arm + forearm, forearm, hand, error)
 
     def reaching(self, centre: Vector, rotation: Rotation, near: WristAngles, side: float = 1.0) -> Posture | None:
         """Return the arm with its tool where and as wanted, its elbow bent the usual way.
@@ -286,9 +282,9 @@ class ToolKinematics:
         """
         x, y, z = centre
         radius, yaw = (hypot(x, y), atan2(y, x)) if side >= 0.0 else (-hypot(x, y), atan2(-y, -x))
-        wrist = _wrist(yaw, rotation, near)
+        wrist, rates, tilted = _wrist(yaw, rotation, near)
         base, upper_arm, forearm, hand = self._lengths
-        hand *= rect(1.0, wrist.tilt)
+        hand *= tilted
         span = complex(radius, z) - base - hand
         cosine = (span.real**2 + span.imag**2 - self._squares) / self._product
         if not -1.0 <= cosine <= 1.0:
@@ -296,19 +292,28 @@ class ToolKinematics:
         elbow = acos(cosine)
         shoulder = phase(span / (upper_arm + forearm * rect(1.0, -elbow)))
         forearm *= rect(1.0, shoulder - elbow)
-        return Posture(yaw, shoulder, elbow, wrist, radius, span, forearm, hand, (0.0, 0.0, 0.0))
+        return Posture(yaw, shoulder, elbow, wrist, rates, radius, span, forearm, hand, (0.0, 0.0, 0.0))
 
 
-def _wrist(yaw: float, rotation: Rotation, near: WristAngles) -> WristAngles:
-    """Return the wrist that holds a rotation at a yaw angle, `Rz(-yaw) @ rotation = Ry(-tilt) Rz(yaw) Rx(roll)`."""
+def _wrist(yaw: float, rotation: Rotation, near: WristAngles) -> tuple[WristAngles, Vector, complex]:
+    """Return the wrist that holds a rotation at a yaw angle, how its angles follow the yaw, and `exp(i tilt)`.
+
+    Solves `Rz(-yaw) @ rotation = Ry(-tilt) @ Rz(wrist yaw) @ Rx(wrist roll)`.
+    """
     (r00, r01, r02), (r10, r11, r12), (r20, _, _) = rotation
     c, s = cos(yaw), sin(yaw)
-    forward = c * r00 + s * r10
-    return WristAngles(
+    forward, aside = c * r00 + s * r10, c * r10 - s * r00
+    cosine = hypot(forward, r20)
+    angles = WristAngles(
         _near(atan2(r20, forward), near.tilt),
-        atan2(c * r10 - s * r00, hypot(forward, r20)),
+        atan2(aside, cosine),
         _near(atan2(s * r02 - c * r12, c * r11 - s * r01), near.roll),
     )
+    # At its quarter turn the wrist yaw leaves tilt and wrist roll free; next to it they follow the yaw without bounds.
+    cosine = max(cosine, TOLERANCE)
+    tilted = complex(forward, r20) / cosine
+    rates = (-tilted.imag * aside / cosine, -tilted.real, -tilted.imag / cosine)
+    return angles, rates, tilted
 
 
 def _near(angle: float, reference: float) -> float:
