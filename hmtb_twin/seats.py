@@ -107,7 +107,7 @@ class Touch:
 
     friction: float = quantity(0.2, "1", "assumed", "coated aluminium on coated aluminium")
     time_constant: float = quantity(
-        0.005, "s", "assumed", "of the contact constraint, critically damped: firm against the arm"
+        0.01, "s", "assumed", "of the contact constraint, critically damped: firm against the arm"
     )
 
 

@@ -114,6 +114,25 @@ def independent() -> tuple[Scenario, ...]:
     )
 
 
+def exchange() -> tuple[Scenario, ...]:
+    """The exchange of the replacement unit [Morris1996, sec. I.3 and VI.4]."""
+    table = _table("rpcm.toml")
+    return tuple(
+        Scenario.from_table(
+            {
+                **test,
+                "axes": table["axes"],
+                "mode": table["mode"],
+                "worksite": True,
+                "payload": "none",
+                "tags": table["tags"],
+                "hand_controller": {"compensation": _table("table2.toml")["compensation"]},
+            }
+        )
+        for test in table["test"]
+    )
+
+
 def _tool_test(table: Mapping[str, Any], test: Mapping[str, Any]) -> Scenario:
     return Scenario.from_table(
         {
@@ -138,7 +157,7 @@ def _table(name: str) -> dict[str, Any]:
 def registered() -> Registry:
     """All scenarios that come with the package."""
     registry = Registry()
-    for scenario in (*table1(), *other_joints(), *table2(), *independent()):
+    for scenario in (*table1(), *other_joints(), *table2(), *independent(), *exchange()):
         registry.add(scenario)
     return registry
 

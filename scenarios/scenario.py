@@ -15,6 +15,7 @@ from hmtb_twin.parameters import HAND_CONTROLLER
 from scenarios.errors import ScenarioError
 from scenarios.excitation_computer import Excitation, check_outputs, played
 from scenarios.suggest import unknown
+from scenarios.tasks import check_task, task_operator
 from scenarios.toml_values import record, typed, written
 from scenarios.waveform import LONGEST, RATE, check_seed
 
@@ -29,7 +30,7 @@ class Scenario:
     Attributes:
         name: Unique name.
         axes: What the stick moves: joints, or directions of the tool in the Cartesian modes; all else is held.
-        excitation: One entry, played on every axis, or one per axis.
+        excitation: One entry, played on every axis, or one per axis; none where an operator has a task.
         duration: Length of the record, s.
         seed: Draws the noise of the hand controller and of the sensors.
         variant: Which arm, e.g. ``"nominal"``.
@@ -37,6 +38,7 @@ class Scenario:
         pose: Keyframe of the operating point.
         mode: Control mode, e.g. ``"single_joint"``.
         worksite: At the worksite, with contact, instead of in free space.
+        task: What an operator does in place of the excitation computer, e.g. ``"rpcm"``; empty: no operator.
         shutdown: Emergency shutdowns: times of power off and of power on again in turn, s.
         independent_channels: As many different excitations as axes, beyond the two outputs of the excitation computer.
         chain: Which links of the chain act; a TOML table of truth values.
@@ -55,6 +57,7 @@ class Scenario:
     pose: str = "rpcm_holster_out_approach"
     mode: str = "single_joint"
     worksite: bool = False
+    task: str = ""
     shutdown: tuple[float, ...] = ()
     independent_channels: bool = False
     chain: Chain = Chain()  # noqa: RUF009
@@ -80,7 +83,17 @@ class Scenario:
                 f"scenario {self.name!r}: expected one or more different entries in axes, given {self.axes}"
             )
         try:
-            check_outputs(self.excitation, self.axes, self.independent_channels)
+            if self.task:
+                check_task(
+                    self.task,
+                    mode=self.mode,
+                    axes=self.axes,
+                    worksite=self.worksite,
+                    payload=self.payload,
+                    excited=bool(self.excitation),
+                )
+            else:
+                check_outputs(self.excitation, self.axes, self.independent_channels)
         except ScenarioError as error:
             raise ScenarioError(f"scenario {self.name!r}: {error}") from error
         if not 1.0 / RATE <= self.duration <= LONGEST:
@@ -93,13 +106,16 @@ class Scenario:
         """Play the excitation through the excitation computer's converter.
 
         Returns:
-            Volts `(N, len(axes))` at 50 Hz, `N = round(50 * duration)`, before noise and bias.
+            Volts `(N, len(axes))` at 50 Hz, `N = round(50 * duration)`, before noise and bias; zero where an operator
+            moves the stick.
         """
+        if self.task:
+            return np.zeros((round(RATE * self.duration), len(self.axes)))
         return played(self.excitation, len(self.axes), self.duration, rounds=self.chain.dac)
 
     def operator(self) -> Operator | None:
-        """No operator: the excitation computer moves the stick."""
-        return None
+        """A new operator for the task; none where the excitation computer moves the stick."""
+        return task_operator(self.task, self.seed, self.hand_controller) if self.task else None
 
     def reseeded(self, seed: int) -> "Scenario":
         """The same experiment with other noise: a seed of its own, drawn from `seed` and the name.
@@ -166,6 +182,8 @@ class Scenario:
                 values[key] = record(hints[key], key, value)
             else:
                 values[key] = typed(key, value, hints[key])
+        if values.get("task"):
+            values.setdefault("excitation", ())
         missing = [key for key in ("name", "axes", "excitation") if key not in values]
         if missing:
             raise ScenarioError(f"missing {', '.join(missing)}; a scenario needs name, axes and excitation")

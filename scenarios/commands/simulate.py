@@ -109,6 +109,9 @@ def simulate(
     inputs = {log.name: found for log in result.logs if (found := logged_inputs(log, by_name[log.name]))}
     warnings += [f"{name}: {text}" for name, found in inputs.items() if (text := found.warning())]
     warnings += remarks
+    from scenarios.tasks import judged
+
+    tasks = {log.name: done for log in result.logs if (done := judged(log, by_name[log.name].task))}
     if json:
         print_json(
             {
@@ -118,6 +121,7 @@ def simulate(
                 "clipped": clipped,
                 "velocity_limited": limited,
                 "inputs": {name: found.summary() for name, found in inputs.items()},
+                "task": {name: outcome.summary() for name, outcome in tasks.items()},
                 "warnings": warnings,
             }
         )
@@ -132,6 +136,8 @@ def simulate(
     print_table(
         f"{count} file{'s' if count != 1 else ''}", ("log", "length", "converter clips", "at velocity limit"), rows
     )
+    for name, outcome in tasks.items():
+        say(f"{name}: {outcome}")
     for text in warnings:
         say(f"warning: {text}")
     return 1 if result.failed else 0

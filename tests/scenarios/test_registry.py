@@ -91,9 +91,9 @@ def test_duplicates_are_rejected() -> None:
 
 
 def test_unknown_names_say_what_there_is(tmp_path: Path) -> None:
-    with pytest.raises(ScenarioError, match=r"did you mean 'siso-5-shoulder_yaw' or .* There are 63, listed by"):
+    with pytest.raises(ScenarioError, match=r"did you mean 'siso-5-shoulder_yaw' or .* There are 65, listed by"):
         load("siso5-shoulder_yaw")
-    with pytest.raises(ScenarioError, match=r"^unknown scenario 'x'; there are 63, listed by: hmtb scenarios list$"):
+    with pytest.raises(ScenarioError, match=r"^unknown scenario 'x'; there are 65, listed by: hmtb scenarios list$"):
         load("x")
     with pytest.raises(ScenarioError, match=r"unknown tag 'siro'.*did you mean 'siso'"):
         names("siro")
