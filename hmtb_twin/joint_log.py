@@ -3,6 +3,7 @@
 import warnings
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from functools import cache
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from types import MappingProxyType
@@ -252,10 +253,13 @@ FORMAT = "hmtb joint log 2"
 
 def software_versions() -> dict[str, str]:
     """Return the versions that a log depends on."""
-    found = {}
-    for package in ("hmtb-twin", "mujoco", "numpy", "pin"):
-        try:
-            found[package.replace("-", "_")] = version(package)
-        except PackageNotFoundError:
-            found[package.replace("-", "_")] = "checkout"
-    return found
+    return {package.replace("-", "_"): _version(package) for package in ("hmtb-twin", "mujoco", "numpy", "pin")}
+
+
+@cache
+def _version(package: str) -> str:
+    # The metadata of an installed package is a text that takes milliseconds to parse.
+    try:
+        return version(package)
+    except PackageNotFoundError:
+        return "checkout"
