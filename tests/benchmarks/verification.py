@@ -19,7 +19,7 @@ BLOCK = re.compile(r"<!-- measured by: (?P<command>.+?) -->\n.*?<!-- end -->", r
 FOLDER = "FOLDER"
 """Word of a command that stands for where the measured data are, which this repository does not hold."""
 
-TALK = re.compile(r"=|\.*$|\(\d+ durations|\d+ passed|[\d.]+s (call|setup|teardown)")
+TALK = re.compile(r"=|\.+$|\(\d+ durations|\d+ passed|[\d.]+s (call|setup|teardown)")
 """What the test runner says of itself."""
 
 
@@ -35,8 +35,11 @@ def measured(command: str, folder: Path | None) -> str:
     if run.returncode:
         said = (run.stderr.strip() or run.stdout.strip() or "nothing").splitlines()
         raise RuntimeError(f"exit {run.returncode}, said at last: {said[-1]}")
-    text = "\n".join(line for line in run.stdout.splitlines() if not TALK.match(line)).strip("\n ")
-    return text if "|---" in text else f"```text\n{text}\n```"
+    lines = [line for line in run.stdout.splitlines() if not TALK.match(line)]
+    if any(line.startswith("|---") for line in lines):
+        # a table begins behind an empty line
+        return "\n".join(lines).strip("\n ")
+    return "\n".join(("```text", *filter(str.strip, lines), "```"))
 
 
 def _environment() -> dict[str, str]:
