@@ -52,10 +52,9 @@ class Board:
         limit = 2 ** (self.dac_bits - 1)
         return self.dac_step * np.clip(np.rint(counts) if rounds else counts, -limit, limit - 1)
 
-    def clipped(self, volts: np.ndarray) -> float:
-        """Return the share of samples that ask for more than the range, beyond half a count."""
-        beyond = (volts < -self.dac_range - self.dac_step / 2) | (volts >= self.dac_range - self.dac_step / 2)
-        return float(np.mean(beyond))
+    def beyond(self, volts: np.ndarray) -> np.ndarray:
+        """Return which samples ask for more than the range, beyond half a count; truth values of the same shape."""
+        return (volts < -self.dac_range - self.dac_step / 2) | (volts >= self.dac_range - self.dac_step / 2)
 
 
 BOARD = Board()

@@ -4,7 +4,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from scenarios.waveform import Waveform
-from sysid.plots import GRID, PALETTE
+from sysid.palette import GRID, PALETTE
 
 
 def waveform_figure(waveform: Waveform) -> Figure:

@@ -72,7 +72,7 @@ class Preview:
     @property
     def dac_clipped(self) -> float:
         """Share of the samples that ask for more than the excitation computer's converter gives."""
-        return BOARD.clipped(self.asked)
+        return float(np.mean(BOARD.beyond(self.asked)))
 
     @property
     def deflection(self) -> float:

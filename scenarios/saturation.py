@@ -1,14 +1,24 @@
-"""Where an experiment leaves the linear range: the converter's ends and the velocity limit of the command."""
+"""Where an experiment leaves the linear range: the converters' ends and the velocity limit of the command."""
 
 import numpy as np
 
 from hmtb_twin import JointLog, Status
+from scenarios.excitation_computer import BOARD
 from scenarios.preparation import settled
+from scenarios.scenario import Scenario
 
 
-def clipped_share(log: JointLog) -> float:
-    """Share of the samples in which a hand-controller count stands at an end of the converter, between 0 and 1."""
-    return _share(log, Status.CONVERTER_SATURATED)
+def clipped_share(log: JointLog, scenario: Scenario) -> float:
+    """Share of the samples in which a converter clips, between 0 and 1.
+
+    Args:
+        log: The log of an experiment: counts of the hand controller at an end of its converter.
+        scenario: The experiment: files that ask for more than the excitation computer's converter gives.
+    """
+    clipped = (log.status & Status.CONVERTER_SATURATED) != 0
+    for entry in scenario.excitation:
+        clipped |= BOARD.beyond(entry.asked(scenario.duration)[:, 0])
+    return float(np.mean(clipped))
 
 
 def velocity_limited_share(log: JointLog) -> float:

@@ -97,15 +97,15 @@ def simulate(
     from scenarios.joint_inputs import logged_inputs
     from scenarios.saturation import clipped_share, velocity_limited_share
 
-    clipped = {log.name: clipped_share(log) for log in result.logs}
+    by_name = {entry.name: entry for entry in chosen}
+    clipped = {log.name: clipped_share(log, by_name[log.name]) for log in result.logs}
     limited = {log.name: velocity_limited_share(log) for log in result.logs}
     warnings = [
-        f"{name}: {100 * share:.2g} % of the samples stand at an end of the converter's range, whatever the excitation "
+        f"{name}: {100 * share:.2g} % of the samples stand at an end of a converter's range, whatever the excitation "
         "asked for; a smaller amplitude keeps it"
         for name, share in clipped.items()
         if share > 0
     ]
-    by_name = {entry.name: entry for entry in chosen}
     inputs = {log.name: found for log in result.logs if (found := logged_inputs(log, by_name[log.name]))}
     warnings += [f"{name}: {text}" for name, found in inputs.items() if (text := found.warning())]
     warnings += remarks

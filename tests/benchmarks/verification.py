@@ -1,6 +1,6 @@
-"""Measure again what `docs/verification.md` says. Run by `make verification`, or by hand with words to choose by.
+"""Measure again what the pages in `docs` say. Run by `make verification`, or by hand with words to choose by.
 
-A block of that page begins with a comment that names its command and ends with another; what the command prints takes
+A block of a page begins with a comment that names its command and ends with another; what the command prints takes
 the place of what stands between them. A command that fails leaves its block as it was, and so does one that needs the
 FOLDER of measured data where none is given.
 """
@@ -13,7 +13,7 @@ import sys
 from pathlib import Path
 
 ROOT = Path(__file__).parents[2]
-PAGE = ROOT / "docs" / "verification.md"
+PAGES = tuple(sorted((ROOT / "docs").glob("*.md")))
 BLOCK = re.compile(r"<!-- measured by: (?P<command>.+?) -->\n.*?<!-- end -->", re.DOTALL)
 
 FOLDER = "FOLDER"
@@ -56,10 +56,15 @@ def main() -> int:
     parser.add_argument("--data", type=Path, help="folder with the measured data")
     asked = parser.parse_args()
     folder = asked.data.resolve() if asked.data else None
-    page, failed = PAGE.read_text(encoding="utf-8"), 0
+    return 1 if sum(_renew(page, asked.words, folder) for page in PAGES) else 0
+
+
+def _renew(path: Path, words: list[str], folder: Path | None) -> int:
+    """Renew the blocks of a page and return how many could not be."""
+    page, failed = path.read_text(encoding="utf-8"), 0
     for block in list(BLOCK.finditer(page)):
         command = block["command"]
-        if asked.words and not any(word in command for word in asked.words):
+        if words and not any(word in command for word in words):
             continue
         if folder is None and FOLDER in shlex.split(command):
             print(f"==> {command}\n    left as it was: make verification DATA=... names the folder", flush=True)
@@ -72,8 +77,8 @@ def main() -> int:
             print(f"    left as it was: {error}", flush=True)
             continue
         page = page.replace(block[0], renewed)
-        PAGE.write_text(page, encoding="utf-8")
-    return 1 if failed else 0
+        path.write_text(page, encoding="utf-8")
+    return failed
 
 
 if __name__ == "__main__":

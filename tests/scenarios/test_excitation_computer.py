@@ -24,8 +24,8 @@ def test_the_converter_rounds_to_its_counts_and_saturates() -> None:
     np.testing.assert_allclose(BOARD.convert(volts), expected, rtol=1e-15)
     smooth = [-10.0, -10.0, -0.6 * STEP, 0.0, 0.4 * STEP, 1.0, 2047 * STEP, 2047 * STEP]
     np.testing.assert_allclose(BOARD.convert(volts, rounds=False), smooth, rtol=1e-15)
-    assert BOARD.clipped(volts) == 3 / 8
-    assert BOARD.clipped(np.array([-10.0, 2047 * STEP])) == 0.0
+    assert BOARD.beyond(volts).tolist() == [True, False, False, False, False, False, True, True]
+    assert not BOARD.beyond(np.array([-10.0, 2047 * STEP])).any()
 
 
 @pytest.mark.parametrize("frequency", [None, 0.5])

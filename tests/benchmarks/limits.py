@@ -1,0 +1,102 @@
+"""What the arm does in every test, and whether it stays within limits: a table of whole-length simulations.
+
+Run with names or tags of scenarios. Rates and ways are those of the arm itself, commands beside them in brackets.
+"""
+
+import argparse
+import sys
+
+import numpy as np
+
+from hmtb_twin import JOINTS, JointLog, Status, load_arm, simulate
+from hmtb_twin.parameters import MOTIONS, SAMPLE_TIME
+from scenarios import Scenario, load, names
+from scenarios.joint_inputs import logged_inputs
+from scenarios.saturation import clipped_share
+
+HEAD = (
+    "test",
+    "peak joint rate, deg/s",
+    "tool moves up to, mm",
+    "tool turns up to, mrad",
+    "converters clip, %",
+    "at velocity limit, %",
+    "order of excitation",
+    "condition between joints",
+    "within limits",
+)
+
+
+def main() -> int:
+    """Simulate and print."""
+    parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
+    parser.add_argument("names", nargs="+", help="scenarios, or tags of them")
+    chosen = [load(name) for entry in parser.parse_args().names for name in _expanded(entry)]
+    result = simulate(chosen)
+    logs = {log.name: log for log in result.logs}
+    print("| " + " | ".join(HEAD) + " |\n|---" + "|---:" * (len(HEAD) - 2) + "|---|")
+    for scenario in chosen:
+        if scenario.name in logs:
+            print("| " + " | ".join(_row(scenario, logs[scenario.name])) + " |", flush=True)
+        else:
+            print(f"| {scenario.name} | failed: {result.failed[scenario.name]} " + "| " * (len(HEAD) - 2) + "|")
+    return 1 if result.failed else 0
+
+
+def _expanded(entry: str) -> tuple[str, ...]:
+    return (entry,) if entry in names() else names(entry)
+
+
+def _row(scenario: Scenario, log: JointLog) -> tuple[str, ...]:
+    arm = load_arm(scenario.variant, scenario.payload, worksite=scenario.worksite)
+    rates = np.abs(np.diff(log.true_angles, axis=0)) / SAMPLE_TIME
+    asked = np.abs(np.diff(log.commanded, axis=0)) / SAMPLE_TIME
+    fastest = int((rates.max(axis=0) / arm.velocity_limits).argmax())
+    home, frame = arm.controller.tool_pose(arm.pose(scenario.pose))
+    ways, turns = [], []
+    for angles in (log.true_angles, log.commanded):
+        places, rotations = arm.controller.tool_path(angles)
+        ways.append(np.linalg.norm(places - home, axis=1).max())
+        turned = np.linalg.norm(rotations - frame, axis=(1, 2)).max() / np.sqrt(8.0)
+        turns.append(2.0 * np.arcsin(min(turned, 1.0)))
+    clipped, limited = clipped_share(log, scenario), _share(log, Status.VELOCITY_LIMITED)
+    orders = ", ".join(str(entry.waveform().order_of_excitation()) for entry in scenario.excitation) or "-"
+    inputs = logged_inputs(log, scenario)
+    complaints = _complaints(log, rates, asked, arm.velocity_limits, clipped)
+    limit = np.degrees(arm.velocity_limits[fastest])
+    return (
+        scenario.name,
+        f"{JOINTS[fastest].replace('_', ' ')} {np.degrees(rates.max(axis=0)[fastest]):.1f} "
+        f"({np.degrees(asked.max(axis=0)[fastest]):.1f} of {limit:.0f})",
+        f"{1e3 * ways[0]:.1f} ({1e3 * ways[1]:.1f})",
+        f"{1e3 * turns[0]:.1f} ({1e3 * turns[1]:.1f})",
+        f"{100 * clipped:.3g}",
+        f"{100 * limited:.3g}",
+        orders,
+        "" if inputs is None else f"{inputs.condition:.3g}",
+        "yes" if not complaints else "no: " + ", ".join(complaints),
+    )
+
+
+def _complaints(
+    log: JointLog, rates: np.ndarray, asked: np.ndarray, limits: np.ndarray, clipped: float
+) -> tuple[str, ...]:
+    lower, upper = (np.array([getattr(MOTIONS[name], end) for name in JOINTS]) for end in ("lower", "upper"))
+    found = {
+        "commands beyond their velocity limits": (asked > limits * (1 + 1e-9)).any(),
+        "joints faster than their limits": (rates > limits).any(),
+        "commands beyond ranges": ((log.commanded < lower) | (log.commanded > upper)).any(),
+        "joints beyond ranges": ((log.true_angles < lower) | (log.true_angles > upper)).any(),
+        "a joint at the end of its range": _share(log, Status.JOINT_LIMITED) > 0,
+        "near singular": _share(log, Status.SINGULAR) > 0,
+        "a converter clips": clipped > 0,
+    }
+    return tuple(name for name, holds in found.items() if holds)
+
+
+def _share(log: JointLog, flag: Status) -> float:
+    return float(np.mean((log.status & flag) != 0))
+
+
+if __name__ == "__main__":
+    sys.exit(main())
