@@ -1,4 +1,4 @@
-"""A scripted operator at the hand controller: he looks, moves the stick in discrete movements, and watches the forces.
+"""A scripted operator at the hand controller, who looks, moves the stick in discrete movements and watches the forces.
 
 People reach in submovements: a first one covers most of the way, further ones correct what is left, each planned from
 what was seen before it began, each missing by a part of its own length [Woodworth1899; Meyer1988]. Each is smooth as
@@ -31,16 +31,16 @@ class Step:
     Attributes:
         name: Of the phase it belongs to.
         target: Where to bring the tool, or the unit where it is carried; None: onto the unit, wherever it is.
-        carry: Whether the operator watches the unit instead of the tool.
+        carry: Whether the unit is watched instead of the tool.
         near: Distance at which the target counts as reached, m.
         aside: Distance across the tool's axis at which it does, m; as `near` where none is given.
         turn: Angle at which it does, rad.
         speed: Peak speed, m/s.
         stride: Longest submovement, m.
-        touching: Whether contact is expected: the operator watches the force display, gives way sideways, backs off
-            before it is too much, and takes resistance near the target for the target.
+        touching: Whether contact is expected: the force display is watched, the stick gives way sideways and backs off
+            from too much, and resistance near the target is taken for the target.
         closed: Whether the end effector is to be closed.
-        pause: How long he waits once the target is reached, s.
+        pause: How long to wait once the target is reached, s.
     """
 
     name: str
@@ -61,7 +61,7 @@ class Skill:
     """How well the operator sees and moves; assumed, within what is measured of people.
 
     Attributes:
-        reaction: From seeing to moving, s.
+        reaction: Time from seeing to moving, s.
         blur: Standard deviation of a seen distance close up, m.
         tilt: Standard deviation of a seen angle, rad.
         weber: Further standard deviation, part of what is seen.
@@ -69,16 +69,16 @@ class Skill:
         stray: Standard deviation of its sideways miss, part of its length.
         quickest: Shortest movement, s.
         turning: Peak angular speed, rad/s.
-        yields_at: Force beyond which he stops and backs off, N.
-        resistance: Force that tells him that the unit stands in its seat, N.
-        stiffness: What he takes for the arm's stiffness, N/m: so far he gives way to a force.
-        recoil: How far he backs off, m.
+        yields_at: Force beyond which the operator stops and backs off, N.
+        resistance: Force that tells, near the target, that something stands in its seat, N.
+        stiffness: What the operator takes for the arm's stiffness, N/m: so far the stick gives way to a force.
+        recoil: How far beyond that it backs off along the tool, m.
     """
 
     reaction: float = 0.25
     blur: float = 0.001
     tilt: float = radians(0.6)
-    weber: float = 0.04
+    weber: float = 0.03
     spread: float = 0.06
     stray: float = 0.03
     quickest: float = 0.5
@@ -95,8 +95,8 @@ class ScriptedOperator:
     Args:
         script: The steps, in order.
         gains: Velocity per volt of the six axes, m/(s V) and rad/(s V).
-        seed: Of his blur and his misses.
-        skill: How well he sees and moves.
+        seed: Of blur and misses.
+        skill: How well the operator sees and moves.
     """
 
     def __init__(self, script: tuple[Step, ...], gains: np.ndarray, seed: int, skill: Skill | None = None) -> None:
@@ -149,7 +149,7 @@ class ScriptedOperator:
         aside = step.near if step.aside is None else step.aside
         stands = abs(offset[0]) < 2.0 * step.near and np.linalg.norm(force) > skill.resistance
         if stands and not self._eased:
-            # Against its stop: he takes the load off before he does anything else.
+            # Against its stop: first the load is taken off.
             self._eased = True
             self._start(force / skill.stiffness, np.zeros(3), step, time)
             self._yielding = True
@@ -157,11 +157,12 @@ class ScriptedOperator:
         there = abs(offset[0]) <= step.near and np.abs(offset[1:]).max() <= aside and np.abs(turn).max() <= step.turn
         if self._eased or there:
             self._reached, self._grip, self._eased = time, step.closed, False
-            self._look_at = time + skill.reaction
+            # The eyes must have seen what the fingers did.
+            self._look_at = time + 1.5 * skill.reaction
             return
         turn = np.where(np.abs(turn) > 0.5 * step.turn, turn, 0.0)
         if step.touching:
-            # Sideways he gives way to what pushes, and leaves a little to the guides.
+            # Sideways the stick gives way to what pushes, and leaves a little to the guides.
             seen_aside = np.where(np.abs(offset[1:]) > 0.5 * aside, offset[1:], 0.0)
             pushed = np.abs(force[1:]) > 0.3 * skill.resistance
             offset[1:] = np.where(pushed, force[1:] / skill.stiffness, seen_aside)
@@ -175,9 +176,8 @@ class ScriptedOperator:
         duration = max(skill.quickest, PEAK * length / step.speed, PEAK * angle / skill.turning)
         offset = offset * (1.0 + skill.spread * self._rng.standard_normal())
         offset = offset + skill.stray * length * self._rng.standard_normal(3)
-        turn = turn * (
-            1.0 + skill.spread * self._rng.standard_normal()
-        ) + skill.stray * angle * self._rng.standard_normal(3)
+        turn = turn * (1.0 + skill.spread * self._rng.standard_normal())
+        turn = turn + skill.stray * angle * self._rng.standard_normal(3)
         self._movement = Submovement(np.concatenate([offset, turn]), time, duration)
         self._yielding = False
 
@@ -194,7 +194,7 @@ class ScriptedOperator:
         return np.asarray(mass * GRAVITY * seen.tool_rotation[2] - seen.wrench[:3])
 
     def _error(self, step: Step, seen: View) -> tuple[np.ndarray, np.ndarray]:
-        """Way and turn that he believes are left, in the tool frame (3,), m, and (3,), rad."""
+        """Way and turn that seem to be left, in the tool frame (3,), m, and (3,), rad."""
         unit = seen.unit
         place, frame = (
             (unit.position, unit.rotation) if step.carry and unit else (seen.tool_position, seen.tool_rotation)
@@ -203,6 +203,6 @@ class ScriptedOperator:
         offset = seen.tool_rotation.T @ (target[0] - place)
         turn = pin.log3(frame.T @ target[1])
         skill = self._skill
-        offset = offset + (skill.blur + skill.weber * np.linalg.norm(offset) * 0.5) * self._rng.standard_normal(3)
+        offset = offset + (skill.blur + skill.weber * np.linalg.norm(offset)) * self._rng.standard_normal(3)
         turn = turn + (skill.tilt + skill.weber * np.linalg.norm(turn)) * self._rng.standard_normal(3)
         return offset, turn

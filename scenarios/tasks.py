@@ -58,7 +58,7 @@ def task_operator(task: str, seed: int, hand_controller: HandController) -> Oper
 
     Args:
         task: One of `TASKS`.
-        seed: Of what he misses and misjudges.
-        hand_controller: The interface whose gains he is used to.
+        seed: Of what the operator misses and misjudges.
+        hand_controller: The interface whose gains the operator is used to.
     """
     return ScriptedOperator(TASKS[task](), axis_gains(MODE, TOOL_AXES, hand_controller), seed)

@@ -45,7 +45,7 @@ class Clumsy(Scenario):
 
 def row(name: str, scenario: Scenario) -> str:
     """Run a scenario with every seed and return its row of the table."""
-    logs = simulate([replace(scenario, name=f"{name}-{seed}", seed=seed) for seed in SEEDS])
+    logs = simulate([replace(scenario, name=f"exchange-{seed}", seed=seed) for seed in SEEDS])
     outcomes = [rpcm_outcome(log) for log in logs]
     inserted = sum(outcome.inserted for outcome in outcomes)
     returned = sum(outcome.returned for outcome in outcomes)
@@ -54,11 +54,13 @@ def row(name: str, scenario: Scenario) -> str:
     largest = max(outcome.largest_contact_force for outcome in outcomes)
     released = np.array([outcome.phases["insert"][1] for outcome in outcomes if "insert" in outcome.phases])
     back = np.array([outcome.phases["return"][1] for outcome in outcomes if outcome.returned])
-    return (
-        f"| {name} | {inserted} of {len(SEEDS)} | {returned} of {len(SEEDS)} | {np.median(peak):.0f} ({peak.max():.0f}) | "
-        f"{largest:.0f} | {np.median(released):.0f} ({released.max():.0f}) | {np.median(back):.0f} ({back.max():.0f}) | "
-        f"{limited} |"
-    )
+    cells = [name, f"{inserted} of {len(SEEDS)}", f"{returned} of {len(SEEDS)}", middle(peak), f"{largest:.0f}"]
+    return f"| {' | '.join([*cells, middle(released), middle(back), str(limited)])} |"
+
+
+def middle(values: np.ndarray) -> str:
+    """Return median and largest value as text."""
+    return f"{np.median(values):.0f} ({values.max():.0f})"
 
 
 def main() -> int:
