@@ -1,5 +1,6 @@
 """`hmtb scenarios`: what there is, and the TOML to start one's own from."""
 
+import tomllib
 from typing import Annotated, Literal
 
 import tyro
@@ -35,9 +36,8 @@ def scenarios(
             )
         scenario = load(name)
         if json:
-            record = {key: value for key, value in vars(scenario).items() if key != "excitation"}
-            entries = [{"kind": entry.kind, **entry.parameters} for entry in scenario.excitation]
-            print_json({**record, "excitation": entries})
+            tables = {name: vars(getattr(scenario, name)) for name in ("chain", "hand_controller")}
+            print_json({"excitation": [], **tomllib.loads(scenario.to_toml()), **tables})
         else:
             say(scenario.to_toml().rstrip())
         return 0

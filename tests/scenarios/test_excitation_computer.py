@@ -1,5 +1,6 @@
 """The excitation computer plays files as its board can: in time, in counts, on two outputs."""
 
+import json
 from pathlib import Path
 
 import numpy as np
@@ -7,6 +8,7 @@ import pytest
 
 from hmtb_twin import Chain
 from scenarios import Excitation, Scenario, ScenarioError
+from scenarios.cli import main
 from scenarios.excitation_computer import BOARD, played
 from scenarios.waveform_file import read_points, write_points
 
@@ -129,6 +131,14 @@ def test_a_wrong_file_is_refused_by_name(folder: Path, text: str, says: str) -> 
     (folder / "files" / "mine.txt").write_text(text, encoding="utf-8")
     with pytest.raises(ScenarioError, match=rf"mine\.toml.*mine\.txt.*{says}"):
         Scenario.read(folder / "mine.toml")
+
+
+def test_show_tells_what_is_set_on_the_computer(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["scenarios", "show", str(folder / "mine.toml"), "--json"]) == 0
+    shown = json.loads(capsys.readouterr().out)
+    assert shown["excitation"] == [{"kind": "points", "iterations": 1, "points": list(RAMP)}]
+    assert shown["chain"]["dac"] is True
+    assert shown["hand_controller"]["compensation"] == 0.0
 
 
 def test_a_missing_file_and_a_wrong_entry_are_refused(folder: Path) -> None:
