@@ -23,6 +23,9 @@ inputs of the same size would leave: the record would have to be 300 times as lo
 side, as docs/tests.md shows: above 100 where the axes share a waveform, 3 where they have one each.
 """
 
+STILL = 1e-9
+"""A joint whose command moves by no more than this stands still, rad: rounding of the kinematics."""
+
 NUMERICAL_RANK = 1e-6
 """Singular values below it, relative to the largest, count as zero, as in `sysid`."""
 
@@ -103,12 +106,13 @@ def joint_inputs(commands: np.ndarray, joints: tuple[str, ...], *, lags: int = L
         lags: Samples of each command that are compared.
 
     Returns:
-        What was found; None where a joint stands still, or the record is too short for so many lags.
+        What was found of those that move; None where fewer than two do, or the record is too short for so many lags.
     """
+    joints = tuple(joint for joint in joints if np.ptp(commands[:, JOINTS.index(joint)]) > STILL)
     signals = [commands[:, JOINTS.index(joint)] for joint in joints]
     signals = [signal - signal.mean() for signal in signals]
     rows = len(commands) - lags + 1
-    if rows < 2 * lags * len(joints) or any(np.ptp(signal) == 0.0 for signal in signals):
+    if len(joints) < 2 or rows < 2 * lags * len(joints):
         return None
     blocks = [
         np.column_stack([signal[lags - 1 - lag : lags - 1 - lag + rows] for lag in range(lags)]) / signal.std()

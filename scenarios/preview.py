@@ -9,7 +9,7 @@ from hmtb_twin.control_station import ControlStation
 from hmtb_twin.parameters import MOTIONS, SAMPLE_TIME
 from scenarios.errors import ScenarioError
 from scenarios.excitation_computer import BOARD
-from scenarios.joint_inputs import JointInputs, joint_inputs, moved_joints
+from scenarios.joint_inputs import STILL, JointInputs, joint_inputs, moved_joints
 from scenarios.needed_order import shortcoming
 from scenarios.preparation import SETTLING
 from scenarios.scenario import Scenario
@@ -28,7 +28,7 @@ class Preview:
         turn: Largest angle by which they turn the tool, rad.
         status: What was limited at each tick, bits of `Status` (N,).
         velocity_limits: Velocity limit of each joint's command (7,), rad/s.
-        inputs: How independently several joints move; None for one joint.
+        inputs: How independently several joints move; None where the experiment is for one, or moves one.
     """
 
     scenario: Scenario
@@ -49,7 +49,7 @@ class Preview:
     @property
     def moving(self) -> tuple[str, ...]:
         """Joints that the commands move by more than rounding."""
-        return tuple(name for name, reach in zip(JOINTS, np.ptp(self.commands, axis=0), strict=True) if reach > 1e-9)
+        return tuple(name for name, reach in zip(JOINTS, np.ptp(self.commands, axis=0), strict=True) if reach > STILL)
 
     def peak_rate(self, joint: str) -> float:
         """Largest rate of a joint's command, rad/s."""

@@ -106,6 +106,14 @@ def test_nothing_is_said_of_one_joint_of_joints_at_rest_and_of_short_records() -
     assert joint_inputs(signals(a[:20], a[20:40]), STUDIED_JOINTS[:2]) is None
 
 
+def test_joints_at_rest_are_left_out() -> None:
+    a, b = np.random.default_rng(4).standard_normal((2, 500))
+    found = joint_inputs(signals(a, 1e-12 * b, b), STUDIED_JOINTS)
+    assert found is not None
+    assert found.joints == (STUDIED_JOINTS[0], STUDIED_JOINTS[2])
+    assert found.condition < 2.0
+
+
 def test_joints_compared_are_those_of_the_stick_or_of_the_thesis() -> None:
     assert moved_joints(load("mimo-1")) == STUDIED_JOINTS
     assert moved_joints(load("siso-1-wrist_roll")) == ("wrist_roll",)

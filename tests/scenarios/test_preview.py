@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from hmtb_twin import JOINTS, Chain, Status, simulate
-from scenarios import Excitation, Scenario, ScenarioError, load
+from scenarios import Excitation, Scenario, ScenarioError, load, names
 from scenarios.cli import main
 from scenarios.preview import preview
 
@@ -24,6 +24,22 @@ def test_commands_are_those_of_the_simulation_to_the_bit(name: str) -> None:
     seen, log = preview(short(name)), simulate([short(name)])[0]
     for channel in ("volts", "commanded", "status"):
         np.testing.assert_array_equal(getattr(seen, channel.replace("commanded", "commands")), getattr(log, channel))
+
+
+def test_every_test_of_both_tables_keeps_to_the_limits_and_runs() -> None:
+    """The whole length of each is measured in docs/tests.md."""
+    chosen = [replace(load(name), duration=6.0) for tag in ("siso", "mimo") for name in names(tag)]
+    for scenario in chosen:
+        seen = preview(scenario)
+        assert not (seen.status & ~Status.VELOCITY_LIMITED).any(), scenario.name
+        assert (np.abs(seen.rates).max(axis=0) <= seen.velocity_limits * (1 + 1e-9)).all(), scenario.name
+        assert min(seen.margin(joint) for joint in seen.moving) > np.radians(30.0), scenario.name
+        assert seen.dac_clipped == 0.0, scenario.name
+        assert seen.deflection < 0.15, scenario.name
+        assert scenario.mode == "single_joint" or seen.turn < 1e-6, scenario.name
+    logs = simulate([replace(scenario, duration=1.0) for scenario in chosen])
+    assert [log.name for log in logs] == [scenario.name for scenario in chosen]
+    assert not logs.failed
 
 
 def test_figures_of_a_command_that_is_known() -> None:
