@@ -25,6 +25,12 @@ FASTEST = 1000.0
 """Most repetitions of a file per second, Hz: the board converts a hundred thousand points per second."""
 
 
+MISSES_POINTS = (
+    f"a file is played faster than {RATE:g} points per second: the position loop misses points, and tones alias"
+)
+"""What to say of an excitation that `Excitation.misses_points`."""
+
+
 @dataclass(frozen=True)
 class Board:
     """The analogue outputs of the data acquisition board."""

@@ -8,7 +8,7 @@ from hmtb_twin import JOINTS, Status, load_arm
 from hmtb_twin.control_station import ControlStation
 from hmtb_twin.parameters import MOTIONS, SAMPLE_TIME
 from scenarios.errors import ScenarioError
-from scenarios.excitation_computer import BOARD
+from scenarios.excitation_computer import BOARD, MISSES_POINTS
 from scenarios.joint_inputs import STILL, JointInputs, joint_inputs, moved_joints
 from scenarios.needed_order import shortcoming
 from scenarios.preparation import SETTLING
@@ -101,9 +101,7 @@ class Preview:
                 "excitation computer's converter"
             )
         if any(entry.misses_points for entry in self.scenario.excitation):
-            texts.append(
-                "a file is played faster than 50 points per second: the position loop misses points and tones alias"
-            )
+            texts.append(MISSES_POINTS)
         texts += dict.fromkeys(text for text in map(shortcoming, self.orders) if text)
         if self.inputs is not None and (text := self.inputs.warning()):
             texts.append(text)

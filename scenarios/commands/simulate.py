@@ -94,6 +94,7 @@ def simulate(
             for entry, made in zip(paths, _record(result.logs, folder, dropped, invalid, silent, remarks), strict=True):
                 entry.append(made)
 
+    from scenarios.excitation_computer import MISSES_POINTS
     from scenarios.joint_inputs import logged_inputs
     from scenarios.saturation import clipped_share, velocity_limited_share
 
@@ -108,6 +109,9 @@ def simulate(
     ]
     inputs = {log.name: found for log in result.logs if (found := logged_inputs(log, by_name[log.name]))}
     warnings += [f"{name}: {text}" for name, found in inputs.items() if (text := found.warning())]
+    warnings += [
+        f"{entry.name}: {MISSES_POINTS}" for entry in chosen if any(played.misses_points for played in entry.excitation)
+    ]
     warnings += remarks
     from scenarios.tasks import judged
 

@@ -131,13 +131,18 @@ def test_the_command_prints_what_is_seen(capsys: pytest.CaptureFixture[str], tmp
 
 
 def test_simulate_says_the_same_of_several_joints(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
-    words = ["simulate", "mimo-7", "mimo-7-independent", "--duration", "8", "--out", str(tmp_path), "--json"]
-    assert main(words) == 0
+    fast = tmp_path / "fast.toml"
+    quick = Scenario("fast", ("elbow_pitch",), (replace(QUIET, repeat_frequency=1.0),))
+    fast.write_text(quick.to_toml(), encoding="utf-8")
+    words = ["simulate", "mimo-7", "mimo-7-independent", fast, "--duration", "8", "--out", tmp_path, "--json"]
+    assert main(list(map(str, words))) == 0
     found = json.loads(capsys.readouterr().out)
+    assert set(found["inputs"]) == {"mimo-7", "mimo-7-independent"}
     assert found["inputs"]["mimo-7"]["full_model"] is False
     assert found["inputs"]["mimo-7"]["block_diagonal_model"] is True
     assert found["inputs"]["mimo-7-independent"]["full_model"] is True
-    (warning,) = found["warnings"]
+    warning, missed = found["warnings"]
+    assert missed.startswith("fast: a file is played faster than 50 points per second")
     assert warning.startswith("mimo-7: the commands of shoulder_yaw, shoulder_pitch, elbow_pitch move together")
     assert preview(replace(load("mimo-7"), duration=8.0)).inputs.condition == found["inputs"]["mimo-7"]["condition"]
 
