@@ -77,7 +77,7 @@ def test_a_cartesian_command_moves_the_tool_and_does_not_turn_it() -> None:
         (Scenario("a", ("elbow_pitch",), (Excitation("sine", {"frequency": 1.0, "amplitude": 12.0}),)), "±10 V of the"),
         (Scenario("b", ("elbow_pitch",), (Excitation("prbs", {"amplitude": 10.0}),)), "converter stands at an end"),
         (Scenario("c", ("elbow_pitch",), (Excitation("prbs", {"amplitude": 3.0}),)), "at its velocity limit"),
-        (Scenario("d", ("elbow_pitch",), (replace(QUIET, repeat_frequency=1.0),)), "misses points and tones alias"),
+        (Scenario("d", ("elbow_pitch",), (replace(QUIET, repeat_frequency=1.0),)), "misses points, and tones alias"),
         (Scenario("e", ("elbow_pitch",), (Excitation("sine", {"frequency": 5.0}),)), "order of excitation 2 is too"),
         (Scenario("f", ("x", "y", "z"), (Excitation("prbs"),), mode="cartesian"), "move together (condition"),
         (
