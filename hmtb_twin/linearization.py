@@ -28,7 +28,7 @@ def linearize(arm: Arm, pose: str = OPERATING_POSE) -> Truth:
     Friction is off: at rest it would show the stuck arm, not the moving one.
 
     Args:
-        arm: The arm, with friction or without: the truth is the same.
+        arm: The arm, with friction or without, in free space or at the worksite: the truth is the same.
         pose: Operating point, by name.
 
     Returns:
@@ -37,7 +37,7 @@ def linearize(arm: Arm, pose: str = OPERATING_POSE) -> Truth:
     Raises:
         TwinError: There is no such pose.
     """
-    smooth = load_arm(arm.variant, arm.payload, friction=False) if arm.friction else arm
+    smooth = load_arm(arm.variant, arm.payload, friction=False) if arm.friction or arm.worksite else arm
     angles = smooth.pose(pose)
     model = _sampled_model(smooth, angles)
     errors = {amplitude: small_signal_error(smooth, model, angles, amplitude) for amplitude in AMPLITUDES}

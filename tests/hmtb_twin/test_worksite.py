@@ -4,7 +4,7 @@ import mujoco
 import numpy as np
 import pytest
 
-from hmtb_twin import IDEAL, JointLog, Motion, Status, View, load_arm, simulate
+from hmtb_twin import IDEAL, JointLog, Motion, Status, View, linearize, load_arm, simulate
 from hmtb_twin.modes import TOOL_AXES
 from hmtb_twin.parameters import JOINTS, OPERATING_POSE, SAMPLE_TIME
 from hmtb_twin.seats import LATCH, SEATS, UNIT
@@ -46,6 +46,11 @@ def test_loaded_and_unloaded_arms_differ():
     empty, _ = response(load_arm(payload="none", worksite=True), command)
     error = np.linalg.norm(loaded - empty, axis=0)[1:] / np.linalg.norm(loaded, axis=0)[1:]
     assert error[:3].min() > 1e-2
+
+
+def test_truth_is_that_of_free_space():
+    truth, free = linearize(load_arm(friction=False, worksite=True)), linearize(load_arm())
+    np.testing.assert_array_equal(truth.model.A, free.model.A)
 
 
 def test_the_scene_holds_the_seats_and_no_other_plates():
