@@ -1,17 +1,19 @@
 """How a recursive estimator weighs what is new against what it knows [Ljung1999, ch. 11]."""
 
 from dataclasses import dataclass
-from typing import Protocol
+from typing import Protocol, runtime_checkable
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from sysid.arrays import FloatArray, lock, real_array
+from sysid.arguments import real_number, shown, truth_value
+from sysid.arrays import FloatArray, Locked, lock, real_array
 from sysid.errors import SysidError
 
 ROOT_FLOOR = 1e-12  # of a covariance that is given, as a part of its largest entry, variances in units of their own
 
 
+@runtime_checkable
 class Adaptation(Protocol):
     """A rule for the gain L(t) of theta(t) = theta(t-1) + L(t) eps(t); psi = -d eps / d theta.
 
@@ -73,11 +75,12 @@ class Forgetting:
 
     def __post_init__(self) -> None:
         """Check."""
-        for name, value in (("factor", self.factor), ("initial factor", self.initial)):
-            if not 0.0 < value <= 1.0:
-                raise SysidError(f"the forgetting {name} must lie above 0 and not above 1, got {value!r}")
-        if not 0.0 <= self.settling < 1.0:
-            raise SysidError(f"settling must lie from 0 to below 1, got {self.settling!r}")
+        bound = "lie above 0 and not above 1"
+        for name, given in (("factor", "the forgetting factor"), ("initial", "the forgetting initial factor")):
+            value = real_number(given, getattr(self, name), bound, lambda part: 0.0 < part <= 1.0)
+            object.__setattr__(self, name, value)
+        settling = real_number("settling", self.settling, "lie from 0 to below 1", lambda part: 0.0 <= part < 1.0)
+        object.__setattr__(self, "settling", settling)
 
     @property
     def diffuse(self) -> float:
@@ -127,7 +130,7 @@ class Forgetting:
 
 
 @dataclass(frozen=True, eq=False)
-class Kalman:
+class Kalman(Locked):
     """Parameters that walk at random: theta(t+1) = theta(t) + w(t), cov w = R1, cov e = R2.
 
     P = P + R1 - L psi' P, L = P psi / (R2 + psi' P psi) [Ljung1999, sec. 11.2].
@@ -147,12 +150,16 @@ class Kalman:
         """Check and lock."""
         walk = real_array("R1", self.R1)
         diagonal = np.diag(walk) if walk.ndim == 2 else walk
-        if walk.ndim > 2 or (diagonal < 0.0).any():
+        matrix = walk.ndim == 2
+        square = not matrix or (walk.shape[0] == walk.shape[1] and np.allclose(walk, walk.T, rtol=1e-9))
+        if walk.ndim > 2 or not square or (diagonal < 0.0).any():
             raise SysidError(
-                f"R1 must be a number, a row or a square matrix without negative variances, got {self.R1!r}"
+                f"R1 must be a number, a row or a symmetric matrix without negative variances, got {shown(self.R1)}"
             )
-        if not (np.isfinite(self.R2) and self.R2 > 0.0):
-            raise SysidError(f"R2 must be a positive variance, got {self.R2!r}")
+        if matrix and walk.size and np.linalg.eigvalsh(walk)[0] < -1e-9 * np.abs(walk).max():
+            raise SysidError(f"R1 must be a covariance, got one with eigenvalue {np.linalg.eigvalsh(walk)[0]:.3g}")
+        variance = real_number("R2", self.R2, "be a positive variance", lambda size: 0.0 < size < np.inf)
+        object.__setattr__(self, "R2", variance)
         object.__setattr__(self, "R1", lock(walk))
 
     @property
@@ -221,9 +228,10 @@ class Gradient:
 
     def __post_init__(self) -> None:
         """Check."""
-        if not (np.isfinite(self.gain) and self.gain > 0.0) or (self.normalised and self.gain >= 2.0):
-            bound = "between 0 and 2" if self.normalised else "positive"
-            raise SysidError(f"the gain must be {bound}, got {self.gain!r}")
+        normalised = truth_value("normalised", self.normalised)
+        most, bound = (2.0, "be between 0 and 2") if normalised else (np.inf, "be positive")
+        gain = real_number("the gain", self.gain, bound, lambda size: 0.0 < size < most)
+        object.__setattr__(self, "gain", gain)
 
     @property
     def diffuse(self) -> float:

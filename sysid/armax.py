@@ -19,7 +19,7 @@ def armax(
     *,
     max_iterations: int = 100,
     coloured: bool = False,
-    past: Past = Past.ESTIMATED,
+    past: Past | str = Past.ESTIMATED,
 ) -> Estimate:
     """Fit A(q) y = B(q) u + C(q) e by minimising the one-step prediction errors [Ljung1999, sec. 4.2, ch. 10].
 
@@ -36,7 +36,8 @@ def armax(
         coloured: Whether the covariance allows for prediction errors that are not white, as where the orders are too
             small: a "sandwich" [Ljung1999, ch. 9]. It then tells the spread about the parameters that the
             criterion leads to, which need not be the true ones. The estimate itself is the same.
-        past: What is assumed about the time before each experiment; by default nothing.
+        past: What is assumed about the time before each experiment, or its name ("zero", "backcast"); by default
+            nothing.
 
     Returns:
         The estimate; parameters a1.., b1.., c1...

@@ -1,5 +1,6 @@
 """Locked float arrays, the stuff that records are made of."""
 
+from types import MappingProxyType
 from typing import Any, TypeVar
 
 import numpy as np
@@ -13,15 +14,31 @@ Scalar = TypeVar("Scalar", bound=np.generic)
 
 
 class Locked:
-    """A record whose arrays stay locked when it is copied or unpickled."""
+    """A record whose arrays and mappings stay locked when it is copied or unpickled."""
+
+    def __getstate__(self) -> dict[str, Any]:
+        """The fields; read-only views of mappings cannot be copied or pickled, what they show can."""
+        return {
+            name: dict(value) if isinstance(value, MappingProxyType) else value for name, value in vars(self).items()
+        }
 
     def __setstate__(self, state: dict[str, Any]) -> None:
-        """Take over the fields and lock their arrays again: NumPy forgets the lock on the way."""
-        for value in state.values():
-            for array in value.values() if isinstance(value, dict) else (value,):
-                if isinstance(array, np.ndarray):
-                    array.setflags(write=False)
-        self.__dict__.update(state)
+        """Take over the fields and lock them again: NumPy forgets the lock on the way."""
+        self.__dict__.update({name: locked_within(value) for name, value in state.items()})
+
+
+def locked_within(value: Any) -> Any:
+    """The value with all arrays in it read-only, those in tuples and mappings too; a `dict` as a read-only view."""
+    if isinstance(value, np.ndarray):
+        value.setflags(write=False)
+    elif isinstance(value, tuple):
+        for part in value:
+            locked_within(part)
+    elif isinstance(value, dict):
+        for part in value.values():
+            locked_within(part)
+        return MappingProxyType(value)
+    return value
 
 
 def lock(array: NDArray[Scalar]) -> NDArray[Scalar]:

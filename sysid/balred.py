@@ -4,8 +4,8 @@ from dataclasses import replace
 
 import numpy as np
 
+from sysid.arguments import whole_number
 from sysid.arrays import FloatArray
-from sysid.errors import SysidError
 from sysid.estimate import Estimate
 from sysid.reduction import balanced_truncation
 from sysid.simulate import as_model
@@ -33,8 +33,7 @@ def balred(model: StateSpace | Estimate, order: int, *, match_dc: bool = False) 
         SysidError: The model is not stable, or has fewer states than `order`.
     """
     model = as_model(model)
-    if isinstance(order, bool) or not isinstance(order, int | np.integer) or not 0 <= order <= model.order:
-        raise SysidError(f"order must be a whole number from 0 to {model.order}, got {order!r}")
+    order = whole_number("order", order, 0, model.order)
     sigma = _deviations(model)
     A, B, C, _ = balanced_truncation(model.A, np.hstack((model.B, model.gain * sigma)), model.C, MINIMAL)
     D = np.hstack((model.D, np.diag(sigma)))

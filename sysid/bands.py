@@ -6,10 +6,11 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.optimize import linear_sum_assignment
 
-from sysid.arrays import ComplexArray, FloatArray, lock
+from sysid.arguments import shown, whole_number
+from sysid.arrays import ComplexArray, FloatArray, Locked, lock
 from sysid.delta_method import spread, standard_directions
 from sysid.errors import SysidError
-from sysid.estimate import Estimate
+from sysid.estimate import Estimate, as_estimate
 from sysid.frequency import NORMAL_95
 from sysid.state_space import StateSpace
 
@@ -18,7 +19,7 @@ Quantity = Callable[[StateSpace], FloatArray]
 
 
 @dataclass(frozen=True, eq=False)
-class Band:
+class Band(Locked):
     """A quantity with its uncertainty, entry by entry.
 
     Attributes:
@@ -39,7 +40,7 @@ class Band:
 
 
 @dataclass(frozen=True, eq=False)
-class RootBand:
+class RootBand(Locked):
     """Poles or zeros with their uncertainty.
 
     Attributes:
@@ -88,6 +89,7 @@ def band(estimate: Estimate, quantity: Quantity) -> Band:
     Raises:
         SysidError: A complex quantity.
     """
+    estimate = as_estimate(estimate)
     value = _real(quantity(estimate.model))
     moves = spread(lambda theta: quantity(estimate.realise(theta)), estimate.parameters, estimate.covariance)
     deviation = np.sqrt(np.sum(moves**2, axis=0))
@@ -109,6 +111,7 @@ def sampled_band(estimate: Estimate, quantity: Quantity, rng: np.random.Generato
     Raises:
         SysidError: Fewer than two draws, an estimate without covariance, or a complex quantity.
     """
+    estimate = as_estimate(estimate)
     value = _real(quantity(estimate.model))
     values = np.array([quantity(model) for model in sample_models(estimate, rng, draws=draws)], dtype=float)
     # a draw may be unstable, its response endless: that is part of the answer
@@ -139,8 +142,9 @@ def sample_models(estimate: Estimate, rng: np.random.Generator, *, draws: int = 
     Raises:
         SysidError: Fewer than two draws, or an estimate without covariance.
     """
-    if isinstance(draws, bool) or not isinstance(draws, int | np.integer) or draws < 2:
-        raise SysidError(f"draws must be a whole number >= 2, got {draws!r}")
+    estimate, draws = as_estimate(estimate), whole_number("draws", draws, 2)
+    if not isinstance(rng, np.random.Generator):
+        raise SysidError(f"rng must be a NumPy generator, such as np.random.default_rng(0), got {shown(rng)}")
     if not np.isfinite(estimate.covariance).all():
         raise SysidError(f"{estimate.method} gives no covariance of its parameters to draw from; refine it by pem_ss")
     root = standard_directions(estimate.covariance)
@@ -175,6 +179,7 @@ def zeros_band(estimate: Estimate) -> RootBand:
 
 
 def _roots_band(estimate: Estimate, roots_of: Callable[[StateSpace], ComplexArray]) -> RootBand:
+    estimate = as_estimate(estimate)
     nominal = roots_of(estimate.model)
 
     def parts(theta: FloatArray) -> FloatArray:

@@ -20,7 +20,7 @@ def bj(
     *,
     max_iterations: int = 100,
     coloured: bool = False,
-    past: Past = Past.ESTIMATED,
+    past: Past | str = Past.ESTIMATED,
 ) -> Estimate:
     """Fit y = B(q)/F(q) u + C(q)/D(q) e by minimising the one-step prediction errors [Ljung1999, sec. 4.2, ch. 10].
 
@@ -39,7 +39,8 @@ def bj(
         coloured: Whether the covariance allows for prediction errors that are not white, as where the orders are too
             small: a "sandwich" [Ljung1999, ch. 9]. It then tells the spread about the parameters that the
             criterion leads to, which need not be the true ones. The estimate itself is the same.
-        past: What is assumed about the time before each experiment; by default nothing.
+        past: What is assumed about the time before each experiment, or its name ("zero", "backcast"); by default
+            nothing.
 
     Returns:
         The estimate; parameters b1.., c1.., d1.., f1...

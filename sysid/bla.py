@@ -8,14 +8,15 @@ from numpy.typing import ArrayLike, NDArray
 from scipy.fft import rfft
 from scipy.stats import f as f_distribution
 
-from sysid.arrays import ComplexArray, FloatArray, lock
+from sysid.arguments import real_number, whole_number
+from sysid.arrays import ComplexArray, FloatArray, Locked, lock
 from sysid.data import IOData, as_experiments
 from sysid.errors import SysidError
 from sysid.frequency import FrequencyResponse
 
 
 @dataclass(frozen=True, eq=False)
-class BestLinearApproximation:
+class BestLinearApproximation(Locked):
     """What a system does in the mean over inputs of one spectrum, and how far single inputs are from it.
 
     Attributes:
@@ -77,8 +78,8 @@ def bla(
     experiments = tuple(e.scored for e in as_experiments(data))
     first = experiments[0]
     nu, ny = first.nu, first.ny
-    if isinstance(period, bool) or not isinstance(period, int | np.integer) or period < 4:
-        raise SysidError(f"period must be a whole number of samples >= 4, got {period!r}")
+    period = whole_number("period", period, 4)
+    audible = real_number("audible", audible, "lie between 0 and 1", lambda part: 0.0 < part < 1.0)
     counts = [len(e) // period for e in experiments]
     if min(counts) < 2:
         shortest = min(range(len(experiments)), key=lambda k: counts[k])
@@ -170,8 +171,6 @@ def _spectra(e: IOData, period: int, count: int) -> tuple[ComplexArray, ComplexA
 def _lines(given: ArrayLike | None, power: FloatArray, period: int, audible: float) -> NDArray[np.int_]:
     last = (period - 1) // 2
     if given is None:
-        if not 0.0 < audible < 1.0:
-            raise SysidError(f"audible must lie between 0 and 1, got {audible!r}")
         inner = power[1 : last + 1]
         if inner.max(initial=0.0) <= 0.0:
             raise SysidError("the input is constant over a period: nothing is excited")

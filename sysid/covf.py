@@ -6,14 +6,14 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from sysid.arrays import FloatArray, lock
+from sysid.arguments import whole_number
+from sysid.arrays import FloatArray, Locked, lock
 from sysid.correlation import covariance_function, covariance_with_gaps
 from sysid.data import IOData, as_experiments
-from sysid.errors import SysidError
 
 
 @dataclass(frozen=True, eq=False)
-class CovarianceFunction:
+class CovarianceFunction(Locked):
     """R(tau) = 1/N sum_t z(t + tau) z(t)' of z = [y; u].
 
     Attributes:
@@ -74,8 +74,7 @@ def covf(data: IOData | Sequence[IOData], *, lags: int = 25) -> CovarianceFuncti
     """
     experiments = tuple(e.scored for e in as_experiments(data, missing=True))
     shortest = min(len(e) for e in experiments)
-    if isinstance(lags, bool) or not isinstance(lags, int | np.integer) or not 0 <= lags < shortest:
-        raise SysidError(f"lags must be a whole number from 0 to {shortest - 1}, got {lags!r}")
+    lags = whole_number("lags", lags, 0, shortest - 1)
     z = [np.hstack((e.y, e.u)) for e in experiments]
     first = experiments[0]
     covariance = covariance_function if all(e.complete for e in experiments) else covariance_with_gaps

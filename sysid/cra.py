@@ -9,7 +9,8 @@ from numpy.typing import NDArray
 from scipy.signal import lfilter
 from scipy.stats import norm
 
-from sysid.arrays import FloatArray, lock
+from sysid.arguments import confidence_level, whole_number
+from sysid.arrays import FloatArray, Locked, lock
 from sysid.autoregression import autoregression
 from sysid.data import IOData, as_experiments
 from sysid.errors import SysidError, SysidWarning
@@ -18,17 +19,18 @@ from sysid.least_squares import solve
 from sysid.prewhitening import prewhitened
 from sysid.regressors import lagged
 
+RESOLVED = 1e-6  # share of the neighbours in a value beyond which it is not determined
 COLOUR = 20  # coefficients of the autoregressive model of what the response does not explain
 
 
 @dataclass(frozen=True, eq=False)
-class ImpulseResponse:
+class ImpulseResponse(Locked):
     """An impulse response without a model, with what is known of it.
 
     Attributes:
         lags: 0, 1, ..., in samples (lags + 1,).
         response: Response to a unit pulse in each input (lags + 1, ny, nu), output units per input unit.
-        deviation: Standard deviation of it (lags + 1, ny, nu).
+        deviation: Standard deviation of it (lags + 1, ny, nu); infinite where the inputs do not determine it.
         level: Confidence level.
         dt: Sampling interval in s.
         input_names: One name per input.
@@ -96,11 +98,8 @@ def cra(
     """
     experiments = tuple(e.detrend() for e in as_experiments(data))
     first = experiments[0]
-    for name, value, least in (("lags", lags, 1), ("whitening", whitening, 0)):
-        if isinstance(value, bool) or not isinstance(value, int | np.integer) or value < least:
-            raise SysidError(f"{name} must be a whole number >= {least}, got {value!r}")
-    if not 0.0 < level < 1.0:
-        raise SysidError(f"level must lie between 0 and 1, got {level!r}")
+    lags, whitening = whole_number("lags", lags, 1), whole_number("whitening", whitening, 0)
+    level = confidence_level(level)
     texts = check_excitation(experiments, [lags + 1] * first.nu)
     width = first.nu * (lags + 1)
     rows = sum(max(len(e) - max(whitening + lags, e.window), 0) for e in experiments)
@@ -112,6 +111,7 @@ def cra(
     for text in texts:
         warnings.warn(text, SysidWarning, stacklevel=2)
     response, deviation = np.empty((2, lags + 1, first.ny, first.nu))
+    lost = 0
     for j in range(first.nu):
         parts = prewhitened(experiments, j, int(whitening))
         starts = [max(whitening + lags, e.window) for e in experiments]
@@ -124,8 +124,18 @@ def cra(
         own = slice(j * (lags + 1), (j + 1) * (lags + 1))
         response[:, :, j] = fit.solution[own]
         left_over = y - stacked @ fit.solution
+        # the solution of least norm is one of many: what it takes a lag to be is no knowledge of it
+        determined = np.ones(stacked.shape[1], dtype=bool)
+        if fit.rank < stacked.shape[1]:
+            determined = np.abs(np.einsum("ij,ij->i", fit.inverse_gram, stacked.T @ stacked) - 1.0) < RESOLVED
+            lost = max(lost, stacked.shape[1] - fit.rank)
         for i in range(first.ny):
-            deviation[:, i, j] = _deviation(phi, fit.inverse_gram, left_over[:, i])[own]
+            deviation[:, i, j] = np.where(
+                determined[own], _deviation(phi, fit.inverse_gram, left_over[:, i])[own], np.inf
+            )
+    if lost and not texts:
+        text = f"the lagged inputs have rank {width - lost} for {width} values of the response: some are not determined"
+        warnings.warn(text, SysidWarning, stacklevel=2)
     return ImpulseResponse(
         lags=np.arange(lags + 1),
         response=response,
@@ -154,4 +164,5 @@ def _deviation(phi: Sequence[FloatArray], inverse_gram: FloatArray, errors: Floa
     for part in phi:
         filtered = lfilter([1.0], whitener, part, axis=0)
         total += filtered.T @ filtered
-    return np.asarray(np.sqrt(variance * np.diagonal(inverse_gram @ total @ inverse_gram)), dtype=np.float64)
+    squares = np.maximum(np.diagonal(inverse_gram @ total @ inverse_gram), 0.0)
+    return np.asarray(np.sqrt(variance * squares), dtype=np.float64)

@@ -7,15 +7,16 @@ from itertools import pairwise
 
 import numpy as np
 
-from sysid.arrays import FloatArray, lock
+from sysid.arguments import whole_number
+from sysid.arrays import FloatArray, Locked, lock
 from sysid.compare import ModelFit, compare
 from sysid.data import IOData, as_experiments
-from sysid.errors import SysidError, SysidWarning
+from sysid.errors import SysidWarning
 from sysid.estimate import Estimate
 
 
 @dataclass(frozen=True, eq=False)
-class CrossValidation:
+class CrossValidation(Locked):
     """Fits to the parts left out.
 
     Attributes:
@@ -63,8 +64,7 @@ def cross_validate(
     """
     experiments = as_experiments(data)
     if len(experiments) == 1:
-        if isinstance(folds, bool) or not isinstance(folds, int | np.integer) or not 2 <= folds <= len(experiments[0]):
-            raise SysidError(f"folds must be a whole number from 2 to {len(experiments[0])}, got {folds!r}")
+        folds = whole_number("folds", folds, 2, len(experiments[0]))
         (whole,) = experiments
         edges = np.linspace(whole.window, len(whole), folds + 1).astype(int)
         # the window stays in front of the part that it initialises

@@ -1,12 +1,13 @@
 """The input-output record: one experiment as the analyst sees it."""
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Literal
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from sysid.arguments import sampling_interval, truth_value, whole_number
 from sysid.arrays import FloatArray, Locked, lock, real_array
 from sysid.errors import SysidError
 
@@ -59,25 +60,23 @@ class IOData(Locked):
 
     def __post_init__(self) -> None:
         """Check and lock."""
-        u, y = _channels("u", self.u), _channels("y", self.y, missing=bool(self.missing))
+        missing = truth_value("missing", self.missing)
+        u, y = _channels("u", self.u), _channels("y", self.y, missing=missing)
         if len(u) != len(y):
             raise SysidError(f"u and y must be equally long: u has {len(u)} samples, y has {len(y)}")
-        numeric = isinstance(self.dt, int | float | np.integer | np.floating) and not isinstance(self.dt, bool)
-        if not numeric or not 0.0 < self.dt < np.inf:
-            raise SysidError(f"dt must be a positive number of seconds, got {self.dt!r}")
+        dt = sampling_interval(self.dt)
         if self.intersample not in ("zoh", "foh", "bl"):
             raise SysidError(f"intersample must be one of zoh, foh, bl; got {self.intersample!r}")
-        if isinstance(self.window, bool) or not isinstance(self.window, int | np.integer) or self.window < 0:
-            raise SysidError(f"window must be a whole number of samples >= 0, got {self.window!r}")
-        if self.window >= len(u):
+        window = whole_number("window", self.window, 0)
+        if window >= len(u):
             raise SysidError(f"window of {self.window} samples leaves nothing of a record of {len(u)}")
         nu, ny = u.shape[1], y.shape[1]
         checked = {
             "u": u,
             "y": y,
-            "dt": float(self.dt),
-            "window": int(self.window),
-            "missing": bool(self.missing),
+            "dt": dt,
+            "window": window,
+            "missing": missing,
             "input_names": _labels("input_names", self.input_names, tuple(f"u{i + 1}" for i in range(nu))),
             "output_names": _labels("output_names", self.output_names, tuple(f"y{i + 1}" for i in range(ny))),
             "input_units": _labels("input_units", self.input_units, ("",) * nu),
@@ -141,7 +140,7 @@ class IOData(Locked):
         known = np.concatenate(([False], self.known.all(axis=1), [False]))
         starts, stops = (np.flatnonzero(np.diff(known.astype(int)) == step) for step in (1, -1))
         lengths = stops - np.maximum(starts, self.window)
-        least = max(int(shortest), 1)
+        least = whole_number("shortest", shortest, 1)
         runs = np.flatnonzero(lengths >= least)
         if not len(runs):
             longest = int(lengths.max(initial=0))
@@ -177,14 +176,7 @@ class IOData(Locked):
         Raises:
             SysidError: Negative order, or an order that the number of samples does not allow.
         """
-        if (
-            isinstance(order, bool)
-            or not isinstance(order, int | np.integer)
-            or not 0 <= order < len(self) - self.window
-        ):
-            raise SysidError(
-                f"detrend order must be a whole number from 0 to {len(self) - self.window - 1}, got {order!r}"
-            )
+        order = whole_number("detrend order", order, 0, len(self) - self.window - 1)
         times = np.linspace(-1.0, 1.0, max(len(self), 2))[: len(self)]
         basis = np.asarray(np.polynomial.legendre.legvander(times, order), dtype=np.float64)
         return replace(
@@ -271,6 +263,17 @@ def as_experiments(data: IOData | Sequence[IOData], *, missing: bool = False) ->
     return records
 
 
+def as_record(data: IOData) -> IOData:
+    """Return the record, where it is one.
+
+    Raises:
+        SysidError: Something else was given.
+    """
+    if not isinstance(data, IOData):
+        raise SysidError(f"expected an IOData record, got {type(data).__name__}")
+    return data
+
+
 def _difference(channels: FloatArray, trend: FloatArray) -> FloatArray:
     """Channels less their trend; a channel of which rounding alone is left becomes exactly zero."""
     rest = channels - trend
@@ -294,7 +297,10 @@ def _trend(basis: FloatArray, channels: FloatArray, window: int) -> FloatArray:
 
 
 def _channels(name: str, value: FloatArray, *, missing: bool = False) -> FloatArray:
-    raw = np.asarray(value)
+    try:
+        raw = np.asarray(value)
+    except ValueError as error:
+        raise SysidError(f"{name}: expected a rectangular array of real numbers, got a ragged sequence") from error
     if missing and raw.dtype.kind == "f" and np.isnan(raw).any() and raw.ndim in (1, 2):
         lost = np.isnan(raw)
         if lost.all(axis=0).any():
@@ -353,7 +359,8 @@ def _indices(what: str, wanted: Sequence[int | str] | None, names: tuple[str, ..
     if wanted is None:
         return list(range(len(available)))
     out: list[int] = []
-    for item in (wanted,) if isinstance(wanted, str | int) else wanted:
+    single = isinstance(wanted, str) or not isinstance(wanted, Iterable) or not np.ndim(wanted)
+    for item in (wanted,) if single else wanted:
         if isinstance(item, str) and item in available:
             out.append(available.index(item))
         elif isinstance(item, int | np.integer) and not isinstance(item, bool) and 0 <= item < len(available):

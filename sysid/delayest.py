@@ -1,5 +1,6 @@
 """The delay of every input-output pair, by two ways that fail differently."""
 
+import warnings
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -7,10 +8,11 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.stats import chi2, norm
 
-from sysid.arrays import FloatArray, lock
+from sysid.arguments import confidence_level, whole_number
+from sysid.arrays import FloatArray, Locked, lock
 from sysid.correlation import covariance_function
 from sysid.data import IOData, as_experiments
-from sysid.errors import SysidError
+from sysid.errors import SysidError, SysidWarning
 from sysid.excitation import check_excitation
 from sysid.least_squares import triangular_factor
 from sysid.prewhitening import prewhitened
@@ -20,7 +22,7 @@ IntArray = NDArray[np.int_]
 
 
 @dataclass(frozen=True, eq=False)
-class DelayEstimate:
+class DelayEstimate(Locked):
     """Delays in samples as the models take them: nk is the first lag of u that y depends on.
 
     Attributes:
@@ -75,15 +77,17 @@ def delayest(
 
     Raises:
         SysidError: Constant input, orders or level out of range, too little data.
+
+    Warns:
+        SysidWarning: Inputs that depend on each other.
     """
     experiments = tuple(e.detrend() for e in as_experiments(data))
     nu, ny = experiments[0].nu, experiments[0].ny
-    for name, value, least in (("largest", largest, 0), ("na", na, 0), ("nb", nb, 1), ("whitening", whitening, 0)):
-        if isinstance(value, bool) or not isinstance(value, int | np.integer) or value < least:
-            raise SysidError(f"{name} must be a whole number >= {least}, got {value!r}")
-    if not 0.0 < level < 1.0:
-        raise SysidError(f"level must lie between 0 and 1, got {level!r}")
-    check_excitation(experiments, [0] * nu)
+    largest, na = whole_number("largest", largest, 0), whole_number("na", na, 0)
+    nb, whitening = whole_number("nb", nb, 1), whole_number("whitening", whitening, 0)
+    level = confidence_level(level)
+    for text in check_excitation(experiments, [0] * nu):
+        warnings.warn(text, SysidWarning, stacklevel=2)
     lags = (largest + nb,) * nu
     starts = [first_row(na, lags, (0,) * nu, e.window) for e in experiments]
     rows = sum(max(len(e) - s, 0) for e, s in zip(experiments, starts, strict=True))

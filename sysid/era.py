@@ -6,6 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from sysid.arguments import whole_number
 from sysid.arrays import FloatArray, Locked, lock, real_array
 from sysid.errors import SysidError, SysidWarning
 from sysid.state_space import StateSpace
@@ -115,8 +116,13 @@ def hankel_shape(y: FloatArray, block_rows: int | None, block_columns: int | Non
     """
     # H(1 + reserve) ends with Y index rows + columns + reserve
     available = len(y) - 1 - reserve
-    rows = available // 2 if block_rows is None else block_rows
-    columns = available - rows if block_columns is None else block_columns
+    if available < 2:
+        raise SysidError(
+            f"too few Markov parameters: {len(y)} given, with block_rows and block_columns of 1 at least "
+            f"{3 + reserve} are needed"
+        )
+    rows = available // 2 if block_rows is None else whole_number("block_rows", block_rows, 1)
+    columns = available - rows if block_columns is None else whole_number("block_columns", block_columns, 1)
     if rows < 1 or columns < 1 or rows + columns > available:
         raise SysidError(
             f"{len(y)} Markov parameters allow block_rows + block_columns <= {available}, each at least 1; "
@@ -141,8 +147,7 @@ def checked_order(order: int, xi: FloatArray) -> int:
     Warns:
         SysidWarning: It was reduced.
     """
-    if isinstance(order, bool) or not isinstance(order, int | np.integer) or not 1 <= order <= len(xi):
-        raise SysidError(f"order must be a whole number from 1 to {len(xi)} (the smaller side of H), got {order!r}")
+    order = whole_number("order", order, 1, len(xi))
     if xi[0] == 0.0:
         raise SysidError("the Markov parameters behind the first are all zero: there are no dynamics to realise")
     rank = max(int((xi > NUMERICAL_RANK * xi[0]).sum()), 1)
@@ -152,7 +157,7 @@ def checked_order(order: int, xi: FloatArray) -> int:
             SysidWarning,
             stacklevel=3,
         )
-    return min(int(order), rank)
+    return min(order, rank)
 
 
 def _percent(values: FloatArray, order: int) -> float:

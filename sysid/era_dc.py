@@ -3,8 +3,8 @@
 import numpy as np
 from numpy.typing import ArrayLike
 
+from sysid.arguments import whole_number
 from sysid.era import Realisation, block_hankel, checked_order, hankel_shape, markov_array, realisation
-from sysid.errors import SysidError
 
 
 def era_dc(
@@ -40,8 +40,7 @@ def era_dc(
         SysidWarning: U(0) has lower numerical rank than `order`, which is then reduced.
     """
     y = markov_array(markov)
-    if isinstance(lags, bool) or not isinstance(lags, int | np.integer) or lags < 1:
-        raise SysidError(f"lags must be a whole number >= 1, got {lags!r}")
+    lags = whole_number("lags", lags, 1)
     rows, columns = hankel_shape(y, block_rows, block_columns, reserve=2 * lags - 2)
     ny, nu = y.shape[1:]
     h0 = block_hankel(y[1:], rows, columns)

@@ -9,10 +9,13 @@ from scipy.signal import lfilter
 from sysid.arrays import FloatArray
 from sysid.data import IOData
 from sysid.orders import Orders
+from sysid.orthonormal_basis import gramian
 from sysid.past import Past
+from sysid.polynomials import is_stable
 from sysid.regressors import input_lags, lagged, output_lags
 
 LEAST_VARIANCE = 1e-8  # of a past disturbance, in units of the innovation's
+ROUNDING = 1e-12  # the same, as a part of the variances' sum, of a disturbance that hardly dies out
 FIRST_LOOK = 256  # samples after which most transients have died out
 NEGLIGIBLE = 1e-17
 STEP = 1e-5  # of the coefficients, for differences of the small matrices of backcasting
@@ -152,7 +155,8 @@ def _backcast(y: FloatArray, u: FloatArray, orders: Orders, theta: FloatArray, s
 
     columns = np.zeros((m + rows, orders.count + 1), order="F")
     k = orders.na
-    columns[m:, :k] = lfilter(d, c, lagged(y, output_lags(orders.na), start), axis=0)
+    if k:
+        columns[m:, :k] = lfilter(d, c, lagged(y, output_lags(k), start), axis=0)
     for j, (nb, nk) in enumerate(zip(orders.nb, orders.nk, strict=True)):
         reached = lagged(lfilter([1.0], f[j], u[:, j]), input_lags(nb, nk), start)
         columns[m:, k : k + nb] = -lfilter(d, c, reached, axis=0)
@@ -172,13 +176,19 @@ def _backcast(y: FloatArray, u: FloatArray, orders: Orders, theta: FloatArray, s
         for lag in range(1, n + 1):
             # the state is held while its covariance moves
             ends = [polynomial + s * STEP * np.eye(1, n + 1, lag)[0] for s in (1.0, -1.0)]
-            up, down = (_inverse_root(end, d, m) if i == 0 else _inverse_root(c, end, m) for end in ends)
-            columns[:m, k + lag - 1] = -(up - down) @ state[:m] / (2.0 * STEP)
+            # at the edge of stability one side has no stationary covariance, in a corner neither
+            sides = [j for j, end in enumerate(ends) if i == 0 or is_stable(end)]
+            up, down = (
+                (_inverse_root(ends[j], d, m) if i == 0 else _inverse_root(c, ends[j], m)) if j in sides else root
+                for j in (0, 1)
+            )
+            columns[:m, k + lag - 1] = -(up - down) @ state[:m] / (max(len(sides), 1) * STEP)
         k += n
     for j, nf in enumerate(orders.nf):
-        filtered = _shifts(lfilter([1.0], f[j], outputs[j]), nf, first=1)[start:]
-        columns[m:, k : k + nf] = lfilter(d, c, filtered, axis=0)
-        k += nf
+        if nf:
+            filtered = _shifts(lfilter([1.0], f[j], outputs[j]), nf, first=1)[start:]
+            columns[m:, k : k + nf] = lfilter(d, c, filtered, axis=0)
+            k += nf
     columns[: len(basis), :k] -= basis @ (basis.T @ columns[: len(basis), :k])
     columns[:, k] = errors
     return ErrorJacobian(columns, rows, basis.shape[1] - m)
@@ -191,8 +201,9 @@ def _inverse_root(c: FloatArray, d: FloatArray, m: int) -> FloatArray:
     K = np.zeros((m, 1))
     K[: len(c) - 1, 0] += c[1:]
     K[: len(d) - 1, 0] -= d[1:]
-    covariance = scipy.linalg.solve_discrete_lyapunov(A, K @ K.T) + LEAST_VARIANCE * np.eye(m)
-    root = np.linalg.cholesky(0.5 * (covariance + covariance.T))
+    covariance = gramian(A, K @ K.T)
+    least = max(LEAST_VARIANCE, ROUNDING * float(np.trace(covariance)))
+    root = np.linalg.cholesky(0.5 * (covariance + covariance.T) + least * np.eye(m))
     return np.asarray(scipy.linalg.solve_triangular(root, np.eye(m), lower=True))
 
 

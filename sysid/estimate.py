@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from sysid.arrays import ComplexArray, FloatArray, Locked, lock, real_array
+from sysid.arrays import ComplexArray, FloatArray, Locked, lock, locked_within, real_array
 from sysid.data import IOData
 from sysid.delta_method import spread
 from sysid.errors import SysidError
@@ -115,7 +115,7 @@ class Estimate(Locked):
     realise: Callable[[FloatArray], StateSpace]
 
     def __post_init__(self) -> None:
-        """Lock arrays, copy mappings."""
+        """Lock arrays and copies of the mappings."""
         p = len(self.parameters)
         if self.covariance.shape != (p, p) or len(self.parameter_names) != p:
             raise SysidError(
@@ -125,7 +125,8 @@ class Estimate(Locked):
         for attribute in ("parameters", "covariance", "noise_variance", "residuals"):
             object.__setattr__(self, attribute, lock(getattr(self, attribute)))
         for attribute in ("orders", "diagnostics"):
-            object.__setattr__(self, attribute, dict(getattr(self, attribute)))
+            copied = {name: _copied(value) for name, value in getattr(self, attribute).items()}
+            object.__setattr__(self, attribute, locked_within(copied))
 
     def __str__(self) -> str:
         """A few lines: method and orders, parameters with standard deviations, poles, warnings."""
@@ -240,6 +241,26 @@ class Estimate(Locked):
             input_names=self.data.input_names,
             output_names=self.data.output_names,
         )
+
+
+def _copied(value: Any) -> Any:
+    """Arrays belong to the caller, who may go on with them."""
+    if isinstance(value, np.ndarray):
+        return value.copy()
+    return tuple(_copied(part) for part in value) if type(value) is tuple else value
+
+
+def as_estimate(estimate: Estimate) -> Estimate:
+    """Return the estimate, where it is one.
+
+    Raises:
+        SysidError: Something else was given: a model alone knows nothing of its uncertainty.
+    """
+    if not isinstance(estimate, Estimate):
+        raise SysidError(
+            f"expected an Estimate, got {type(estimate).__name__}: intervals rest on the covariance of its parameters"
+        )
+    return estimate
 
 
 def _log_ratio(model: StateSpace, at: float, i: int, j: int) -> float:

@@ -6,6 +6,7 @@ import numpy as np
 from scipy.fft import fft, rfftfreq
 from scipy.ndimage import convolve1d
 
+from sysid.arguments import whole_number
 from sysid.arrays import ComplexArray, FloatArray
 from sysid.data import IOData, as_experiments
 from sysid.errors import SysidError
@@ -42,8 +43,9 @@ def etfe(data: IOData | Sequence[IOData], *, smoothing: int = 0) -> FrequencyRes
     if len({len(e) for e in experiments}) > 1:
         raise SysidError(f"etfe needs experiments of equal length, got {[len(e) for e in experiments]} samples")
     n = len(first)
-    if isinstance(smoothing, bool) or not isinstance(smoothing, int | np.integer) or not 0 <= smoothing < n // 2:
-        raise SysidError(f"smoothing must be a whole number of neighbours from 0 to {n // 2 - 1}, got {smoothing!r}")
+    if n < 2:
+        raise SysidError(f"too few samples: {n} behind the initialisation window, at least 2 are needed")
+    smoothing = whole_number("smoothing", smoothing, 0, n // 2 - 1)
     check_excitation(experiments, [0])
     # (experiments, N, channels), both signs of the frequency: neighbours of the ends are found across 0 and Nyquist
     u = np.array([fft(e.u, axis=0) for e in experiments])

@@ -5,6 +5,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import ArrayLike
 
+from sysid.arguments import real_number, whole_number
 from sysid.arrays import FloatArray, real_array
 from sysid.data import ROUNDING, IOData
 from sysid.errors import SysidError
@@ -24,32 +25,39 @@ def order_of_excitation(u: ArrayLike, *, max_order: int = 50, tolerance: float =
     Raises:
         SysidError: Several channels, or max_order not between 1 and N/2.
     """
+    if isinstance(u, IOData):
+        raise SysidError("expected one input as an array (N,), got an IOData record: take data.u[:, 0]")
     signal = real_array("u", u)
     signal = signal[:, 0] if signal.ndim == 2 and signal.shape[1] == 1 else signal
     if signal.ndim != 1:
         raise SysidError(f"order_of_excitation looks at one input at a time, got shape {np.shape(u)}")
-    if not 1 <= max_order <= len(signal) // 2:
-        raise SysidError(f"max_order must lie between 1 and N/2 = {len(signal) // 2}, got {max_order}")
+    if len(signal) < 2:
+        raise SysidError(f"too few samples: {len(signal)} given, at least 2 are needed")
+    max_order = whole_number("max_order", max_order, 1, len(signal) // 2)
+    tolerance = real_number("tolerance", tolerance, "lie between 0 and 1", lambda part: 0.0 < part < 1.0)
     return _rank([signal], max_order, tolerance)
 
 
 def _rank(signals: Sequence[FloatArray], order: int, tolerance: float) -> int:
-    gram = hankel_moments([signal[:, None] for signal in signals], order)
+    return _gram_rank(hankel_moments([signal[:, None] for signal in signals], order), tolerance)
+
+
+def _gram_rank(gram: FloatArray, tolerance: float) -> int:
     # eigenvalues are squares of singular values; rounding of the Gram matrix sets the floor
     values = np.linalg.eigvalsh(gram)
-    floor = max(tolerance**2, order * np.finfo(float).eps)
+    floor = max(tolerance**2, len(gram) * np.finfo(float).eps)
     return int((values > floor * values[-1]).sum()) if values[-1] > 0.0 else 0
 
 
 def check_excitation(experiments: Sequence[IOData], needed: Sequence[int]) -> list[str]:
-    """Refuse constant inputs; describe inputs that excite less than the model needs.
+    """Refuse constant inputs; describe inputs that excite less than the model needs, or depend on each other.
 
     Args:
         experiments: The data set.
         needed: Order of excitation wanted of each input.
 
     Returns:
-        One text per weak input.
+        One text per weak input, and one where inputs depend on each other.
 
     Raises:
         SysidError: An input is constant in every experiment.
@@ -71,4 +79,27 @@ def check_excitation(experiments: Sequence[IOData], needed: Sequence[int]) -> li
                 f"input {name} is persistently exciting of order {found} only, the model needs {needed[j]}: "
                 "some parameters rest on noise"
             )
-    return texts
+    dependence = _dependence(experiments, max((*needed, 1)))
+    return [*texts, dependence] if dependence else texts
+
+
+def _dependence(experiments: Sequence[IOData], lags: int) -> str:
+    """What is wrong where the inputs' lags are of lower rank together than each on its own; else nothing."""
+    nu = experiments[0].nu
+    # as many rows as columns at least
+    order = min(lags, min(len(e) for e in experiments) // (nu + 1))
+    if nu == 1 or order < 1:
+        return ""
+    sizes = np.sqrt(np.mean(np.concatenate([e.u for e in experiments]) ** 2, axis=0))
+    signals = [e.u / sizes for e in experiments]
+    gram = hankel_moments(signals, order)
+    together = _gram_rank(gram, 1e-6)
+    alone = sum(_gram_rank(gram[j::nu, j::nu], 1e-6) for j in range(nu))
+    if together >= alone:
+        return ""
+    names = ", ".join(experiments[0].input_names or ())
+    what = "the inputs" if order == 1 else f"{order} lags of the inputs"
+    return (
+        f"{what} {names} have rank {together} together and {alone} on their own: they depend on each other, and "
+        "the data do not tell their effects apart"
+    )

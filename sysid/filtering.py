@@ -7,8 +7,9 @@ from numpy.typing import ArrayLike
 from scipy.fft import irfft, rfft, rfftfreq
 from scipy.signal import lfilter, lfilter_zi
 
+from sysid.arguments import real_number
 from sysid.arrays import FloatArray, real_array
-from sysid.data import IOData
+from sysid.data import IOData, as_record
 from sysid.errors import SysidError
 
 
@@ -29,6 +30,7 @@ def prefilter(data: IOData, numerator: ArrayLike, denominator: ArrayLike = 1.0) 
     Raises:
         SysidError: No coefficients, a filter that is not stable, missing samples.
     """
+    data = as_record(data)
     b, a = (np.atleast_1d(real_array(n, v)) for n, v in (("numerator", numerator), ("denominator", denominator)))
     if b.ndim != 1 or a.ndim != 1 or b.size == 0 or a.size == 0 or a[0] == 0.0:
         raise SysidError(f"expected two rows of coefficients, the denominator's first not zero, got {b} and {a}")
@@ -60,8 +62,11 @@ def keep_band(data: IOData, low_hz: float = 0.0, high_hz: float = np.inf) -> IOD
         The filtered record, its input taken as band-limited between samples.
 
     Raises:
-        SysidError: Edges that leave no frequency of the record, missing samples.
+        SysidError: Not a record, edges that are no frequencies or leave none of the record, missing samples.
     """
+    data = as_record(data)
+    low_hz = real_number("low_hz", low_hz, "be a frequency >= 0 Hz", lambda f: f >= 0.0)
+    high_hz = real_number("high_hz", high_hz, "be a frequency >= 0 Hz", lambda f: f >= 0.0)
     f = rfftfreq(len(data), data.dt)
     kept = (f >= low_hz) & (f <= high_hz)
     if not kept.any():

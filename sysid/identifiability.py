@@ -4,10 +4,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from sysid.arrays import ComplexArray, FloatArray, lock
+from sysid.arrays import ComplexArray, FloatArray, Locked, lock
 from sysid.delta_method import spread
 from sysid.errors import SysidError
-from sysid.estimate import Estimate
+from sysid.estimate import Estimate, as_estimate
 from sysid.orders import Orders, make_orders
 
 POORLY_KNOWN = 1e3  # condition of the parameters' correlation matrix, square root, worth a word
@@ -34,7 +34,7 @@ class Cancellation:
 
 
 @dataclass(frozen=True, eq=False)
-class Identifiability:
+class Identifiability(Locked):
     """Conditioning of an estimate.
 
     Attributes:
@@ -76,6 +76,7 @@ def identifiability(estimate: Estimate) -> Identifiability:
     Raises:
         SysidError: The estimate has no parameters, or its method gives no covariance.
     """
+    estimate = as_estimate(estimate)
     covariance, theta = estimate.covariance, estimate.parameters
     if not len(theta) or not np.isfinite(covariance).all():
         raise SysidError(f"{estimate.method} gives no covariance of its parameters: there is nothing to judge by")

@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from sysid.arguments import shown
 from sysid.arrays import FloatArray
 from sysid.data import IOData
 from sysid.errors import SysidError
@@ -261,6 +262,8 @@ def sampling_interval(columns: Columns, dt: float | None, file: Path) -> float:
 
 
 def _existing(path: str | Path, kind: str) -> Path:
+    if not isinstance(path, str | Path):
+        raise SysidError(f"expected the path of {kind}, got {shown(path)}")
     file = Path(path)
     if not file.is_file():
         raise SysidError(f"no data file {str(path)!r}; expected {kind}")

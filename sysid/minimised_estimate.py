@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 
+from sysid.arguments import truth_value, whole_number
 from sysid.arrays import FloatArray
 from sysid.completed_records import completed
 from sysid.data import IOData
@@ -18,6 +19,7 @@ from sysid.polynomial_estimate import check_enough_data, check_single_output, ma
 from sysid.prediction_error import Linearisation, coloured_information
 from sysid.robust_covariance import curvature_covariance, sandwich
 from sysid.search import Start, search
+from sysid.starts import check_room_to_start
 
 ILL_CONDITIONED = 1e10
 COLOUR = 30  # coefficients of the autoregressive model of a coloured disturbance
@@ -32,7 +34,7 @@ def prediction_error_estimate(
     *,
     max_iterations: int,
     coloured: bool = False,
-    past: Past = Past.ESTIMATED,
+    past: Past | str = Past.ESTIMATED,
 ) -> Estimate:
     """Check the data, search, and turn the minimum into an estimate.
 
@@ -52,11 +54,14 @@ def prediction_error_estimate(
         past: What is assumed about the time before each record.
 
     Raises:
-        SysidError: Several outputs, too little data, or backcasting over gaps.
+        SysidError: Several outputs, too little data, backcasting over gaps, iterations or past that are none.
 
     Warns:
         SysidWarning: Poor excitation, no convergence, bad conditioning, roots of C, D or F at the unit circle.
     """
+    past = Past.of(past)
+    max_iterations = whole_number("max_iterations", max_iterations, 1)
+    coloured = truth_value("coloured", coloured)
     check_single_output(experiments)
     gaps = not all(e.complete for e in experiments)
     if gaps and past is Past.BACKCAST:
@@ -67,6 +72,7 @@ def prediction_error_estimate(
     transients = max(orders.nc, orders.nd) + sum(orders.nf)
     texts = check_excitation(experiments, [n + max(orders.na, f) for n, f in zip(orders.nb, orders.nf, strict=True)])
     check_enough_data(experiments, orders, transients)
+    check_room_to_start(experiments, orders)
     beginnings = starts(completed(experiments, orders) if gaps else experiments, orders)
     found = search(experiments, orders, beginnings, max_iterations=max_iterations, past=past)
     at = found.best.at

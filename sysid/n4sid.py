@@ -5,6 +5,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from sysid.arguments import truth_value, whole_number
 from sysid.arrays import FloatArray
 from sysid.data import IOData, as_experiments
 from sysid.errors import SysidError, SysidWarning
@@ -54,18 +55,23 @@ def n4sid(
     """
     experiments = as_experiments(data)
     nu, ny = experiments[0].nu, experiments[0].ny
-    if isinstance(order, bool) or not isinstance(order, int | np.integer) or order < 1:
-        raise SysidError(f"order must be a whole number >= 1, got {order!r}")
+    order = whole_number("order", order, 1)
+    direct, gain, stable = (
+        truth_value(name, value) for name, value in (("direct", direct), ("gain", gain), ("stable", stable))
+    )
     samples = check_enough_samples(experiments, order, order * (nu + 2 * ny) + nu * ny)
     shortest = min(len(e) - e.window for e in experiments)
     # rows of the triangle: 2 s nu inputs and 2 s ny outputs need as many columns
     most = min((samples + len(experiments)) // (2 * (nu + ny) + 2 * len(experiments)), shortest // 2)
-    s = min(max(10, -(-5 * order // 2)), most) if block_rows is None else block_rows
-    if isinstance(s, bool) or not isinstance(s, int | np.integer) or not order < s * ny or not 2 <= s <= most:
+    # the observability matrix is shifted by a block row
+    least = max(-(-order // ny) + 1, 2)
+    if least > most:
         raise SysidError(
-            f"block_rows must be a whole number from {order // ny + 1} (order {order}, {ny} output(s)) to {most} "
-            f"(for {samples} samples in {len(experiments)} experiment(s)), got {s!r}"
+            f"too few samples for order {order}: {samples} in {len(experiments)} experiment(s) allow {most} block "
+            f"row(s), {ny} output(s) need {least}"
         )
+    wanted = min(max(10, -(-5 * order // 2)), most) if block_rows is None else block_rows
+    s = whole_number("block_rows", wanted, least, most)
     texts = check_excitation(experiments, [2 * int(s)] * nu)
     scales = Scales.of(experiments)
     records = [Record.of(e, scales, gain=True) for e in experiments]
@@ -85,8 +91,16 @@ def n4sid(
         A = found.A - found.K @ found.C
         start = Predictor(A, np.hstack((found.B - found.K @ start.D, found.K)), found.C, start.D)
         if not start.is_stable():
-            raise SysidError("found neither a stable model nor a stable predictor; try another order or block_rows")
-    else:
+            texts[-1] = (
+                f"neither a stable model (largest pole modulus {np.abs(np.linalg.eigvals(found.A)).max():.6g}) nor a "
+                "stable predictor was found: A has been made stable, at the expense of fit; try another order or "
+                "block_rows"
+            )
+            found, observer = subspace([r.w for r in records], nu, int(order), int(s), stable=True), False
+            start = Predictor(found.A, found.B, found.C, found.D if direct else np.zeros((ny, nu)))
+            if not start.is_stable():
+                raise SysidError("found neither a stable model nor a stable predictor; try another order or block_rows")
+    if not observer:
         records = [Record.of(e, scales, gain=False) for e in experiments]
     fitted = least_squares_fit(records, start, InputCoordinates(direct))
     if observer and not gain:

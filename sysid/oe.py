@@ -18,7 +18,7 @@ def oe(
     *,
     max_iterations: int = 100,
     coloured: bool = False,
-    past: Past = Past.ESTIMATED,
+    past: Past | str = Past.ESTIMATED,
 ) -> Estimate:
     """Fit y = B(q)/F(q) u + e by minimising the simulation error [Ljung1999, sec. 4.2, ch. 10].
 
@@ -34,7 +34,8 @@ def oe(
         max_iterations: Steps of the final minimisation at most.
         coloured: Whether the covariance allows for a disturbance that is not white (but independent of the input), by
             an autoregressive model of it [Ljung1999, ch. 9]. The estimate itself is the same.
-        past: What is assumed about the time before each experiment; by default nothing.
+        past: What is assumed about the time before each experiment, or its name ("zero", "backcast"); by default
+            nothing.
 
     Returns:
         The estimate; parameters b1.., f1...

@@ -7,6 +7,7 @@ from typing import Protocol
 
 import numpy as np
 
+from sysid.arguments import whole_number
 from sysid.arrays import FloatArray
 from sysid.data import IOData, as_experiments
 from sysid.era import Realisation, era
@@ -18,6 +19,8 @@ from sysid.observer_gain import deadbeat_gain, spectral_radius, stable_gain
 from sysid.recursion import free_response
 from sysid.residuals import residuals
 from sysid.state_space import StateSpace
+
+LARGEST_HANKEL = 2.5e7  # numbers in the Hankel matrix, 200 MB
 
 
 class Realiser(Protocol):
@@ -188,12 +191,15 @@ def okid(
     experiments = as_experiments(data, missing=True)
     first = experiments[0]
     nu, ny = first.nu, first.ny
-    for name, value in (("order", order), ("p", p)):
-        if isinstance(value, bool) or not isinstance(value, int | np.integer) or value < 1:
-            raise SysidError(f"{name} must be a whole number >= 1, got {value!r}")
+    order, p = whole_number("order", order, 1), whole_number("p", p, 1)
     if p * ny < order:
         raise SysidError(f"p * ny must be at least the order {order}: got p = {p} with {ny} output(s)")
-    rows_of_h = max(40, p, 2 * order) if block_rows is None else block_rows
+    rows_of_h = max(40, p, 2 * order) if block_rows is None else whole_number("block_rows", block_rows, 1)
+    if rows_of_h**2 * nu * ny > LARGEST_HANKEL:
+        raise SysidError(
+            f"block_rows = {rows_of_h} makes a Hankel matrix of {rows_of_h * ny} x {rows_of_h * nu} numbers, expected "
+            f"{LARGEST_HANKEL:g} at most"
+        )
     if rows_of_h * min(ny, nu) < order:
         raise SysidError(f"block_rows = {rows_of_h} is too small for order {order}")
     texts = check_excitation(experiments, [p + (1 if direct else 0)] * nu)

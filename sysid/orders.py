@@ -5,6 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from sysid.arguments import shown, whole_number
 from sysid.arrays import FloatArray
 from sysid.errors import SysidError
 from sysid.polynomials import Polynomials
@@ -106,28 +107,22 @@ def make_orders(
         SysidError: Negative or fractional orders, nb < 1, or lists that do not match the number of inputs.
     """
     orders = Orders(
-        na=_order("na", na),
+        na=whole_number("na", na, 0),
         nb=_per_input("nb", nb, nu, least=1),
-        nc=_order("nc", nc),
-        nd=_order("nd", nd),
+        nc=whole_number("nc", nc, 0),
+        nd=whole_number("nd", nd, 0),
         nf=_per_input("nf", nf, nu),
         nk=_per_input("nk", nk, nu),
     )
     return orders
 
 
-def _order(name: str, value: int, least: int = 0) -> int:
-    if isinstance(value, bool) or not isinstance(value, int | np.integer) or value < least:
-        raise SysidError(f"{name} must be a whole number >= {least}, got {value!r}")
-    return int(value)
-
-
 def _per_input(name: str, value: int | Sequence[int], nu: int, least: int = 0) -> tuple[int, ...]:
-    if isinstance(value, int | np.integer):
-        return (_order(name, value, least),) * nu
+    if isinstance(value, int | np.integer) or (isinstance(value, np.ndarray) and not value.ndim):
+        return (whole_number(name, value, least),) * nu
     if isinstance(value, str) or not isinstance(value, Sequence | np.ndarray):
-        raise SysidError(f"{name} must be a whole number >= {least}, or one per input, got {value!r}")
-    values = tuple(_order(name, v, least) for v in value)
+        raise SysidError(f"{name} must be a whole number >= {least}, or one per input, got {shown(value)}")
+    values = tuple(whole_number(name, v, least) for v in value)
     if len(values) != nu:
         raise SysidError(f"{name}: expected one value or one per input ({nu}), got {values}")
     return values

@@ -2,6 +2,9 @@
 
 from enum import Enum
 
+from sysid.arguments import shown
+from sysid.errors import SysidError
+
 
 class Past(Enum):
     """How the unknown past of each experiment enters the criterion.
@@ -18,3 +21,16 @@ class Past(Enum):
     ESTIMATED = "estimated"
     BACKCAST = "backcast"
     ZERO = "zero"
+
+    @staticmethod
+    def of(value: "Past | str") -> "Past":
+        """The choice itself, or the one of this value.
+
+        Raises:
+            SysidError: Something else.
+        """
+        try:
+            return Past(value)
+        except ValueError as error:
+            known = ", ".join(f"Past.{one.name} or {one.value!r}" for one in Past)
+            raise SysidError(f"past must be one of {known}; got {shown(value)}") from error

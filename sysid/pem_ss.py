@@ -5,6 +5,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from sysid.arguments import truth_value, whole_number
 from sysid.arrays import FloatArray
 from sysid.data import IOData, as_experiments
 from sysid.errors import SysidError, SysidWarning
@@ -83,6 +84,9 @@ def pem_ss(
     Warns:
         SysidWarning: Poor excitation, no convergence, bad conditioning, a predictor at the edge of stability.
     """
+    max_iterations = whole_number("max_iterations", max_iterations, 1)
+    flags = {"direct": direct, "gain": gain, "coloured": coloured, "search": search}
+    direct, gain, coloured, search = (truth_value(name, value) for name, value in flags.items())
     experiments = as_experiments(data, missing=not coloured)
     given = list(start) if isinstance(start, Sequence) else [start]
     models = [as_model(one) for one in given]

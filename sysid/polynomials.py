@@ -4,7 +4,9 @@ from dataclasses import dataclass
 
 import numpy as np
 import scipy.linalg
+from numpy.typing import ArrayLike
 
+from sysid.arguments import real_number
 from sysid.arrays import FloatArray, Locked, lock, real_array
 from sysid.errors import SysidError
 from sysid.state_space import StateSpace
@@ -56,7 +58,7 @@ class Polynomials(Locked):
         return _trim(b), _trim(f)
 
 
-def innovations_form(polynomials: Polynomials, dt: float, variance: float | None = None) -> StateSpace:
+def innovations_form(polynomials: Polynomials, dt: float, variance: ArrayLike | None = None) -> StateSpace:
     """State space in observer companion form: for one denominator, K = c - a [Morris1996, eq. 4.9].
 
     ARX, ARMAX and OE with one input share one companion block. With F beside A, with D, or with several F, every
@@ -65,15 +67,25 @@ def innovations_form(polynomials: Polynomials, dt: float, variance: float | None
     Args:
         polynomials: A, B, C, D, F.
         dt: Sampling interval in s.
-        variance: Variance of the innovation, in output units squared; None when not known.
+        variance: Variance of the innovation, in output units squared, a number or (1, 1) as an estimate's
+            `noise_variance`; None when not known.
 
     Returns:
         The model, one output, x(t+1) = A x + B u + K e, y = C x + D u + e.
+
+    Raises:
+        SysidError: Something else than polynomials, dt not positive, a negative variance.
     """
+    if not isinstance(polynomials, Polynomials):
+        raise SysidError(f"expected Polynomials, got {type(polynomials).__name__}; an estimate's are .polynomials")
     p = polynomials
     channels = [p.channel(j) for j in range(p.nu)]
     a, c, d = _trim(p.A), _trim(p.C), _trim(p.D)
-    covariance = None if variance is None else np.array([[variance]])
+    covariance = None
+    if variance is not None:
+        single = np.reshape(variance, ()) if np.shape(variance) == (1, 1) else variance
+        expected = "be a variance >= 0, a number or a matrix (1, 1)"
+        covariance = np.array([[real_number("variance", single, expected, lambda v: 0.0 <= v < np.inf)]])
     if len(d) == 1 and all(len(f) == 1 for _, f in channels):
         n = _states(a, [*(b for b, _ in channels), c])
         A, B, C, D = _companion(a, [b for b, _ in channels], n)

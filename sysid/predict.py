@@ -6,6 +6,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import ArrayLike
 
+from sysid.arguments import whole_number
 from sysid.arrays import FloatArray
 from sysid.data import IOData
 from sysid.errors import SysidError, SysidWarning
@@ -41,8 +42,7 @@ def predict(
     """
     m = as_model(model)
     check_channels(m, data)
-    if steps is not None and (isinstance(steps, bool) or not isinstance(steps, int | np.integer) or steps < 1):
-        raise SysidError(f"steps must be a whole number >= 1, or None to simulate; got {steps!r}")
+    steps = None if steps is None else whole_number("steps", steps, 1)
     gain = np.zeros_like(m.gain) if steps is None else m.gain
     run = None
     if x0 is None and not data.complete and m.order and gain.any():

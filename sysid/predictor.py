@@ -40,10 +40,16 @@ class Predictor:
         return self.M.shape[1] > self.D.shape[1]
 
     def is_stable(self) -> bool:
-        """Whether the predictor forgets its past."""
-        return bool(
-            np.isfinite(self.A).all() and np.abs(np.linalg.eigvals(self.A)).max(initial=0.0) < 1.0 - STABILITY_MARGIN
-        )
+        """Whether the predictor forgets its past, also in the numbers of the machine.
+
+        A matrix far from normal, as a wild gain makes, may have eigenvalues inside the circle whose last digit is not:
+        its powers grow.
+        """
+        finite = np.isfinite(self.A).all()
+        if not finite or np.abs(np.linalg.eigvals(self.A)).max(initial=0.0) >= 1.0 - STABILITY_MARGIN:
+            return False
+        with np.errstate(over="ignore", invalid="ignore"):
+            return bool(np.isfinite(gramian(self.A, np.eye(len(self.A)))).all())
 
     def vector(self) -> FloatArray:
         """All entries of A, M, C, D, row by row."""
@@ -59,10 +65,12 @@ class Predictor:
     def balancing(self) -> tuple[FloatArray, FloatArray]:
         """Change of basis T and its inverse, after which states are about equally reached by w and seen in y."""
         n = len(self.A)
-        reach, seen = gramian(self.A, self.M @ self.M.T), gramian(self.A.T, self.C.T @ self.C)
-        reach = reach + FLOOR * max(float(np.trace(reach)), np.finfo(float).tiny) * np.eye(n)
-        seen = seen + FLOOR * max(float(np.trace(seen)), np.finfo(float).tiny) * np.eye(n)
-        left, right = np.linalg.cholesky(reach), np.linalg.cholesky(seen)
+        with np.errstate(over="ignore", invalid="ignore"):
+            reach, seen = gramian(self.A, self.M @ self.M.T), gramian(self.A.T, self.C.T @ self.C)
+        if not (np.isfinite(reach).all() and np.isfinite(seen).all()):
+            # an unstable predictor, or one whose states differ beyond the range of numbers
+            return np.eye(n), np.eye(n)
+        left, right = _root(reach), _root(seen)
         u, values, vt = np.linalg.svd(right.T @ left)
         root = np.sqrt(values)
         return (u / root).T @ right.T, left @ (vt.T / root)
@@ -75,6 +83,17 @@ class Predictor:
     def predict(self, w: FloatArray, u: FloatArray, x0: FloatArray) -> FloatArray:
         """Predicted output (N, ny)."""
         return state_trajectory(self.A, w @ self.M.T, x0) @ self.C.T + u @ self.D.T
+
+
+def _root(gramian: FloatArray) -> FloatArray:
+    """Lower or other root L of a Gramian with its floor, L L' = gramian + floor (n, n)."""
+    floor = FLOOR * max(float(np.trace(gramian)), np.finfo(float).tiny)
+    try:
+        return np.asarray(np.linalg.cholesky(gramian + floor * np.eye(len(gramian))), dtype=np.float64)
+    except np.linalg.LinAlgError:
+        # of a matrix far from normal, rounding outweighs the floor
+        values, vectors = np.linalg.eigh(0.5 * (gramian + gramian.T))
+        return np.asarray(vectors * np.sqrt(np.maximum(values, floor)))
 
 
 @dataclass(frozen=True, eq=False)

@@ -51,7 +51,7 @@ def check_enough_samples(experiments: Sequence[IOData], order: int, count: int) 
         count: Number of parameters.
 
     Raises:
-        SysidError: Not more equations than unknowns.
+        SysidError: Not more equations than unknowns, or outputs that are zero.
     """
     samples = int(usable_samples(experiments))
     unknown = count + order * len(experiments)
@@ -61,6 +61,12 @@ def check_enough_samples(experiments: Sequence[IOData], order: int, count: int) 
             f"too many states for the data: order {order} has {count} parameters and {order} initial conditions per "
             f"experiment, given {samples} usable samples of {experiments[0].ny} output(s) in {len(experiments)} "
             "experiment(s)"
+        )
+    if not any(e.y[e.window + order :].any() for e in experiments):
+        names = ", ".join(experiments[0].output_names or ())
+        raise SysidError(
+            f"the outputs ({names}) are zero from sample {order} on, which {order} states can do without any input: "
+            "there is nothing to identify"
         )
     return samples
 

@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from sysid.adaptation import Adaptation, Forgetting
+from sysid.arguments import shown
 from sysid.arrays import FloatArray
 from sysid.data import IOData, as_experiments
 from sysid.errors import SysidError, SysidWarning
@@ -70,7 +71,13 @@ def recurse(
         # a piece of a record may be of any length and its input may rest
         texts += check_excitation([data], orders.nb)
         check_enough_data([data], orders, transients=0)
+        for text in texts:
+            warnings.warn(text, SysidWarning, stacklevel=3)
     rule = adaptation if adaptation is not None else _rule(before, default)
+    if isinstance(rule, type) or not isinstance(rule, Adaptation):
+        raise SysidError(
+            f"adaptation must be a rule such as Forgetting(0.99), Kalman(1e-4) or Gradient(0.1), got {shown(rule)}"
+        )
     channels = regressed_channels(data, orders)
     state = begin(data, orders, channels, rule, before, P0)
 

@@ -5,8 +5,9 @@ from dataclasses import replace
 import numpy as np
 from scipy.signal import resample_poly
 
+from sysid.arguments import whole_number
 from sysid.arrays import FloatArray
-from sysid.data import IOData
+from sysid.data import IOData, as_record
 from sysid.errors import SysidError
 
 
@@ -29,13 +30,12 @@ def resample(data: IOData, up: int, down: int = 1) -> IOData:
     Raises:
         SysidError: up or down below 1, missing samples, or fewer than two samples left.
     """
-    for name, value in (("up", up), ("down", down)):
-        if isinstance(value, bool) or not isinstance(value, int | np.integer) or value < 1:
-            raise SysidError(f"{name} must be a whole number >= 1, got {value!r}")
+    up, down = whole_number("up", up, 1), whole_number("down", down, 1)
+    data = as_record(data)
     if not data.complete:
         raise SysidError("a record with missing samples cannot be resampled: take data.complete_parts() one by one")
-    divisor = int(np.gcd(int(up), int(down)))
-    up, down = int(up) // divisor, int(down) // divisor
+    divisor = int(np.gcd(up, down))
+    up, down = up // divisor, down // divisor
     if up == down:
         return data
     left = -(-len(data) * up // down)

@@ -7,6 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.stats import norm
 
+from sysid.arguments import confidence_level, whole_number
 from sysid.arrays import FloatArray, Locked, lock
 from sysid.autoregression import autoregression
 from sysid.correlation import covariance_function
@@ -124,15 +125,13 @@ def resid(
     Raises:
         SysidError: Channels that do not fit the model, lags or level out of range, residuals that vanish.
     """
-    if not 0.0 < level < 1.0:
-        raise SysidError(f"level must lie between 0 and 1, got {level!r}")
+    level = confidence_level(level)
     experiments = as_experiments(data)
     parts = [residuals(estimate, e)[e.window :] for e in experiments]
     errors = np.concatenate(parts)
     first = experiments[0]
     shortest = min(len(part) for part in parts)
-    if isinstance(lags, bool) or not isinstance(lags, int | np.integer) or not 1 <= lags < shortest // 2:
-        raise SysidError(f"lags must be a whole number from 1 to {shortest // 2 - 1}, got {lags!r}")
+    lags = whole_number("lags", lags, 1, shortest // 2 - 1)
     n, (ny, nu) = len(errors), (first.ny, first.nu)
     largest = float(np.abs(errors).max())
     if not np.isfinite(largest) or largest <= 1e-14 * max(np.abs(e.y).max() for e in experiments):

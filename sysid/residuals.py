@@ -3,7 +3,7 @@
 from numpy.typing import ArrayLike
 
 from sysid.arrays import FloatArray
-from sysid.data import IOData
+from sysid.data import IOData, as_record
 from sysid.estimate import Estimate
 from sysid.predict import predict
 from sysid.state_space import StateSpace
@@ -23,4 +23,4 @@ def residuals(model: StateSpace | Estimate, data: IOData, *, x0: ArrayLike | Non
     Raises:
         SysidError: Channels that do not fit the model.
     """
-    return data.y - predict(model, data, x0=x0)
+    return as_record(data).y - predict(model, data, x0=x0)

@@ -1,13 +1,16 @@
 """Choice of ARX orders and delay, all candidates from one factorisation."""
 
-from collections.abc import Sequence
+import warnings
+from collections.abc import Iterable, Sequence
 from itertools import product
+from typing import Any
 
 import numpy as np
 
+from sysid.arguments import whole_number
 from sysid.arrays import FloatArray
 from sysid.data import IOData, as_experiments
-from sysid.errors import SysidError
+from sysid.errors import SysidError, SysidWarning
 from sysid.excitation import check_excitation
 from sysid.least_squares import triangular_factor
 from sysid.orders import Orders, make_orders
@@ -57,11 +60,13 @@ def selstruc(
     ]
     if validation is not None and folds:
         raise SysidError(f"expected validation data or folds, not both; got folds = {folds}")
-    if isinstance(folds, bool) or not isinstance(folds, int | np.integer) or folds < 0 or folds == 1:
-        raise SysidError(f"folds must be 0, or a whole number of parts >= 2, got {folds!r}")
     every = _union(candidates)
-    check_excitation(experiments, [0] * nu)
+    for text in check_excitation(experiments, [0] * nu):
+        warnings.warn(text, SysidWarning, stacklevel=2)
     rows = check_enough_data(experiments, every, transients=0)
+    folds = whole_number("folds", folds, 0, rows)
+    if folds == 1:
+        raise SysidError("folds must be 0, or a whole number of parts >= 2, got 1")
     columns = np.vstack([_columns(e, every) for e in experiments])
     power = float(np.mean(columns[:, -1] ** 2))
     # of about equal length, as the factorisation wants them; losses are scaled back
@@ -107,17 +112,25 @@ def selstruc(
 
 
 def _degrees(given: int | Sequence[int]) -> list[int]:
-    degrees = [given] if isinstance(given, int | np.integer) else list(given)
+    degrees = _several("na", given)
     if not degrees:
         raise SysidError("na: expected at least one value to try, got none")
     return degrees
 
 
 def _listed(name: str, given: Choices) -> list[int | tuple[int, ...]]:
-    entries: list[int | tuple[int, ...]] = [given] if isinstance(given, int | np.integer) else list(given)
+    entries: list[int | tuple[int, ...]] = _several(name, given)
     if not entries:
         raise SysidError(f"{name}: expected at least one value to try, got none")
     return entries
+
+
+def _several(name: str, given: Any) -> list[Any]:
+    if isinstance(given, Iterable) and not isinstance(given, str | bytes | np.ndarray):
+        return list(given)
+    if isinstance(given, np.ndarray) and given.ndim:
+        return list(given)
+    return [whole_number(name, given, 0)]
 
 
 def _spread(entry: int | tuple[int, ...], nu: int) -> tuple[int, ...]:

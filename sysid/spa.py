@@ -1,5 +1,6 @@
 """Spectral analysis by the method of Blackman and Tukey."""
 
+import warnings
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 
@@ -7,10 +8,11 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy.signal.windows import parzen
 
+from sysid.arguments import whole_number, window_values
 from sysid.arrays import ComplexArray, FloatArray, real_array
 from sysid.correlation import covariance_function, covariance_with_gaps
 from sysid.data import IOData, as_experiments
-from sysid.errors import SysidError
+from sysid.errors import SysidError, SysidWarning
 from sysid.excitation import check_excitation
 from sysid.frequency import FrequencyResponse
 from sysid.spectra import response_of_spectra
@@ -48,17 +50,21 @@ def spa(
         Response with covariance [Ljung1999, sec. 6.4], coherence, and the four spectra (two-sided, unit^2/Hz).
         Response and covariance are NaN where the input has no power to speak of.
 
+    Warns:
+        SysidWarning: Inputs that depend on each other, or no frequency at which they have power.
+
     Raises:
         SysidError: Constant input, lag not between 1 and N - 1, a window that is none, frequencies beyond Nyquist.
     """
     experiments = tuple(e.scored for e in as_experiments(data, missing=True))
-    check_excitation(experiments, [0] * experiments[0].nu)
+    for text in check_excitation(experiments, [0] * experiments[0].nu):
+        warnings.warn(text, SysidWarning, stacklevel=2)
     dt = experiments[0].dt
     samples = sum(len(e) for e in experiments)
     shortest = min(len(e) for e in experiments)
-    m = max(1, min(samples // 10, shortest - 1)) if lag is None else lag
-    if isinstance(m, bool) or not isinstance(m, int | np.integer) or not 1 <= m < shortest:
-        raise SysidError(f"lag must be a whole number from 1 to {shortest - 1}, got {lag!r}")
+    if shortest < 2:
+        raise SysidError(f"too few samples: {shortest} behind the initialisation window, at least 2 are needed")
+    m = whole_number("lag", max(1, min(samples // 10, shortest - 1)) if lag is None else lag, 1, shortest - 1)
     f = (
         np.arange(1, GRID + 1) / GRID * (0.5 / dt)
         if frequencies is None
@@ -70,9 +76,9 @@ def spa(
         raise SysidError(f"frequencies must lie between 0 and Nyquist ({0.5 / dt} Hz), got {f.min()} to {f.max()} Hz")
     complete = all(e.complete for e in experiments)
     u, y = [e.u for e in experiments], [e.y for e in experiments] if complete else _filled(experiments)
-    weights = np.asarray(window(2 * m + 1), dtype=float)
-    if weights.shape != (2 * m + 1,) or not np.isclose(weights[m], 1.0) or not np.allclose(weights, weights[::-1]):
-        raise SysidError(f"window({2 * m + 1}) must give as many values, symmetric round a 1 in the middle")
+    weights = window_values(window, 2 * m + 1)
+    if not np.isclose(weights[m], 1.0) or not np.allclose(weights, weights[::-1]):
+        raise SysidError(f"window({2 * m + 1}) must be symmetric round a 1 in the middle")
     phi_u, phi_y, phi_yu = (
         _transform(weights, covariance_function(a, b, m), f, dt) for a, b in ((u, u), (y, y), (y, u))
     )

@@ -1,12 +1,13 @@
 """From smoothed spectra to the response, the disturbance and what is known of them."""
 
+import warnings
 from collections.abc import Sequence
 
 import numpy as np
 
 from sysid.arrays import ComplexArray, FloatArray
 from sysid.data import IOData
-from sysid.errors import SysidError
+from sysid.errors import SysidError, SysidWarning
 from sysid.frequency import FrequencyResponse
 
 
@@ -48,6 +49,13 @@ def response_of_spectra(
         )
     power = np.einsum("fjj->fj", phi_u).real
     silent = np.linalg.eigvalsh(phi_u)[:, 0] <= 1e-12 * power.max()
+    if silent.all():
+        warnings.warn(
+            f"the inputs have no power to speak of, or depend on each other, at all {len(f)} frequencies: the response "
+            "is NaN; a pulse at the end of a window or a segment is lost",
+            SysidWarning,
+            stacklevel=3,
+        )
     safe = np.where(silent[:, None, None], np.eye(nu), phi_u)
     inverse = np.linalg.inv(safe)
     g = phi_yu @ inverse

@@ -12,6 +12,7 @@ from scipy.signal import lfilter
 from sysid.arrays import FloatArray
 from sysid.arx import arx_solution
 from sysid.data import IOData
+from sysid.errors import SysidError
 from sysid.lagged_products import lagged_products, solution
 from sysid.least_squares import solve
 from sysid.long_arx import LongArx, long_arx_family, long_arx_order
@@ -45,6 +46,33 @@ def armax_starts(experiments: Sequence[IOData], orders: Orders) -> Iterator[Star
     yield Start(f"simulated ARX ({middle})", _without_noise_model(orders, path))
     yield Start(f"reduced ARX ({middle})", _reduced_armax(experiments, orders, model))
     yield Start("arx", _without_noise_model(orders, arx_solution(y, u, orders.na, orders.nb, orders.nk, rows)))
+
+
+def check_room_to_start(experiments: Sequence[IOData], orders: Orders) -> None:
+    """Refuse orders for which no beginning can be found.
+
+    Args:
+        experiments: Single-output experiments.
+        orders: The structure.
+
+    Raises:
+        SysidError: More dynamics than the longest pulse response that the data allow, or more coefficients than rows.
+    """
+    dynamics, rows = max(orders.na, *orders.nf), _hankel_rows(experiments, orders)
+    if dynamics >= rows:
+        raise SysidError(
+            f"too many orders for the data: dynamics of order {dynamics} need an experiment of {3 * (dynamics + 1)} "
+            f"samples to begin with, the longest has {max(len(e) for e in experiments)}"
+        )
+    skipped = long_arx_order(experiments, orders, 8) + max(orders.nk) + max(orders.nc, orders.nd)
+    firsts = [max(e.window, orders.first_row(0), max(orders.nf)) for e in experiments]
+    left = [len(e) - max(first, skipped) for e, first in zip(experiments, firsts, strict=True)]
+    shared = sum(orders.nb) + orders.nc + max(orders.na, *orders.nf)
+    if min(left) <= 0 or sum(left) <= max(shared, orders.nc + orders.nd):
+        raise SysidError(
+            f"too many orders for the data: {orders.count} parameters and {max(sum(left), 0)} samples in "
+            f"{len(experiments)} experiment(s) behind the first {skipped}, which the search needs to begin with"
+        )
 
 
 def oe_starts(experiments: Sequence[IOData], orders: Orders) -> Iterator[Start]:
@@ -91,7 +119,7 @@ def hannan_rissanen(experiments: Sequence[IOData], orders: Orders, model: LongAr
     rows, targets = [], []
     for e in experiments:
         y, errors = e.y[:, 0], model.errors(e)
-        start = max(e.window, model.skip) + orders.nc
+        start = max(max(e.window, model.skip) + orders.nc, most)
         past = lagged(errors, output_lags(orders.nc), start)
         rows.append(np.hstack((arx_regressors(y, e.u, orders.na, orders.nb, orders.nk, start), past)))
         targets.append((y - errors)[start:])
@@ -148,7 +176,7 @@ def reduced_path(experiments: Sequence[IOData], orders: Orders, model: LongArx) 
         orders: OE structure.
         model: The long ARX model.
     """
-    rows = _hankel_rows(experiments)
+    rows = _hankel_rows(experiments, orders)
     responses = model.responses(2 * rows + max(orders.nk) + max(orders.nb))
     f = []
     for response, nb, nk, nf in zip(responses[:-1], orders.nb, orders.nk, orders.nf, strict=True):
@@ -186,7 +214,7 @@ def reduced_denominator(responses: Sequence[FloatArray], order: int, rows: int) 
 
 def _reduced_armax(experiments: Sequence[IOData], orders: Orders, model: LongArx) -> FloatArray:
     """ARMAX: A from all pulse responses of a long ARX model, then B and C by least squares with its residuals."""
-    rows = _hankel_rows(experiments)
+    rows = _hankel_rows(experiments, orders)
     errors = [model.errors(e) for e in experiments]
     loudness = [float(np.std(np.concatenate([e.u[:, j] for e in experiments]))) for j in range(len(orders.nb))]
     loudness.append(float(np.std(np.concatenate([error[model.skip :] for error in errors]))))
@@ -196,7 +224,7 @@ def _reduced_armax(experiments: Sequence[IOData], orders: Orders, model: LongArx
     a = reduced_denominator(lasting, orders.na, rows)
     blocks, targets = [], []
     for e, error in zip(experiments, errors, strict=True):
-        start = max(e.window, model.skip) + orders.nc
+        start = max(max(e.window, model.skip) + orders.nc, orders.first_row(0))
         inputs = arx_regressors(e.y[:, 0], e.u, 0, orders.nb, orders.nk, start)
         blocks.append(np.hstack((inputs, lagged(error, output_lags(orders.nc), start))))
         targets.append((lfilter(a, [1.0], e.y[:, 0]) - error)[start:])
@@ -204,8 +232,9 @@ def _reduced_armax(experiments: Sequence[IOData], orders: Orders, model: LongArx
     return with_stable_noise(orders, np.concatenate((a[1:], theta)))
 
 
-def _hankel_rows(experiments: Sequence[IOData]) -> int:
-    return min(HANKEL_ROWS, max(len(e) for e in experiments) // 3)
+def _hankel_rows(experiments: Sequence[IOData], orders: Orders) -> int:
+    wanted = max(HANKEL_ROWS, 2 * max(orders.na, *orders.nf))
+    return min(wanted, max(len(e) for e in experiments) // 3)
 
 
 def _without_noise_model(orders: Orders, arx_theta: FloatArray) -> FloatArray:

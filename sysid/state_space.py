@@ -10,6 +10,7 @@ import scipy.linalg
 from numpy.typing import ArrayLike
 from scipy.optimize import brentq
 
+from sysid.arguments import real_number, sampling_interval, shown, whole_number
 from sysid.arrays import ComplexArray, FloatArray, Locked, lock, real_array
 from sysid.errors import SysidError
 from sysid.reduction import balanced_truncation
@@ -36,7 +37,7 @@ class StateSpace(Locked):
         output_units: One unit per output.
 
     Raises:
-        SysidError: Matrices that do not fit together, `dt <= 0`, NaN.
+        SysidError: Matrices that do not fit together, `dt <= 0`, NaN, a covariance that is none.
     """
 
     A: FloatArray
@@ -65,6 +66,10 @@ class StateSpace(Locked):
         if self.innovation_covariance is not None:
             given = np.atleast_2d(real_array("innovation_covariance", self.innovation_covariance))
             fitting["innovation_covariance"] = (given, (ny, ny))
+            if given.shape == (ny, ny) and not _is_covariance(given):
+                raise SysidError(
+                    f"innovation_covariance must be symmetric without negative eigenvalues, got {shown(given.tolist())}"
+                )
         for attribute, (matrix, shape) in fitting.items():
             shaped = matrix.reshape(shape) if matrix.size == 0 == np.prod(shape) else matrix
             if shaped.shape != shape:
@@ -72,9 +77,7 @@ class StateSpace(Locked):
                     f"{attribute}: expected shape {shape} for {n} states, {nu} inputs, {ny} outputs, got {matrix.shape}"
                 )
             object.__setattr__(self, attribute, lock(shaped))
-        if not (isinstance(self.dt, int | float | np.integer | np.floating) and 0.0 < self.dt < np.inf):
-            raise SysidError(f"dt must be a positive number of seconds, got {self.dt!r}")
-        object.__setattr__(self, "dt", float(self.dt))
+        object.__setattr__(self, "dt", sampling_interval(self.dt))
         for attribute, count, default in (
             ("input_names", nu, tuple(f"u{i + 1}" for i in range(nu))),
             ("output_names", ny, tuple(f"y{i + 1}" for i in range(ny))),
@@ -207,8 +210,7 @@ class StateSpace(Locked):
         Raises:
             SysidError: n < 1.
         """
-        if not isinstance(n, int | np.integer) or n < 1:
-            raise SysidError(f"expected at least one Markov parameter, got n = {n!r}")
+        n = whole_number("n", n, 1)
         out = np.empty((n, self.ny, self.nu))
         out[0] = self.D
         state = self.B
@@ -237,6 +239,7 @@ class StateSpace(Locked):
         Raises:
             SysidError: The model is not stable, or has dynamics of the noise, which the truncation would lose.
         """
+        tolerance = real_number("tolerance", tolerance, "lie from 0 to below 1", lambda part: 0.0 <= part < 1.0)
         if np.any(self.gain):
             raise SysidError("minimal drops states of the input-output path only: given a model with K other than zero")
         A, B, C, _ = balanced_truncation(self.A, self.B, self.C, tolerance)
@@ -291,6 +294,12 @@ class StateSpace(Locked):
             input_names=_given(ss.input_labels),
             output_names=_given(ss.output_labels),
         )
+
+
+def _is_covariance(matrix: FloatArray) -> bool:
+    size = float(np.abs(matrix).max(initial=0.0))
+    symmetric = np.abs(matrix - matrix.T).max(initial=0.0) <= 1e-6 * size
+    return bool(symmetric and (not matrix.size or np.linalg.eigvalsh(matrix)[0] >= -1e-9 * size))
 
 
 def _given(labels: Sequence[str]) -> tuple[str, ...] | None:

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from sysid.arrays import FloatArray, lock
+from sysid.arrays import FloatArray, Locked, lock
 from sysid.errors import SysidError
 
 Order = int | tuple[int, ...]
@@ -14,7 +14,7 @@ FLOOR = 1e-20  # loss, as a part of the mean square output, below which nothing 
 
 
 @dataclass(frozen=True, eq=False)
-class StructureTable:
+class StructureTable(Locked):
     """Candidate structures with their criteria, the best one first.
 
     With V the loss, p the number of parameters and N that of samples [Ljung1999, sec. 16.4]:

@@ -11,6 +11,7 @@ from sysid.errors import SysidError
 from sysid.hankel_moments import hankel_moments, hankel_triangle
 
 SINGULAR = 1e-10  # power in a direction of the future, relative to the largest, below which it carries no weight
+NOTHING = 1e-24  # the same, relative to all channels, of outputs that are zero
 RANK = 1e-8  # singular value relative to the largest below which a state does not exist
 
 
@@ -50,7 +51,7 @@ def subspace(signals: Sequence[FloatArray], nu: int, order: int, block_rows: int
         stable: Whether A is made stable where it is not, at the expense of fit [Maciejowski1995].
 
     Raises:
-        SysidError: Order not between 1 and (block_rows - 1) * ny.
+        SysidError: Order not between 1 and (block_rows - 1) * ny, or outputs that are zero.
     """
     q = signals[0].shape[1]
     ny, s = q - nu, block_rows
@@ -66,6 +67,10 @@ def subspace(signals: Sequence[FloatArray], nu: int, order: int, block_rows: int
     explained, own = triangle[second:, first:second], triangle[first:second, first:second]
     left_over = explained @ explained.T + triangle[second:, second:] @ triangle[second:, second:].T
     values, vectors = np.linalg.eigh(left_over)
+    if not values[-1] > NOTHING * float(np.trace(moments)):
+        raise SysidError(
+            "the outputs are zero, or about, once the past of the record is known: there are no states to be found"
+        )
     root = np.sqrt(np.maximum(values, SINGULAR * values[-1]))
     # left singular vectors and values by the smaller, symmetric problem lose half of the digits; this does not
     left, correlations, right = np.linalg.svd((vectors / root).T @ explained, full_matrices=False)

@@ -1,13 +1,15 @@
 """Spectra, coherence and frequency response by averaging over overlapping segments."""
 
+import warnings
 from collections.abc import Callable, Sequence
 
 import numpy as np
 from scipy.fft import rfft, rfftfreq
 
+from sysid.arguments import real_number, whole_number, window_values
 from sysid.arrays import ComplexArray, FloatArray
 from sysid.data import IOData, as_experiments
-from sysid.errors import SysidError
+from sysid.errors import SysidError, SysidWarning
 from sysid.excitation import check_excitation
 from sysid.frequency import FrequencyResponse
 from sysid.spectra import response_of_spectra
@@ -36,21 +38,24 @@ def welch(
         Response with covariance, coherence, and the four spectra (two-sided, unit^2/Hz) at k / (segment dt), k >= 1.
         The covariance accounts for what overlapping segments share.
 
+    Warns:
+        SysidWarning: Inputs that depend on each other, or no frequency at which they have power.
+
     Raises:
         SysidError: Constant input, segment or overlap out of range, a window that is none, not more segments than
             inputs.
     """
     experiments = tuple(e.scored for e in as_experiments(data))
-    check_excitation(experiments, [0] * experiments[0].nu)
+    for text in check_excitation(experiments, [0] * experiments[0].nu):
+        warnings.warn(text, SysidWarning, stacklevel=2)
     shortest = min(len(e) for e in experiments)
-    length = max(shortest // 8, min(shortest, 4)) if segment is None else segment
-    if isinstance(length, bool) or not isinstance(length, int | np.integer) or not 4 <= length <= shortest:
-        raise SysidError(f"segment must be a whole number from 4 to {shortest} samples, got {length!r}")
-    if not 0.0 <= overlap < 1.0:
-        raise SysidError(f"overlap must be at least 0 and less than 1, got {overlap!r}")
-    w = np.asarray(window(int(length)), dtype=float)
-    if w.shape != (length,) or not np.isfinite(w).all() or not w.any():
-        raise SysidError(f"window({length}) must give as many finite values, not all zero")
+    if shortest < 4:
+        raise SysidError(f"too few samples: {shortest} behind the initialisation window, at least 4 are needed")
+    length = whole_number("segment", max(shortest // 8, 4) if segment is None else segment, 4, shortest)
+    overlap = real_number("overlap", overlap, "be at least 0 and less than 1", lambda part: 0.0 <= part < 1.0)
+    w = window_values(window, length)
+    if not w.any():
+        raise SysidError(f"window({length}) must not be zero throughout")
     hop = max(1, round(length * (1.0 - overlap)))
     nu, ny = experiments[0].nu, experiments[0].ny
     count = length // 2
@@ -66,7 +71,7 @@ def welch(
     return response_of_spectra(
         "welch",
         experiments,
-        rfftfreq(int(length), dt)[1:],
+        rfftfreq(length, dt)[1:],
         phi[:, :nu, :nu],
         phi[:, nu:, nu:],
         phi[:, nu:, :nu],

@@ -8,7 +8,8 @@ import numpy as np
 import scipy.signal
 from numpy.typing import ArrayLike
 
-from sysid.arrays import ComplexArray, lock, real_array
+from sysid.arguments import real_number, sampling_interval, shown
+from sysid.arrays import ComplexArray, Locked, lock, real_array
 from sysid.errors import SysidError
 from sysid.estimate import Estimate
 from sysid.simulate import as_model
@@ -16,7 +17,7 @@ from sysid.state_space import StateSpace
 
 
 @dataclass(frozen=True, eq=False)
-class ZeroPoleGain:
+class ZeroPoleGain(Locked):
     """G(z) = gain prod(z - zeros) / prod(z - poles).
 
     Attributes:
@@ -36,10 +37,12 @@ class ZeroPoleGain:
 
     def __post_init__(self) -> None:
         """Check and lock."""
-        if len(self.zeros) > len(self.poles):
-            raise SysidError(f"a causal system has at most as many zeros as poles, got {len(self.zeros)} zeros")
-        for name in ("zeros", "poles"):
-            roots = np.asarray(getattr(self, name), dtype=complex)
+        given = {name: _finite_roots(name, getattr(self, name)) for name in ("zeros", "poles")}
+        if len(given["zeros"]) > len(given["poles"]):
+            raise SysidError(f"a causal system has at most as many zeros as poles, got {len(given['zeros'])} zeros")
+        object.__setattr__(self, "gain", real_number("gain", self.gain, "be a finite number", np.isfinite))
+        object.__setattr__(self, "dt", sampling_interval(self.dt))
+        for name, roots in given.items():
             polynomial = np.atleast_1d(np.poly(roots))
             if np.abs(np.imag(polynomial)).max() > 1e-8 * np.abs(polynomial).max():
                 raise SysidError(f"{name}: complex values must come with their conjugates, got {roots}")
@@ -61,6 +64,16 @@ class ZeroPoleGain:
             matrices = scipy.signal.tf2ss(np.atleast_1d(np.poly(zeros).real), np.poly(poles).real)
             chain = control.series(chain, control.ss(*matrices, self.dt))
         return StateSpace(chain.A, chain.B, chain.C, chain.D, None, self.dt)
+
+
+def _finite_roots(name: str, value: ComplexArray) -> ComplexArray:
+    try:
+        roots = np.asarray(value, dtype=complex)
+    except (TypeError, ValueError) as error:
+        raise SysidError(f"{name}: expected complex numbers (n,), got {shown(value)}") from error
+    if roots.ndim != 1 or not np.isfinite(roots).all():
+        raise SysidError(f"{name}: expected finite complex numbers (n,), got {shown(value)}")
+    return roots
 
 
 def _pairs(roots: ComplexArray) -> list[ComplexArray]:
