@@ -1,4 +1,11 @@
-"""Classical system identification: records, estimators, validation. Knows no robot."""
+"""Classical system identification: records, estimators, validation. Knows no robot.
+
+`sysid.plots` draws what they return; it is loaded when it is first used.
+"""
+
+import importlib
+from types import ModuleType
+from typing import TYPE_CHECKING
 
 from sysid.adaptation import Forgetting, Gradient, Kalman
 from sysid.armax import armax
@@ -49,6 +56,9 @@ from sysid.structure_scan import structure_scan
 from sysid.structure_table import StructureTable
 from sysid.welch import welch
 from sysid.zero_pole_gain import ZeroPoleGain, transfer_function, zero_pole_gain
+
+if TYPE_CHECKING:
+    from sysid import plots as plots
 
 __all__ = [
     "Band",
@@ -134,3 +144,15 @@ __all__ = [
     "zero_pole_gain",
     "zeros_band",
 ]
+
+
+def __getattr__(name: str) -> ModuleType:
+    """Load `sysid.plots` on first use: an analysis without figures does not wait for what draws them."""
+    if name == "plots":
+        return importlib.import_module("sysid.plots")
+    raise AttributeError(f"module 'sysid' has no attribute {name!r}")
+
+
+def __dir__() -> list[str]:
+    """Names of the package, `plots` among them."""
+    return sorted({*globals(), "plots"})

@@ -1,4 +1,4 @@
-"""Fits of models to data: in simulation and one step ahead, always both."""
+"""Fits of models to data: in simulation and one step ahead, always both, and over any other horizon."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
@@ -6,7 +6,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from sysid.arrays import FloatArray, Locked, lock
-from sysid.data import IOData
+from sysid.data import IOData, as_experiments
 from sysid.errors import SysidError
 from sysid.estimate import Estimate
 from sysid.predict import predict
@@ -17,7 +17,9 @@ Model = StateSpace | Estimate
 
 @dataclass(frozen=True, eq=False)
 class ModelFit(Locked):
-    """How well one model explains one record.
+    """How well one model explains a data set.
+
+    Samples of several experiments stand one after the other, as residuals do.
 
     Attributes:
         name: The model.
@@ -25,6 +27,10 @@ class ModelFit(Locked):
         one_step: Fit in percent of the one-step prediction, per output (ny,).
         simulated: Simulated output, initial state fitted (N, ny).
         predicted: One-step prediction, initial state fitted (N, ny).
+        steps: The horizon asked for, in samples.
+        ahead: Fit in percent of the prediction over that horizon, per output (ny,).
+        predicted_ahead: That prediction (N, ny).
+        by_experiment: The same experiment by experiment; empty for a single record.
         output_names: One name per output.
     """
 
@@ -33,40 +39,49 @@ class ModelFit(Locked):
     one_step: FloatArray
     simulated: FloatArray
     predicted: FloatArray
+    steps: int = field(default=1, kw_only=True)
+    ahead: FloatArray = field(kw_only=True)
+    predicted_ahead: FloatArray = field(kw_only=True)
+    by_experiment: tuple["ModelFit", ...] = field(default=(), kw_only=True)
     output_names: tuple[str, ...] = field(default=(), kw_only=True)
 
     def __post_init__(self) -> None:
         """Lock."""
-        for attribute in ("simulation", "one_step", "simulated", "predicted"):
+        for attribute in ("simulation", "one_step", "simulated", "predicted", "ahead", "predicted_ahead"):
             object.__setattr__(self, attribute, lock(getattr(self, attribute)))
 
     def __str__(self) -> str:
-        """One line: both fits, per output where there are several."""
+        """One line: all fits, per output where there are several, and a line per experiment where there are several."""
         names = (
             self.output_names if len(self.output_names) == len(self.simulation) > 1 else ("",) * len(self.simulation)
         )
-        parts = (
-            (f"{name}: " if name else "") + f"{simulation:.2f} % in simulation, {one_step:.2f} % one step ahead"
-            for name, simulation, one_step in zip(names, self.simulation, self.one_step, strict=True)
-        )
-        return f"{self.name}: {'; '.join(parts)}"
+        parts = []
+        for i, name in enumerate(names):
+            text = f"{self.simulation[i]:.2f} % in simulation, {self.one_step[i]:.2f} % one step ahead"
+            text += f", {self.ahead[i]:.2f} % {self.steps} steps ahead" if self.steps > 1 else ""
+            parts.append((f"{name}: " if name else "") + text)
+        return "\n".join((f"{self.name}: {'; '.join(parts)}", *(f"  {one}" for one in self.by_experiment)))
 
 
-def compare(models: Model | Sequence[Model] | Mapping[str, Model], data: IOData) -> tuple[ModelFit, ...]:
+def compare(
+    models: Model | Sequence[Model] | Mapping[str, Model], data: IOData | Sequence[IOData], *, steps: int = 1
+) -> tuple[ModelFit, ...]:
     """Fit 100 (1 - |y - yhat| / |y - mean(y)|) of every model, without the initialisation window.
 
     The initial state is fitted by least squares: to the initialisation window where the record has one, else to the
-    whole record.
+    whole record. Over several experiments the squares of errors and of deviations, each from its own mean, are summed.
 
     Args:
         models: A model or estimate, several, or several by name.
-        data: The record to explain, best one that no model was fitted to.
+        data: The record to explain, best one that no model was fitted to; or several.
+        steps: Horizon of a further prediction, in samples: outputs up to t - steps are known. 1 is the one-step
+            prediction, which is there anyway, as is the simulation.
 
     Returns:
         One record per model, in the sequence given.
 
     Raises:
-        SysidError: No model, channels that do not fit, an output that is constant.
+        SysidError: No model, channels that do not fit, an output that is constant, steps < 1.
     """
     named: Mapping[str, Model]
     if isinstance(models, Mapping):
@@ -76,21 +91,59 @@ def compare(models: Model | Sequence[Model] | Mapping[str, Model], data: IOData)
         named = {_name(model, k): model for k, model in enumerate(several)}
     if not named:
         raise SysidError("expected at least one model, got none")
-    out = []
-    for name, model in named.items():
-        simulated = predict(model, data, steps=None)
+    if isinstance(steps, bool) or not isinstance(steps, int | np.integer) or steps < 1:
+        raise SysidError(f"steps must be a whole number >= 1, got {steps!r}; the simulation is always there")
+    experiments = as_experiments(data, missing=True)
+    return tuple(_fit(name, model, experiments, int(steps)) for name, model in named.items())
+
+
+def _fit(name: str, model: Model, experiments: Sequence[IOData], steps: int) -> ModelFit:
+    outputs: list[tuple[FloatArray, FloatArray, FloatArray]] = []
+    for data in experiments:
         predicted = predict(model, data)
-        out.append(
-            ModelFit(
-                name=name,
-                simulation=fit_percent(data.y[data.window :], simulated[data.window :]),
-                one_step=fit_percent(data.y[data.window :], predicted[data.window :]),
-                simulated=simulated,
-                predicted=predicted,
-                output_names=data.output_names or (),
+        outputs.append(
+            (
+                predict(model, data, steps=None),
+                predicted,
+                predicted if steps == 1 else predict(model, data, steps=steps),
             )
         )
-    return tuple(out)
+    single = tuple(
+        _of(name if len(experiments) == 1 else e.name or f"experiment {k + 1}", [e], [own], steps)
+        for k, (e, own) in enumerate(zip(experiments, outputs, strict=True))
+    )
+    return single[0] if len(single) == 1 else _of(name, experiments, outputs, steps, single)
+
+
+def _of(
+    name: str,
+    experiments: Sequence[IOData],
+    outputs: Sequence[tuple[FloatArray, FloatArray, FloatArray]],
+    steps: int,
+    by_experiment: tuple[ModelFit, ...] = (),
+) -> ModelFit:
+    measured = [e.scored.y for e in experiments]
+    # One mean of all would make a difference of level between experiments look explained.
+    y = np.concatenate([part - np.nanmean(part, axis=0) if len(measured) > 1 else part for part in measured])
+    fits = []
+    for kind in zip(*outputs, strict=True):
+        hats = [hat[e.window :] for hat, e in zip(kind, experiments, strict=True)]
+        if len(measured) > 1:
+            hats = [hat - np.nanmean(part, axis=0) for hat, part in zip(hats, measured, strict=True)]
+        fits.append(fit_percent(y, np.concatenate(hats)))
+    simulated, predicted, ahead = (np.concatenate(kind) for kind in zip(*outputs, strict=True))
+    return ModelFit(
+        name=name,
+        simulation=fits[0],
+        one_step=fits[1],
+        simulated=simulated,
+        predicted=predicted,
+        steps=steps,
+        ahead=fits[2],
+        predicted_ahead=ahead,
+        by_experiment=by_experiment,
+        output_names=experiments[0].output_names or (),
+    )
 
 
 def fit_percent(y: FloatArray, yhat: FloatArray) -> FloatArray:
@@ -101,6 +154,9 @@ def fit_percent(y: FloatArray, yhat: FloatArray) -> FloatArray:
     Args:
         y: Measured (N, ny); NaN where a sample is missing: it is not scored.
         yhat: Explained (N, ny).
+
+    Returns:
+        Fits in percent (ny,).
 
     Raises:
         SysidError: Shapes differ, or an output is constant.

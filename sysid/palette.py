@@ -35,11 +35,17 @@ PALETTE: Mapping[str, Style] = MappingProxyType(
         "n4sid": Style("#006d5b", ":", 1.4, "h"),
         "spa": Style("#cc79a7", "-", 1.0, "."),
         "etfe": Style("#c06595", "", 1.0, "."),
+        "pem_ss": Style("#e69f00", "-", 1.4, "d"),
+        "bla": Style("#882255", "", 1.2, "o"),
+        "cra": Style("#6b6b00", "", 1.2, "o"),
+        "welch": Style("#332288", "-", 1.0, "."),
         "published": Style("#b8860b", (0, (4, 1.5, 1, 1.5, 1, 1.5)), 1.4, "*"),  # type: ignore[arg-type]
     }
 )
 """Truth, measurement and every method, each always in the same colour (after Okabe and Ito's palette)."""
 
+NOISE = Style("#8a8a8a", "", 1.0, "x")
+DISTORTION = Style("#d55e00", "", 1.0, "^")
 BOUND = Style("#666666", "--", 0.9)
 GRID = "#d9d9d9"
 INK = "#222222"

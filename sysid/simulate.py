@@ -1,31 +1,48 @@
-"""Simulation: the output that the input alone makes."""
+"""Simulation: the output that the input alone makes, or input and noise."""
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from sysid.arrays import FloatArray, real_array
+from sysid.delta_method import standard_directions
 from sysid.errors import SysidError
 from sysid.estimate import Estimate
 from sysid.recursion import state_trajectory
 from sysid.state_space import StateSpace
 
 
-def simulate(model: StateSpace | Estimate, u: ArrayLike, *, x0: ArrayLike | None = None) -> FloatArray:
-    """Output of x(t+1) = A x + B u, y = C x + D u, without noise.
+def simulate(
+    model: StateSpace | Estimate, u: ArrayLike, *, x0: ArrayLike | None = None, rng: np.random.Generator | None = None
+) -> FloatArray:
+    """Output of x(t+1) = A x + B u + K e, y = C x + D u + e; without `rng` there is no noise, e = 0.
 
     Args:
         model: The model, or an estimate of it.
         u: Inputs (N, nu); 1-D for one input.
         x0: State at the first sample (n,); zero when None. (`predict` and `compare` estimate it instead.)
+        rng: Source of normal innovations e with the model's innovation covariance: another realisation of the
+            disturbance every time.
 
     Returns:
         Outputs (N, ny).
 
     Raises:
-        SysidError: Inputs or initial state that do not fit the model.
+        SysidError: Inputs or initial state that do not fit the model; noise of a model without innovation covariance.
     """
     m = as_model(model)
-    return output(m, as_inputs(m, u), as_state(m, x0))
+    inputs, start = as_inputs(m, u), as_state(m, x0)
+    if rng is None:
+        return output(m, inputs, start)
+    if not isinstance(rng, np.random.Generator):
+        raise SysidError(f"rng: expected a numpy.random.Generator, got {type(rng).__name__}")
+    if m.innovation_covariance is None:
+        raise SysidError(
+            "the model has no innovation covariance, so that the size of its noise is not known; "
+            "dataclasses.replace(model, innovation_covariance=...) gives it one"
+        )
+    e = rng.standard_normal((len(inputs), m.ny)) @ standard_directions(m.innovation_covariance).T
+    states = state_trajectory(m.A, inputs @ m.B.T + e @ m.gain.T, start)
+    return states @ m.C.T + inputs @ m.D.T + e
 
 
 def output(model: StateSpace, u: FloatArray, x0: FloatArray) -> FloatArray:

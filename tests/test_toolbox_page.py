@@ -30,4 +30,7 @@ def test_every_function_stands_on_the_page_and_every_name_on_it_exists() -> None
     assert not missing, f"docs/toolbox.md lacks {sorted(missing)}"
     first = set(re.findall(r"`([a-z_0-9]+)(?:\(|`)", here))
     first -= {"str"}
+    figures = set(re.findall(r"plots\.([a-z_]+)", PAGE))
+    drawn = {name for name in sysid.plots.__all__ if name.islower()}
+    assert figures == drawn, f"docs/toolbox.md lacks {sorted(drawn - figures)}, has {sorted(figures - drawn)}"
     assert first <= set(sysid.__all__), f"docs/toolbox.md names {sorted(first - set(sysid.__all__))}"

@@ -49,6 +49,38 @@ def test_the_window_is_not_scored(p3: Any) -> None:
     assert scored.simulation[0] > compare(p3.model, whole)[0].simulation[0] + 20
 
 
+def test_any_horizon_lies_between_one_step_and_simulation(p3: Any) -> None:
+    data = p3.draw(0)
+    (near,), (far,) = (compare(p3.model, data, steps=steps) for steps in (1, 5))
+    np.testing.assert_array_equal(near.ahead, near.one_step)
+    np.testing.assert_array_equal(far.predicted_ahead, predict(p3.model, data, steps=5))
+    np.testing.assert_allclose(far.ahead, fit_percent(data.y, far.predicted_ahead))
+    assert far.simulation[0] < far.ahead[0] < far.one_step[0]
+    assert str(far).endswith(f"{far.ahead[0]:.2f} % 5 steps ahead")
+    assert "steps ahead" not in str(near)
+    for wrong in (0, None, 2.5, True):
+        with pytest.raises(SysidError, match="steps"):
+            compare(p3.model, data, steps=wrong)  # type: ignore[arg-type]
+
+
+def test_several_experiments_are_judged_together_and_apart(p3: Any) -> None:
+    first, second = p3.draw(0)[:300], p3.draw(1)[:500]
+    second = IOData(second.u, second.y + 7.0, second.dt, window=50, name="later")
+    (fit,) = compare(p3.model, [first, second], steps=3)
+    alone = [compare({name: p3.model}, one, steps=3)[0] for name, one in (("experiment 1", first), ("later", second))]
+    for one, apart in zip(fit.by_experiment, alone, strict=True):
+        assert one.name == apart.name
+        np.testing.assert_array_equal(one.simulation, apart.simulation)
+        np.testing.assert_array_equal(one.ahead, apart.ahead)
+    np.testing.assert_array_equal(fit.simulated, np.concatenate([one.simulated for one in alone]))
+    errors = [e.y[e.window :] - one.simulated[e.window :] for e, one in zip((first, second), alone, strict=True)]
+    deviations = [e.y[e.window :] - e.y[e.window :].mean(axis=0) for e in (first, second)]
+    expected = 100 * (1 - np.sqrt(sum(np.sum(e**2) for e in errors) / sum(np.sum(d**2) for d in deviations)))
+    assert fit.simulation[0] == pytest.approx(expected)
+    assert str(fit).count("\n") == 2
+    assert compare(p3.model, [first])[0].by_experiment == ()
+
+
 def test_no_model() -> None:
     with pytest.raises(SysidError, match="at least one model"):
         compare([], IOData([1.0, 2.0], [1.0, 2.0], 0.1))

@@ -26,6 +26,31 @@ def test_direct_term_only() -> None:
     np.testing.assert_allclose(simulate(gain, [[1.0, 1.0], [0.0, 3.0]])[:, 0], [1.0, -3.0])
 
 
+def test_noise_has_the_colour_and_the_covariance_of_the_model() -> None:
+    covariance = np.array([[0.5, 0.2], [0.2, 0.1]])
+    A, C, K = np.diag([0.9, 0.5]), np.eye(2), np.array([[0.3, 0.0], [0.1, 0.2]])
+    model = StateSpace(A, np.ones((2, 1)), C, np.zeros((2, 1)), K, 0.1, covariance)
+    u, x0 = np.random.default_rng(0).standard_normal(20_000), np.array([1.0, -1.0])
+    noisy = simulate(model, u, x0=x0, rng=np.random.default_rng(1))
+    v = noisy - simulate(model, u, x0=x0)
+    e, state = np.empty_like(v), np.zeros(2)
+    for t, value in enumerate(v):
+        e[t] = value - C @ state
+        state = A @ state + K @ e[t]
+    np.testing.assert_allclose(np.cov(e.T), covariance, atol=0.03)
+    assert np.abs(np.corrcoef(e[1:, 0], e[:-1, 0])[0, 1]) < 0.03
+    np.testing.assert_array_equal(noisy, simulate(model, u, x0=x0, rng=np.random.default_rng(1)))
+    assert not np.array_equal(noisy, simulate(model, u, x0=x0, rng=np.random.default_rng(2)))
+
+
+def test_noise_of_unknown_size_is_refused() -> None:
+    with pytest.raises(SysidError, match="no innovation covariance"):
+        simulate(MODEL, np.ones(5), rng=np.random.default_rng(0))
+    known = StateSpace(MODEL.A, MODEL.B, MODEL.C, MODEL.D, MODEL.K, 0.1, [[1.0]])
+    with pytest.raises(SysidError, match=r"rng: expected a numpy\.random\.Generator, got int"):
+        simulate(known, np.ones(5), rng=0)  # type: ignore[arg-type]
+
+
 def test_refusals() -> None:
     with pytest.raises(SysidError, match=r"u: expected shape \(N, 1\)"):
         simulate(MODEL, np.ones((5, 2)))

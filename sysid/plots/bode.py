@@ -1,0 +1,189 @@
+"""Magnitude and phase over frequency."""
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from sysid.arrays import FloatArray
+from sysid.errors import SysidError
+from sysid.frequency import FrequencyResponse
+from sysid.palette import BOUND, PALETTE
+from sysid.plots.panels import (
+    chosen,
+    decibel,
+    fit_to_lines,
+    legend,
+    line,
+    named,
+    panels,
+    plain_frequencies,
+    shade,
+    size_of,
+)
+from sysid.traces import Curve, Drawable, curves_of
+
+TOLD = 2.0
+"""Standard deviations that a response must be away from zero for its phase to be drawn."""
+
+DEEPEST = -90.0
+"""Lowest magnitude that the axis makes room for, dB."""
+
+
+def bode(
+    curves: Drawable | Sequence[Drawable] | Mapping[str, Drawable],
+    *,
+    frequencies: FloatArray | None = None,
+    output: int | str | None = None,
+    input: int | str | None = None,
+    relative_to_dc: bool = False,
+    mark_hz: float | None = None,
+    limits_hz: tuple[float, float] | None = None,
+    phase_limits: tuple[float, float] | None = None,
+    size: tuple[float, float] | None = None,
+) -> Figure:
+    """Magnitude in dB and phase in degrees over frequency, with 95 % bands where the response has a covariance.
+
+    With several channels a column per input and two rows per output. A best linear approximation brings the standard
+    deviations of noise and of nonlinear distortion with it, of the response in a single realisation.
+
+    Args:
+        curves: Responses, models or estimates: one, several, or several by name.
+        frequencies: Where models and estimates are drawn, Hz; three decades up to Nyquist by default.
+        output: Output by index or name; all when None.
+        input: Input by index or name; all when None.
+        relative_to_dc: Draw a line 3 dB below unity, where a unit-gain servo has its bandwidth.
+        mark_hz: A frequency to mark in both panels, Hz.
+        limits_hz: Range of the frequency axis, Hz.
+        phase_limits: Range of the phase axis, degrees.
+        size: Width and height, inch; by default enough for all panels.
+
+    Returns:
+        The figure.
+
+    Raises:
+        SysidError: Nothing to draw, something without a response, responses with different channels.
+    """
+    drawn = curves_of(curves, frequencies)
+    outputs, inputs = _channels(drawn)
+    rows, columns = chosen("output", output, outputs), chosen("input", input, inputs)
+    single = len(rows) == len(columns) == 1
+    reference = next((curve.response for curve in drawn if _of_model(curve.response)), None)
+    figure, grid = panels(
+        2 * len(rows), len(columns), size_of(size, len(rows), len(columns), (7.0, 5.4), (3.0, 4.4)), sharex=True
+    )
+    for a, i in enumerate(rows):
+        for b, j in enumerate(columns):
+            upper, lower = grid[2 * a, b], grid[2 * a + 1, b]
+            for curve in drawn:
+                _draw(upper, lower, curve, reference, i, j)
+            if relative_to_dc:
+                _half_power(upper)
+            fit_to_lines(upper, floor=DEEPEST)
+            fit_to_lines(lower)
+            if not single:
+                upper.set_title(f"{inputs[j]} → {outputs[i]}", loc="left", fontsize=9)
+            if b == 0:
+                upper.set_ylabel("magnitude / dB")
+                lower.set_ylabel("phase / degrees")
+            if phase_limits is not None:
+                lower.set_ylim(*phase_limits)
+    for axes in grid.ravel():
+        axes.set_xscale("log")
+        plain_frequencies(axes)
+        if mark_hz is not None:
+            axes.axvline(mark_hz, color=BOUND.colour, ls=":", lw=1.0)
+        if limits_hz is not None:
+            axes.set_xlim(*limits_hz)
+    for axes in grid[-1]:
+        axes.set_xlabel("frequency / Hz")
+    legend(figure, grid[0, 0])
+    return figure
+
+
+def _channels(curves: Sequence[Curve]) -> tuple[tuple[str, ...], tuple[str, ...]]:
+    """Names of outputs and inputs, those of the first curve that has some."""
+    shapes = {curve.response.response.shape[1:] for curve in curves}
+    if len(shapes) > 1:
+        found = ", ".join(
+            f"{curve.label} {' x '.join(map(str, curve.response.response.shape[1:]))}" for curve in curves
+        )
+        raise SysidError(f"responses in one figure must have the same outputs and inputs; given {found}")
+    ((ny, nu),) = shapes
+    outputs: tuple[str, ...] = next((c.response.output_names for c in curves if c.response.output_names), ())
+    inputs: tuple[str, ...] = next((c.response.input_names for c in curves if c.response.input_names), ())
+    return named(outputs, ny, "y"), named(inputs, nu, "u")
+
+
+def _draw(upper: Axes, lower: Axes, curve: Curve, reference: FrequencyResponse | None, i: int, j: int) -> None:
+    style = curve.style or PALETTE.get(curve.response.method, PALETTE["measured"])
+    f = curve.response.frequencies
+    keep = f > 0.0
+    magnitude = curve.response.magnitude[keep, i, j]
+    phase = _phase(curve.response, reference, i, j)[keep]
+    line(upper, f[keep], decibel(magnitude), style, curve.label)
+    line(lower, f[keep], phase, style, None)
+    for level in curve.levels:
+        values = np.where(level.values[keep, i, j] > 0.0, level.values[keep, i, j], np.nan)
+        if np.isfinite(values).any():
+            line(upper, f[keep], decibel(values), level.style, level.label)
+    if curve.response.covariance is None:
+        return
+    # Where the input has no power the band has no end; it is left out there, not drawn over everything.
+    known = keep & np.isfinite(curve.response.covariance[:, i, j]).all(axis=(1, 2))
+    part = FrequencyResponse(
+        f[known],
+        curve.response.response[known][:, [i]][:, :, [j]],
+        curve.response.dt,
+        curve.response.method,
+        curve.response.covariance[known][:, [i]][:, :, [j]],
+        degrees_of_freedom=curve.response.degrees_of_freedom,
+    )
+    low, high = (edge[:, 0, 0] for edge in part.magnitude_ci95())
+    shade(upper, f[known], decibel(low), decibel(high), style)
+    spread = part.quantile_95 * np.degrees(part.phase_deviation()[:, 0, 0])
+    centre = phase[known[keep]]
+    spread = np.where(np.isfinite(centre), spread, np.nan)
+    shade(lower, f[known], centre - spread, centre + spread, style)
+
+
+def _of_model(response: FrequencyResponse) -> bool:
+    """Whether a response is a model's: smooth, so that its phase can be unwrapped without doubt."""
+    return response.coherence is None and response.degrees_of_freedom is None and response.cross_spectrum is None
+
+
+def _phase(response: FrequencyResponse, reference: FrequencyResponse | None, i: int, j: int) -> FloatArray:
+    """Phase in degrees, unwrapped (nf,), that of data next to the model's where there is one.
+
+    NaN where the response is lost in its own uncertainty and points anywhere.
+    """
+    value = response.response[:, i, j]
+    told = np.isfinite(value)
+    if response.covariance is not None:
+        deviation = response.magnitude_deviation()[:, i, j]
+        told &= ~(np.abs(value) < TOLD * deviation)
+    out = np.full(len(value), np.nan)
+    out[told] = np.degrees(np.unwrap(np.angle(value[told])))
+    if reference is not None and not _of_model(response):
+        # noise between two frequencies can turn the phase of data once round: a model tells how often it has turned
+        turns = np.degrees(reference.phase[:, i, j])
+        known = np.isfinite(turns)
+        if known.any():
+            beside = np.interp(response.frequencies, reference.frequencies[known], turns[known])
+            out -= 360.0 * np.round((out - beside) / 360.0)
+    return out
+
+
+def _half_power(upper: Axes) -> None:
+    upper.axhline(20 * np.log10(np.sqrt(0.5)), color=BOUND.colour, ls=BOUND.line, lw=BOUND.width)
+    upper.annotate(
+        "−3 dB",
+        (1, -3.01),
+        xycoords=("axes fraction", "data"),
+        xytext=(-3, 2),
+        ha="right",
+        textcoords="offset points",
+        fontsize=8,
+        color=BOUND.colour,
+    )

@@ -1,0 +1,124 @@
+"""Correlations over lag: of residuals, with what chance allows, and of the channels of a record."""
+
+from collections.abc import Sequence
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from numpy.typing import NDArray
+
+from sysid.arrays import FloatArray
+from sysid.covf import CovarianceFunction
+from sysid.errors import SysidError
+from sysid.palette import GRID, INK, PALETTE, Style
+from sysid.plots.panels import chosen, legend, named, panels, size_of
+from sysid.resid import ResidualTest
+
+Panel = tuple[str, FloatArray | NDArray[np.int_], FloatArray, FloatArray | float]
+"""What is on the vertical axis, lags (n,) in samples, coefficients (n,), bound, one or (n,)."""
+
+
+def correlations(
+    given: ResidualTest | CovarianceFunction | Sequence[Panel],
+    style: Style = PALETTE["oe"],
+    *,
+    output: int | str | None = None,
+    input: int | str | None = None,
+    size: tuple[float, float] | None = None,
+) -> Figure:
+    """Correlation coefficients over lag: whiteness and independence of residuals with their bounds, or of a record.
+
+    Of a residual test a column per output: its autocorrelation, and below it the correlation with every input. Of
+    covariance functions a panel per pair of channels, divided by the standard deviations: row later than column.
+
+    Args:
+        given: A residual test, as `resid` returns it; covariance functions, as `covf` does; or any panels.
+        style: Colour of the method.
+        output: Output of the residual test, by index or name; all when None.
+        input: Input of the residual test, likewise.
+        size: Width and height, inch; by default enough for all panels.
+
+    Returns:
+        The figure.
+
+    Raises:
+        SysidError: Nothing to draw, something else, no such channel.
+    """
+    if isinstance(given, CovarianceFunction):
+        return _of_record(given, style, size)
+    bounds, columns = "99 % bounds", []
+    if isinstance(given, ResidualTest):
+        bounds = f"{100 * given.level:g} % bounds"
+        columns = _of_test(given, output, input)
+    elif isinstance(given, Sequence) and not isinstance(given, str) and all(isinstance(p, tuple) for p in given):
+        columns = [list(given)] if given else []
+    else:
+        raise SysidError(
+            f"cannot draw a {type(given).__name__}; expected a ResidualTest, a CovarianceFunction, or panels of "
+            "(label, lags, coefficients, bound)"
+        )
+    if not columns:
+        raise SysidError("nothing to draw; expected one or more panels")
+    height, width = len(columns[0]), len(columns)
+    figure, grid = panels(height, width, size_of(size, height, width, (7.0, 2.6), (2.6, 1.8)))
+    for b, column in enumerate(columns):
+        for axes, (label, lags, values, bound) in zip(grid[:, b], column, strict=True):
+            limit = np.broadcast_to(np.asarray(bound, dtype=float), lags.shape)
+            axes.fill_between(lags, -limit, limit, color=GRID, alpha=0.7, lw=0, label=bounds)
+            _stems(axes, lags, values, style)
+            # The zero lag of an autocorrelation is one by definition; the axis is for the lags that carry information.
+            shown = values[lags != 0] if label.startswith("auto") else values
+            top = 1.25 * max(float(np.abs(shown).max(initial=0.0)), float(limit.max()), 1e-6)
+            axes.set_ylim(-top, top)
+            axes.set_ylabel(label, fontsize=10 if width == 1 and height < 4 else 8)
+        grid[-1, b].set_xlabel("lag / samples")
+    legend(figure, grid[0, 0])
+    return figure
+
+
+def _stems(axes: Axes, lags: FloatArray | NDArray[np.int_], values: FloatArray, style: Style) -> None:
+    axes.vlines(lags, 0.0, values, color=style.colour, lw=1.3)
+    axes.plot(lags, values, ls="none", marker="o", ms=2.6, color=style.colour)
+    axes.axhline(0.0, color=INK, lw=0.8)
+
+
+def _of_record(found: CovarianceFunction, style: Style, size: tuple[float, float] | None) -> Figure:
+    count = len(found.names)
+    figure, grid = panels(count, count, size_of(size, count, count, (3.5, 2.4), (2.6, 1.8)), sharex=True)
+    values = found.normalised
+    for i, j in np.ndindex(count, count):
+        axes: Axes = grid[i, j]  # type: ignore[assignment]
+        _stems(axes, found.lags, values[:, i, j], style)
+        axes.set_ylim(-1.1, 1.1)
+        title = f"{found.names[i]}" if i == j else f"{found.names[i]} after {found.names[j]}"
+        axes.set_title(title, loc="left", fontsize=9)
+    for axes in grid[:, 0]:
+        axes.set_ylabel("correlation", fontsize=9)
+    for axes in grid[-1]:
+        axes.set_xlabel("lag / samples", fontsize=9)
+    return figure
+
+
+def _of_test(test: ResidualTest, output: int | str | None, input: int | str | None) -> list[list[Panel]]:
+    ny, nu = test.independence_bound.shape
+    outputs, inputs = named(test.output_names, ny, "y"), named(test.input_names, nu, "u")
+    return [
+        [
+            (
+                "autocorrelation" if ny == 1 else f"autocorrelation\nof {outputs[i]}",
+                test.lags,
+                test.autocorrelation[:, i, i],
+                test.whiteness_bound,
+            ),
+            *(
+                (
+                    "correlation with input" if ny == nu == 1 else f"{outputs[i]} with\n{inputs[j]}",
+                    test.cross_lags,
+                    test.cross_correlation[:, i, j],
+                    float(test.independence_bound[i, j]),
+                )
+                for j in chosen("input", input, inputs)
+            ),
+        ]
+        for i in chosen("output", output, outputs)
+    ]

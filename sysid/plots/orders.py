@@ -1,0 +1,142 @@
+"""What helps to choose an order: singular values, canonical correlations, criteria over the number of parameters."""
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+from matplotlib.figure import Figure
+
+from sysid.arrays import FloatArray
+from sysid.balred import hankel_singular_values
+from sysid.era import Realisation
+from sysid.errors import SysidError
+from sysid.estimate import Estimate
+from sysid.palette import BOUND, PALETTE, Style
+from sysid.plots.panels import legend, panels
+from sysid.state_space import StateSpace
+from sysid.structure_table import StructureTable
+from sysid.traces import Looks, named_items
+
+Spectrum = Realisation | Estimate | StateSpace
+"""What has singular values that tell an order."""
+
+INVISIBLE = 1e-14
+"""Singular values below this part of the largest are rounding."""
+
+
+def singular_values(
+    given: Spectrum | Sequence[Spectrum] | Mapping[str, Spectrum],
+    *,
+    limit: int = 30,
+    size: tuple[float, float] = (7.0, 3.8),
+) -> Figure:
+    """Singular values over their number, those within the model filled: a gap in them tells the order.
+
+    Of `okid`, `era` and `era_dc` those of the Hankel matrix of Markov parameters, of `n4sid` the canonical correlations
+    of past and future, of any other stable model its `hankel_singular_values`. Each divided by its largest, but for
+    canonical correlations, which lie between 0 and 1.
+
+    Args:
+        given: Realisations, estimates or models: one, several, or several by name.
+        limit: How many are drawn.
+        size: Width and height, inch.
+
+    Returns:
+        The figure.
+
+    Raises:
+        SysidError: Nothing to draw, something else, a model that is not stable.
+    """
+    looks = Looks()
+    figure, ((axes,),) = panels(1, 1, size)
+    longest = 1
+    for name, item in named_items(given, (Realisation, Estimate, StateSpace)):
+        kind, values, order = _values(item)
+        shown = (name or ("realisation" if isinstance(item, Realisation) else looks.label(item))) + f": {kind}"
+        style = looks.next(getattr(item, "method", "okid" if isinstance(item, Realisation) else ""))
+        values = np.where(values > INVISIBLE * values.max(initial=0.0), values, np.nan)[:limit]
+        numbers = np.arange(1, len(values) + 1)
+        longest = max(longest, int(numbers[np.isfinite(values)].max(initial=1)))
+        axes.plot(numbers, values, color=style.colour, lw=0.8, ls=style.line or ":")
+        for part, face in ((numbers <= order, style.colour), (numbers > order, "white")):
+            entry = shown if face != "white" else None
+            axes.plot(
+                numbers[part],
+                values[part],
+                ls="none",
+                marker=style.marker,
+                ms=5,
+                color=style.colour,
+                mfc=face,
+                label=entry,
+            )
+    axes.set_yscale("log")
+    axes.set_xlim(0.5, longest + 0.5)
+    axes.xaxis.get_major_locator().set_params(integer=True)
+    axes.set_xlabel("number (filled: in the model)")
+    axes.set_ylabel("singular value")
+    legend(figure, axes)
+    return figure
+
+
+def _values(item: Spectrum) -> tuple[str, FloatArray, int]:
+    if isinstance(item, Realisation):
+        values, kind, order = item.hankel_singular_values, "Hankel", item.model.order
+    elif isinstance(item, Estimate) and "canonical_correlations" in item.diagnostics:
+        return "canonical correlations", np.asarray(item.diagnostics["canonical_correlations"]), item.model.order
+    elif isinstance(item, Estimate) and "hankel_singular_values" in item.diagnostics:
+        values, kind, order = np.asarray(item.diagnostics["hankel_singular_values"]), "Hankel", item.model.order
+    else:
+        model = item.model if isinstance(item, Estimate) else item
+        values, kind, order = hankel_singular_values(model), "Hankel, of the model", model.order
+    return kind, values / max(float(values.max(initial=0.0)), np.finfo(float).tiny), order
+
+
+def structures(table: StructureTable, *, size: tuple[float, float] = (7.0, 4.2)) -> Figure:
+    """Criteria of candidate structures over their number of parameters: every candidate, and the best of each number.
+
+    All in units of the mean square error: the loss itself, exp(AIC), exp(BIC), and the error on validation data.
+
+    Args:
+        table: As `selstruc` and `structure_scan` return it.
+        size: Width and height, inch.
+
+    Returns:
+        The figure.
+
+    Raises:
+        SysidError: Something else than a table.
+    """
+    if not isinstance(table, StructureTable):
+        raise SysidError(
+            f"cannot draw a {type(table).__name__}; expected a StructureTable of selstruc or structure_scan"
+        )
+    figure, ((axes,),) = panels(1, 1, size)
+    curves: list[tuple[str, FloatArray, Style, bool]] = [
+        ("loss", table.loss, PALETTE["measured"], False),
+        ("exp(AIC)", np.exp(table.aic), PALETTE["pem_ss"], True),
+        ("exp(BIC)", np.exp(table.bic), PALETTE["armax"], True),
+        ("validation", table.validation, PALETTE["oe"], True),
+    ]
+    numbers = np.unique(table.parameters)
+    for name, values, style, judged in curves:
+        known = np.isfinite(values) & (values > 0.0)
+        if not known.any():
+            continue
+        axes.plot(table.parameters[known], values[known], ls="none", marker=".", ms=4, alpha=0.4, color=style.colour)
+        least = np.array([values[known & (table.parameters == n)].min(initial=np.inf) for n in numbers])
+        there = np.isfinite(least)
+        text = name
+        if judged:
+            best = int(np.argmin(np.where(known, values, np.inf)))
+            text = f"{name}: {', '.join(f'{o} {v}' for o, v in zip(table.names, table.orders[best], strict=True))}"
+            axes.plot(table.parameters[best], values[best], marker="o", ms=9, mfc="none", mew=1.6, color=style.colour)
+        axes.plot(numbers[there], least[there], color=style.colour, ls=style.line, lw=style.width, label=text)
+    axes.set_yscale("log")
+    axes.xaxis.get_major_locator().set_params(integer=True)
+    axes.set_xlabel("number of parameters (ring: the least)")
+    axes.set_ylabel("mean square error")
+    for which in (axes.yaxis.set_major_formatter, axes.yaxis.set_minor_formatter):
+        which(lambda value, _: f"{value:g}")
+    axes.tick_params(which="minor", labelsize=7, colors=BOUND.colour)
+    legend(figure, axes)
+    return figure

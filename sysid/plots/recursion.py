@@ -1,0 +1,87 @@
+"""Parameters over time, as recursive estimators know them."""
+
+import numpy as np
+from matplotlib.figure import Figure
+
+from sysid.errors import SysidError
+from sysid.estimate import Estimate
+from sysid.frequency import NORMAL_95
+from sysid.palette import PALETTE
+from sysid.plots.panels import legend, panels, size_of
+from sysid.recursive_estimate import RecursiveEstimate
+
+LOOKS = tuple(PALETTE[name] for name in ("armax", "oe", "okid", "bj", "arx", "iv4", "n4sid", "spa"))
+"""Colours of the coefficients of one polynomial, in their sequence."""
+
+SETTLING = 0.05
+"""Part of the record whose parameters need not fit on the axis: a recursion begins anywhere."""
+
+
+def recursion(
+    found: RecursiveEstimate,
+    *,
+    reference: Estimate | None = None,
+    size: tuple[float, float] | None = None,
+) -> Figure:
+    """Parameters sample by sample, a panel per polynomial; at the end the last ones with their 95 % intervals.
+
+    Args:
+        found: What `rarx`, `rarmax` or `roe` returns.
+        reference: An estimate from the whole record; its parameters are drawn as dotted lines where it has the same.
+        size: Width and height, inch; by default enough for all panels.
+
+    Returns:
+        The figure.
+
+    Raises:
+        SysidError: Something else than a recursive estimate.
+    """
+    if not isinstance(found, RecursiveEstimate):
+        raise SysidError(f"cannot draw a {type(found).__name__}; expected a RecursiveEstimate of rarx, rarmax or roe")
+    letters = list(dict.fromkeys(name[0] for name in found.parameter_names))
+    dt = found.state.dt
+    count = len(found.parameters)
+    # the last sample of the recursion is the last of this piece
+    time = (np.arange(count) + found.state.samples - count) * dt
+    deviations = np.sqrt(np.maximum(np.diag(found.final.covariance), 0.0))
+    truth = {} if reference is None else dict(zip(reference.parameter_names, reference.parameters, strict=True))
+    figure, grid = panels(len(letters), 1, size_of(size, len(letters), 1, (7.0, 2.8), (0.0, 1.8)), sharex=True)
+    for axes, letter in zip(grid[:, 0], letters, strict=True):
+        own = [k for k, name in enumerate(found.parameter_names) if name[0] == letter]
+        settled = found.parameters[int(SETTLING * count) :, own]
+        for place, k in enumerate(own):
+            style = LOOKS[place % len(LOOKS)]
+            name = found.parameter_names[k]
+            axes.plot(time, found.parameters[:, k], color=style.colour, lw=1.3)
+            end = time[-1] + 0.015 * (time[-1] - time[0]) * (1 + place)
+            axes.errorbar(
+                end,
+                found.final.parameters[k],
+                yerr=NORMAL_95 * deviations[k],
+                color=style.colour,
+                fmt=".",
+                ms=5,
+                capsize=3,
+            )
+            axes.annotate(
+                name,
+                (1.0, found.final.parameters[k]),
+                xycoords=("axes fraction", "data"),
+                xytext=(4, 0),
+                textcoords="offset points",
+                va="center",
+                fontsize=9,
+                color=style.colour,
+            )
+            if name in truth:
+                axes.axhline(truth[name], color=style.colour, ls=":", lw=1.1)
+        low, high = float(settled.min()), float(settled.max())
+        values = [truth[found.parameter_names[k]] for k in own if found.parameter_names[k] in truth]
+        low, high = min([low, *values]), max([high, *values])
+        margin = 0.15 * max(high - low, 1e-3 * max(abs(low), abs(high)), 1e-12)
+        axes.set_ylim(low - margin, high + margin)
+        axes.set_ylabel(f"{letter} coefficients")
+    grid[-1, 0].set_xlabel("time / s")
+    figure.align_ylabels(list(grid[:, 0]))
+    legend(figure, grid[0, 0])
+    return figure

@@ -1,0 +1,132 @@
+"""Power spectral densities."""
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+from matplotlib.figure import Figure
+
+from sysid.arrays import FloatArray
+from sysid.errors import SysidError
+from sysid.estimate import Estimate
+from sysid.frequency import FrequencyResponse
+from sysid.palette import PALETTE
+from sysid.plots.panels import chosen, label, legend, line, named, panels, plain_frequencies, shade, size_of
+from sysid.traces import Looks, Trace, named_items
+
+Spectral = FrequencyResponse | Estimate
+"""What has a spectrum of the disturbance."""
+
+
+def spectra(
+    given: Spectral | Sequence[Spectral] | Mapping[str, Spectral] | FloatArray,
+    traces: Sequence[Trace] | None = None,
+    *,
+    frequencies: FloatArray | None = None,
+    output: int | str | None = None,
+    unit: str = "",
+    limits_hz: tuple[float, float] | None = None,
+    size: tuple[float, float] | None = None,
+) -> Figure:
+    """Power spectral densities on logarithmic axes: of the disturbance, or any that are given.
+
+    Of spectral estimates and of parametric ones the disturbance is drawn, with 95 % bands where its degrees of freedom
+    are known, a panel per output; a single spectral estimate brings the spectra of its outputs and inputs with it.
+
+    Args:
+        given: Spectral estimates (`spa`, `welch`) or parametric ones, one, several, or several by name; or frequencies
+            in Hz (nf,) of the traces that follow.
+        traces: Densities (nf,); a lag window can leave negative ones, which are left out.
+        frequencies: Where parametric estimates are drawn, Hz; three decades up to Nyquist by default.
+        output: Output by index or name; all when None.
+        unit: Unit of the signal; the axis shows its square per Hz.
+        limits_hz: Range of the frequency axis, Hz.
+        size: Width and height, inch; by default enough for all panels.
+
+    Returns:
+        The figure.
+
+    Raises:
+        SysidError: Nothing to draw, or something that has no spectrum.
+    """
+    if traces is not None:
+        figure, grid = panels(1, 1, size or (7.0, 3.6))
+        f = np.asarray(given, dtype=float)
+        keep = f > 0.0
+        for trace in traces:
+            line(grid[0, 0], f[keep], _positive(trace.values[keep]), trace.style, trace.label)
+        grid[0, 0].set_ylabel("spectral density" + (f" / ({unit}²/Hz)" if unit else ""))
+    else:
+        figure, grid = _of_records(given, frequencies, output, unit, size)
+    for axes in grid.ravel():
+        axes.set_xscale("log")
+        axes.set_yscale("log")
+        if limits_hz is not None:
+            axes.set_xlim(*limits_hz)
+        plain_frequencies(axes)
+    for axes in grid[-1]:
+        axes.set_xlabel("frequency / Hz")
+    legend(figure, grid[0, 0])
+    return figure
+
+
+def _of_records(
+    given: object,
+    frequencies: FloatArray | None,
+    output: int | str | None,
+    unit: str,
+    size: tuple[float, float] | None,
+) -> tuple[Figure, np.ndarray]:
+    looks = Looks()
+    drawn = []
+    for name, item in named_items(given, (FrequencyResponse, Estimate)):
+        nyquist = 0.5 / (item.model.dt if isinstance(item, Estimate) else item.dt)
+        f = np.geomspace(1e-3 * nyquist, nyquist, 300) if frequencies is None else np.asarray(frequencies, dtype=float)
+        response = item.frequency_response(f) if isinstance(item, Estimate) else item
+        if response.noise_spectrum is None:
+            raise SysidError(f"{response.method} gives no spectrum of the disturbance")
+        shown = name or looks.label(item)
+        drawn.append((f"{shown}, disturbance", response, looks.next(response.method)))
+    first = drawn[0][1]
+    _, ny, nu = first.response.shape
+    if any(response.response.shape[1] != ny for _, response, _ in drawn):
+        raise SysidError("spectra in one figure must have the same outputs")
+    names = named(first.output_names, ny, "y")
+    rows = chosen("output", output, names)
+    beside = len(drawn) == 1 and first.input_spectrum is not None and output is None
+    extra = nu if beside else 0
+    height = len(rows) + extra
+    figure, grid = panels(height, 1, size_of(size, height, 1, (7.0, 3.6), (0.0, 2.0)), sharex=True)
+    for a, i in enumerate(rows):
+        axes = grid[a, 0]
+        if beside and first.output_spectrum is not None:
+            keep = first.frequencies > 0.0
+            style = PALETTE["measured"]
+            line(axes, first.frequencies[keep], _positive(first.output_spectrum[keep, i, i].real), style, "measured")
+        for text, response, style in drawn:
+            noise = response.noise_spectrum
+            if noise is None:
+                continue
+            keep = response.frequencies > 0.0
+            f = response.frequencies[keep]
+            line(axes, f, _positive(noise[keep, i, i].real), style, text)
+            if response.degrees_of_freedom is not None:
+                low, high = (edge[keep, i] for edge in response.noise_ci95())
+                shade(axes, f, _positive(low), _positive(high), style)
+        axes.set_ylabel(_density("output" if ny == 1 else names[i], unit))
+    for j in range(extra):
+        keep = first.frequencies > 0.0
+        axes = grid[len(rows) + j, 0]
+        spectrum = first.input_spectrum
+        if spectrum is not None:
+            line(axes, first.frequencies[keep], _positive(spectrum[keep, j, j].real), PALETTE["measured"], None)
+        axes.set_ylabel(_density("input" if nu == 1 else named(first.input_names, nu, "u")[j], ""))
+    figure.align_ylabels(list(grid[:, 0]))
+    return figure, grid
+
+
+def _density(what: str, unit: str) -> str:
+    return label(f"{what}, density", f"({unit}²/Hz)" if unit else "")
+
+
+def _positive(values: FloatArray) -> FloatArray:
+    return np.where(values > 0.0, values, np.nan)

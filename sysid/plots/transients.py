@@ -1,0 +1,182 @@
+"""Responses over time to a pulse and to a step."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from functools import partial
+
+import numpy as np
+from matplotlib.figure import Figure
+
+from sysid.arrays import FloatArray
+from sysid.bands import band
+from sysid.cra import ImpulseResponse
+from sysid.errors import SysidError
+from sysid.estimate import Estimate
+from sysid.frequency import NORMAL_95
+from sysid.palette import INK, Style
+from sysid.plots.panels import chosen, label, legend, line, named, panels, shade, size_of
+from sysid.state_space import StateSpace
+from sysid.traces import Looks, named_items
+
+Responding = Estimate | StateSpace | ImpulseResponse
+"""What has a response over time."""
+
+SETTLED = 5e-3
+"""Part of the slowest mode that may be left at the end of the axis."""
+
+SHORTEST, LONGEST, ENDLESS = 20, 3000, 100
+"""Bounds on the number of samples, and the number for models that do not settle."""
+
+
+@dataclass(frozen=True, eq=False)
+class _Response:
+    label: str
+    style: Style
+    time: FloatArray
+    values: FloatArray
+    deviation: FloatArray | None
+    names: tuple[tuple[str, ...], tuple[str, ...]]
+    units: tuple[tuple[str, ...], tuple[str, ...]]
+
+
+def impulse(
+    models: Responding | Sequence[Responding] | Mapping[str, Responding],
+    *,
+    length: float | None = None,
+    output: int | str | None = None,
+    input: int | str | None = None,
+    size: tuple[float, float] | None = None,
+) -> Figure:
+    """Response to a pulse of one sample and height one, with 95 % bands where the uncertainty is known.
+
+    With several channels a row per output and a column per input.
+
+    Args:
+        models: Models, estimates, or what `cra` returns: one, several, or several by name.
+        length: Length of the axis, s; by default until the slowest mode has died out.
+        output: Output by index or name; all when None.
+        input: Input by index or name; all when None.
+        size: Width and height, inch; by default enough for all panels.
+
+    Returns:
+        The figure.
+
+    Raises:
+        SysidError: Nothing to draw, something without a response, a length that is not positive, models with
+            different channels.
+    """
+    return _draw(_responses(models, length, step=False), "pulse response", output, input, size)
+
+
+def step(
+    models: Responding | Sequence[Responding] | Mapping[str, Responding],
+    *,
+    length: float | None = None,
+    output: int | str | None = None,
+    input: int | str | None = None,
+    size: tuple[float, float] | None = None,
+) -> Figure:
+    """Response to a unit step, with 95 % bands of estimates.
+
+    With several channels a row per output and a column per input. What `cra` returns is summed up, without a band.
+
+    Args:
+        models: Models, estimates, or what `cra` returns: one, several, or several by name.
+        length: Length of the axis, s; by default until the slowest mode has died out.
+        output: Output by index or name; all when None.
+        input: Input by index or name; all when None.
+        size: Width and height, inch; by default enough for all panels.
+
+    Returns:
+        The figure.
+
+    Raises:
+        SysidError: Nothing to draw, something without a response, a length that is not positive, models with
+            different channels.
+    """
+    return _draw(_responses(models, length, step=True), "step response", output, input, size)
+
+
+def _responses(
+    models: Responding | Sequence[Responding] | Mapping[str, Responding], length: float | None, *, step: bool
+) -> list[_Response]:
+    if length is not None and not 0.0 < length < np.inf:
+        raise SysidError(f"length must be above 0 s, got {length!r}")
+    looks = Looks()
+    pairs = list(named_items(models, (Estimate, StateSpace, ImpulseResponse)))
+    reach = length if length is not None else max(_settling(item) for _, item in pairs)
+    out = []
+    for name, item in pairs:
+        model = item.model if isinstance(item, Estimate) else item
+        method = "cra" if isinstance(item, ImpulseResponse) else getattr(item, "method", "")
+        shown = name or ("correlation analysis" if isinstance(item, ImpulseResponse) else looks.label(item))
+        samples = max(int(np.floor(reach / model.dt + 1e-9)) + 1, 2)
+        deviation: FloatArray | None = None
+        if isinstance(item, ImpulseResponse):
+            values = (item.step_response if step else item.response)[:samples]
+            # a running sum has a deviation of its own, which takes the correlation of the lags
+            deviation = None if step else item.deviation[:samples]
+        else:
+            quantity = partial(_transient, samples=samples, step=step)
+            values = quantity(model)
+            if isinstance(item, Estimate) and np.isfinite(item.covariance).all():
+                deviation = band(item, quantity).deviation
+        _, ny, nu = values.shape
+        names = (named(model.output_names or (), ny, "y"), named(model.input_names or (), nu, "u"))
+        units = (getattr(model, "output_units", None) or ("",) * ny, getattr(model, "input_units", None) or ("",) * nu)
+        time = np.arange(len(values)) * model.dt
+        out.append(_Response(shown, looks.next(method), time, values, deviation, names, units))
+    if len({response.values.shape[1:] for response in out}) > 1:
+        found = ", ".join(f"{r.label} {' x '.join(map(str, r.values.shape[1:]))}" for r in out)
+        raise SysidError(f"responses in one figure must have the same outputs and inputs; given {found}")
+    return out
+
+
+def _transient(model: StateSpace, samples: int, step: bool) -> FloatArray:
+    return model.step_response(samples) if step else model.impulse_response(samples)
+
+
+def _settling(item: Responding) -> float:
+    """Time until the slowest mode has died out, s."""
+    if isinstance(item, ImpulseResponse):
+        return float(item.time[-1])
+    model = (item.model if isinstance(item, Estimate) else item).input_path()
+    slowest = float(np.abs(model.poles()).max(initial=0.0))
+    samples = ENDLESS if slowest >= 1.0 - 1e-9 else np.log(SETTLED) / np.log(max(slowest, 1e-9))
+    return float(np.clip(np.ceil(samples), SHORTEST, LONGEST)) * model.dt
+
+
+def _draw(
+    responses: Sequence[_Response],
+    what: str,
+    output: int | str | None,
+    input: int | str | None,
+    size: tuple[float, float] | None,
+) -> Figure:
+    outputs, inputs = responses[0].names
+    rows, columns = chosen("output", output, outputs), chosen("input", input, inputs)
+    figure, grid = panels(
+        len(rows), len(columns), size_of(size, len(rows), len(columns), (7.0, 3.8), (3.0, 2.2)), sharex=True
+    )
+    for a, i in enumerate(rows):
+        for b, j in enumerate(columns):
+            axes = grid[a, b]
+            axes.axhline(0.0, color=INK, lw=0.8)
+            for response in responses:
+                values = response.values[:, i, j]
+                line(axes, response.time, values, response.style, response.label)
+                if response.deviation is not None:
+                    reach = NORMAL_95 * response.deviation[:, i, j]
+                    shade(axes, response.time, values - reach, values + reach, response.style)
+            if len(rows) * len(columns) > 1:
+                axes.set_title(f"{inputs[j]} → {outputs[i]}", loc="left", fontsize=9)
+            if b == 0:
+                above, below = responses[0].units[0][i], {responses[0].units[1][k] for k in columns}
+                # inputs in different units have no ratio in common
+                axes.set_ylabel(
+                    label(what, f"({above}/{below.pop()})" if above and len(below) == 1 and all(below) else "")
+                )
+    for axes in grid[-1]:
+        axes.set_xlabel("time / s")
+    legend(figure, grid[0, 0])
+    return figure
