@@ -5,8 +5,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from hmtb_twin import JOINTS, STUDIED_JOINTS
-from hmtb_twin.parameters import MOTIONS
+from hmtb_twin import JOINTS, STUDIED_JOINTS, load_arm
+from hmtb_twin.parameters import HAND_CONTROLLER, MOTIONS
 from scenarios.attribution import CONDITIONS, conditions
 from scenarios.comparison import Comparison, relative_error
 from scenarios.period_spectra import period_spectra
@@ -55,7 +55,10 @@ def test_without_friction_and_at_small_amplitude_the_truth_comes_back(study: Com
     for name, parts in study.attribution.items():
         true = study.joints[name].truth.bandwidth_hz
         assert tuple(part.condition for part in parts) == CONDITIONS
-        assert parts[-1].bandwidth_hz == pytest.approx(true, rel=0.01)
+        assert parts[1].bandwidth_hz == pytest.approx(true, rel=0.01)
+        # At three tenths of the amplitude a short record leaves the gain at 0 Hz, which nothing excites, to chance.
+        assert parts[-1].half_power_hz == pytest.approx(true, rel=0.005)
+        assert parts[-1].covers or parts[-1].bandwidth_hz == pytest.approx(true, rel=0.01)
         assert abs(parts[0].bandwidth_hz - true) > abs(parts[1].bandwidth_hz - true)
 
 
@@ -85,7 +88,8 @@ def test_conditions_switch_off_one_thing_more_each_time() -> None:
     smooth, small = conditions(scenario)
     assert (smooth.chain.friction, small.chain.friction) == (False, False)
     np.testing.assert_array_equal(smooth.volts(), scenario.volts())
-    np.testing.assert_allclose(small.volts(), 0.3 * scenario.volts())
+    asked, less = (replace(entry, chain=replace(entry.chain, dac=False)).volts() for entry in (scenario, small))
+    np.testing.assert_allclose(less, 0.3 * asked)
     assert {entry.chain.noise and entry.chain.resolver for entry in (smooth, small)} == {True}
     assert {smooth.seed, small.seed} == {scenario.seed}
     assert len({scenario.name, smooth.name, small.name}) == 3
@@ -106,9 +110,11 @@ def test_slewing_counts_steps_at_the_velocity_limit(study: Comparison) -> None:
         assert 0.85 < entry.slewing[ESTIMATION_TEST] < 0.95
         assert entry.slewing[7] < 0.5
         log = study.logs[f"siso-{ESTIMATION_TEST}-{name}"]
-        step = np.abs(np.diff(log.commanded[:, JOINTS.index(name)]))
-        at_limit = np.mean(step > MOTIONS[name].velocity_limit * log.dt - 1e-9)
-        assert velocity_limited_share(log) == pytest.approx(at_limit, abs=1e-3)
+        pose = load_arm().pose("rpcm_holster_out_approach")[JOINTS.index(name)]
+        asked = pose + HAND_CONTROLLER.gain * (HAND_CONTROLLER.adc_step * log.counts[:, 0])
+        before = np.concatenate([[pose], log.commanded[:-1, JOINTS.index(name)]])
+        limited = np.abs(asked - before) > MOTIONS[name].velocity_limit * log.dt
+        assert velocity_limited_share(log) == pytest.approx(limited.mean(), abs=1e-12)
         slow = replace(log, commanded=log.commanded[0] + 0.5 * (log.commanded - log.commanded[0]))
         assert swing(slow, name) == pytest.approx(0.5 * entry.swing[ESTIMATION_TEST])
 
