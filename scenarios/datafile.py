@@ -2,6 +2,7 @@
 
 import os
 import warnings
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -9,7 +10,7 @@ import numpy as np
 
 import sysid
 from scenarios.errors import ScenarioError
-from scenarios.record_file import ENDINGS, is_record, read_records, write_record
+from scenarios.record_file import ENDINGS, is_record, netcdf_format, read_records, write_record
 from scenarios.suggest import unknown
 from sysid import IOData
 
@@ -19,8 +20,11 @@ if TYPE_CHECKING:
 SAME_INTERVAL = 1e-3
 """Two sampling intervals that differ by less than this part are one, written with few digits."""
 
-KINDS = ".nc, .csv, .mat, .asc, .txt or .ch10"
+KINDS = ".nc, .csv, .mat, .asc, .ch10 or a table as text (.txt, .dat, ...)"
 """Kinds of data files, for messages."""
+
+Names = str | Sequence[str]
+"""One column or several."""
 
 
 def write_log(log: "JointLog", path: Path) -> Path:
@@ -57,21 +61,23 @@ def read_data(
     path: str | Path,
     *,
     joint: str | None = None,
-    input: str = "u",
-    output: str = "y",
+    input: Names = "u",
+    output: Names = "y",
     dt: float | None = None,
     test: str | None = None,
+    missing: bool = False,
 ) -> IOData:
-    """Read one input and one output from a file.
+    """Read inputs and outputs from a file.
 
     Args:
-        path: `.nc` (a joint log or a bus record), `.csv` (with a header or two bare columns), `.mat` (version 7.2 or
-            older), `.asc` or `.txt` (our ASCII records, or any table), `.ch10` (a 1553 record).
+        path: `.nc` (a joint log, a bus record, or any variables over time), `.mat` (version 7.2 or older), `.ch10` (a
+            1553 record), `.asc` (our ASCII records), or any table as text, with a header or bare columns.
         joint: Joint of a log or record, or of a CSV written from one.
-        input: Name of the input column or variable.
-        output: Name of the output column or variable.
+        input: Names of the input columns or variables.
+        output: Names of the output columns or variables.
         dt: Sampling interval, s. Needed where the file says none; must agree with it where it does.
         test: Which test of a 1553 record, by name or number, where it holds several.
+        missing: Whether outputs of a table may be missing (NaN or empty); those of our own records always may.
 
     Returns:
         The record; lost output samples are declared as missing.
@@ -81,7 +87,7 @@ def read_data(
             contradict each other; inputs were lost.
         TwinError: Likewise, of our own logs and records.
     """
-    parts = read_parts(path, joint=joint, input=input, output=output, dt=dt, test=test)
+    parts = read_parts(path, joint=joint, input=input, output=output, dt=dt, test=test, missing=missing)
     if len(parts) > 1:
         raise ScenarioError(
             f"{Path(path).name}: commands were lost in between; an input must be complete: read its {len(parts)} parts"
@@ -93,20 +99,22 @@ def read_parts(
     path: str | Path,
     *,
     joint: str | None = None,
-    input: str = "u",
-    output: str = "y",
+    input: Names = "u",
+    output: Names = "y",
     dt: float | None = None,
     test: str | None = None,
+    missing: bool = False,
 ) -> tuple[IOData, ...]:
-    """Read one input and one output from a file, cut where inputs were lost.
+    """Read inputs and outputs from a file, cut where inputs were lost.
 
     Args:
         path: As in `read_data`, like all others.
         joint: Joint.
-        input: Input column.
-        output: Output column.
+        input: Input columns.
+        output: Output columns.
         dt: Sampling interval, s.
         test: Test of a run.
+        missing: Whether outputs may be missing.
 
     Returns:
         One record, or as many as there are stretches of inputs; lost outputs are declared as missing. A damaged 1553
@@ -117,6 +125,7 @@ def read_parts(
         TwinError: Likewise.
     """
     path = Path(path)
+    inputs, outputs = ((names,) if isinstance(names, str) else tuple(names) for names in (input, output))
     if not path.is_file():
         raise ScenarioError(f"no data file {str(path)!r}; expected {KINDS}")
     if dt is not None and not 0 < dt < np.inf:
@@ -125,6 +134,11 @@ def read_parts(
     ours = (path.suffix != ".csv" or joint is not None) and is_record(path)
     if test is not None and not (ours and path.suffix != ".csv"):
         raise ScenarioError(f"{path.name} holds one test; --test is for 1553 records")
+    log = path.suffix == ".nc" and _is_log(path)
+    if (ours or log) and (inputs, outputs) != (("u",), ("y",)):
+        raise ScenarioError(
+            f"{path.name} is a record of joints: choose one by --joint; --input and --output are for tables"
+        )
     if ours:
         contents = read_records(path)
         if contents.message:
@@ -132,7 +146,7 @@ def read_parts(
 
             warnings.warn(contents.message, TwinWarning, stacklevel=2)
         return _agreeing(contents.choose(test, path).parts(joint), dt, path)
-    if path.suffix == ".nc":
+    if log:
         from hmtb_twin import JointLog
 
         return _agreeing((JointLog.load(path).iodata(joint),), dt, path)
@@ -141,33 +155,45 @@ def read_parts(
 
         if joint not in JOINTS:
             raise ScenarioError(unknown("joint", joint, JOINTS))
-        input, output = f"{joint}_commanded", f"{joint}_measured"
-    readers = {".csv": sysid.read_csv, ".mat": sysid.read_mat, ".asc": sysid.read_csv, ".txt": sysid.read_csv}
-    if path.suffix not in readers:
-        raise ScenarioError(f"{str(path)!r}: unknown kind of data file; expected {KINDS}")
+        inputs, outputs = (f"{joint}_commanded",), (f"{joint}_measured",)
+    read = {".mat": sysid.read_mat, ".nc": sysid.read_netcdf}.get(path.suffix, sysid.read_csv)
     try:
-        data = readers[path.suffix](path, inputs=(input,), outputs=(output,), dt=dt)
+        return (read(path, inputs=inputs, outputs=outputs, dt=dt, missing=missing),)
     except sysid.SysidError as error:
-        text = str(error)
-        for analyst, user in (
-            ("dt as given", "--dt"),
-            ("or dt in s", "or --dt SECONDS"),
-            ("give dt where", "give --dt where"),
-        ):
-            text = text.replace(analyst, user)
-        option = next((o for o, name in (("input", input), ("output", output)) if f"column {name!r};" in text), None)
-        raise ScenarioError(text + (f"; choose one by --{option}" if option else "")) from error
-    for name, count in ((input, data.nu), (output, data.ny)):
-        if count != 1:
-            raise ScenarioError(f"{path.name}: {name!r} has {count} columns; expected a vector")
-    return (data,)
+        raise ScenarioError(_for_users(str(error), path, inputs, outputs)) from error
+
+
+def _for_users(text: str, path: Path, inputs: Sequence[str], outputs: Sequence[str]) -> str:
+    """The analyst's message in words of the command line."""
+    for analyst, user in (
+        ("dt as given", "--dt"),
+        ("or dt in s", "or --dt SECONDS"),
+        ("give dt where", "give --dt where"),
+        ("missing=True takes NaN", "--missing takes NaN or empty cells among outputs"),
+    ):
+        text = text.replace(analyst, user)
+    if "without a header" in text:
+        count = len(inputs) + len(outputs)
+        return f"{text} in this sequence, {count} in all; --input and --output name them, inputs first"
+    if "not a text file" in text and path.suffix not in (".csv", ".txt", ".asc", ".dat"):
+        return f"{str(path)!r}: unknown kind of data file; expected {KINDS}"
+    for option, names in (("input", inputs), ("output", outputs)):
+        if any(f"column {name!r};" in text for name in names):
+            return f"{text}; choose by --{option}"
+    return text
+
+
+def _is_log(path: Path) -> bool:
+    from hmtb_twin.joint_log import FORMAT
+
+    return netcdf_format(path) == FORMAT
 
 
 def excited(path: Path, test: str | None = None) -> tuple[str, ...]:
     """What the experiment of a log or record excites; nothing for files that do not say."""
     if is_record(path):
         return read_records(path).choose(test, path).axes
-    if path.suffix != ".nc":
+    if path.suffix != ".nc" or not _is_log(path):
         return ()
     from hmtb_twin import JointLog
 

@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from sysid import Estimate, IOData
+from sysid import Bandwidth, Estimate, IOData
 
 WIDEST = 100.0
 """An interval whose ends differ by more than this factor says nothing."""
@@ -44,20 +44,23 @@ class Claim:
     warnings: tuple[str, ...]
 
 
-def claim(found: Estimate, record: IOData) -> Claim:
-    """Weigh the bandwidth of a model with one input and one output against its record.
+def claim(found: Estimate, record: IOData, *, output: int = 0, input: int = 0, band: Bandwidth | None = None) -> Claim:
+    """Weigh the bandwidth of a model, from one input to one output, against its record.
 
     Args:
         found: The estimate.
         record: What it was estimated from, as it was used.
+        output: Which output.
+        input: Which input.
+        band: Its bandwidths where they are known already.
 
     Returns:
         The bandwidth, or NaN with the reason.
     """
-    band = found.bandwidth()
-    hz, low, high = (float(part[0, 0]) for part in (band.hz, *band.ci95))
-    lowest = lowest_excited(record)
-    poles = found.model.poles()
+    band = found.bandwidth() if band is None else band
+    hz, low, high = (float(part[output, input]) for part in (band.hz, *band.ci95))
+    lowest = lowest_excited(record, input=input)
+    poles = found.poles()
     against: list[str] = []
     if len(poles) and np.abs(poles - 1.0).min() < INTEGRATES:
         against.append("the model has a pole at one: it integrates, so it has no gain at 0 Hz and no bandwidth")
@@ -84,19 +87,20 @@ def claim(found: Estimate, record: IOData) -> Claim:
     return Claim(hz, low, high, bool(against), tuple(remarks))
 
 
-def lowest_excited(record: IOData) -> float:
+def lowest_excited(record: IOData, *, input: int = 0) -> float:
     """Lowest frequency at which the input has power to speak of, Hz.
 
     That is the first line of the windowed record that stands out, by itself or as part of a broad floor. From it one
     climbs to the top of its peak, since the window spreads every line over its neighbours.
 
     Args:
-        record: One input; 0 Hz counts if its mean was left in.
+        record: The record; 0 Hz counts if its mean was left in.
+        input: Which input.
 
     Returns:
         The frequency; 0 if the input reaches down to 0 Hz as far as the length of the record tells.
     """
-    u = record.scored.u[:, 0]
+    u = record.scored.u[:, input]
     n = len(u)
     window = 0.5 - 0.5 * np.cos(2.0 * np.pi * np.arange(n) / n)
     # A record cut in the middle of a period has a mean under the window even after its own was removed.

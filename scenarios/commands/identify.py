@@ -5,181 +5,240 @@ from typing import TYPE_CHECKING, Annotated
 
 import tyro
 
-from scenarios.commands.output import print_json, print_table, say
+from scenarios.commands.output import output_folder, print_json, print_table, say
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from scenarios.identification import Identification
+    from sysid import Estimate
 
-    from sysid import IOData
+LISTED = 24
+"""Parameters that are listed one by one."""
 
 
 def identify(
     data: Annotated[Path, tyro.conf.Positional, tyro.conf.arg(metavar="DATA")],
     /,
     *,
-    method: Annotated[str, tyro.conf.arg(metavar="arx|armax|oe|okid")],
+    method: Annotated[str, tyro.conf.arg(metavar="arx|armax|oe|bj|iv4|okid|n4sid|pem_ss")],
     orders: tuple[int, ...],
     joint: str | None = None,
-    input: str = "u",
-    output: str = "y",
+    input: tuple[str, ...] = ("u",),
+    output: tuple[str, ...] = ("y",),
     dt: float | None = None,
     test: str | None = None,
+    missing: bool = False,
     skip: float = 0.0,
     keep_mean: bool = False,
+    steps: int = 1,
     validate: Path | None = None,
     validate_test: str | None = None,
+    out: Path | None = None,
     json: bool = False,
 ) -> int:
-    """Identify one input and one output from a record, ours or any robot's.
+    """Identify a model from a record, ours or any robot's.
 
-    Methods and their orders: arx na nb [nk], armax na nb nc [nk], oe nb nf [nk], okid order [p]. nk = 1 (the default)
-    means that y(t) depends on u(t-1) first; p = 5 (the default) is the number of observer Markov parameters.
+    Methods and their orders: arx na nb [nk], armax na nb nc [nk], oe nb nf [nk], bj nb nc nd nf [nk], iv4 na nb [nk],
+    okid order [p], n4sid order, pem_ss order. nk = 1 (the default) means that y(t) depends on u(t-1) first; p = 5 (the
+    default) is the number of observer Markov parameters. All take several inputs (polynomials of the same orders for
+    each), okid, n4sid and pem_ss also several outputs.
 
-    Reads the logs and records of hmtb simulate and hmtb convert (.nc, .csv, .mat, .asc, .ch10), and anyone's .csv (a
-    header, or two bare columns u, y), .txt (likewise) and .mat (variables u, y). Samples that the bus lost are left
-    out: the model is of all parts between them, the fits are to the longest.
+    Reads the logs and records of hmtb simulate and hmtb convert (.nc, .csv, .mat, .asc, .ch10), and anyone's .mat and
+    .nc (variables by name) and tables as text (.csv, .txt, .dat, any other: columns by commas, semicolons, tabs or
+    spaces, with a header, or bare: inputs, then outputs). Samples that the bus lost are left out, as are missing
+    outputs (--missing).
+
+    The model is of what moves about an operating point: the means are removed, and what constant the output has beyond
+    them (a record that starts from rest has some) is estimated with the model. --keep-mean takes the values as they
+    are.
 
     hmtb identify robot.csv --input command --output angle --method oe --orders 2 2 1
 
     Args:
         data: The record.
-        method: arx, armax, oe or okid.
+        method: One of the methods above.
         orders: Orders of the model, in the field's usual sequence.
         joint: Which joint of a log; the excited one when not given.
-        input: Name of the input column of a CSV or .mat file.
-        output: Name of the output column of a CSV or .mat file.
-        dt: Sampling interval of a CSV or .mat file that says none, s. A column t, time or Time (s), or a variable dt
-            or Ts, says it.
+        input: Names of the input columns of a table, or variables of a .mat or .nc file.
+        output: Names of the output columns, likewise.
+        dt: Sampling interval of a table that says none, s. A column t, time or Time (s), or a variable dt or Ts, says
+            it.
         test: Which test of a 1553 record, by name or number.
-        skip: Leave out this much of the start, s. Worth it where the record starts from rest: a start that is still
-            settling leaves different means in input and output.
-        keep_mean: Leave the means in; otherwise they are removed.
-        validate: Another record; the fits are then to it.
+        missing: Outputs may be missing, as NaN or empty cells; inputs must be complete.
+        skip: Leave out this much of the start, s.
+        keep_mean: Take the values as they are, without an operating point.
+        steps: Horizon of a further prediction, samples; the fits in simulation and one step ahead are always there.
+        validate: Another record; fits and residual test are then of it.
         validate_test: Which of its tests, by name or number.
+        out: Folder for figures: records, outputs, responses, poles and zeros, residuals.
         json: Print JSON.
     """
     import warnings
 
-    import numpy as np
-
-    import sysid
-    from scenarios.commands.bandwidth import claim
     from scenarios.datafile import of_joint, read_parts
-    from scenarios.estimators import estimate
+    from scenarios.identification import identified, usable
 
     with warnings.catch_warnings(record=True) as said:
         warnings.simplefilter("always", UserWarning)
-        read = read_parts(data, joint=joint, input=input, output=output, dt=dt, test=test)
-        parts = _prepare(read, skip, keep_mean, data, test)
-        record = max(parts, key=len)
-        other = record
+        read = read_parts(data, joint=joint, input=input, output=output, dt=dt, test=test, missing=missing)
+        parts, check = usable(read, skip, method, data, test), None
         if validate is not None:
             # A log is validated on the joint that the model is of, whichever it excites.
-            same = of_joint(record) or joint
-            others = read_parts(validate, joint=same, input=input, output=output, dt=dt, test=validate_test)
-            other = max(_prepare(others, skip, keep_mean, validate, validate_test), key=len)
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore", sysid.SysidWarning)
-        found, complete = estimate(parts if len(parts) > 1 else record, method, orders)
-        (fit,) = sysid.compare(found, other)
-        band = claim(found, record)
-    hz, low, high = band.hz, band.low, band.high
-    poles = found.model.poles()
-    samples = sum(map(len, parts))
-    gaps = (
-        f"the model is of {len(parts)} parts between lost samples, {samples} samples in all; the fits are to the "
-        f"longest part, {len(record)} samples"
-    )
-    texts = [
-        *(str(one.message) for one in said),
-        *([gaps] if len(parts) > 1 else []),
-        *band.warnings,
-        *found.diagnostics.get("warnings", ()),
-    ]
-    gain = float(found.model.dc_gain()[0, 0])
+            same = of_joint(parts[0]) or joint
+            others = read_parts(
+                validate, joint=same, input=input, output=output, dt=dt, test=validate_test, missing=missing
+            )
+            check = usable(others, skip, method, validate, validate_test)
+    found = identified(parts, method, orders, keep_mean=keep_mean, steps=steps, check=check)
+    texts = (*(str(one.message) for one in said), *found.warnings)
+    title = f"{method.upper()} from {data.name}" + (f", fits to {validate.name}" if validate else "")
+    pictures: list[Path] = []
+    if out is not None:
+        from scenarios.identification_figures import figures
+
+        with output_folder(out) as folder:
+            for name, figure in figures(found).items():
+                pictures.append(folder / f"{data.stem}-{name}.png")
+                figure.savefig(pictures[-1], dpi=120)
     if json:
-        print_json(
-            {
-                "method": method,
-                "orders": complete,
-                "fit": {"simulation": fit.simulation, "one_step": fit.one_step},
-                "bandwidth_hz": hz,
-                "ci95": [low, high],
-                "poles": poles,
-                "zeros": found.model.zeros(),
-                "dc_gain": gain,
-                "samples": samples,
-                "dt": record.dt,
-                "warnings": texts,
-            }
-        )
+        print_json({**_record(method, found), "warnings": texts, "figures": pictures})
         return 0
-    shown = ", ".join(f"{pole.real:.4f}" + (f"{pole.imag:+.4f}j" if abs(pole.imag) > 1e-9 else "") for pole in poles)
-    if np.isfinite(hz):
-        interval = f"{hz:.4g} Hz, 95 % interval {low:.4g} to {high:.4g} Hz"
-    else:
-        interval = "—" if band.refused else "none below Nyquist"
-    rows = [
-        ("orders", ", ".join(f"{name} {value}" for name, value in complete.items())),
-        ("record", f"{samples} samples every {record.dt:g} s"),
-        ("fit in simulation", f"{fit.simulation[0]:.2f} %"),
-        ("fit one step ahead", f"{fit.one_step[0]:.2f} %"),
-        ("bandwidth (-3 dB)", interval),
-        ("gain at 0 Hz", f"{gain:.4f}" if abs(gain) < 1e9 else "none, it integrates"),
-        ("poles (z plane)", shown),
-    ]
-    print_table(
-        f"{method.upper()} from {data.name}" + (f", fits to {validate.name}" if validate else ""), ("", ""), rows
-    )
+    print_table(title, ("", ""), _rows(found))
+    model = found.estimate
+    # what a state-space method estimates are coordinates, which say nothing one by one
+    if model.polynomials is not None and len(model.parameters) <= LISTED:
+        print_table("Parameters", ("", "value", "standard deviation"), _parameters(model))
     for text in texts:
         say(f"warning: {text}")
+    for path in pictures:
+        say(f"figure: {path}")
     return 0
 
 
-SHORTEST = 100
-"""Parts with fewer samples between two gaps are left out: the past of a model would take most of them."""
+def _record(method: str, found: "Identification") -> dict[str, object]:
+    """The model as JSON; of a single path bandwidth and gain are numbers, else rows of outputs."""
+    model, claims = found.estimate, found.claims
+    single = len(claims) == len(claims[0]) == 1
+    hz, ends = (
+        [[value(one) for one in row] for row in claims] for value in (lambda c: c.hz, lambda c: [c.low, c.high])
+    )
+    gain = model.dc_gain()
+    test = found.test
+    return {
+        "method": method,
+        "orders": found.orders,
+        "inputs": found.parts[0].input_names,
+        "outputs": found.parts[0].output_names,
+        "fit": {
+            "simulation": found.fit.simulation,
+            "one_step": found.fit.one_step,
+            "steps": found.fit.steps,
+            "ahead": found.fit.ahead,
+        },
+        "bandwidth_hz": hz[0][0] if single else hz,
+        "ci95": ends[0][0] if single else ends,
+        "poles": model.poles(),
+        "zeros": model.zeros(),
+        "dc_gain": gain[0, 0] if single else gain,
+        "parameters": dict(zip(model.parameter_names, model.parameters, strict=True)),
+        "deviations": dict(zip(model.parameter_names, _deviations(model), strict=True)),
+        "noise_covariance": model.noise_variance,
+        "fpe": model.fpe,
+        "aic": model.aic,
+        "bic": model.bic,
+        "residuals": None
+        if test is None
+        else {"passed": test.passed, "whiteness_p": test.whiteness_p, "independence_p": test.independence_p},
+        "operating_point": None if found.level is None else {"input": found.level[0], "output": found.level[1]},
+        "samples": found.samples,
+        "dt": found.parts[0].dt,
+    }
 
 
-def _prepare(
-    records: "Sequence[IOData]", skip: float, keep_mean: bool, path: Path, test: str | None = None
-) -> "tuple[IOData, ...]":
-    """Leave out the start and the means, and cut the record at its gaps."""
+def _rows(found: "Identification") -> list[tuple[str, str]]:
     import numpy as np
 
-    from scenarios.datafile import excited
-    from scenarios.errors import ScenarioError
-    from sysid import SysidError
+    model, first, fit = found.estimate, found.parts[0], found.fit
+    ins, outs = first.input_names or (), first.output_names or ()
+    rows = [
+        ("orders", ", ".join(f"{name} {value}" for name, value in found.orders.items())),
+        ("record", f"{found.samples} samples every {first.dt:g} s"),
+    ]
+    if found.level is not None:
+        named = zip((*ins, *outs), (*found.level[0], *found.level[1]), strict=True)
+        rows.append(("operating point", ", ".join(f"{name} {_number(value)}" for name, value in named)))
+    rows += [
+        ("fit in simulation", _percents(fit.simulation, outs)),
+        ("fit one step ahead", _percents(fit.one_step, outs)),
+    ]
+    if fit.steps > 1:
+        rows.append((f"fit {fit.steps} steps ahead", _percents(fit.ahead, outs)))
+    gain = model.dc_gain()
+    for i, row in enumerate(found.claims):
+        for j, band in enumerate(row):
+            path = f", {ins[j]} → {outs[i]}" if gain.size > 1 else ""
+            if np.isfinite(band.hz):
+                interval = f"{band.hz:.4g} Hz, 95 % interval "
+                known = np.isfinite(band.low)
+                interval += f"{band.low:.4g} to {band.high:.4g} Hz" if known else "not known to this method"
+            else:
+                interval = "—" if band.refused else "none below Nyquist"
+            rows.append((f"bandwidth (-3 dB){path}", interval))
+            endless = not abs(gain[i, j]) < 1e9
+            rows.append((f"gain at 0 Hz{path}", "none, it integrates" if endless else f"{gain[i, j]:.4f}"))
+    rows += [
+        ("poles (z plane)", _roots(model.poles())),
+        ("zeros (z plane)", _roots(model.zeros())),
+        ("standard deviation of the noise", ", ".join(f"{np.sqrt(v):.4g}" for v in np.diag(model.noise_variance))),
+        ("final prediction error", f"{model.fpe:.4g}; AIC {model.aic:.5g}, BIC {model.bic:.5g}"),
+    ]
+    if found.test is None:
+        rows.append(("residual test", f"not made: {found.untested}"))
+    else:
+        test = found.test
+        rows.append(("residuals white", _verdicts(test.white, test.whiteness_p)))
+        rows.append(("residuals independent of the input", _verdicts(test.independent, test.independence_p)))
+    return rows
 
-    dt, samples = records[0].dt, sum(map(len, records))
-    if not 0 <= skip < (samples - 1) * dt:
-        raise ScenarioError(
-            f"{path.name}: skip must be 0 to less than the record's {samples * dt:g} s, given {skip:g} s"
-        )
-    left, kept = round(skip / dt), []
-    for part in records:
-        kept += [part[left:]] if len(part) > left else []
-        left = max(left - len(part), 0)
-    u, y = (np.concatenate([getattr(part, channel) for part in kept]) for channel in "uy")
-    # Seen before the mean is removed, which would leave rounding where there was a constant.
-    for what, values, names in (("input", u, kept[0].input_names), ("output", y, kept[0].output_names)):
-        if np.nanmin(values) == np.nanmax(values):
-            axes = excited(path, test)
-            hint = f"; {path.name} excites {', '.join(axes)}, expected a log of the same joint" if axes else ""
-            raise ScenarioError(
-                f"{path.name}: the {what} {(names or ('',))[0]!r} is constant at {np.nanmin(values):g}; expected one "
-                f"that moves in {len(u)} samples{hint}"
-            )
-    if len(kept) == 1 and kept[0].complete:
-        return (kept[0] if keep_mean else kept[0].detrend(),)
-    if not keep_mean:  # one mean for all parts: each has one of its own only by chance
-        kept = [part.subtract(u=u.mean(axis=0), y=np.nanmean(y, axis=0)) for part in kept]
-    whole: list[IOData] = []
-    for part in kept:
-        try:
-            whole += part.complete_parts(shortest=SHORTEST)
-        except SysidError:
-            continue
-    whole = [part for part in whole if len(part) >= SHORTEST]
-    if not whole:
-        raise ScenarioError(f"{path.name}: between the gaps no part has {SHORTEST} samples; nothing to identify from")
-    return tuple(whole)
+
+def _parameters(model: "Estimate") -> list[tuple[str, str, str]]:
+    import numpy as np
+
+    return [
+        (name, f"{value:.6g}", f"{spread:.2g}" if np.isfinite(spread) else "not known")
+        for name, value, spread in zip(model.parameter_names, model.parameters, _deviations(model), strict=True)
+    ]
+
+
+def _deviations(model: "Estimate") -> list[float]:
+    import numpy as np
+
+    return [float(value) for value in np.sqrt(np.maximum(np.diag(model.covariance), 0.0))]
+
+
+def _percents(fits: object, outputs: tuple[str, ...]) -> str:
+    import numpy as np
+
+    values = np.asarray(fits, dtype=float)
+    names = outputs if len(values) > 1 else ("",)
+    return ", ".join(f"{name} {value:.2f} %".strip() for name, value in zip(names, values, strict=True))
+
+
+def _verdicts(passed: object, p: object) -> str:
+    import numpy as np
+
+    pairs = zip(np.ravel(np.asarray(passed)), np.ravel(np.asarray(p, dtype=float)), strict=True)
+    return ", ".join(f"{'yes' if one else 'no'} (p = {value:.2g})" for one, value in pairs)
+
+
+def _roots(roots: object) -> str:
+    import numpy as np
+
+    shown = (
+        f"{root.real:.4f}" + (f"{root.imag:+.4f}j" if abs(root.imag) > 1e-9 else "")
+        for root in np.asarray(roots, dtype=complex)
+    )
+    return ", ".join(shown) or "none"
+
+
+def _number(value: float) -> str:
+    return f"{0.0 if abs(value) < 1e-12 else value:.4g}"
