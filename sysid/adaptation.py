@@ -189,7 +189,11 @@ class Kalman(Locked):
         return 1.0
 
     def check(self, parameters: int) -> None:
-        """R1 must have one entry, or one per parameter."""
+        """R1 must have one entry, or one per parameter.
+
+        Raises:
+            SysidError: It has another shape.
+        """
         shape = np.shape(self.R1)
         if any(n != parameters for n in shape):
             raise SysidError(f"R1: expected a number, ({parameters},) or {(parameters,) * 2}, got shape {shape}")

@@ -139,6 +139,9 @@ def sample_models(estimate: Estimate, rng: np.random.Generator, *, draws: int = 
         rng: Source of the draws.
         draws: Number of models.
 
+    Returns:
+        The models; some may be unstable where the estimate is near that.
+
     Raises:
         SysidError: Fewer than two draws, or an estimate without covariance.
     """

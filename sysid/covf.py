@@ -69,6 +69,9 @@ def covf(data: IOData | Sequence[IOData], *, lags: int = 25) -> CovarianceFuncti
         data: One experiment, or several that are averaged.
         lags: Largest lag.
 
+    Returns:
+        Covariances of all pairs of channels, at lags -lags..lags.
+
     Raises:
         SysidError: lags not between 0 and N - 1.
     """

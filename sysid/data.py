@@ -7,7 +7,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from sysid.arguments import sampling_interval, truth_value, whole_number
+from sysid.arguments import real_number, sampling_interval, truth_value, whole_number
 from sysid.arrays import FloatArray, Locked, lock, real_array
 from sysid.errors import SysidError
 
@@ -35,6 +35,7 @@ class IOData(Locked):
         output_units: One unit per output; empty when not given.
         intersample: Behaviour of the input between samples: held (`zoh`), linear (`foh`), band-limited (`bl`).
         window: Number of leading samples that only initialise a model: they enter no cost and no score.
+        start: Time of the first sample in s; a slice keeps the time of the whole.
         missing: Whether NaN among the outputs marks samples that were lost; without it NaN is refused. Inputs must be
             complete. `oe`, `armax`, `bj` and `pem_ss` use every output that is known; `arx`, `iv4` and `okid` leave out
             equations that touch a missing one; `spa`, `covf`, `predict`, `residuals` and `compare` take such records
@@ -55,6 +56,7 @@ class IOData(Locked):
     output_units: tuple[str, ...] | None = field(default=None, kw_only=True)
     intersample: Literal["zoh", "foh", "bl"] = field(default="zoh", kw_only=True)
     window: int = field(default=0, kw_only=True)
+    start: float = field(default=0.0, kw_only=True)
     name: str = field(default="", kw_only=True)
     missing: bool = field(default=False, kw_only=True)
 
@@ -76,6 +78,7 @@ class IOData(Locked):
             "y": y,
             "dt": dt,
             "window": window,
+            "start": real_number("start", self.start, "be a finite time in s", lambda time: bool(np.isfinite(time))),
             "missing": missing,
             "input_names": _labels("input_names", self.input_names, tuple(f"u{i + 1}" for i in range(nu))),
             "output_names": _labels("output_names", self.output_names, tuple(f"y{i + 1}" for i in range(ny))),
@@ -113,8 +116,8 @@ class IOData(Locked):
 
     @property
     def time(self) -> FloatArray:
-        """Sampling instants in s, from 0, (N,)."""
-        return np.arange(len(self), dtype=np.float64) * self.dt
+        """Sampling instants in s, from `start`, (N,)."""
+        return self.start + np.arange(len(self), dtype=np.float64) * self.dt
 
     @property
     def known(self) -> NDArray[np.bool_]:
@@ -165,7 +168,8 @@ class IOData(Locked):
         if stop <= start:
             raise SysidError(f"data[{part.start}:{part.stop}] of a record of {len(self)} samples is empty")
         window = max(self.window - start, 0)
-        return replace(self, u=self.u[start:stop], y=self.y[start:stop], window=window)
+        time = self.start + start * self.dt
+        return replace(self, u=self.u[start:stop], y=self.y[start:stop], window=window, start=time)
 
     def detrend(self, order: int = 0) -> "IOData":
         """Remove from every channel its least-squares polynomial in time (0: the mean).

@@ -22,6 +22,9 @@ def order_of_excitation(u: ArrayLike, *, max_order: int = 50, tolerance: float =
         max_order: Where to stop looking; a return value of `max_order` means "at least".
         tolerance: Singular values of the matrix of lagged inputs below it, relative to the largest, count as zero.
 
+    Returns:
+        The order, 0 for an input that is zero, at most `max_order`.
+
     Raises:
         SysidError: Several channels, or max_order not between 1 and N/2.
     """

@@ -1,6 +1,6 @@
 """The polynomials of a prediction-error model, and their state space in innovation form."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 import scipy.linalg
@@ -18,6 +18,8 @@ ONE = np.ones(1)
 class Polynomials(Locked):
     """A(q) y = B(q)/F(q) u + C(q)/D(q) e, coefficients of falling powers q^0, q^-1, ... [Ljung1999, eq. 4.33].
 
+    What is not given is 1 (B: no input): `Polynomials(B=[0, 0.1], F=[1, -0.9])` is an output-error model.
+
     Attributes:
         A: 1, a1, ..., (na + 1,).
         B: nk zeros, then b1, b2, ..., (nk + nb,). With several inputs (nu, longest), a row each, zeros behind.
@@ -29,14 +31,16 @@ class Polynomials(Locked):
         SysidError: A, C, D or F does not begin with 1, or B and F have rows for different numbers of inputs.
     """
 
-    A: FloatArray
-    B: FloatArray
-    C: FloatArray
-    D: FloatArray
-    F: FloatArray
+    A: FloatArray = field(default_factory=lambda: ONE)
+    B: FloatArray = field(default_factory=lambda: np.zeros(1))
+    C: FloatArray = field(default_factory=lambda: ONE)
+    D: FloatArray = field(default_factory=lambda: ONE)
+    F: FloatArray = field(default_factory=lambda: ONE)
 
     def __post_init__(self) -> None:
         """Check and lock."""
+        if self.F is ONE and np.ndim(self.B) == 2:
+            object.__setattr__(self, "F", np.ones((len(self.B), 1)))
         for name in "ABCDF":
             value = np.atleast_1d(real_array(name, getattr(self, name)))
             if value.ndim > (2 if name in "BF" else 1) or value.size == 0:

@@ -144,3 +144,13 @@ def test_experiments_must_belong_together() -> None:
         as_experiments([])
     with pytest.raises(SysidError, match="got int"):
         as_experiments([a, 3])  # type: ignore[list-item]
+
+
+def test_a_slice_keeps_the_time_of_the_whole() -> None:
+    data = IOData(np.arange(10.0), np.arange(10.0), 0.5, start=3.0)
+    np.testing.assert_allclose(data.time[[0, -1]], [3.0, 7.5])
+    part = data[4:][1:3]
+    np.testing.assert_allclose(part.time, data.time[5:7])
+    assert part.detrend().start == part.start == 5.5
+    with pytest.raises(SysidError, match="start must be a finite time in s, got inf"):
+        IOData(np.ones(3), np.ones(3), 0.5, start=np.inf)

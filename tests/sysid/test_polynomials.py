@@ -67,6 +67,16 @@ def test_two_inputs_have_their_own_paths() -> None:
     np.testing.assert_allclose(h[:, 1], [0, 0, 2, 1.6, 1.28])
 
 
+def test_what_is_not_given_is_one() -> None:
+    short, full = Polynomials(B=[0, 0.1], F=[1, -0.9]), Polynomials([1], [0, 0.1], [1], [1], [1, -0.9])
+    for name in "ABCDF":
+        np.testing.assert_array_equal(getattr(short, name), getattr(full, name))
+    assert Polynomials(A=[1, -0.5], B=[[0, 1], [0, 2]]).F.shape == (2, 1)
+    noise = innovations_form(Polynomials(C=[1, 0.5]), 0.1)
+    np.testing.assert_array_equal(noise.markov(3), np.zeros((3, 1, 1)))
+    np.testing.assert_allclose(noise.noise_response(5.0).ravel(), [0.5], atol=1e-12)
+
+
 def test_monic_polynomials_begin_with_one() -> None:
     with pytest.raises(SysidError, match="C must begin with 1"):
         Polynomials(ONE, ONE, [2.0, 1.0], ONE, ONE)
