@@ -274,7 +274,9 @@ def as_record(data: IOData) -> IOData:
         SysidError: Something else was given.
     """
     if not isinstance(data, IOData):
-        raise SysidError(f"expected an IOData record, got {type(data).__name__}")
+        several = isinstance(data, Sequence) and not isinstance(data, str)
+        hint = "; of several experiments take one after the other: [predict(model, one) for one in data]"
+        raise SysidError(f"expected an IOData record, got {type(data).__name__}{hint if several else ''}")
     return data
 
 

@@ -8,7 +8,7 @@ from numpy.typing import ArrayLike
 
 from sysid.arguments import whole_number
 from sysid.arrays import FloatArray
-from sysid.data import IOData
+from sysid.data import IOData, as_record
 from sysid.errors import SysidError, SysidWarning
 from sysid.estimate import Estimate
 from sysid.gaps import Filtered, filtered
@@ -128,8 +128,7 @@ def check_channels(model: StateSpace, data: IOData) -> None:
     Raises:
         SysidError: Not a record, or other numbers of inputs and outputs, or another sampling interval.
     """
-    if not isinstance(data, IOData):
-        raise SysidError(f"expected an IOData record, got {type(data).__name__}")
+    as_record(data)
     if (data.nu, data.ny) != (model.nu, model.ny):
         raise SysidError(
             f"the data have {data.nu} input(s) and {data.ny} output(s), the model {model.nu} and {model.ny}; "

@@ -12,6 +12,7 @@ from sysid import (
     StateSpace,
     SysidError,
     SysidWarning,
+    findstates,
     innovations_form,
     predict,
     residuals,
@@ -130,3 +131,11 @@ def test_refusals() -> None:
         predict(MODEL, IOData(np.ones(9), np.ones(9), 0.2))
     with pytest.raises(SysidError, match="expected an IOData"):
         predict(MODEL, np.ones(9))  # type: ignore[arg-type]
+
+
+def test_several_experiments_are_predicted_one_by_one() -> None:
+    model = innovations_form(Polynomials(B=[0, 0.1], F=[1, -0.9]), 0.1)
+    data = IOData(np.ones(5), np.ones(5), 0.1)
+    for function in (predict, residuals, findstates):
+        with pytest.raises(SysidError, match="several experiments take one after the other"):
+            function(model, [data, data])
