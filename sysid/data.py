@@ -275,7 +275,7 @@ def as_record(data: IOData) -> IOData:
     """
     if not isinstance(data, IOData):
         several = isinstance(data, Sequence) and not isinstance(data, str)
-        hint = "; of several experiments take one after the other: [predict(model, one) for one in data]"
+        hint = "; take several experiments one after the other: [... for one in data]"
         raise SysidError(f"expected an IOData record, got {type(data).__name__}{hint if several else ''}")
     return data
 

@@ -137,5 +137,5 @@ def test_several_experiments_are_predicted_one_by_one() -> None:
     model = innovations_form(Polynomials(B=[0, 0.1], F=[1, -0.9]), 0.1)
     data = IOData(np.ones(5), np.ones(5), 0.1)
     for function in (predict, residuals, findstates):
-        with pytest.raises(SysidError, match="several experiments take one after the other"):
+        with pytest.raises(SysidError, match="take several experiments one after the other"):
             function(model, [data, data])
