@@ -129,7 +129,7 @@ class Forgetting:
         return variance * P * (1.0 + self.factor**samples) / (1.0 + self.factor)
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class Kalman(Locked):
     """Parameters that walk at random: theta(t+1) = theta(t) + w(t), cov w = R1, cov e = R2.
 

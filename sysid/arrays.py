@@ -1,5 +1,7 @@
 """Locked float arrays, the stuff that records are made of."""
 
+import textwrap
+from collections.abc import Mapping
 from types import MappingProxyType
 from typing import Any, TypeVar
 
@@ -11,6 +13,10 @@ from sysid.errors import SysidError
 FloatArray = NDArray[np.float64]
 ComplexArray = NDArray[np.complex128]
 Scalar = TypeVar("Scalar", bound=np.generic)
+
+
+LINE = 160  # characters of a record's short form
+FEW = 4  # entries of a tuple that it lists
 
 
 class Locked:
@@ -25,6 +31,23 @@ class Locked:
     def __setstate__(self, state: dict[str, Any]) -> None:
         """Take over the fields and lock them again: NumPy forgets the lock on the way."""
         self.__dict__.update({name: locked_within(value) for name, value in state.items()})
+
+    def __repr__(self) -> str:
+        """One short line: arrays by their shape."""
+        parts = (f"{name}={_in_short(value)}" for name, value in vars(self).items() if value is not None)
+        return textwrap.shorten(f"{type(self).__name__}({', '.join(parts)})", LINE, placeholder=" ...)")
+
+
+def _in_short(value: Any) -> str:
+    if isinstance(value, np.ndarray):
+        return f"<{' x '.join(map(str, value.shape))}>"
+    if isinstance(value, float):
+        return f"{value:.6g}"
+    if isinstance(value, tuple):
+        return f"({', '.join(_in_short(part) for part in value)})" if len(value) <= FEW else f"<{len(value)}>"
+    if isinstance(value, str | int):
+        return repr(value)
+    return f"<{len(value)}>" if isinstance(value, Mapping) else type(value).__name__
 
 
 def locked_within(value: Any) -> Any:

@@ -6,6 +6,7 @@ from functools import partial
 
 import numpy as np
 
+from sysid.arguments import truth_value
 from sysid.arrays import FloatArray
 from sysid.data import IOData, as_experiments
 from sysid.errors import SysidError, SysidWarning
@@ -13,6 +14,7 @@ from sysid.estimate import Estimate
 from sysid.excitation import check_excitation
 from sysid.lagged_products import lagged_products, solution
 from sysid.least_squares import solve
+from sysid.operating_point import check_means
 from sysid.orders import make_orders
 from sysid.polynomial_estimate import check_enough_data, check_single_output, make_estimate
 from sysid.regressors import arx_regressors, input_lags, output_lags
@@ -46,12 +48,13 @@ def arx(
         SysidError: Constant input, several outputs, orders negative or too many for the data.
 
     Warns:
-        SysidWarning: The input excites too little, or the regressors are rank deficient.
+        SysidWarning: The input excites too little, means that do not fit the dynamics, rank deficient regressors.
     """
+    coloured = truth_value("coloured", coloured)
     experiments = as_experiments(data, missing=not coloured)
     check_single_output(experiments)
     orders = make_orders(experiments[0].nu, na=na, nb=nb, nk=nk)
-    texts = check_excitation(experiments, orders.nb)
+    texts = check_excitation(experiments, orders.nb) + check_means(experiments, orders.na)
     check_enough_data(experiments, orders, transients=0)
     starts = [orders.first_row(e.window) for e in experiments]
     phi = np.vstack(

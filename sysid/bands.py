@@ -18,7 +18,7 @@ CHI_SQUARE_95 = 5.991464547107979  # two degrees of freedom
 Quantity = Callable[[StateSpace], FloatArray]
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class Band(Locked):
     """A quantity with its uncertainty, entry by entry.
 
@@ -39,7 +39,7 @@ class Band(Locked):
         object.__setattr__(self, "ci95", (lock(self.ci95[0]), lock(self.ci95[1])))
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class RootBand(Locked):
     """Poles or zeros with their uncertainty.
 

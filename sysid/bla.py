@@ -1,5 +1,6 @@
 """The best linear approximation from periodic data: response, noise and nonlinear distortion apart."""
 
+import warnings
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -11,11 +12,13 @@ from scipy.stats import f as f_distribution
 from sysid.arguments import real_number, whole_number
 from sysid.arrays import ComplexArray, FloatArray, Locked, lock
 from sysid.data import IOData, as_experiments
-from sysid.errors import SysidError
+from sysid.errors import SysidError, SysidWarning
 from sysid.frequency import FrequencyResponse
 
+SAME_PERIODS = 1e-3  # difference of periods, as a part of the standard deviation, that rounding may make
 
-@dataclass(frozen=True, eq=False)
+
+@dataclass(frozen=True, eq=False, repr=False)
 class BestLinearApproximation(Locked):
     """What a system does in the mean over inputs of one spectrum, and how far single inputs are from it.
 
@@ -74,6 +77,9 @@ def bla(
     Raises:
         SysidError: Fewer than two whole periods in a record, a number of records that nu does not divide, a line
             without power, inputs that are not independent.
+
+    Warns:
+        SysidWarning: Periods of an input that are not alike.
     """
     experiments = tuple(e.scored for e in as_experiments(data))
     first = experiments[0]
@@ -90,6 +96,7 @@ def bla(
     if len(experiments) % nu:
         raise SysidError(f"with {nu} inputs a realisation takes {nu} records, got {len(experiments)} records in all")
     spectra = [_spectra(e, int(period), count) for e, count in zip(experiments, counts, strict=True)]
+    _check_period(experiments, period, counts)
     power = np.sum([np.abs(u.mean(axis=0)) ** 2 for u, _ in spectra], axis=(0, 2))
     chosen = _lines(lines, power, int(period), audible)
 
@@ -160,6 +167,25 @@ def _combined(
         realisations=r,
         periods=tuple(counts),
     )
+
+
+def _check_period(experiments: Sequence[IOData], period: int, counts: Sequence[int]) -> None:
+    """Warn where the periods of an input are not alike."""
+    worst, where = 0.0, ""
+    for k, (e, count) in enumerate(zip(experiments, counts, strict=True)):
+        periods = e.u[len(e) - count * period :].reshape(count, period, -1)
+        spread = np.sqrt(np.mean((periods - periods.mean(axis=0)) ** 2, axis=(0, 1)))
+        size = np.maximum(periods.std(axis=(0, 1)), np.finfo(float).tiny)
+        j = int(np.argmax(spread / size))
+        if spread[j] / size[j] > worst:
+            worst, where = float(spread[j] / size[j]), f"input {(e.input_names or ())[j]} of experiment {k}"
+    if worst > SAME_PERIODS:
+        warnings.warn(
+            f"{where} is not periodic with {period} samples: its periods differ by {100.0 * worst:.3g} % of its "
+            "standard deviation; where the input was not measured, the period is wrong",
+            SysidWarning,
+            stacklevel=3,
+        )
 
 
 def _spectra(e: IOData, period: int, count: int) -> tuple[ComplexArray, ComplexArray]:

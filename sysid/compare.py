@@ -4,7 +4,9 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
+from numpy.typing import ArrayLike
 
+from sysid.arguments import whole_number
 from sysid.arrays import FloatArray, Locked, lock
 from sysid.data import IOData, as_experiments
 from sysid.errors import SysidError
@@ -15,7 +17,7 @@ from sysid.state_space import StateSpace
 Model = StateSpace | Estimate
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class ModelFit(Locked):
     """How well one model explains a data set.
 
@@ -87,14 +89,15 @@ def compare(
     if isinstance(models, Mapping):
         named = models
     else:
+        if not isinstance(models, StateSpace | Estimate | Sequence):
+            raise SysidError(f"expected models or estimates, got {type(models).__name__}")
         several = [models] if isinstance(models, StateSpace | Estimate) else list(models)
         named = {_name(model, k): model for k, model in enumerate(several)}
     if not named:
         raise SysidError("expected at least one model, got none")
-    if isinstance(steps, bool) or not isinstance(steps, int | np.integer) or steps < 1:
-        raise SysidError(f"steps must be a whole number >= 1, got {steps!r}; the simulation is always there")
+    steps = whole_number("steps (the simulation is always there)", steps, 1)
     experiments = as_experiments(data, missing=True)
-    return tuple(_fit(name, model, experiments, int(steps)) for name, model in named.items())
+    return tuple(_fit(name, model, experiments, steps) for name, model in named.items())
 
 
 def _fit(name: str, model: Model, experiments: Sequence[IOData], steps: int) -> ModelFit:
@@ -127,7 +130,11 @@ def _of(
     y = np.concatenate([part - np.nanmean(part, axis=0) if len(measured) > 1 else part for part in measured])
     fits = []
     for kind in zip(*outputs, strict=True):
-        hats = [hat[e.window :] for hat, e in zip(kind, experiments, strict=True)]
+        # what an unstable model makes may end as the difference of two infinities
+        hats = [
+            np.nan_to_num(hat[e.window :], nan=np.inf, posinf=np.inf, neginf=-np.inf)
+            for hat, e in zip(kind, experiments, strict=True)
+        ]
         if len(measured) > 1:
             hats = [hat - np.nanmean(part, axis=0) for hat, part in zip(hats, measured, strict=True)]
         fits.append(fit_percent(y, np.concatenate(hats)))
@@ -146,7 +153,7 @@ def _of(
     )
 
 
-def fit_percent(y: FloatArray, yhat: FloatArray) -> FloatArray:
+def fit_percent(y: ArrayLike, yhat: ArrayLike) -> FloatArray:
     """100 (1 - |y - yhat| / |y - mean(y)|) per output (ny,).
 
     100 is perfect, 0 no better than the mean, minus infinity what grows beyond all numbers.
@@ -159,10 +166,14 @@ def fit_percent(y: FloatArray, yhat: FloatArray) -> FloatArray:
         Fits in percent (ny,).
 
     Raises:
-        SysidError: Shapes differ, or an output is constant.
+        SysidError: Shapes differ, NaN in yhat, or an output is constant.
     """
+    y, yhat = (_table(name, value) for name, value in (("y", y), ("yhat", yhat)))
     if y.shape != yhat.shape:
         raise SysidError(f"y and yhat must have one shape, got {y.shape} and {yhat.shape}")
+    unknown = np.isnan(yhat) & np.isfinite(y)
+    if unknown.any():
+        raise SysidError(f"yhat is NaN at {int(unknown.sum())} sample(s) where y is known: the fit is not defined")
     spread = np.sqrt(np.nansum((y - np.nanmean(y, axis=0)) ** 2, axis=0))
     # Rounding of the mean leaves a constant a spread of its last digit.
     rounding = 1e-14 * np.sqrt(len(y)) * np.nanmax(np.abs(y), axis=0)
@@ -177,6 +188,16 @@ def fit_percent(y: FloatArray, yhat: FloatArray) -> FloatArray:
     scale = np.where(finite & (largest > 0.0), largest, 1.0)
     size = np.where(finite, scale * np.linalg.norm(np.where(finite, error, 0.0) / scale, axis=0), np.inf)
     return np.asarray(100.0 * (1.0 - size / spread))
+
+
+def _table(name: str, value: ArrayLike) -> FloatArray:
+    try:
+        out = np.asarray(value, dtype=float)
+    except (TypeError, ValueError) as error:
+        raise SysidError(f"{name}: expected numbers (N, ny), got a value of type {type(value).__name__}") from error
+    if out.ndim not in (1, 2) or not out.size:
+        raise SysidError(f"{name}: expected shape (N, ny), got {out.shape}")
+    return out[:, None] if out.ndim == 1 else out
 
 
 def _name(model: Model, index: int) -> str:

@@ -1,11 +1,13 @@
 """Between discrete and continuous time."""
 
+from itertools import chain
 from typing import Any
 
 import control
 import numpy as np
 import scipy.linalg
 
+from sysid.arguments import sampling_interval
 from sysid.arrays import ComplexArray
 from sysid.errors import SysidError
 from sysid.estimate import Estimate
@@ -14,6 +16,7 @@ from sysid.state_space import StateSpace
 from sysid.zero_pole_gain import ZeroPoleGain, zero_pole_gain
 
 AT_ZERO = 1e-9  # modulus of a pole below which it is a sample of delay
+AT_INFINITY = 30.0  # modulus of a zero, times dt, beyond which exp(s dt) is none within the digits of the machine
 AT_ONE = 1e-9  # distance from z = 1 below which a pole integrates
 
 
@@ -66,9 +69,18 @@ def c2d(system: control.LTI, dt: float) -> StateSpace:
         The discrete-time model, without noise model.
 
     Raises:
-        SysidError: The system is not continuous, or dt is not positive.
+        SysidError: The system is not continuous, has more zeros than poles, or dt is not positive.
     """
-    return StateSpace.from_control(control.sample_system(control.ss(_continuous(system, dt)), dt, method="zoh"))
+    dt = sampling_interval(dt)
+    system = _continuous(system)
+    if isinstance(system, control.TransferFunction):
+        for numerator, denominator in zip(chain(*system.num), chain(*system.den), strict=True):
+            _check_proper(len(np.trim_zeros(numerator, "f")) - 1, len(np.trim_zeros(denominator, "f")) - 1)
+    held = control.ss(system)
+    if not held.nstates:
+        # python-control samples nothing without a state
+        return StateSpace(np.zeros((0, 0)), np.zeros((0, held.ninputs)), np.zeros((held.noutputs, 0)), held.D, None, dt)
+    return StateSpace.from_control(control.sample_system(held, dt, method="zoh"))
 
 
 def d2c_matched(model: StateSpace | Estimate) -> control.TransferFunction:
@@ -121,14 +133,14 @@ def c2d_matched(system: control.LTI, dt: float) -> StateSpace:
     Raises:
         SysidError: Several channels, not continuous, dt not positive, more zeros than poles.
     """
-    system = _continuous(system, dt)
+    dt = sampling_interval(dt)
+    system = _continuous(system)
     if system.ninputs != 1 or system.noutputs != 1:
         raise SysidError(f"matching takes one input and one output, got {system.ninputs} and {system.noutputs}")
     poles, zeros = np.asarray(system.poles(), complex), np.asarray(system.zeros(), complex)
-    if len(zeros) > len(poles):
-        raise SysidError(
-            f"the system has {len(zeros)} zeros and only {len(poles)} poles: its response grows with frequency"
-        )
+    # what rounding made of a leading coefficient is a zero far beyond anything that samples know of
+    zeros = zeros[np.abs(zeros) * dt < AT_INFINITY]
+    _check_proper(len(zeros), len(poles))
     extra = max(len(poles) - len(zeros) - 1, 0)
     unscaled = ZeroPoleGain(np.concatenate((np.exp(zeros * dt), -np.ones(extra))), np.exp(poles * dt), 1.0, dt)
     f = 0.0 if _regular_at_zero(unscaled) else 0.05 / dt
@@ -137,12 +149,19 @@ def c2d_matched(system: control.LTI, dt: float) -> StateSpace:
     return ZeroPoleGain(unscaled.zeros, unscaled.poles, scaled, dt).to_state_space()
 
 
-def _continuous(system: control.LTI, dt: float) -> control.LTI:
-    if not isinstance(system, control.StateSpace | control.TransferFunction) or not system.isctime(strict=True):
+def _continuous(system: control.LTI) -> control.LTI:
+    if not isinstance(system, control.StateSpace | control.TransferFunction):
         raise SysidError(f"expected a continuous-time python-control system, got {type(system).__name__}")
-    if not (np.isfinite(dt) and dt > 0):
-        raise SysidError(f"dt must be a positive number of seconds, got {dt!r}")
+    # a gain alone has no time of either kind
+    static = system.dt is None and not len(system.poles())
+    if not static and not system.isctime(strict=True):
+        raise SysidError(f"expected a continuous-time python-control system, got one with dt = {system.dt!r}")
     return system
+
+
+def _check_proper(zeros: int, poles: int) -> None:
+    if zeros > poles:
+        raise SysidError(f"the system has {zeros} zeros and only {poles} poles: its response grows with frequency")
 
 
 def _without_match(roots: ComplexArray) -> np.ndarray[Any, np.dtype[np.bool_]]:

@@ -12,7 +12,7 @@ from sysid.correlation import covariance_function, covariance_with_gaps
 from sysid.data import IOData, as_experiments
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class CovarianceFunction(Locked):
     """R(tau) = 1/N sum_t z(t + tau) z(t)' of z = [y; u].
 

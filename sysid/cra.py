@@ -23,7 +23,7 @@ RESOLVED = 1e-6  # share of the neighbours in a value beyond which it is not det
 COLOUR = 20  # coefficients of the autoregressive model of what the response does not explain
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class ImpulseResponse(Locked):
     """An impulse response without a model, with what is known of it.
 

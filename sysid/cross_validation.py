@@ -15,7 +15,7 @@ from sysid.errors import SysidWarning
 from sysid.estimate import Estimate
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class CrossValidation(Locked):
     """Fits to the parts left out.
 

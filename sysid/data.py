@@ -18,7 +18,7 @@ LARGEST = 1e60
 """Largest magnitude of a signal; its inverse is the smallest."""
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class IOData(Locked):
     """Uniformly sampled inputs and outputs of one experiment, time first.
 
@@ -91,6 +91,10 @@ class IOData(Locked):
     def __len__(self) -> int:
         """Number of samples N."""
         return len(self.u)
+
+    def __repr__(self) -> str:
+        """One short line: the text in brackets."""
+        return f"<IOData {self}>"
 
     def __str__(self) -> str:
         """One line: length, interval, channels with their units."""

@@ -21,7 +21,7 @@ from sysid.regressors import arx_regressors, first_row
 IntArray = NDArray[np.int_]
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class DelayEstimate(Locked):
     """Delays in samples as the models take them: nk is the first lag of u that y depends on.
 

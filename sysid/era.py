@@ -14,7 +14,7 @@ from sysid.state_space import StateSpace
 NUMERICAL_RANK = 1e-13
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class Realisation(Locked):
     """A model realised from Markov parameters, and how much of them it stands for.
 

@@ -1,5 +1,6 @@
 """What every parametric estimator returns."""
 
+import warnings
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
@@ -11,22 +12,26 @@ from numpy.typing import ArrayLike
 from sysid.arrays import ComplexArray, FloatArray, Locked, lock, locked_within, real_array
 from sysid.data import IOData
 from sysid.delta_method import spread
-from sysid.errors import SysidError
+from sysid.errors import SysidError, SysidWarning
 from sysid.frequency import NORMAL_95, FrequencyResponse
 from sysid.polynomials import Polynomials
 from sysid.state_space import StateSpace
+
+VAGUE = 3.5
+"""Standard deviation of a bandwidth's logarithm beyond which its interval says nothing: a factor of a thousand."""
 
 LISTED = 16
 """Parameters that a printed estimate lists one by one."""
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class Bandwidth(Locked):
     """Half-power bandwidths with 95 % intervals.
 
     Attributes:
         hz: First frequency 3.01 dB below the gain at 0 Hz (ny, nu); NaN where there is none below Nyquist.
-        ci95: Lower and upper end (ny, nu) each, symmetric on a logarithmic scale; NaN where `hz` is.
+        ci95: Lower and upper end (ny, nu) each, symmetric on a logarithmic scale as far as the Nyquist frequency; NaN
+            where `hz` is.
     """
 
     hz: FloatArray
@@ -80,7 +85,7 @@ class DataSummary:
         )
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class Estimate(Locked):
     """A model, how it was found and how well it is known.
 
@@ -128,14 +133,21 @@ class Estimate(Locked):
             copied = {name: _copied(value) for name, value in getattr(self, attribute).items()}
             object.__setattr__(self, attribute, locked_within(copied))
 
+    def __repr__(self) -> str:
+        """One short line: the first of the text."""
+        return f"<Estimate: {self._heading()}>"
+
+    def _heading(self) -> str:
+        orders = ", ".join(f"{name} {value}" for name, value in self.orders.items())
+        return f"{self.method.upper()} ({orders}) from {sum(self.data.samples)} samples every {self.data.dt:g} s"
+
     def __str__(self) -> str:
         """A few lines: method and orders, parameters with standard deviations, poles, warnings."""
-        orders = ", ".join(f"{name} {value}" for name, value in self.orders.items())
-        lines = [f"{self.method.upper()} ({orders}) from {sum(self.data.samples)} samples every {self.data.dt:g} s"]
+        lines = [self._heading()]
         if len(self.parameters) <= LISTED:
             spreads = np.sqrt(np.maximum(np.diag(self.covariance), 0.0))
             lines += [
-                f"  {name} = {value:.6g} ± {one:.2g}"
+                f"  {name} = {value:.6g}" + (f" ± {one:.2g}" if np.isfinite(one) else "")
                 for name, value, one in zip(self.parameter_names, self.parameters, spreads, strict=True)
             ]
         else:
@@ -194,24 +206,36 @@ class Estimate(Locked):
         """Half-power bandwidth with its 95 % interval, by the delta method on its logarithm.
 
         The crossing moves by d(log f) = -d(log ratio) / (d log ratio / d log f), ratio = |G(f)|^2 / |G(0)|^2, so that
-        the crossing is solved for only once [Ljung1999, ch. 9].
+        the crossing is solved for only once [Ljung1999, ch. 9]. No end lies beyond the Nyquist frequency.
+
+        Warns:
+            SysidWarning: A bandwidth known to less than a factor of a thousand, as of a model that all but integrates.
         """
         hz = self.model.bandwidth()
         deviation = np.full(hz.shape, np.nan)
+        nyquist = 0.5 / self.model.dt
         for i, j in np.argwhere(np.isfinite(hz)):
             f = hz[i, j]
 
             h = 1e-4
-            nyquist = 0.5 / self.model.dt
             up, down = min(f * (1 + h), nyquist), f * (1 - h)
             at_ends = [_log_ratio(self.model, end, i, j) for end in (down, up)]
             slope = (at_ends[1] - at_ends[0]) / np.log(up / down)
             ratio = partial(self._ratio, at=f, i=int(i), j=int(j))
             moves = spread(ratio, self.parameters, self.covariance)
             deviation[i, j] = np.linalg.norm(moves) / abs(slope) if slope else np.inf
-        with np.errstate(over="ignore"):
-            factor = np.exp(NORMAL_95 * deviation)
-        return Bandwidth(hz, (hz / factor, hz * factor))
+        vague = deviation > VAGUE
+        if vague.any():
+            warnings.warn(
+                f"the bandwidth is not determined: the standard deviation of its logarithm is "
+                f"{np.nanmax(deviation):.3g}, where the model hardly differs from an integrator; its interval is 0 to "
+                "Nyquist",
+                SysidWarning,
+                stacklevel=2,
+            )
+        factor = np.exp(NORMAL_95 * np.minimum(deviation, VAGUE))
+        low, high = np.where(vague, 0.0, hz / factor), np.where(vague, nyquist, np.minimum(hz * factor, nyquist))
+        return Bandwidth(hz, (low, np.where(np.isnan(hz), np.nan, high)))
 
     def _ratio(self, theta: FloatArray, at: float, i: int, j: int) -> FloatArray:
         return np.asarray(_log_ratio(self.realise(theta), at, i, j))

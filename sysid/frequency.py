@@ -13,7 +13,7 @@ NORMAL_95 = 1.959963984540054
 FAR = 20.0  # standard deviations from zero beyond which the modulus is normal
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class FrequencyResponse(Locked):
     """A response over frequency, and the spectra that came with it.
 
@@ -108,8 +108,8 @@ class FrequencyResponse(Locked):
     def magnitude_ci95(self) -> tuple[FloatArray, FloatArray]:
         """95 % interval of the magnitude, never below zero, (nf, ny, nu) each.
 
-        The modulus of a normal complex error has a Rice distribution [Rice1945]: its noncentrality is inverted where the
-        error is not small against the response, so that a response lost in noise is not claimed to be above zero.
+        The modulus of a normal complex error has a Rice distribution [Rice1945]: its noncentrality is inverted where
+        the error is not small against the response, so that a response lost in noise is not claimed to be above zero.
 
         Raises:
             SysidError: The method gave no covariance.

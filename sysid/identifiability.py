@@ -33,7 +33,7 @@ class Cancellation:
     input: int
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class Identifiability(Locked):
     """Conditioning of an estimate.
 

@@ -15,6 +15,7 @@ from sysid.estimate import Estimate
 from sysid.excitation import check_excitation
 from sysid.least_squares import LeastSquares, solve
 from sysid.long_arx import arx_errors
+from sysid.operating_point import check_means
 from sysid.orders import Orders, make_orders
 from sysid.polynomial_estimate import check_enough_data, check_single_output, make_estimate
 from sysid.polynomials import stabilised
@@ -48,12 +49,13 @@ def iv4(data: IOData | Sequence[IOData], na: int, nb: int | Sequence[int], nk: i
         SysidError: Constant input, several outputs, orders negative or too many for the data.
 
     Warns:
-        SysidWarning: The input excites too little, or the instruments hardly correlate with the regressors.
+        SysidWarning: The input excites too little, means do not fit the dynamics, or the instruments hardly correlate
+            with the regressors.
     """
     experiments = as_experiments(data, missing=True)
     check_single_output(experiments)
     orders = make_orders(experiments[0].nu, na=na, nb=nb, nk=nk)
-    texts = check_excitation(experiments, [n + orders.na for n in orders.nb])
+    texts = check_excitation(experiments, [n + orders.na for n in orders.nb]) + check_means(experiments, orders.na)
     usable = check_enough_data(experiments, orders, transients=0)
     rows = [orders.first_row(e.window) for e in experiments]
     y, u = [e.y[:, 0] for e in experiments], [e.u for e in experiments]

@@ -13,6 +13,7 @@ from sysid.data import IOData
 from sysid.errors import SysidError, SysidWarning
 from sysid.estimate import Estimate
 from sysid.excitation import check_excitation
+from sysid.operating_point import check_means
 from sysid.orders import Orders
 from sysid.past import Past
 from sysid.polynomial_estimate import check_enough_data, check_single_output, make_estimate
@@ -57,7 +58,8 @@ def prediction_error_estimate(
         SysidError: Several outputs, too little data, backcasting over gaps, iterations or past that are none.
 
     Warns:
-        SysidWarning: Poor excitation, no convergence, bad conditioning, roots of C, D or F at the unit circle.
+        SysidWarning: Poor excitation, means that do not fit the dynamics, no convergence, bad conditioning, roots of
+            C, D or F at the unit circle.
     """
     past = Past.of(past)
     max_iterations = whole_number("max_iterations", max_iterations, 1)
@@ -71,6 +73,7 @@ def prediction_error_estimate(
         )
     transients = max(orders.nc, orders.nd) + sum(orders.nf)
     texts = check_excitation(experiments, [n + max(orders.na, f) for n, f in zip(orders.nb, orders.nf, strict=True)])
+    texts += check_means(experiments, max(orders.na, *orders.nf))
     check_enough_data(experiments, orders, transients)
     check_room_to_start(experiments, orders)
     beginnings = starts(completed(experiments, orders) if gaps else experiments, orders)

@@ -12,11 +12,14 @@ from sysid.errors import SysidError, SysidWarning
 from sysid.estimate import Estimate
 from sysid.excitation import check_excitation
 from sysid.local_coordinates import InputCoordinates, LocalCoordinates
+from sysid.operating_point import check_means
 from sysid.predictor import Predictor, Scales
 from sysid.predictor_estimate import check_enough_samples, make_predictor_estimate
 from sysid.predictor_fit import least_squares_fit
 from sysid.predictor_record import Record
 from sysid.subspace import subspace
+
+LARGEST_ORDER = 60  # n^2 local coordinates have to be found, at a cost that grows as n^6: some ten seconds
 
 
 def n4sid(
@@ -36,7 +39,7 @@ def n4sid(
 
     Args:
         data: One experiment, or several that share the model; any numbers of inputs and outputs.
-        order: Number of states.
+        order: Number of states, 60 at most.
         block_rows: Samples of past, and of future, that are looked at; by default 2.5 times the order, at least 10, as
             far as the data allow.
         direct: Whether D is estimated; otherwise it is zero.
@@ -51,11 +54,12 @@ def n4sid(
         SysidError: Constant input, an order that block rows or data do not allow.
 
     Warns:
-        SysidWarning: Poor excitation, an order beyond the rank of the data, an unstable model.
+        SysidWarning: Poor excitation, means that do not fit the dynamics, an order beyond the rank of the data, an
+            unstable model.
     """
     experiments = as_experiments(data)
     nu, ny = experiments[0].nu, experiments[0].ny
-    order = whole_number("order", order, 1)
+    order = whole_number("order", order, 1, LARGEST_ORDER)
     direct, gain, stable = (
         truth_value(name, value) for name, value in (("direct", direct), ("gain", gain), ("stable", stable))
     )
@@ -72,7 +76,7 @@ def n4sid(
         )
     wanted = min(max(10, -(-5 * order // 2)), most) if block_rows is None else block_rows
     s = whole_number("block_rows", wanted, least, most)
-    texts = check_excitation(experiments, [2 * int(s)] * nu)
+    texts = check_excitation(experiments, [2 * int(s)] * nu) + check_means(experiments, -(-order // ny))
     scales = Scales.of(experiments)
     records = [Record.of(e, scales, gain=True) for e in experiments]
     found = subspace([r.w for r in records], nu, int(order), int(s), stable=stable)

@@ -9,17 +9,20 @@ import numpy as np
 
 from sysid.arguments import whole_number
 from sysid.arrays import FloatArray
-from sysid.data import IOData, as_experiments
+from sysid.compare import fit_percent
+from sysid.data import ROUNDING, IOData, as_experiments
 from sysid.era import Realisation, era
 from sysid.errors import SysidError, SysidWarning
 from sysid.estimate import DataSummary, Estimate
 from sysid.excitation import check_excitation
 from sysid.least_squares import solve
 from sysid.observer_gain import deadbeat_gain, spectral_radius, stable_gain
+from sysid.predict import predict
 from sysid.recursion import free_response
 from sysid.residuals import residuals
 from sysid.state_space import StateSpace
 
+WORTHLESS = -5.0  # percent of fit in simulation; noise that drowns the response may leave a little below 0
 LARGEST_HANKEL = 2.5e7  # numbers in the Hankel matrix, 200 MB
 
 
@@ -186,7 +189,8 @@ def okid(
         SysidError: Constant input, p * ny < order, too little data.
 
     Warns:
-        SysidWarning: Poor excitation, rank deficient regressors, unstable model or predictor.
+        SysidWarning: Poor excitation, rank deficient regressors, unstable model or predictor, a model that explains its
+            own data worse than their mean.
     """
     experiments = as_experiments(data, missing=True)
     first = experiments[0]
@@ -257,7 +261,7 @@ def okid(
     realise = Realise(**{**realise.__dict__, "order": found.model.order})
     model = realise.model(found, markov)
     gain = model.gain if deadbeat else realise.observer_gain(found, markov)
-    texts += _stability(model, spectral_radius(model.A - gain @ model.C))
+    texts += _stability(model, spectral_radius(model.A - gain @ model.C)) + _worth(model, experiments)
     for text in texts:
         warnings.warn(text, SysidWarning, stacklevel=2)
     with warnings.catch_warnings():
@@ -311,6 +315,24 @@ def _names(data: DataSummary, p: int, direct: bool) -> tuple[str, ...]:
     lagged_names = [f"{v}(t-{i})" for i in range(1, p + 1) for v in (*data.input_names, *data.output_names)]
     row = ([f"{u}(t)" for u in data.input_names] if direct else []) + lagged_names
     return tuple(f"{y}: {name}" for y in data.output_names for name in row)
+
+
+def _worth(model: StateSpace, experiments: Sequence[IOData]) -> list[str]:
+    """Outputs of its own data that the model explains worse than their means do."""
+    if not model.is_stable():
+        return []
+    simulated = [predict(model, e, steps=None)[e.window :] for e in experiments]
+    y = np.concatenate([e.y[e.window :] for e in experiments])
+    varying = np.nanmax(y, axis=0) - np.nanmin(y, axis=0) > ROUNDING * np.nanmax(np.abs(y), axis=0)
+    fits = fit_percent(y[:, varying], np.concatenate(simulated)[:, varying])
+    names = [name for name, some in zip(experiments[0].output_names or (), varying, strict=True) if some]
+    poor = [f"{name} {fit:.0f} %" for name, fit in zip(names, fits, strict=True) if fit < WORTHLESS]
+    if not poor:
+        return []
+    return [
+        f"the model explains its own data worse than their mean does, in simulation: {', '.join(poor)}; another p or "
+        "order, or means taken out by data.detrend(), may help"
+    ]
 
 
 def _stability(model: StateSpace, observer: float) -> list[str]:

@@ -13,6 +13,7 @@ from sysid.estimate import DataSummary, Estimate
 from sysid.excitation import check_excitation
 from sysid.local_coordinates import LocalCoordinates
 from sysid.observer_gain import spectral_radius, stable_gain
+from sysid.operating_point import check_means
 from sysid.predict import check_channels
 from sysid.predictor import Predictor, Scales
 from sysid.predictor_errors import Point
@@ -82,7 +83,8 @@ def pem_ss(
             start whose predictor (with `gain=False`: which itself) is stable.
 
     Warns:
-        SysidWarning: Poor excitation, no convergence, bad conditioning, a predictor at the edge of stability.
+        SysidWarning: Poor excitation, means that do not fit the dynamics, no convergence, bad conditioning, a predictor
+            at the edge of stability.
     """
     max_iterations = whole_number("max_iterations", max_iterations, 1)
     flags = {"direct": direct, "gain": gain, "coloured": coloured, "search": search}
@@ -107,7 +109,7 @@ def pem_ss(
     nu, ny, n = model.nu, model.ny, model.order
     count = n * (nu + (2 if gain else 1) * ny) + (nu * ny if direct else 0)
     samples = check_enough_samples(experiments, n, count)
-    texts = check_excitation(experiments, [n + (1 if direct else 0)] * nu)
+    texts = check_excitation(experiments, [n + (1 if direct else 0)] * nu) + check_means(experiments, -(-n // ny))
     scales = Scales.of(experiments)
     records = [Record.of(e, scales, gain) for e in experiments]
     minima: dict[int, Minimum] = {}

@@ -14,7 +14,7 @@ from sysid.state_space import StateSpace
 ONE = np.ones(1)
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class Polynomials(Locked):
     """A(q) y = B(q)/F(q) u + C(q)/D(q) e, coefficients of falling powers q^0, q^-1, ... [Ljung1999, eq. 4.33].
 

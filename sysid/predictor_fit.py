@@ -155,7 +155,7 @@ def linearise(records: Sequence[Record], point: Point, basis: FloatArray) -> Nor
     """
     if point.gaps:
         return Normal(*gapped_normal(point.predictor, point.gaps, point.states, point.covariance, basis), basis)
-    sensitivities = Sensitivities.of(point.predictor)
+    sensitivities = Sensitivities.of(point.predictor, bool(basis[: point.predictor.A.size].any()))
     weight = point.weight
     q = basis.shape[1]
     information, gradient = np.zeros((q, q)), np.zeros(q)

@@ -20,26 +20,34 @@ class Sensitivities:
         F: State matrix of the basis (2n, 2n).
         b: Its input (2n,).
         states: (zI - A)^-1 e_i, coefficients by state, i, and function (n, n, 2n).
-        twice: C (zI - A)^-1 e_i times function a of the first n (ny, n, n, 2n).
+        twice: C (zI - A)^-1 e_i times function a of the first n (ny, n, n, 2n); None where no derivative by A is asked
+            for, which is the costly part.
     """
 
     predictor: Predictor
     F: FloatArray
     b: FloatArray
     states: FloatArray
-    twice: FloatArray
+    twice: FloatArray | None
 
     @staticmethod
-    def of(predictor: Predictor) -> "Sensitivities":
-        """Solve for the coefficients, which depend on no data."""
+    def of(predictor: Predictor, by_dynamics: bool = True) -> "Sensitivities":
+        """Solve for the coefficients, which depend on no data.
+
+        Args:
+            predictor: Where.
+            by_dynamics: Whether derivatives by A are asked for.
+        """
         n = len(predictor.A)
         once = all_pass(np.linalg.eigvals(predictor.A).astype(complex))
         basis = once.then(once)
         pulses = np.zeros((n, n, 2 * n))
         pulses[range(n), range(n)] = basis.b
-        driven = np.zeros((n, n, n, 2 * n))
-        driven[range(n), range(n)] = basis.F[:, :n].T
-        twice = np.tensordot(predictor.C, stein(predictor.A, basis.F, driven), 1)
+        twice = None
+        if by_dynamics:
+            driven = np.zeros((n, n, n, 2 * n))
+            driven[range(n), range(n)] = basis.F[:, :n].T
+            twice = np.tensordot(predictor.C, stein(predictor.A, basis.F, driven), 1)
         return Sensitivities(predictor, basis.F, basis.b, stein(predictor.A, basis.F, pulses), twice)
 
     def table(self, x0: FloatArray, basis: FloatArray) -> FloatArray:
@@ -56,8 +64,9 @@ class Sensitivities:
         columns = n * n + n * nw + ny * n + ny * nu
         out = np.zeros((ny, (nw + 1) * k + nu, columns))
         functions = out[:, : (nw + 1) * k].reshape(ny, nw + 1, k, columns)
-        by_a = np.einsum("cja,liab->lcbij", x[:, :, :n], self.twice, optimize=True)
-        functions[..., : n * n] = by_a.reshape(ny, nw + 1, k, n * n)
+        if self.twice is not None:
+            by_a = np.einsum("cja,liab->lcbij", x[:, :, :n], self.twice, optimize=True)
+            functions[..., : n * n] = by_a.reshape(ny, nw + 1, k, n * n)
         at = n * n
         for c in range(nw):
             functions[:, c, :, at + c : at + n * nw : nw] = seen.transpose(0, 2, 1)

@@ -10,7 +10,7 @@ from sysid.estimate import Estimate
 from sysid.orders import Orders
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class RecursiveState(Locked):
     """All that a recursion knows between two samples; a later piece of the record goes on from it.
 
@@ -63,7 +63,7 @@ class RecursiveState(Locked):
         return self.adaptation.leave(self.memory)
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class RecursiveEstimate(Locked):
     """Parameters as they were known sample by sample.
 

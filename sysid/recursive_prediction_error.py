@@ -11,13 +11,14 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from sysid.adaptation import Adaptation, Forgetting
+from sysid.adaptation import Adaptation, Forgetting, Gradient
 from sysid.arguments import shown
 from sysid.arrays import FloatArray
 from sysid.data import IOData, as_experiments
 from sysid.errors import SysidError, SysidWarning
 from sysid.estimate import Estimate
 from sysid.excitation import check_excitation
+from sysid.operating_point import check_means
 from sysid.orders import Orders
 from sysid.polynomial_estimate import check_enough_data, check_single_output, make_estimate
 from sysid.prediction_error import linearise
@@ -27,6 +28,9 @@ from sysid.recursive_start import Start, begin
 
 HALVINGS = 12
 OFF = 20.0  # N dV / V, beside one per parameter, above which a recursion is said to be away from the minimum
+FAR = 1e12  # prediction error, in units of the loudest output, at which a recursion has gone astray
+WOUND_UP = 1e50  # growth of what the rule carries on; a root of P for least squares
+LOOK = 16  # samples between two looks at it
 QUIET = 1e-20  # sum of squares, as a part of that of the output, below which no minimum is asked for
 
 
@@ -55,7 +59,7 @@ def recurse(
 
     Raises:
         SysidError: Several experiments or outputs, missing samples, a constant input, too many orders, a start that
-            does not fit.
+            does not fit, parameters or P beyond the range of numbers.
 
     Warns:
         SysidWarning: Poor excitation, an unstable model, parameters that have not come near the minimum.
@@ -71,6 +75,7 @@ def recurse(
         # a piece of a record may be of any length and its input may rest
         texts += check_excitation([data], orders.nb)
         check_enough_data([data], orders, transients=0)
+        texts += check_means([data], max(orders.na, *orders.nf))
         for text in texts:
             warnings.warn(text, SysidWarning, stacklevel=3)
     rule = adaptation if adaptation is not None else _rule(before, default)
@@ -96,6 +101,7 @@ def recurse(
     steps, shortened = state.steps, state.shortened
     trajectory = np.empty((samples, orders.count))
     predicted, residuals = np.full((samples, 1), np.nan), np.zeros((samples, 1))
+    loudest, unit = float(np.abs(y).max()) or 1.0, float(np.abs(memory).max()) or 1.0
     for t in range(samples):
         phi[1:], psi[1:] = phi[:-1].copy(), psi[:-1].copy()
         for c, own, past, known in zip(channels, made, filters, entering, strict=True):
@@ -111,6 +117,9 @@ def recurse(
             predicted[t] = phi @ theta
             error = float(y[t] - predicted[t, 0])
             gain, memory = rule.step(memory, psi, steps)
+            wound_up = t % LOOK == 0 and not float(np.abs(memory).max()) < WOUND_UP * unit
+            if wound_up or not abs(error) < FAR * loudest:
+                raise _beyond_numbers(method, rule, t, error)
             step = gain * error
             halvings = 0
             while halvings < HALVINGS and not stable(theta + step, denominators):
@@ -172,6 +181,14 @@ def recurse(
         texts=texts,
     )
     return RecursiveEstimate(trajectory, orders.names, predicted, residuals, P, final, end, shortened)
+
+
+def _beyond_numbers(method: str, rule: Adaptation, t: int, error: float) -> SysidError:
+    if rule.forgets and not isinstance(rule, Gradient):
+        remedy = "what is not excited is forgotten until P winds up: take a larger forgetting factor, or smaller R1"
+    else:
+        remedy = "the steps are too long: take a smaller gain, or a smaller P0"
+    return SysidError(f"{method} leaves the range of numbers at sample {t} (prediction error {error:.3g}): {remedy}")
 
 
 def _simulated(phi: FloatArray, theta: FloatArray, channel: Channel, output: float | None) -> float:

@@ -21,7 +21,7 @@ from sysid.state_space import StateSpace
 BoolArray = NDArray[np.bool_]
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class ResidualTest(Locked):
     """Correlations of the residuals, with bounds and tests.
 

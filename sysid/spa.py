@@ -15,6 +15,7 @@ from sysid.data import IOData, as_experiments
 from sysid.errors import SysidError, SysidWarning
 from sysid.excitation import check_excitation
 from sysid.frequency import FrequencyResponse
+from sysid.operating_point import large_means
 from sysid.spectra import response_of_spectra
 
 GRID = 512
@@ -51,13 +52,13 @@ def spa(
         Response and covariance are NaN where the input has no power to speak of.
 
     Warns:
-        SysidWarning: Inputs that depend on each other, or no frequency at which they have power.
+        SysidWarning: Means that dominate, inputs that depend on each other, or no frequency at which they have power.
 
     Raises:
         SysidError: Constant input, lag not between 1 and N - 1, a window that is none, frequencies beyond Nyquist.
     """
     experiments = tuple(e.scored for e in as_experiments(data, missing=True))
-    for text in check_excitation(experiments, [0] * experiments[0].nu):
+    for text in check_excitation(experiments, [0] * experiments[0].nu) + large_means(experiments):
         warnings.warn(text, SysidWarning, stacklevel=2)
     dt = experiments[0].dt
     samples = sum(len(e) for e in experiments)

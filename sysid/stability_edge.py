@@ -1,6 +1,7 @@
 """The edge of stability as a constraint: predictors that lie beyond it, and directions that lead there."""
 
 import numpy as np
+from scipy.optimize import nnls
 
 from sysid.arrays import FloatArray
 from sysid.predictor import STABILITY_MARGIN, Predictor
@@ -70,18 +71,16 @@ def constrained_step(values: FloatArray, g: FloatArray, rows: FloatArray) -> Flo
         rows: Constraints (m, q).
     """
     free = g / values
-    active = np.flatnonzero(rows @ free > 0.0)
-    while len(active):
-        some = rows[active]
-        forces = np.linalg.lstsq(some / values @ some.T, some @ free, rcond=1e-12)[0]
-        step = free - some.T @ forces / values
-        if (forces >= 0.0).all():
-            broken = np.setdiff1d(np.flatnonzero(rows @ step > 1e-9 * np.abs(rows) @ np.abs(step)), active)
-            if not len(broken):
-                return np.asarray(step)
-            active = np.append(active, broken[0])
-            if len(active) > len(rows):
-                return np.asarray(step)
-        else:
-            active = active[forces >= 0.0]
-    return free
+    if not (rows @ free > 0.0).any():
+        return free
+    # the dual problem: forces f >= 0 of the constraints, s = free - diag(values)^-1 rows' f
+    root = np.sqrt(values)
+    sides = (rows / root).T
+    lengths = np.linalg.norm(sides, axis=0)
+    kept = lengths > 0.0
+    try:
+        forces, _ = nnls(sides[:, kept] / lengths[kept], root * free)
+    except RuntimeError:
+        # no answer within its iterations: whoever asks pulls poles back that have come too far
+        return free
+    return np.asarray(free - (sides[:, kept] / lengths[kept]) @ forces / root)

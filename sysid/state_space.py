@@ -19,7 +19,7 @@ from sysid.transmission_zeros import transmission_zeros
 HALF_POWER = 0.5  # -3.0103 dB
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class StateSpace(Locked):
     """Discrete-time model x(t+1) = A x + B u + K e, y(t) = C x + D u + e [Ljung1999, sec. 4.3].
 

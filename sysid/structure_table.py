@@ -13,7 +13,7 @@ CRITERIA = ("loss", "aic", "aicc", "bic", "fpe", "mdl", "validation")
 FLOOR = 1e-20  # loss, as a part of the mean square output, below which nothing is left to tell apart
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class StructureTable(Locked):
     """Candidate structures with their criteria, the best one first.
 

@@ -144,6 +144,8 @@ def kalman_gain(A: FloatArray, C: FloatArray, noise: FloatArray, total: FloatArr
     """
     n, ny = len(A), len(C)
     size = float(np.trace(total[n:, n:]))
+    if not size > 0.0:
+        return np.zeros((n, ny))
     quiet = float(np.trace(noise[n:, n:])) <= 1e-18 * size
     if quiet and np.abs(np.linalg.eigvals(A)).max() < 1.0:
         return np.zeros((n, ny))

@@ -12,6 +12,7 @@ from sysid.data import IOData, as_experiments
 from sysid.errors import SysidError, SysidWarning
 from sysid.excitation import check_excitation
 from sysid.frequency import FrequencyResponse
+from sysid.operating_point import large_means
 from sysid.spectra import response_of_spectra
 
 
@@ -39,14 +40,14 @@ def welch(
         The covariance accounts for what overlapping segments share.
 
     Warns:
-        SysidWarning: Inputs that depend on each other, or no frequency at which they have power.
+        SysidWarning: Means that dominate, inputs that depend on each other, or no frequency at which they have power.
 
     Raises:
         SysidError: Constant input, segment or overlap out of range, a window that is none, not more segments than
             inputs.
     """
     experiments = tuple(e.scored for e in as_experiments(data))
-    for text in check_excitation(experiments, [0] * experiments[0].nu):
+    for text in check_excitation(experiments, [0] * experiments[0].nu) + large_means(experiments):
         warnings.warn(text, SysidWarning, stacklevel=2)
     shortest = min(len(e) for e in experiments)
     if shortest < 4:

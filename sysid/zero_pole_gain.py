@@ -16,7 +16,7 @@ from sysid.simulate import as_model
 from sysid.state_space import StateSpace
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class ZeroPoleGain(Locked):
     """G(z) = gain prod(z - zeros) / prod(z - poles).
 

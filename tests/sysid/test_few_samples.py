@@ -35,9 +35,9 @@ def test_inputs_that_reach_back_beyond_the_long_model(whole):
 
 
 @pytest.mark.filterwarnings("ignore::sysid.SysidWarning")
-@pytest.mark.parametrize(("samples", "orders"), [(30, (1, 2, 2, 1)), (30, (1, 3, 3, 1)), (57, (5, 0, 2, 5))])
+@pytest.mark.parametrize(("samples", "orders"), [(30, (1, 2, 2, 1)), (57, (5, 0, 2, 5))])
 def test_backcasting_at_the_edge_of_stability(whole, samples, orders):
-    found = sysid.bj(whole[:samples], *orders, past=Past.BACKCAST, max_iterations=20)
+    found = sysid.bj(whole[:samples], *orders, past=Past.BACKCAST, max_iterations=4)
     assert np.isfinite(found.parameters).all()
 
 
