@@ -86,7 +86,11 @@ def spa(
     averages = samples / float(weights @ weights)
     found = response_of_spectra("spa", experiments, f, phi_u, phi_y, phi_yu, averages=averages)
     if complete and _negative(found):
-        found = _with_positive_noise(found, spa(experiments, lag=m, window=parzen, frequencies=f))
+        with warnings.catch_warnings():
+            # said above
+            warnings.simplefilter("ignore", SysidWarning)
+            positive = spa(experiments, lag=m, window=parzen, frequencies=f)
+        found = _with_positive_noise(found, positive)
     return found if complete else _with_gaps(found, experiments, weights)
 
 

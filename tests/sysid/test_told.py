@@ -64,6 +64,7 @@ def test_a_gain_has_no_dynamics_to_sample():
     assert sysid.c2d(control.tf([1.0], [1.0, 1.0]), np.int64(2)).dt == 2.0
 
 
+@pytest.mark.filterwarnings("ignore:Badly conditioned")
 def test_a_leading_coefficient_of_rounding_is_none():
     rounded, exact = (sysid.c2d_matched(control.tf(n, [1.0, 2.0, 1.0]), 0.1) for n in ([1e-17, 1.0], [1.0]))
     np.testing.assert_allclose(rounded.markov(9), exact.markov(9), rtol=1e-12)
