@@ -92,7 +92,7 @@ class Scenario:
                     payload=self.payload,
                     excited=bool(self.excitation),
                 )
-            else:
+            elif self.excitation or not self._has_operator_of_its_own():
                 check_outputs(self.excitation, self.axes, self.independent_channels)
         except ScenarioError as error:
             raise ScenarioError(f"scenario {self.name!r}: {error}") from error
@@ -109,13 +109,16 @@ class Scenario:
             Volts `(N, len(axes))` at 50 Hz, `N = round(50 * duration)`, before noise and bias; zero where an operator
             moves the stick.
         """
-        if self.task:
+        if not self.excitation:
             return np.zeros((round(RATE * self.duration), len(self.axes)))
         return played(self.excitation, len(self.axes), self.duration, rounds=self.chain.dac)
 
     def operator(self) -> Operator | None:
         """A new operator for the task; none where the excitation computer moves the stick."""
         return task_operator(self.task, self.seed, self.hand_controller) if self.task else None
+
+    def _has_operator_of_its_own(self) -> bool:
+        return type(self).operator is not Scenario.operator
 
     def reseeded(self, seed: int) -> "Scenario":
         """The same experiment with other noise: a seed of its own, drawn from `seed` and the name.
