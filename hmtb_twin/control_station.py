@@ -6,7 +6,7 @@ import numpy as np
 
 from hmtb_twin.arm import Arm
 from hmtb_twin.errors import TwinError
-from hmtb_twin.experiment import Experiment, View
+from hmtb_twin.experiment import Experiment, Motion, View
 from hmtb_twin.hand_controller import HandControllerInterface, deflection, pickup
 from hmtb_twin.modes import axis_gains, start_mode
 from hmtb_twin.parameters import JOINTS, SAMPLE_RATE, SAMPLE_TIME
@@ -32,6 +32,7 @@ class ControlStation:
         commands: Joint commands (N, 7), rad.
         status: What was limited at each tick, bits of `Status` (N,).
         powered: Whether the servos have power at each tick (N,).
+        operator: Who moves the stick; None where the excitation computer does.
         live: Whether commands are computed tick by tick.
         grip: Whether the operator has the end effector closed; None where nobody works it.
 
@@ -44,16 +45,21 @@ class ControlStation:
         self._mode = start_mode(experiment, arm)
         self._parameters = experiment.hand_controller
         self._gains = axis_gains(experiment.mode, experiment.axes, self._parameters)
-        self._operator = experiment.operator()
+        self.operator = experiment.operator()
+        if self.operator is not None and not callable(getattr(self.operator, "move", None)):
+            raise TwinError(
+                f"{experiment.name}: operator() gave {type(self.operator).__name__}, expected an object with a method "
+                "move(view), or None"
+            )
         axes = len(experiment.axes)
         disturbance = pickup(self.ticks, axes, self._parameters, rng, experiment.chain)
         self._interface = HandControllerInterface(self._parameters, experiment.chain, disturbance)
         self.powered = _powered(experiment, self.ticks)
-        self.live = self._operator is not None or not self.powered.all()
+        self.live = self.operator is not None or not self.powered.all()
         self.commands = np.empty((self.ticks, len(JOINTS)))
         self.status = np.zeros(self.ticks, dtype=np.int64)
         self.grip: bool | None = None
-        if self._operator is None:
+        if self.operator is None:
             self._excitation = _excitation(experiment, self.ticks)
             self.volts, self.counts = self._interface.read(self._excitation)
         else:
@@ -71,11 +77,14 @@ class ControlStation:
             tick: The tick.
             reading: Resolver readings at this tick (7,), rad.
             look: Gives an operator's view.
+
+        Raises:
+            TwinError: The operator does what the stick cannot do.
         """
-        if self._operator is not None:
-            motion = self._operator.move(look())
-            self.grip = motion.grip
-            self.volts[tick] = self._interface.receive(motion.volts[None], tick)[0]
+        if self.operator is not None:
+            motion = self.operator.move(look())
+            self.grip = motion.grip if isinstance(motion, Motion) else None
+            self.volts[tick] = self._interface.receive(_checked_volts(motion, self.volts.shape[1])[None], tick)[0]
             self.counts[tick] = self._interface.convert(self.volts[tick - tick % self._interface.hold])
         asked = self._gains * deflection(self.counts[tick], self._parameters)
         if not self.powered[tick]:
@@ -91,6 +100,18 @@ class ControlStation:
         counts, limit = self.counts[ticks], self._parameters.adc_limit
         saturated = ((counts <= -limit) | (counts >= limit - 1)).any(axis=1)
         self.status[ticks][saturated] |= Status.CONVERTER_SATURATED
+
+
+def _checked_volts(motion: object, axes: int) -> np.ndarray:
+    if not isinstance(motion, Motion):
+        raise TwinError(f"its operator gave {type(motion).__name__}, expected a Motion")
+    try:
+        volts = np.asarray(motion.volts, dtype=float)
+    except (TypeError, ValueError) as error:
+        raise TwinError(f"its operator gave volts {motion.volts!r}, expected {axes} numbers") from error
+    if volts.shape != (axes,) or not np.isfinite(volts).all():
+        raise TwinError(f"its operator gave volts {volts}, expected {axes} finite numbers, one per axis")
+    return volts
 
 
 def _ticks(experiment: Experiment) -> int:

@@ -60,7 +60,16 @@ class Operator(Protocol):
     """Someone at the hand controller. One operator serves one experiment from its first tick to its last."""
 
     def move(self, view: View) -> Motion:
-        """Look, and move the stick; called once per tick."""
+        """Look, and move the stick; called at every tick, 50 times a second.
+
+        Args:
+            view: What is seen at this tick, in the world frame.
+
+        Returns:
+            Volts in the sequence of the experiment's axes. Positive moves a joint up its angle, or the tool along or
+            about its own axis, by `axis_gains` per volt: an offset in the position modes, a velocity in the rate modes.
+            `grip` matters at the worksite only.
+        """
         ...
 
 

@@ -225,7 +225,26 @@ POSES = {
 
 @dataclass(frozen=True)
 class HandController:
-    """The hand-controller interface between the excitation computer and the position loop."""
+    """The hand-controller interface between the excitation computer and the position loop.
+
+    Attributes:
+        gain: Offset of a joint per volt in the single-joint mode, rad/V.
+        rate_gain: Velocity of a joint per volt in the single-joint rate mode, rad/(s V).
+        translation_gain: Offset of the tool per volt in the Cartesian mode, m/V.
+        translation_rate_gain: Velocity of the tool per volt in the Cartesian rate mode, m/(s V).
+        rotation_gain: Turn of the tool per volt in the Cartesian mode, rad/V.
+        rotation_rate_gain: Angular velocity of the tool per volt in the Cartesian rate mode, rad/(s V).
+        adc_bits: Resolution of the converter.
+        adc_range: Its range, plus and minus, V.
+        hold: Ticks of the position loop for which its processor holds each sample.
+        deadband: Deflection within which nothing is commanded, V; larger ones start from zero at its edge.
+        noise: Standard deviation of the noise that the wires pick up, V.
+        noise_corner: Corner of the first-order low-pass that colours it, Hz; 0 for white noise.
+        hum: Amplitude of mains hum, of random phase, V.
+        hum_frequency: Its frequency, Hz.
+        bias: Standard deviation over experiments of each axis's own constant, drawn from the experiment's seed, V.
+        compensation: Part of the bias that the compensating circuit removes, 0 to 1.
+    """
 
     gain: float = quantity(
         0.067, "rad/V", "derived", "OKID matrices (5.8)-(5.10) read as normalised data; 'very small'"

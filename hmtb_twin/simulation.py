@@ -15,7 +15,7 @@ from mujoco import batch
 from hmtb_twin.arm import Arm, load_arm
 from hmtb_twin.control_station import ControlStation
 from hmtb_twin.errors import TwinError
-from hmtb_twin.experiment import Experiment, View
+from hmtb_twin.experiment import Experiment, Operator, View
 from hmtb_twin.joint_log import WRENCH, JointLog, software_versions
 from hmtb_twin.parameters import JOINTS, RECORDER, SAMPLE_RATE, SAMPLE_TIME
 from hmtb_twin.recorder import delayed, read_resolvers
@@ -185,11 +185,18 @@ def _run(arm: Arm, rows: list[_Row], threads: int, report: Callable[[int], None]
         changed = False
         for i in live:
             if k < rows[i].ticks and rows[i].failure is None:
-                rows[i].station.tick(k, _reading(rows[i], k, angles[i, : len(JOINTS)]), partial(look, k, i))
+                try:
+                    rows[i].station.tick(k, _reading(rows[i], k, angles[i, : len(JOINTS)]), partial(look, k, i))
+                except TwinError as error:
+                    rows[i].failure = f"{error}, at {k * SAMPLE_TIME:.2f} s"
+                    active = active[active != i]
+                    continue
                 commands[k, i] = rows[i].station.commands[k]
                 closed = rows[i].station.grip
                 if site and closed is not None:
                     changed |= site.close(i, closed)
+        if not len(active):
+            break
         if live:
             _switch_models(simulations, arm, rows, k, site, changed)
         if site:
@@ -262,13 +269,16 @@ def _log(row: _Row) -> JointLog:
             "pose": experiment.pose,
             "mode": experiment.mode,
             **{name: str(on).lower() for name, on in vars(experiment.chain).items()},
-            **_recipe(experiment),
+            **_recipe(experiment, station.operator),
             **software_versions(),
         },
     )
 
 
-def _recipe(experiment: Experiment) -> dict[str, str]:
-    """Return the text from which the experiment can be run again, where it has one."""
+def _recipe(experiment: Experiment, operator: Operator | None) -> dict[str, str]:
+    """Return the text from which the experiment can be run again, where a text tells all of it."""
+    by = {} if operator is None else {"operator": f"{type(operator).__module__}.{type(operator).__qualname__}"}
     write = getattr(experiment, "to_toml", None)
-    return {"scenario": write()} if callable(write) else {}
+    if not callable(write) or getattr(experiment, "has_own_operator", False):
+        return by
+    return {"scenario": write(), **by}

@@ -92,7 +92,7 @@ class Scenario:
                     payload=self.payload,
                     excited=bool(self.excitation),
                 )
-            elif self.excitation or not self._has_operator_of_its_own():
+            elif self.excitation or not self.has_own_operator:
                 check_outputs(self.excitation, self.axes, self.independent_channels)
         except ScenarioError as error:
             raise ScenarioError(f"scenario {self.name!r}: {error}") from error
@@ -117,7 +117,9 @@ class Scenario:
         """A new operator for the task; none where the excitation computer moves the stick."""
         return task_operator(self.task, self.seed, self.hand_controller) if self.task else None
 
-    def _has_operator_of_its_own(self) -> bool:
+    @property
+    def has_own_operator(self) -> bool:
+        """Whether a subclass brings an operator of its own, which no TOML file tells of."""
         return type(self).operator is not Scenario.operator
 
     def reseeded(self, seed: int) -> "Scenario":

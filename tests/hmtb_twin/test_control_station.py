@@ -1,3 +1,4 @@
+import re
 from dataclasses import dataclass
 
 import numpy as np
@@ -5,6 +6,7 @@ import pytest
 
 from hmtb_twin import JOINTS, Chain, Motion, Status, TwinError, View, load_arm, simulate
 from hmtb_twin.parameters import ACTUATORS, RECORDER
+from scenarios import Scenario
 
 CHANNELS = ("commanded", "measured", "wrench", "true_angles", "load_pressure", "volts", "counts", "status")
 
@@ -122,3 +124,46 @@ def test_the_others_of_a_batch_do_not_notice_a_shutdown(experiment):
 def test_bad_shutdowns_are_refused(experiment, times):
     with pytest.raises(TwinError, match="power off"):
         simulate([experiment(duration=4.0, shutdown=times)])
+
+
+@pytest.mark.parametrize(
+    ("answer", "says"),
+    [
+        (Motion(np.zeros(6)), r"expected 1 finite numbers, one per axis, at 0.02 s"),
+        (Motion(np.array([np.nan])), r"expected 1 finite numbers"),
+        (Motion("up"), r"expected 1 numbers"),  # type: ignore[arg-type]
+        (None, r"gave NoneType, expected a Motion"),
+    ],
+)
+def test_an_operator_who_does_the_impossible_fails_alone(experiment, answer, says):
+    class Wrong:
+        def move(self, view: View) -> Motion:
+            return Motion(np.zeros(1)) if view.time < 0.01 else answer
+
+    @dataclass(frozen=True)
+    class Operated(experiment):
+        def operator(self) -> Wrong:
+            return Wrong()
+
+    logs = simulate([Operated(name="wrong", duration=1.0), experiment(duration=1.0)])
+    assert [log.name for log in logs] == ["binary"]
+    assert re.search(says, logs.failed["wrong"])
+
+
+def test_an_operator_must_be_able_to_move(experiment):
+    class Operated(experiment):
+        def operator(self) -> object:
+            return 3
+
+    with pytest.raises(TwinError, match=r"gave int, expected an object with a method move"):
+        simulate([Operated()])
+
+
+def test_the_log_names_its_operator_and_claims_no_recipe_it_cannot_keep():
+    class Own(Scenario):
+        def operator(self) -> Replay:
+            return Replay(np.zeros((50, 1)))
+
+    log = simulate([Own("own", ("wrist_yaw",), (), duration=1.0)])[0]
+    assert "scenario" not in log.provenance
+    assert log.provenance["operator"].endswith("Replay")
