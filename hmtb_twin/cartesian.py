@@ -36,7 +36,7 @@ class Cartesian:
     ) -> None:
         self._controller = controller
         self._resolved_rate = ResolvedRate(controller, lower=lower, upper=upper, step=step)
-        self._directions = directions
+        self._directions, self._lower, self._upper = directions, lower, upper
         self._dt = dt
         self._command = np.array(pose, dtype=float)
         self._position, self._rotation = controller.tool_pose(self._command)
@@ -68,7 +68,7 @@ class Cartesian:
             )
         return self._command.copy(), Status(status)
 
-    def rebase(self, angles: np.ndarray, deflection: np.ndarray) -> np.ndarray:
+    def rebase(self, angles: np.ndarray, deflection: np.ndarray) -> tuple[np.ndarray, Status]:
         """Take over at measured angles without a bump: this deflection now means the tool where it is.
 
         Args:
@@ -76,13 +76,14 @@ class Cartesian:
             deflection: The deflection at this tick (n,).
 
         Returns:
-            The command (7,), rad.
+            The command (7,), rad, and whether a range kept it from the angles.
         """
-        self._command = np.array(angles, dtype=float)
+        self._command = np.clip(angles, self._lower, self._upper)
         self._position, self._rotation = self._controller.tool_pose(self._command)
         if self._dt is None:
             twist = np.zeros(6)
             twist[self._directions] = deflection
             self._rotation = self._rotation @ pin.exp3(-twist[3:])
             self._position = self._position - self._rotation @ twist[:3]
-        return self._command.copy()
+        limited = not np.array_equal(self._command, angles)
+        return self._command.copy(), Status.JOINT_LIMITED if limited else Status(0)

@@ -88,10 +88,10 @@ class ControlStation:
             self.counts[tick] = self._interface.convert(self.volts[tick - tick % self._interface.hold])
         asked = self._gains * deflection(self.counts[tick], self._parameters)
         if not self.powered[tick]:
-            self.commands[tick] = self._mode.rebase(reading, asked)
-            self.status[tick] = Status.SHUT_DOWN
+            self.commands[tick], self.status[tick] = self._mode.rebase(reading, asked)
+            self.status[tick] |= Status.SHUT_DOWN
         elif tick > 0 and not self.powered[tick - 1]:
-            self.commands[tick] = self._mode.rebase(reading, asked)
+            self.commands[tick], self.status[tick] = self._mode.rebase(reading, asked)
         else:
             self.commands[tick], self.status[tick] = self._mode.step(asked)
         self._flag_saturation(slice(tick, tick + 1))
@@ -140,13 +140,12 @@ def _powered(experiment: Experiment, ticks: int) -> np.ndarray:
     times = np.asarray(experiment.shutdown, dtype=float)
     if times.size == 0:
         return powered
-    if not (
-        np.isfinite(times).all() and times[0] > 0 and (np.diff(times) > 0).all() and times[-1] < experiment.duration
-    ):
+    switched = np.rint(times * SAMPLE_RATE) if np.isfinite(times).all() else np.zeros(1)
+    if not (switched[0] >= 1 and (np.diff(switched) > 0).all() and switched[-1] < ticks):
         raise TwinError(
             f"{experiment.name}: shutdown {', '.join(f'{time:g}' for time in times)} s given, expected ascending times "
-            f"between 0 and the end at {experiment.duration:g} s: power off, power on, and so on"
+            f"between 0 and the end at {experiment.duration:g} s, {SAMPLE_TIME:g} s apart: power off, power on, ..."
         )
-    for index, tick in enumerate(np.rint(times * SAMPLE_RATE).astype(int)):
+    for index, tick in enumerate(switched.astype(int)):
         powered[tick:] = index % 2 == 1
     return powered

@@ -217,7 +217,7 @@ class JointLog:
         except (OSError, ValueError, KeyError, TypeError, RuntimeError) as error:
             raise TwinError(f"{path} is not a NetCDF4 file, or a damaged one") from error
         missing = [name for name in _CHANNELS if name not in dataset]
-        if dataset.attrs.get("format") != FORMAT or missing:
+        if str(dataset.attrs.get("format")) != FORMAT or missing:
             raise TwinError(
                 f"{path} is no joint log: expected format {FORMAT!r} with {', '.join(_CHANNELS)}; "
                 f"found {', '.join(map(str, dataset)) or 'nothing'}"

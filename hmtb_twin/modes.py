@@ -27,8 +27,8 @@ class Mode(Protocol):
         """Return the next command (7,), rad, and what was limited, from deflections (n_axes,) in SI units."""
         ...
 
-    def rebase(self, angles: np.ndarray, deflection: np.ndarray) -> np.ndarray:
-        """Take over at measured angles (7,) without a bump; return the command (7,), rad."""
+    def rebase(self, angles: np.ndarray, deflection: np.ndarray) -> tuple[np.ndarray, Status]:
+        """Take over at measured angles (7,) without a bump; return the command (7,), rad, and what was limited."""
         ...
 
 

@@ -272,15 +272,18 @@ class HandController:
     )
 
     def __post_init__(self) -> None:
+        gains = [name for name in vars(self) if name.endswith("gain")]
         wanted = {
+            **{name: (0.0 < abs(getattr(self, name)) <= 100.0, "up to 100 either way, not 0") for name in gains},
             "adc_bits": (2 <= self.adc_bits <= 24, "2 to 24"),
-            "adc_range": (self.adc_range > 0.0, "above 0 V"),
+            "adc_range": (0.0 < self.adc_range <= 1000.0, "above 0 V and up to 1000 V"),
             "hold": (1 <= self.hold <= 10**6, "1 or more"),
-            "deadband": (self.deadband >= 0.0, "0 V or more"),
-            "noise": (self.noise >= 0.0, "0 V or more"),
+            "deadband": (0.0 <= self.deadband <= 1000.0, "0 V to 1000 V"),
+            "noise": (0.0 <= self.noise <= 1000.0, "0 V to 1000 V"),
             "noise_corner": (0.0 <= self.noise_corner < SAMPLE_RATE / 2, f"0 to below {SAMPLE_RATE / 2:g} Hz"),
-            "hum": (self.hum >= 0.0, "0 V or more"),
-            "bias": (self.bias >= 0.0, "0 V or more"),
+            "hum": (0.0 <= self.hum <= 1000.0, "0 V to 1000 V"),
+            "hum_frequency": (0.0 < self.hum_frequency <= 1e6, "above 0 Hz and up to 1 MHz"),
+            "bias": (0.0 <= self.bias <= 1000.0, "0 V to 1000 V"),
             "compensation": (0.0 <= self.compensation <= 1.0, "0 to 1"),
         }
         for name, (passes, expected) in wanted.items():

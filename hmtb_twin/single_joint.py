@@ -34,7 +34,7 @@ class SingleJoint:
         self._reference = np.array(pose, dtype=float)
         # Plain numbers: one tick of one joint costs less than a call of numpy.
         self._joints = [(j, float(lower[j]), float(upper[j]), float(step[j])) for j in joints]
-        self._dt = dt
+        self._lower, self._upper, self._dt = lower, upper, dt
 
     def step(self, deflection: np.ndarray) -> tuple[np.ndarray, Status]:
         """Advance one tick.
@@ -59,7 +59,7 @@ class SingleJoint:
             self._command[joint] = command
         return self._command.copy(), Status(status)
 
-    def rebase(self, angles: np.ndarray, deflection: np.ndarray) -> np.ndarray:
+    def rebase(self, angles: np.ndarray, deflection: np.ndarray) -> tuple[np.ndarray, Status]:
         """Take over at measured angles without a bump: this deflection now means the arm as it stands.
 
         Args:
@@ -67,11 +67,12 @@ class SingleJoint:
             deflection: The deflection at this tick (n,).
 
         Returns:
-            The command (7,), rad.
+            The command (7,), rad, and whether a range kept it from the angles.
         """
-        self._command[:] = angles
-        self._reference[:] = angles
+        self._command[:] = np.clip(angles, self._lower, self._upper)
+        self._reference[:] = self._command
         if self._dt is None:
             for (joint, *_), moved in zip(self._joints, deflection.tolist(), strict=True):
                 self._reference[joint] -= moved
-        return self._command.copy()
+        limited = not np.array_equal(self._command, angles)
+        return self._command.copy(), Status.JOINT_LIMITED if limited else Status(0)

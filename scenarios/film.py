@@ -12,6 +12,9 @@ from scenarios.errors import ScenarioError
 ENDINGS = (".mp4", ".gif", ".png")
 """Files that can be written: a film, an animated picture, one picture."""
 
+MOST_FRAMES = 1_000_000
+"""More frames than that are a slip of the keyboard."""
+
 NO_ENCODER = "an .mp4 needs the encoder: pip install 'hmtb-twin[video]'; a .gif or .png does without"
 
 
@@ -44,6 +47,10 @@ def frames(
     )
     first, last = span
     count = int((last - first) / speed * rate + 1e-9) + 1
+    if count > MOST_FRAMES:
+        raise ScenarioError(
+            f"{count} frames asked for, expected at most {MOST_FRAMES}; play it faster, or show less of it"
+        )
     with Stage(arm, *size, draft=count > 1) as stage:
         for number in range(count):
             time = first + number * speed / rate

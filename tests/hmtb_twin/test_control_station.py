@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 from hmtb_twin import JOINTS, Chain, Motion, Status, TwinError, View, load_arm, simulate
-from hmtb_twin.parameters import ACTUATORS, RECORDER
+from hmtb_twin.parameters import ACTUATORS, MOTIONS, RECORDER
 from scenarios import Scenario
 
 CHANNELS = ("commanded", "measured", "wrench", "true_angles", "load_pressure", "volts", "counts", "status")
@@ -120,7 +120,7 @@ def test_the_others_of_a_batch_do_not_notice_a_shutdown(experiment):
     assert (company[0].status[50:] == Status.SHUT_DOWN).all()
 
 
-@pytest.mark.parametrize("times", [(0.0,), (5.0,), (2.0, 1.0), (float("nan"),)])
+@pytest.mark.parametrize("times", [(0.0,), (0.005,), (5.0,), (3.999,), (2.0, 1.0), (3.0, 3.005), (float("nan"),)])
 def test_bad_shutdowns_are_refused(experiment, times):
     with pytest.raises(TwinError, match="power off"):
         simulate([experiment(duration=4.0, shutdown=times)])
@@ -167,3 +167,17 @@ def test_the_log_names_its_operator_and_claims_no_recipe_it_cannot_keep():
     log = simulate([Own("own", ("wrist_yaw",), (), duration=1.0)])[0]
     assert "scenario" not in log.provenance
     assert log.provenance["operator"].endswith("Replay")
+
+
+def test_a_restart_beyond_a_range_begins_at_its_end_and_says_so(experiment):
+    class Push(experiment):
+        def volts(self) -> np.ndarray:
+            return np.full((round(50 * self.duration), len(self.axes)), 9.9)
+
+    push = Push(axes=JOINTS[1:], pose="home", duration=7.0, shutdown=(3.0, 6.0))
+    log = simulate([push])[0]
+    lower, upper = (np.array([getattr(MOTIONS[name], end) for name in JOINTS]) for end in ("lower", "upper"))
+    assert ((log.commanded >= lower) & (log.commanded <= upper)).all()
+    beyond = ((log.true_angles < lower - 1e-3) | (log.true_angles > upper + 1e-3)).any(axis=1)[150:301]
+    assert beyond.any(), "an arm at its limit creeps beyond it"
+    assert ((log.status[150:301] & Status.JOINT_LIMITED) != 0)[beyond].all()
