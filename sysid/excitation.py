@@ -65,44 +65,44 @@ def check_excitation(experiments: Sequence[IOData], needed: Sequence[int]) -> li
     Raises:
         SysidError: An input is constant in every experiment.
     """
-    texts = []
-    for j, name in enumerate(experiments[0].input_names or ()):
+    nu, names = experiments[0].nu, experiments[0].input_names or ()
+    shortest = min(len(e) for e in experiments)
+    for j, name in enumerate(names):
         signals = [e.u[:, j] for e in experiments]
         if all(np.ptp(s) <= ROUNDING * np.abs(s).max() for s in signals):
             value = ", ".join(f"{s[0]:g}" for s in signals)
             raise SysidError(
                 f"input {name} is constant ({value}): nothing can be identified from it; expected a varying input"
             )
-        order = min(needed[j], min(len(s) for s in signals) // 2)
-        if order < 1:
-            continue
-        found = _rank(signals, order, 1e-6)
+    # as many rows as columns at least
+    lags = min(max((*needed, 1)), shortest // (nu + 1))
+    joint = _joint_gram(experiments, lags) if nu > 1 and lags >= 1 else None
+    texts, alone = [], 0
+    for j, name in enumerate(names):
+        own = None if joint is None else joint[j::nu, j::nu]
+        order = min(needed[j], shortest // 2)
+        if own is not None and order == lags:
+            found = _gram_rank(own, 1e-6)
+            alone += found
+        else:
+            found = _rank([e.u[:, j] for e in experiments], order, 1e-6) if order >= 1 else needed[j]
+            alone += 0 if own is None else _gram_rank(own, 1e-6)
         if found < needed[j]:
             texts.append(
                 f"input {name} is persistently exciting of order {found} only, the model needs {needed[j]}: "
                 "some parameters rest on noise"
             )
-    dependence = _dependence(experiments, max((*needed, 1)))
-    return [*texts, dependence] if dependence else texts
+    together = alone if joint is None else _gram_rank(joint, 1e-6)
+    if together < alone:
+        what = "the inputs" if lags == 1 else f"{lags} lags of the inputs"
+        texts.append(
+            f"{what} {', '.join(names)} have rank {together} together and {alone} on their own: they depend on each "
+            "other, and the data do not tell their effects apart"
+        )
+    return texts
 
 
-def _dependence(experiments: Sequence[IOData], lags: int) -> str:
-    """What is wrong where the inputs' lags are of lower rank together than each on its own; else nothing."""
-    nu = experiments[0].nu
-    # as many rows as columns at least
-    order = min(lags, min(len(e) for e in experiments) // (nu + 1))
-    if nu == 1 or order < 1:
-        return ""
+def _joint_gram(experiments: Sequence[IOData], lags: int) -> FloatArray:
+    """Gram matrix of the lags of all inputs, each of unit size, (lags nu, lags nu), inputs side by side."""
     sizes = np.sqrt(np.mean(np.concatenate([e.u for e in experiments]) ** 2, axis=0))
-    signals = [e.u / sizes for e in experiments]
-    gram = hankel_moments(signals, order)
-    together = _gram_rank(gram, 1e-6)
-    alone = sum(_gram_rank(gram[j::nu, j::nu], 1e-6) for j in range(nu))
-    if together >= alone:
-        return ""
-    names = ", ".join(experiments[0].input_names or ())
-    what = "the inputs" if order == 1 else f"{order} lags of the inputs"
-    return (
-        f"{what} {names} have rank {together} together and {alone} on their own: they depend on each other, and "
-        "the data do not tell their effects apart"
-    )
+    return hankel_moments([e.u / sizes for e in experiments], lags)

@@ -22,7 +22,7 @@ from sysid.recursion import free_response
 from sysid.residuals import residuals
 from sysid.state_space import StateSpace
 
-JUDGED = 2000  # samples of each experiment on which a model is judged
+JUDGED = 800  # samples of each experiment on which a model is judged
 WORTHLESS = -5.0  # percent of fit in simulation; noise that drowns the response may leave a little below 0
 LARGEST_HANKEL = 2.5e7  # numbers in the Hankel matrix, 200 MB
 
@@ -322,7 +322,7 @@ def _worth(model: StateSpace, experiments: Sequence[IOData]) -> list[str]:
     """Outputs of its own data that the model explains worse than their means do."""
     if not model.is_stable():
         return []
-    # Thousands of samples tell as much as all of them, at a fraction of the cost of the fit.
+    # Some hundred samples tell as much as all of them, at a fraction of the cost of the fit.
     experiments = [e[: e.window + JUDGED] for e in experiments]
     simulated = [predict(model, e, steps=None)[e.window :] for e in experiments]
     y = np.concatenate([e.y[e.window :] for e in experiments])
