@@ -1,5 +1,6 @@
 """From records to a model and what may be said of it: the work of `hmtb identify`."""
 
+import re
 import warnings
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -12,6 +13,7 @@ from scenarios.commands.bandwidth import Claim, claim
 from scenarios.datafile import excited
 from scenarios.errors import ScenarioError
 from scenarios.estimators import ESTIMATORS, SHORTEST, estimate
+from scenarios.joint_inputs import dependence
 from scenarios.level import Levelled, about_means, constant, levelled
 from sysid import Estimate, IOData, ModelFit, ResidualTest, SysidError
 
@@ -195,9 +197,20 @@ def _texts(found: Estimate, parts: Sequence[IOData], claims: Sequence[Sequence[C
         texts.append(f"the model and the fits are of {len(parts)} parts between lost samples, {samples} samples in all")
     if lost:
         texts.append(f"{lost} of {values} output samples are missing")
-    first = parts[0]
+    first, paths = parts[0], dict[str, list[str]]()
     for i, row in enumerate(claims):
         for j, one in enumerate(row):
-            path = f"{(first.input_names or ())[j]} → {(first.output_names or ())[i]}: "
-            texts += [(path if first.nu * first.ny > 1 else "") + text for text in one.warnings]
-    return [*texts, *found.diagnostics.get("warnings", ())]
+            path = f"{(first.input_names or ())[j]} → {(first.output_names or ())[i]}"
+            for text in one.warnings:
+                paths.setdefault(text, []).append(path)
+    if first.nu > 1 and (together := dependence(max(parts, key=len))):
+        texts.append(together)
+    every = first.nu * first.ny
+    # What is true of all paths is said once.
+    texts += [text if len(of) == every else f"{', '.join(of)}: {text}" for text, of in paths.items()]
+    return [*texts, *(_for_users(text) for text in found.diagnostics.get("warnings", ()))]
+
+
+def _for_users(text: str) -> str:
+    """A warning of the analyst's without advice in words of Python, which the command line has no use for."""
+    return "; ".join(part for part in text.split("; ") if not re.search(r"\b\w+=(True|False)\b", part)) or text

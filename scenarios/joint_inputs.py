@@ -10,7 +10,7 @@ import numpy as np
 
 from hmtb_twin import JOINTS, STUDIED_JOINTS, Experiment, JointLog
 from scenarios.preparation import SETTLING
-from sysid import order_of_excitation
+from sysid import IOData, order_of_excitation
 
 LAGS = 8
 """Samples of the past that models of the study look back, na + nb of the largest."""
@@ -109,10 +109,35 @@ def joint_inputs(commands: np.ndarray, joints: tuple[str, ...], *, lags: int = L
         What was found of those that move; None where fewer than two do, or the record is too short for so many lags.
     """
     joints = tuple(joint for joint in joints if np.ptp(commands[:, JOINTS.index(joint)]) > STILL)
-    signals = [commands[:, JOINTS.index(joint)] for joint in joints]
+    return _compared(joints, [commands[:, JOINTS.index(joint)] for joint in joints], lags)
+
+
+def dependence(record: IOData) -> str | None:
+    """Say that the inputs of a record of any robot move together.
+
+    Args:
+        record: The record.
+
+    Returns:
+        One line, or None where they are independent enough, or the record is too short to tell.
+    """
+    names = record.input_names or tuple(f"u{k}" for k in range(1, record.nu + 1))
+    u = record.scored.u
+    found = _compared(tuple(names), [u[:, k] for k in range(record.nu)], LAGS)
+    if found is None or found.condition <= LIMIT:
+        return None
+    return (
+        f"the inputs {', '.join(names)} move together (condition {found.condition:.3g} between them, limit {LIMIT:g}): "
+        "what one of them does to an output cannot be told from what another does"
+    )
+
+
+def _compared(joints: tuple[str, ...], signals: list[np.ndarray], lags: int) -> JointInputs | None:
+    if len(joints) < 2:
+        return None
     signals = [signal - signal.mean() for signal in signals]
-    rows = len(commands) - lags + 1
-    if len(joints) < 2 or rows < 2 * lags * len(joints):
+    rows = len(signals[0]) - lags + 1
+    if rows < 2 * lags * len(joints):
         return None
     blocks = [
         np.column_stack([signal[lags - 1 - lag : lags - 1 - lag + rows] for lag in range(lags)]) / signal.std()

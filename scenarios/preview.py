@@ -13,6 +13,7 @@ from scenarios.joint_inputs import STILL, JointInputs, joint_inputs, moved_joint
 from scenarios.needed_order import shortcoming
 from scenarios.preparation import SETTLING
 from scenarios.scenario import Scenario
+from scenarios.stick import stays
 
 
 @dataclass(frozen=True, eq=False)
@@ -20,7 +21,7 @@ class Preview:
     """What an experiment will command.
 
     Attributes:
-        scenario: The experiment.
+        scenario: The experiment; N is its length, or where an emergency shutdown ends what can be foreseen.
         asked: What the files ask of the excitation computer's converter (N, n_axes), V.
         volts: Voltage at the hand-controller converter, with bias and noise (N, n_axes), V.
         commands: Joint commands (N, 7), rad, as a simulation of the experiment logs them.
@@ -29,6 +30,7 @@ class Preview:
         status: What was limited at each tick, bits of `Status` (N,).
         velocity_limits: Velocity limit of each joint's command (7,), rad/s.
         inputs: How independently several joints move; None where the experiment is for one, or moves one.
+        power_off: When the servos first lose power, s; None where they never do.
     """
 
     scenario: Scenario
@@ -40,6 +42,12 @@ class Preview:
     status: np.ndarray
     velocity_limits: np.ndarray
     inputs: JointInputs | None
+    power_off: float | None = None
+
+    @property
+    def duration(self) -> float:
+        """How much of the experiment is previewed, s."""
+        return len(self.commands) * SAMPLE_TIME
 
     @property
     def rates(self) -> np.ndarray:
@@ -87,6 +95,12 @@ class Preview:
     def warnings(self) -> tuple[str, ...]:
         """What somebody should know before the arm moves, one line each."""
         texts = []
+        if self.power_off is not None:
+            texts.append(
+                f"power off at {self.power_off:g} s: commands from then on depend on the arm and are not previewed"
+            )
+        if (text := stays(self.scenario)) is not None:
+            texts.append(text)
         for flag, what in (
             (Status.JOINT_LIMITED, "of the ticks a joint stands at an end of its range"),
             (Status.SINGULAR, "of the ticks the tool lags because the pose is near singular"),
@@ -109,7 +123,7 @@ class Preview:
 
 
 def preview(scenario: Scenario) -> Preview:
-    """Compute what an experiment will command; an emergency shutdown in it is left out.
+    """Compute what an experiment will command, up to the first emergency shutdown in it.
 
     Args:
         scenario: The experiment.
@@ -129,23 +143,33 @@ def preview(scenario: Scenario) -> Preview:
     arm = load_arm(scenario.variant, scenario.payload, worksite=scenario.worksite)
     # The draws of a simulation: bias and noise are those that it will have.
     wires = np.random.default_rng(scenario.seed).spawn(2)[0]
-    station = ControlStation(replace(scenario, shutdown=()), arm, wires)
-    places, rotations = arm.controller.tool_path(station.commands)
+    station = ControlStation(scenario, arm, wires)
+    power_off = scenario.shutdown[0] if scenario.shutdown else None
+    if power_off is not None:
+        # After the check of its times; commands before the first of them are those without it.
+        wires = np.random.default_rng(scenario.seed).spawn(2)[0]
+        ticks = max(1, int(station.powered.argmin()))
+        station = ControlStation(replace(scenario, shutdown=()), arm, wires)
+    else:
+        ticks = station.ticks
+    commands = station.commands[:ticks]
+    places, rotations = arm.controller.tool_path(commands)
     home, frame = arm.controller.tool_pose(arm.pose(scenario.pose))
     # Trace of a rotation by an angle: 1 + 2 cos; small angles need the sine, |R - R0| = 2 sqrt(2) sin(angle / 2).
     turned = np.linalg.norm(rotations - frame, axis=(1, 2)).max() / np.sqrt(8.0)
-    asked = [entry.asked(scenario.duration) for entry in scenario.excitation]
+    asked = [entry.asked(scenario.duration)[:ticks] for entry in scenario.excitation]
     joints = moved_joints(scenario)
     start = round(SETTLING / SAMPLE_TIME)
-    settled = station.commands[start if station.ticks > 2 * start else 0 :]
+    settled = commands[start if ticks > 2 * start else 0 :]
     return Preview(
         scenario=scenario,
         asked=np.hstack(asked * len(scenario.axes) if len(asked) == 1 else asked),
-        volts=station.volts,
-        commands=station.commands,
+        volts=station.volts[:ticks],
+        commands=commands,
         tool=(places - home) @ frame,
         turn=float(2.0 * np.arcsin(min(turned, 1.0))),
-        status=station.status,
+        status=station.status[:ticks],
         velocity_limits=arm.velocity_limits,
         inputs=joint_inputs(settled, joints) if len(joints) > 1 else None,
+        power_off=power_off,
     )

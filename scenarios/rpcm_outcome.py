@@ -21,6 +21,9 @@ DEPTH = 0.002
 TILT = 0.04
 """And leans or is turned by no more than this, rad: a little over what the clearance allows."""
 
+HARD = 200.0
+"""A contact force above it is worth a word wherever it arises, N."""
+
 ASIDE = 0.02
 """Over a seat, or at the approach point: no further from it than this, m."""
 
@@ -57,11 +60,21 @@ class RpcmOutcome:
         if "insert" not in self.phases:
             return f"not inserted, the unit was not released; {', '.join(self.phases) or 'nothing'} done"
         verdict = "inserted" if self.inserted else "not inserted"
-        stands = f"{1e3 * self.height:.1f} mm above its seat, {1e3 * self.aside:.1f} mm aside"
+        stands = f"{_millimetres(self.height)} mm above its seat, {_millimetres(self.aside)} mm aside"
         back = f"back at {self.phases['return'][1]:.1f} s" if self.returned else "not brought back"
         return (
             f"{verdict}, released at {self.phases['insert'][1]:.1f} s, {stands}; "
-            f"peak contact force {self.peak_contact_force:.0f} N; {back}"
+            f"contact force up to {self.peak_contact_force:.0f} N while inserting, "
+            f"{self.largest_contact_force:.0f} N in all; {back}"
+        )
+
+    def warning(self) -> str | None:
+        """One line where a large contact force arose elsewhere than at the insertion, else None."""
+        if self.largest_contact_force <= max(HARD, self.peak_contact_force):
+            return None
+        return (
+            f"the largest contact force, {self.largest_contact_force:.0f} N, arose outside the insertion: "
+            "taking hold, drawing out, letting go or a collision"
         )
 
     def summary(self) -> dict[str, object]:
@@ -111,6 +124,11 @@ def rpcm_outcome(log: JointLog) -> RpcmOutcome:
         peak_contact_force=peak,
         largest_contact_force=float(force.max()),
     )
+
+
+def _millimetres(value: float) -> str:
+    """A length in m as mm with one digit, without the sign of a zero."""
+    return f"{round(1e3 * value, 1) + 0.0:.1f}"
 
 
 def _events(log: JointLog, position: np.ndarray) -> tuple[np.ndarray, ...]:

@@ -70,7 +70,8 @@ def _record(seen: "Preview") -> dict[str, object]:
     from scenarios.needed_order import needed_orders
 
     return {
-        "duration_s": seen.scenario.duration,
+        "duration_s": seen.duration,
+        "power_off_s": seen.power_off,
         "joints": {
             joint: {
                 "peak_rate_rad_s": seen.peak_rate(joint),
@@ -107,7 +108,7 @@ def _print(seen: "Preview", picture: Path) -> None:
         for joint in seen.moving
     ]
     print_table(
-        f"{seen.scenario.name}: {seen.scenario.duration:g} s, {seen.scenario.mode.replace('_', ' ')} mode, "
+        f"{seen.scenario.name}: {seen.duration:g} s, {seen.scenario.mode.replace('_', ' ')} mode, "
         f"axes {', '.join(seen.scenario.axes)}",
         ("joint", "peak rate", "limit", "distance from the range's end"),
         rows,

@@ -96,7 +96,9 @@ def simulate(
 
     from scenarios.excitation_computer import MISSES_POINTS
     from scenarios.joint_inputs import logged_inputs
+    from scenarios.power import power_off
     from scenarios.saturation import clipped_share, velocity_limited_share
+    from scenarios.stick import stays
 
     by_name = {entry.name: entry for entry in chosen}
     clipped = {log.name: clipped_share(log, by_name[log.name]) for log in result.logs}
@@ -112,39 +114,55 @@ def simulate(
     warnings += [
         f"{entry.name}: {MISSES_POINTS}" for entry in chosen if any(played.misses_points for played in entry.excitation)
     ]
+    warnings += [f"{log.name}: {text}" for log in result.logs if (text := stays(by_name[log.name])) is not None]
     warnings += remarks
     from scenarios.tasks import judged
 
     tasks = {log.name: done for log in result.logs if (done := judged(log, by_name[log.name].task))}
+    warnings += [f"{name}: {text}" for name, outcome in tasks.items() if (text := outcome.warning())]
+    off = {log.name: stretches for log in result.logs if (stretches := power_off(log))}
+    written = list(dict.fromkeys(path for made in paths for path in made))
     if json:
         print_json(
             {
-                "logs": list(dict.fromkeys(path for written in paths for path in written)),
+                "logs": written,
                 "failed": result.failed,
                 "physics_s": result.physics_seconds,
                 "clipped": clipped,
                 "velocity_limited": limited,
                 "inputs": {name: found.summary() for name, found in inputs.items()},
                 "task": {name: outcome.summary() for name, outcome in tasks.items()},
+                "shutdowns": {name: [entry.summary() for entry in stretches] for name, stretches in off.items()},
                 "warnings": warnings,
             }
         )
         return 1 if result.failed else 0
-    rows = [
-        (str(path), f"{len(log) * log.dt:g} s", f"{100 * clipped[log.name]:.3g} %", f"{100 * limited[log.name]:.3g} %")
-        for log, written in zip(result.logs, paths, strict=True)
-        for path in written
-    ]
+    shown = {path: [log for log, made in zip(result.logs, paths, strict=True) if path in made] for path in written}
+    rows = [(str(path), *_row(logs, clipped, limited)) for path, logs in shown.items()]
     rows += [(name, f"failed: {reason}", "", "") for name, reason in result.failed.items()]
-    count = len({path for written in paths for path in written})
+    count = len(shown)
     print_table(
         f"{count} file{'s' if count != 1 else ''}", ("log", "length", "converter clips", "at velocity limit"), rows
     )
     for name, outcome in tasks.items():
         say(f"{name}: {outcome}")
+    for name, stretches in off.items():
+        for stretch in stretches:
+            say(f"{name}: {stretch}")
     for text in warnings:
         say(f"warning: {text}")
     return 1 if result.failed else 0
+
+
+def _row(logs: "Sequence[JointLog]", clipped: dict[str, float], limited: dict[str, float]) -> tuple[str, str, str]:
+    """Length and shares of a file that holds these logs; shares are the largest of them."""
+    length = sum(len(log) * log.dt for log in logs)
+    of = f" ({len(logs)} tests)" if len(logs) > 1 else ""
+    return (
+        f"{length:g} s{of}",
+        f"{100 * max(clipped[log.name] for log in logs):.3g} %",
+        f"{100 * max(limited[log.name] for log in logs):.3g} %",
+    )
 
 
 def _record(

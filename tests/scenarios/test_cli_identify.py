@@ -290,3 +290,33 @@ def test_figures(capsys: pytest.CaptureFixture[str], tmp_path: Path, csv: Path, 
     channels = ("--input", "left", "right", "--output", "elbow", "wrist")
     several = result(capsys, two, *channels, "--method", "n4sid", "--orders", "2", "--out", tmp_path / "figures")
     assert len(several["figures"]) == 6
+
+
+def test_inputs_that_move_together_are_told_once(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
+    u, y = signals()
+    other = signals(seed=1)[0]
+    near = u + 1e-3 * np.random.default_rng(2).standard_normal(len(u))
+    path = table(tmp_path / "two.csv", {"t": DT * np.arange(len(u)), "a": u, "b": near, "c": other, "y": y})
+    words = (path, "--output", "y", "--method", "arx", "--orders", "1", "1")
+    (told,) = (w for w in result(capsys, *words, "--input", "a", "b")["warnings"] if "move together" in w)
+    assert told.startswith("the inputs a, b move together (condition ")
+    assert not any("move together" in w for w in result(capsys, *words, "--input", "a", "c")["warnings"])
+
+
+def test_what_holds_for_every_path_is_said_once_and_without_python(
+    capsys: pytest.CaptureFixture[str], tmp_path: Path
+) -> None:
+    t = DT * np.arange(1200)
+    u = np.column_stack([sum(np.sin(2 * np.pi * f * t + f) for f in tones) for tones in ((3, 5, 7), (3, 6, 8))])
+    y = lfilter([0, 0.1], [1, -0.9], u, axis=0) + 0.01 * np.random.default_rng(0).standard_normal((1200, 2))
+    path = table(tmp_path / "two.csv", {"t": t, "a": u[:, 0], "b": u[:, 1], "y": y[:, 0], "z": y[:, 1]})
+    words = (path, "--input", "a", "b", "--output", "y", "z", "--method", "n4sid", "--orders", "2")
+    warnings = result(capsys, *words)["warnings"]
+    assert sum("nothing below 3 Hz is excited" in text for text in warnings) == 1
+    assert not any("→" in text for text in warnings if "nothing below 3 Hz is excited" in text)
+
+
+def test_advice_in_words_of_python_is_left_out() -> None:
+    from scenarios.identification import _for_users
+
+    assert _for_users("the model is unstable: 1.1; stable=True forbids it") == "the model is unstable: 1.1"

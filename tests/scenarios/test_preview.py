@@ -7,9 +7,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from hmtb_twin import JOINTS, Chain, Status, simulate
+from hmtb_twin import JOINTS, Chain, HandController, JointLog, Status, TwinError, simulate
 from scenarios import Excitation, Scenario, ScenarioError, load, names
 from scenarios.cli import main
+from scenarios.power import power_off
 from scenarios.preview import preview
 
 QUIET = Excitation("prbs", {"amplitude": 0.02})
@@ -98,10 +99,53 @@ def test_a_good_test_is_not_warned_of() -> None:
     )
 
 
-def test_a_shutdown_is_left_out_and_an_operator_refused() -> None:
+def test_a_shutdown_ends_the_preview_and_is_checked_as_a_simulation_does() -> None:
     planned = Scenario("stop", ("elbow_pitch",), (QUIET,), duration=4.0, shutdown=(1.0, 2.0))
-    np.testing.assert_array_equal(preview(planned).commands, preview(replace(planned, shutdown=())).commands)
-    assert not (preview(planned).status & Status.SHUT_DOWN).any()
+    seen = preview(planned)
+    assert (len(seen.commands), seen.duration, seen.power_off) == (50, 1.0, 1.0)
+    np.testing.assert_array_equal(seen.commands, simulate([planned])[0].commanded[:50])
+    assert not (seen.status & Status.SHUT_DOWN).any()
+    said = "power off at 1 s: commands from then on depend on the arm and are not previewed"
+    assert said in seen.warnings()
+    with pytest.raises(TwinError, match="expected ascending times"):
+        preview(replace(planned, shutdown=(1.0, 5.0)))
+
+
+@pytest.mark.parametrize(
+    ("amplitude", "deadband", "says"),
+    [
+        (0.004, 0.0, "no more than one count of 4.88 mV: no joint"),
+        (0.04, 0.05, "within the deadband of 0.05 V: no joint"),
+        (0.06, 0.05, ""),
+    ],
+)
+def test_an_excitation_too_small_to_pass_is_told(amplitude: float, deadband: float, says: str) -> None:
+    small = Excitation("prbs", {"amplitude": amplitude})
+    still = Scenario(
+        "still", ("elbow_pitch",), (small,), duration=2.0, hand_controller=HandController(deadband=deadband)
+    )
+    told = [text for text in preview(still).warnings() if "no joint is commanded to move" in text]
+    assert len(told) == bool(says)
+    assert says in "".join(told)
+
+
+def test_simulate_says_how_far_the_arm_sank(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
+    planned = Scenario("stop", ("elbow_pitch",), (QUIET,), duration=3.0, shutdown=(1.0, 2.0, 2.5))
+    file = tmp_path / "stop.toml"
+    file.write_text(planned.to_toml(), encoding="utf-8")
+    assert main(["simulate", str(file), "--out", str(tmp_path)]) == 0
+    out = capsys.readouterr().out
+    log = JointLog.load(tmp_path / "stop.nc")
+    first, second = power_off(log)
+    way = np.abs(log.true_angles[50:101] - log.true_angles[50]).max(axis=0)
+    assert (first.start, first.end, first.ends, first.sank) == (1.0, 2.0, True, way.max())
+    assert first.joint == JOINTS[int(way.argmax())]
+    assert (second.start, second.end, second.ends) == (2.5, 3.0, False)
+    assert f"stop: shut down 1 to 2 s: sank up to {np.degrees(way.max()):.1f} deg (" in out
+    assert "stop: shut down 2.5 to the end at 3 s: sank" in out
+
+
+def test_an_operator_is_refused() -> None:
 
     class Manned(Scenario):
         def operator(self) -> object:  # type: ignore[override]

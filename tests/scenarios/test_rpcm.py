@@ -31,6 +31,16 @@ def test_unit_is_inserted_released_extracted_and_brought_back(log: JointLog) -> 
     assert starts[1:] == ends[:-1]
     assert list(ends) == sorted(ends)
     assert str(outcome).startswith("inserted, released at ")
+    forces = (outcome.peak_contact_force, outcome.largest_contact_force)
+    assert "contact force up to {:.0f} N while inserting, {:.0f} N in all".format(*forces) in str(outcome)
+
+
+def test_a_large_force_outside_the_insertion_is_told(log: JointLog) -> None:
+    outcome = replace(rpcm_outcome(log), peak_contact_force=15.0, height=-1e-5)
+    assert "250 N, arose outside the insertion" in str(replace(outcome, largest_contact_force=250.0).warning())
+    assert replace(outcome, largest_contact_force=199.0).warning() is None
+    assert replace(outcome, peak_contact_force=250.0, largest_contact_force=250.0).warning() is None
+    assert " 0.0 mm above its seat" in str(outcome)
 
 
 def test_task_ends_within_limits(log: JointLog) -> None:
