@@ -78,6 +78,8 @@ def two_sines(*, frequency: float, amplitude: float = 1.0) -> Waveform:
         ScenarioError: The lower tone does not repeat in 2 s nor in 4 s, or the upper one is above half the update rate.
     """
     rate = RATE
+    if not abs(frequency) < RATE:
+        raise ScenarioError(f"lower tone {frequency} Hz: expected one below {RATE / 8} Hz")
     if abs(frequency * WINDOW - round(frequency * WINDOW)) > 1e-9:
         rate = RATE / 2
     cycles = frequency * POINTS / rate
@@ -111,7 +113,7 @@ def bipolar_ramping_pulse(
         ScenarioError: The frequency does not repeat in the file, or the pulse does not fit.
     """
     half = RATE / (2.0 * _whole_cycles(frequency))
-    width = round(pulse_width * RATE)
+    width = round(pulse_width * RATE) if abs(pulse_width) <= WINDOW else 0
     if not 1 <= width <= half:
         raise ScenarioError(
             f"pulse width must be {1 / RATE} to {half / RATE} s at {frequency} Hz, given {pulse_width} s"

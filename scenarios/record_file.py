@@ -82,7 +82,7 @@ def netcdf_format(path: Path) -> str:
     try:
         with h5py.File(path) as file:
             return str(file.attrs.get("format", ""))
-    except (OSError, RuntimeError, TypeError, ValueError):
+    except (OSError, RuntimeError, TypeError, ValueError, KeyError):
         return ""
 
 

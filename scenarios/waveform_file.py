@@ -43,9 +43,9 @@ def read_points(path: str | Path) -> tuple[float, ...]:
     """
     path = Path(path)
     try:
-        lines = path.read_text(encoding="utf-8").splitlines()
-    except (OSError, UnicodeDecodeError) as error:
-        why = error.strerror if isinstance(error, OSError) else "it is no text"
+        lines = path.read_text(encoding="utf-8-sig").splitlines()
+    except (OSError, ValueError) as error:
+        why = error.strerror if isinstance(error, OSError) else "it is no text, or no path"
         raise ScenarioError(
             f"cannot read waveform file {str(path)!r}: {why}; expected {POINTS} numbers in V, one per line"
         ) from error

@@ -2,9 +2,11 @@
 
 import pytest
 
+from hmtb_twin import HandController, TwinError
 from scenarios import Scenario, ScenarioError, load
-from scenarios.excitation import multisine, prbs, sine, white_noise
+from scenarios.excitation import bipolar_ramping_pulse, multisine, prbs, sine, two_sines, white_noise
 from scenarios.waveform import Waveform
+from scenarios.waveform_file import read_points
 
 
 @pytest.mark.parametrize("name", ["", " ", ".", "../escape", "/tmp/abs", "a/b", "a\nb", "a\0b", "x" * 101, "-x"])
@@ -102,3 +104,19 @@ def test_a_waveform_of_silence_is_one_line(capsys, tmp_path):
     assert main(words) == 2
     assert capsys.readouterr().err.count("\n") == 1
     assert not (tmp_path / "out").exists()
+
+
+@pytest.mark.parametrize("huge", [1e308, -1e308])
+def test_huge_arguments_are_refused_by_name(huge):
+    with pytest.raises(ScenarioError, match="lower tone"):
+        two_sines(frequency=huge)
+    with pytest.raises(ScenarioError, match="pulse width"):
+        bipolar_ramping_pulse(pulse_width=huge)
+    for name in ("translation_gain", "adc_range", "hum_frequency"):
+        with pytest.raises(TwinError, match=name):
+            HandController(**{name: huge})
+
+
+def test_a_path_that_is_none_is_refused():
+    with pytest.raises(ScenarioError, match="cannot read waveform file"):
+        read_points("a\0b")
