@@ -201,12 +201,16 @@ class JointLog:
         Raises:
             TwinError: The file is missing or is no joint log.
         """
+        import h5py
         import xarray as xr
 
         path = Path(path)
         if not path.is_file():
             raise TwinError(f"no file {path}: expected a joint log, NetCDF4")
         try:
+            with h5py.File(path) as whole:
+                # A damaged file is found here, where nothing is left half open.
+                _ = dict(whole["/"].attrs)
             with warnings.catch_warnings():
                 # A foreign file is reported below; its reader's own remarks would only stand before that.
                 warnings.simplefilter("ignore")

@@ -131,10 +131,14 @@ def read_netcdf(
     Raises:
         SysidError: No file, another format, no such variable, and as in `read_csv`.
     """
+    import h5py
     import xarray as xr
 
     file = _existing(path, "a NetCDF4 file")
     try:
+        with h5py.File(file) as whole:
+            # A damaged file is found here, where nothing is left half open.
+            _ = dict(whole["/"].attrs)
         with xr.open_dataset(file, engine="h5netcdf", decode_times=False) as stored:
             columns = {
                 str(name): np.atleast_1d(np.asarray(variable.values, dtype=float))
@@ -144,8 +148,8 @@ def read_netcdf(
             units = {str(name): str(variable.attrs.get("units", "")) for name, variable in stored.variables.items()}
             if "dt" not in columns and isinstance(stored.attrs.get("dt"), int | float | np.number):
                 columns["dt"] = np.array([float(stored.attrs["dt"])])
-    except (OSError, ValueError) as error:
-        raise SysidError(f"{file.name}: not a NetCDF4 file ({error})") from error
+    except (OSError, ValueError, KeyError, TypeError, RuntimeError) as error:
+        raise SysidError(f"{file.name}: not a NetCDF4 file, or a damaged one ({error})") from error
     for name in [n for n in columns if units[n] in SECONDS and units[n] and n.lower() in TIME_NAMES]:
         columns[f"{name} ({units[name]})"] = columns.pop(name)
     return record_of(columns, inputs, outputs, dt, missing, file, units)

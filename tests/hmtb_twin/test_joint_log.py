@@ -106,3 +106,21 @@ def test_channels_must_fit_together(log):
 
     with pytest.raises(TwinError, match=r"wrench of shape .* expected"):
         replace(log, wrench=log.wrench[:-1])
+
+
+def test_a_damaged_header_is_one_error_and_no_noise(log, tmp_path, capfd):
+    whole = bytearray(log.save(tmp_path / "whole.nc").read_bytes())
+    rng = np.random.default_rng(4)
+    refused = 0
+    for number in range(12):
+        damaged = bytearray(whole)
+        for place in rng.integers(0, 4000, 8):
+            damaged[place] ^= 1 << int(rng.integers(8))
+        path = tmp_path / f"{number}.nc"
+        path.write_bytes(damaged)
+        try:
+            JointLog.load(path)
+        except TwinError:
+            refused += 1
+    assert refused > 3
+    assert "Traceback" not in capfd.readouterr().err
