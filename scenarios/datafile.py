@@ -179,6 +179,8 @@ def _for_users(text: str, path: Path, inputs: Sequence[str], outputs: Sequence[s
         return f"{str(path)!r}: unknown kind of data file; expected {KINDS}"
     for option, names in (("input", inputs), ("output", outputs)):
         if any(f"column {name!r};" in text for name in names):
+            if path.suffix == ".csv" and is_record(path):
+                return f"{text}; it is a record of joints: choose one by --joint, e.g. --joint elbow_pitch"
             return f"{text}; choose by --{option}"
     return text
 

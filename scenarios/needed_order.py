@@ -5,7 +5,7 @@ denominator together: na + nb for ARMAX, nb + nf for OE; a least-squares regress
 one, as OKID's, takes p + 1 [Ljung1999, sec. 13.2; Soderstrom1989, sec. 5.4]. `sysid` warns by the same rule.
 """
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from functools import cache
 from types import MappingProxyType
 
@@ -40,11 +40,23 @@ def shortcoming(order: int) -> str | None:
         order: Order of persistent excitation.
 
     Returns:
-        One line, or None if it is enough for all.
+        One line, which takes the models of an estimator together, or None if it is enough for all.
     """
     missed = {label: needed for label, needed in needed_orders().items() if needed > order}
     if not missed:
         return None
-    models = ", ".join(f"{label} ({needed})" for label, needed in missed.items())
-    which = "every model" if len(missed) == len(needed_orders()) else "these models"
-    return f"order of excitation {order} is too low for {which} of the study, which need more: {models}"
+    every = len(needed_orders())
+    if len(missed) == every:
+        return (
+            f"order of excitation {order} is too low for every model of the study: they need {_span(missed.values())}"
+        )
+    by_estimator: dict[str, list[int]] = {}
+    for label, needed in missed.items():
+        by_estimator.setdefault(label.split()[0], []).append(needed)
+    models = ", ".join(f"{name} ({_span(needed)})" for name, needed in by_estimator.items())
+    return f"order of excitation {order} is too low for {len(missed)} of the {every} models of the study: {models}"
+
+
+def _span(values: Iterable[int]) -> str:
+    low, high = min(values := list(values)), max(values)
+    return f"{low} to {high}" if high > low else str(low)

@@ -213,6 +213,28 @@ def losses(contents: Sequence[Contents], kind: str) -> list[str]:
     return lost
 
 
+def unsaid(records: Sequence["BusRecord"], kind: str, names: Sequence[str]) -> list[str]:
+    """What a format has no place for beside the channels: a CSV names no test and no axes.
+
+    Args:
+        records: The records.
+        kind: Name of the format to write.
+        names: Under which names the files will be read again, one for each record.
+
+    Returns:
+        One text for each record of which something is not said.
+    """
+    if kind != "csv":
+        return []
+    texts = []
+    for record, name in zip(records, names, strict=True):
+        what = [f"that the test is {record.name}"] if name != record.name else []
+        what += [f"that it excites {', '.join(record.axes)}"] if record.axes else []
+        if what:
+            texts.append(f"{name}.csv does not say {' nor '.join(what)}")
+    return texts
+
+
 def _hidden(path: Path) -> tuple[str, ...]:
     """Variables and provenance of a joint log that are no channels of the bus."""
     import h5py

@@ -72,14 +72,23 @@ def _pose(model: mujoco.MjModel, data: mujoco.MjData, log: JointLog, tick: int) 
     mujoco.mj_forward(model, data)
 
 
-def _viewer() -> Any:
-    """MuJoCo's viewer module.
+def check_display() -> None:
+    """Refuse before the work for a window that cannot open.
 
     Raises:
         ScenarioError: There is no display to open a window on.
     """
     if sys.platform == "linux" and not (os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY")):
         raise ScenarioError("no display here, so no window for the viewer; hmtb video films without one")
+
+
+def _viewer() -> Any:
+    """MuJoCo's viewer module.
+
+    Raises:
+        ScenarioError: There is no display to open a window on.
+    """
+    check_display()
     import mujoco.viewer
 
     return mujoco.viewer

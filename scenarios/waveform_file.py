@@ -58,6 +58,10 @@ def read_points(path: str | Path) -> tuple[float, ...]:
                 raise ScenarioError(
                     f"waveform file {str(path)!r}, line {number}: expected a number in V, given {word!r}"
                 ) from None
+            if not np.isfinite(values[-1]):
+                raise ScenarioError(
+                    f"waveform file {str(path)!r}, line {number}: expected a finite number in V, given {word!r}"
+                )
     try:
         return tuple(float(value) for value in points(points=tuple(values)).points)
     except ScenarioError as error:

@@ -1,5 +1,6 @@
 """`hmtb convert`: 1553 records to ASCII, and between the other formats of records."""
 
+import sys
 from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -29,7 +30,8 @@ def convert(
 
     hmtb convert run-1.ch10 ascii --format ascii
 
-    A conversion that would lose something is refused and says what; --lossy does it nevertheless.
+    A conversion that would lose values is refused and says what; --lossy does it nevertheless. A CSV has no place for
+    the name of the test and what it excites; a note says so.
 
     Args:
         paths: Files to convert, then the file or folder to write.
@@ -39,7 +41,7 @@ def convert(
         json: Print JSON.
     """
     from scenarios.errors import ScenarioError
-    from scenarios.record_file import Contents, losses, read_records
+    from scenarios.record_file import Contents, losses, read_records, unsaid
 
     if len(paths) < 2:
         raise ScenarioError("expected a file to convert and the file or folder to write; see hmtb convert --help")
@@ -66,6 +68,7 @@ def convert(
         raise ScenarioError(f"two tests are named {twice_named!r}; their files would be one")
     written, full = _write(records, kind, out, single, sources[0].stem)
     warnings += full
+    notes = unsaid(records, kind, [path.stem for path in written])
     missing = [int(record.lost.sum()) for record in records]
     code = 1 if any(entry.message for entry in contents) else 0
     if json:
@@ -73,7 +76,7 @@ def convert(
             {"name": record.name, "ticks": len(record), "ticks_lost": gone, "excited": record.axes}
             for record, gone in zip(records, missing, strict=True)
         ]
-        print_json({"files": written, "tests": tests, "warnings": warnings})
+        print_json({"files": written, "tests": tests, "lost": [*lost, *notes], "warnings": warnings})
         return code
     rows = [
         (record.name, str(written[min(k, len(written) - 1)]), f"{len(record) * record.dt:g} s", str(gone))
@@ -84,6 +87,8 @@ def convert(
     )
     for text in warnings:
         say(f"warning: {text}")
+    for text in notes:
+        sys.stderr.write(f"note: {text}\n")
     return code
 
 

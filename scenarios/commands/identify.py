@@ -157,6 +157,8 @@ def _record(method: str, found: "Identification") -> dict[str, object]:
 def _rows(found: "Identification") -> list[tuple[str, str]]:
     import numpy as np
 
+    from scenarios.datafile import of_joint
+
     model, first, fit = found.estimate, found.parts[0], found.fit
     ins, outs = first.input_names or (), first.output_names or ()
     rows = [
@@ -165,7 +167,9 @@ def _rows(found: "Identification") -> list[tuple[str, str]]:
     ]
     if found.level is not None:
         named = zip((*ins, *outs), (*found.level[0], *found.level[1]), strict=True)
-        rows.append(("operating point", ", ".join(f"{name} {_number(value)}" for name, value in named)))
+        # Records of joints are in rad; what other tables hold, only their owner knows.
+        unit = " rad" if of_joint(first) else ""
+        rows.append(("operating point", ", ".join(f"{name} {_number(value)}{unit}" for name, value in named)))
     rows += [
         ("fit in simulation", _percents(fit.simulation, outs)),
         ("fit one step ahead", _percents(fit.one_step, outs)),

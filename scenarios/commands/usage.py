@@ -12,6 +12,14 @@ KNOWN = r"Missing (from|value)|Error parsing|Unrecognized options?:|[Ii]nvalid c
 KINDS = {"INT": "a whole number", "FLOAT": "a number", "[INT [INT ...]]": "whole numbers", "PATH": "a path"}
 """What the parser's words for kinds of values mean."""
 
+STRAY = {
+    "hmtb waveform": "--path",
+    "hmtb identify": "--validate",
+    "hmtb video": "--out",
+    "hmtb thesis": "--out",
+}
+"""Option that a word too many was probably meant for, by command."""
+
 WIDE = "100000"
 """Columns that no message fills, so that the parser wraps nothing."""
 
@@ -33,10 +41,10 @@ def one_line(parse: Callable[[], object], command: str) -> str:
             sections.append([])
         elif row:
             sections[-1].append(row)
-    return f"{_sentence(sections)}; see {command} --help"
+    return f"{_sentence(sections, command)}; see {command} --help"
 
 
-def _sentence(sections: list[list[str]]) -> str:
+def _sentence(sections: list[list[str]], command: str) -> str:
     rows = [row for section in sections for row in section]
     said = next((row for row in rows if re.match(KNOWN, row)), "")
     if said.startswith("Missing from"):
@@ -52,6 +60,9 @@ def _sentence(sections: list[list[str]]) -> str:
         return f"{match[1]}: expected {KINDS.get(kind, kind) or 'another value'}, given {given}"
     if match := re.match(r"Unrecognized options?: (.*)", said):
         words = match[1].replace(", ", " ")
+        if not words.startswith("-"):
+            meant = f"; did you mean {STRAY[command]} {words}?" if command in STRAY and " " not in words else ""
+            return f"unexpected argument{'s' if ' ' in words else ''} {words!r}{meant}"
         close = [row.split()[0] for row in rows if row.startswith("--") and row != said]
         return f"cannot read {words!r}" + (f": did you mean {close[0]}?" if close else "")
     if match := re.match(r"[Ii]nvalid choice '([^']*)' for argument '([^']*)'. Expected one of \((.*)\)", said):

@@ -34,8 +34,9 @@ def video(
     Args:
         name: A registered scenario, a TOML file, or a log NAME.nc.
         out: The file, its ending .mp4, .gif or .png (the picture at --start); NAME.mp4 when not given.
-        camera: View, or several separated by commas: overview, window (the aft flight deck's), port, starboard and
-            worksite (the bay's cameras), wrist_camera; deck is window, port, starboard and wrist_camera in one.
+        camera: View, or several separated by commas: overview, window (the aft flight deck's), port, starboard,
+            worksite and seats (the bay's cameras), wrist_camera; deck is window, port, starboard and wrist_camera in
+            one.
         width: Width of each view, pixels.
         height: Height of each view, pixels.
         fps: Frames per second.
@@ -53,16 +54,17 @@ def video(
     for label, value in (("fps", fps), ("speed", speed)):
         if not 0 < value <= 1000:
             raise ScenarioError(f"--{label} must be above 0 and at most 1000, given {value:g}")
+    cameras = _cameras(camera)
     log = played(name, seed=seed)
     path = Path(f"{log.name}.mp4") if out is None else out
     check_place(path)
     end = len(log) * log.dt
     last = end - log.dt if duration is None else min(start + duration, end - log.dt)
     if not 0 <= start <= last:
-        raise ScenarioError(f"nothing to show from {start:g} s for {duration} s; {log.name} lasts from 0 to {end:g} s")
+        length = "" if duration is None else f" for {duration:g} s"
+        raise ScenarioError(f"nothing to show from {start:g} s{length}; {log.name} lasts from 0 to {end:g} s")
     if path.suffix == ".png":
         last = start
-    cameras = DECK if camera == "deck" else tuple(entry.strip() for entry in camera.split(","))
     pictures = frames(log, cameras, size=(width, height), rate=fps, speed=speed, span=(start, last))
     count = int((last - start) / speed * fps + 1e-9) + 1
     with progress("filming") as report:
@@ -77,6 +79,23 @@ def video(
 
 DECK = ("window", "port", "starboard", "wrist_camera")
 """What the operator on the aft flight deck sees at once."""
+
+
+def _cameras(words: str) -> tuple[str, ...]:
+    """The cameras that the words name, before the work for them begins."""
+    from hmtb_twin import load_arm
+    from hmtb_twin.rendering import scene_model
+    from scenarios.errors import ScenarioError
+    from scenarios.suggest import unknown
+
+    scene = scene_model(load_arm())
+    known = [scene.camera(number).name for number in range(scene.ncam)]
+    chosen: list[str] = []
+    for entry in (word.strip() for word in words.split(",")):
+        if entry not in (*known, "deck"):
+            raise ScenarioError(unknown("camera", entry, (*known, "deck")))
+        chosen += DECK if entry == "deck" else (entry,)
+    return tuple(chosen)
 
 
 def _counted(

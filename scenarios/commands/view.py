@@ -29,10 +29,11 @@ def view(
         seed: Draw other noise; for a scenario only.
     """
     from scenarios.errors import ScenarioError
-    from scenarios.viewer import play, show
+    from scenarios.viewer import check_display, play, show
 
     if not 0 < speed <= 1000:
         raise ScenarioError(f"--speed must be above 0 and at most 1000, given {speed:g}")
+    check_display()
     if name is None:
         show(payload)
         return 0

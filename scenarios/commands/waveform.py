@@ -47,7 +47,8 @@ def waveform(
 
     Args:
         kind: Name of the excitation.
-        amplitude: Largest value, V; 1 V, or 4 V for a bipolar_ramping_pulse, when not given.
+        amplitude: Largest value, V, half of it for a sign_recursion with --as-printed; 1 V, or 4 V for a
+            bipolar_ramping_pulse, when not given.
         frequency: Frequency of a sine, of the lower of two_sines, or of a bipolar_ramping_pulse, Hz.
         f_start: Start of a chirp or chirp_franklin, Hz.
         f_end: End of a chirp or chirp_franklin, Hz.
@@ -58,12 +59,14 @@ def waveform(
         f_center: Centre frequency of chirp_as_printed, Hz.
         ramp: Part of the window over which a chirp_franklin fades in and out.
         offset: Constant that a chirp_franklin adds, V.
-        clock: Samples per bit of a prbs.
+        clock: Samples per bit of a prbs, a maximum-length sequence cut to 100 points: its mean may be up to 0.28 of
+            the amplitude.
         pulse_width: Length of each ramp of a bipolar_ramping_pulse, s.
         growing: Let the pulses of a bipolar_ramping_pulse grow over the file.
         odd: Only odd lines in a multisine.
         memory: Weight of the last level in a sign_recursion, against noise of standard deviation 1.
-        as_printed: Give a sign_recursion twice the levels, as equation (2.11) is printed.
+        as_printed: Give a sign_recursion levels of twice the amplitude, as equation (2.11) is printed, without its
+            factors 1/2.
         seed: Seed of prbs, sign_recursion, multisine and white_noise.
         path: The file, with kind file: 100 numbers in V.
         out: Folder for KIND.txt (one point per line, V) and KIND.png.
@@ -106,16 +109,16 @@ def waveform(
 
     with output_folder(out) as folder:
         name = kind if path is None else path.stem
-        text = write_points(wave.points.tolist(), folder / f"{name}.txt") if path is None else path
+        file = write_points(wave.points.tolist(), folder / f"{name}.txt") if path is None else path
         picture = folder / f"{name}.png"
         waveform_figure(wave).savefig(picture, dpi=150)
     order = wave.order_of_excitation()
     parameters = wave.parameters if path is None else {"path": str(path)}
-    warning = shortcoming(order)
+    warnings = [text for text in (_beyond(wave), shortcoming(order)) if text]
     record = {
         "kind": kind,
         "parameters": parameters,
-        "points": str(text),
+        "points": str(file),
         "plot": str(picture),
         "update_rate_hz": wave.update_rate,
         "period_s": wave.period,
@@ -123,7 +126,7 @@ def waveform(
         "mean_v": float(wave.points.mean()),
         "rms_v": float(np.sqrt(np.mean(wave.points**2))),
         "needed_order": needed_orders(),
-        "warnings": [warning] if warning else [],
+        "warnings": warnings,
     }
     if json:
         print_json(record)
@@ -144,9 +147,22 @@ def waveform(
     ]
     rows[1:1] = [(f"--{_flag(key)}", str(value)) for key, value in parameters.items()]
     print_table(f"Waveform {kind}", ("", ""), rows)
-    if warning:
-        say(f"warning: {warning}")
+    for text in warnings:
+        say(f"warning: {text}")
     return 0
+
+
+def _beyond(wave: "Waveform") -> str | None:
+    """Say which points the excitation computer cannot give."""
+    from scenarios.excitation_computer import BOARD
+
+    count = int(BOARD.beyond(wave.points).sum())
+    if not count:
+        return None
+    return (
+        f"{count} of {len(wave.points)} points ask for more than the ±{BOARD.dac_range:g} V of the excitation "
+        "computer's converter, which cuts them off"
+    )
 
 
 def _waveform(kind: str, options: Mapping[str, float | int | bool | None], path: Path | None) -> "Waveform":
@@ -165,7 +181,7 @@ def _waveform(kind: str, options: Mapping[str, float | int | bool | None], path:
             raise ScenarioError(f"points of one's own come from a file: hmtb waveform {KIND} --path FILE, nothing else")
         return Excitation("points", {"points": read_points(path)}).waveform()
     if kind not in KINDS:
-        raise ScenarioError(unknown("excitation", kind, [KIND, *KINDS]))
+        raise ScenarioError(unknown("excitation", kind, [KIND, *(name for name in KINDS if name != "points")]))
     if path is not None:
         raise ScenarioError(f"{kind} has no --path; a file of one's own is shown by: hmtb waveform {KIND} --path FILE")
     taken = signature(KINDS[kind]).parameters

@@ -97,7 +97,10 @@ def test_help_names_every_method_and_its_orders(capsys: pytest.CaptureFixture[st
         ),
         ("identify a.csv --method oe", "missing --orders (whole numbers)"),
         ("identify a.csv --method oe --orders 2 x 1", "--orders: expected whole numbers, given 2 x 1"),
-        ("identify a.csv b.csv --method oe --orders 1 1", "cannot read 'b.csv'"),
+        (
+            "identify a.csv b.csv --method oe --orders 1 1",
+            "unexpected argument 'b.csv'; did you mean --validate b.csv?",
+        ),
         ("simulate siso-1-elbow_pitch --duration long", "--duration: expected a number, given long"),
         ("simulate siso-1-elbow_pitch --out", "--out needs a value"),
         ("simulate", f"no scenario named; there are {len(names())}, listed by: hmtb scenarios list"),

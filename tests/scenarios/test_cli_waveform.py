@@ -103,11 +103,11 @@ def test_it_says_for_which_models_a_waveform_is_too_poor(capsys: pytest.CaptureF
     assert found["needed_order"]["armax 5 3 5 2"] == 8
     assert found["needed_order"]["oe 2 2 1"] == found["needed_order"]["armax 2 2 2 1"] == 4
     assert found["needed_order"]["okid 2 5"] == 6
-    assert "order of excitation 4 is too low for these models" in warning
-    assert "armax 5 3 5 2 (8)" in warning
-    assert "oe 2 2" not in warning
+    assert warning == (
+        "order of excitation 4 is too low for 5 of the 9 models of the study: okid (6), oe (7 to 8), armax (8)"
+    )
     (warning,) = result(capsys, "waveform", "sine", "--frequency", "5", "--out", tmp_path)["warnings"]
-    assert "every model of the study" in warning
+    assert warning == "order of excitation 2 is too low for every model of the study: they need 4 to 8"
     assert result(capsys, "waveform", "prbs", "--out", tmp_path)["warnings"] == []
     out = run(capsys, "waveform", "sine", "--frequency", "5", "--out", tmp_path)[1]
     assert "warning: order of excitation 2 is too low" in " ".join(out.split())
@@ -142,3 +142,29 @@ def test_a_path_belongs_to_a_file_and_nothing_else(capsys: pytest.CaptureFixture
     assert "prbs has no --path" in complaint(capsys, "waveform", "prbs", "--path", "x.txt", *out)
     assert "No such file" in complaint(capsys, "waveform", "file", "--path", tmp_path / "none.txt", *out)
     assert "did you mean 'file'" in complaint(capsys, "waveform", "fil", *out)
+    assert "points" not in complaint(capsys, "waveform", "square", *out)
+    said = complaint(capsys, "waveform", "file", "mine.txt", *out)
+    assert "unexpected argument 'mine.txt'; did you mean --path mine.txt?" in said
+
+
+@pytest.mark.parametrize("word", ["nan", "inf", "two"])
+def test_what_is_no_number_is_named_with_its_line(
+    capsys: pytest.CaptureFixture[str], tmp_path: Path, word: str
+) -> None:
+    path = tmp_path / "mine.txt"
+    path.write_text("1\n" * 41 + f"{word}\n" + "1\n" * 58, encoding="utf-8")
+    said = complaint(capsys, "waveform", "file", "--path", path, "--out", tmp_path)
+    assert f"line 42: expected a {'number' if word == 'two' else 'finite number'} in V, given '{word}'" in said
+
+
+def test_points_beyond_the_converter_are_told(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
+    path = tmp_path / "high.txt"
+    path.write_text("12\n-9\n" + "0.5\n" * 97 + "-11\n", encoding="utf-8")
+    for words, count in (
+        (("file", "--path", path), 2),
+        (("prbs", "--amplitude", "11"), 100),
+        (("prbs", "--amplitude", "9.9"), 0),
+    ):
+        warnings = result(capsys, "waveform", *words, "--out", tmp_path / "out")["warnings"]
+        told = [text for text in warnings if "±10 V of the excitation computer's converter" in text]
+        assert [text.split()[0] for text in told] == [str(count)] * bool(count)

@@ -209,3 +209,29 @@ def test_without_the_library_nothing_is_simulated(
     assert line in complaint(capsys, "convert", tmp_path / "a.ch10", tmp_path / "a.asc")
     assert line in complaint(capsys, "identify", tmp_path / "a.ch10", *OE)
     assert sorted(path.name for path in tmp_path.iterdir()) == ["a.ch10"]
+
+
+def test_a_csv_says_what_it_cannot_hold(made: Path, capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
+    source, out = made / "siso-5-elbow_pitch.asc", tmp_path / "mine.csv"
+    says = "mine.csv does not say that the test is siso-5-elbow_pitch nor that it excites elbow_pitch"
+    assert run(capsys, "convert", source, out)["lost"] == [says]
+    assert main(["convert", str(source), str(out)]) == 0
+    assert capsys.readouterr().err == f"note: {says}\n"
+    assert run(capsys, "convert", source, tmp_path / "mine.mat")["lost"] == []
+    assert run(capsys, "convert", out, tmp_path / "again.csv")["lost"] == [
+        "again.csv does not say that the test is mine"
+    ]
+
+
+def test_our_csv_is_read_by_joint(made: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    said = complaint(capsys, "identify", made / "siso-5-elbow_pitch.csv", *OE)
+    assert "it is a record of joints: choose one by --joint" in said
+
+
+def test_a_recording_of_several_tests_is_one_row(made: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    names = ("siso-5-elbow_pitch", "siso-5-shoulder_yaw")
+    words = ("simulate", *names, "--format", "1553", "--duration", "2", "--out", str(made / "two"))
+    assert main([*words]) == 0
+    rows = [line for line in capsys.readouterr().out.splitlines() if "run-1.ch10" in line]
+    assert len(rows) == 1
+    assert "4 s (2 tests)" in rows[0]

@@ -1,6 +1,7 @@
 """Films and pictures of an experiment."""
 
 import json
+import sys
 from contextlib import nullcontext
 from pathlib import Path
 
@@ -11,6 +12,7 @@ import pytest
 from PIL import Image
 
 from hmtb_twin import JointLog, simulate
+from hmtb_twin.resources import model_file
 from scenarios import Excitation, Scenario
 from scenarios.cli import main
 
@@ -62,7 +64,7 @@ def test_a_gif_and_a_speed(log: Path, tmp_path: Path) -> None:
     ("words", "says"),
     [
         (["--out", "x.avi"], "'.avi'"),
-        (["--camera", "moon", "--out", "x.png"], "unknown camera 'moon', available: overview"),
+        (["--camera", "moon", "--out", "x.png"], "wrist_camera, deck"),
         (["--start", "9"], "lasts from 0 to 2 s"),
         (["--fps", "0"], "--fps must be above 0"),
         (["--width", "5", "--out", "x.png"], "16 to 4096"),
@@ -121,3 +123,38 @@ def test_a_log_plays_back_tick_by_tick(log: Path, monkeypatch: pytest.MonkeyPatc
     assert len(poses) > 2
     for time, angles in poses:
         np.testing.assert_array_equal(angles, record.true_angles[round(time / record.dt)])
+
+
+@pytest.mark.parametrize(
+    ("words", "says"),
+    [
+        (["--start", "500"], "nothing to show from 500 s; swing lasts from 0 to 2 s"),
+        (["--start", "5", "--duration", "1"], "nothing to show from 5 s for 1 s; swing"),
+    ],
+)
+def test_what_is_not_in_the_record_is_not_shown(
+    log: Path, words: list[str], says: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main(["video", str(log), *words, "--out", "x.png"]) == 2
+    assert says in capsys.readouterr().err
+
+
+def test_help_names_every_camera(capsys: pytest.CaptureFixture[str]) -> None:
+    scene = mujoco.MjModel.from_xml_path(str(model_file("hmtb/scene.xml")))
+    assert main(["video", "--help"]) == 0
+    help_text = capsys.readouterr().out
+    for number in range(scene.ncam):
+        assert scene.camera(number).name in help_text
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="only there the display is known before a window opens")
+def test_without_a_display_nothing_is_simulated_or_announced(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    for name in ("DISPLAY", "WAYLAND_DISPLAY"):
+        monkeypatch.delenv(name, raising=False)
+    monkeypatch.setattr("scenarios.playback.played", lambda *words, **options: pytest.fail("simulated"))
+    assert main(["view", "siso-1-elbow_pitch"]) == 2
+    out, err = capsys.readouterr()
+    assert out == ""
+    assert "no display here" in err
