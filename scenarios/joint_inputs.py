@@ -137,7 +137,7 @@ def _compared(joints: tuple[str, ...], signals: list[np.ndarray], lags: int) -> 
         return None
     signals = [signal - signal.mean() for signal in signals]
     rows = len(signals[0]) - lags + 1
-    if rows < 2 * lags * len(joints):
+    if rows < 2 * lags * len(joints) or not all(signal.any() for signal in signals):
         return None
     blocks = [
         np.column_stack([signal[lags - 1 - lag : lags - 1 - lag + rows] for lag in range(lags)]) / signal.std()

@@ -10,9 +10,10 @@ from scenarios.waveform import POINTS, Waveform, check_seed
 def prbs(*, amplitude: float = 1.0, clock: int = 2, seed: int = 0) -> Waveform:
     """Maximum-length binary sequence between -amplitude and +amplitude [Soderstrom1989, compl. C5.3].
 
-    The shortest register whose sequence fills the file is used, cut after 100 points: the file may keep a mean of up to
-    0.28 of the amplitude (at two samples per bit), and its spectrum is only nearly flat under the sinc-shaped envelope
-    of the held bits, with zeros at multiples of 50/clock Hz.
+    The shortest register whose sequence fills the file is used, cut after 100 points: the file may keep a mean, of up
+    to 0.12, 0.16 and 0.28 of the amplitude at one, two and three samples per bit, as a rule more at longer bits. Its
+    spectrum is only nearly flat under the sinc-shaped envelope of the held bits, with zeros at multiples of 50/clock
+    Hz.
     Equation (2.11) of [Morris1996] as printed has levels 2 C1 and 2 C2; here the levels are the amplitude itself.
 
     Args:

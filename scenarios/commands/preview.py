@@ -98,6 +98,7 @@ def _print(seen: "Preview", picture: Path) -> None:
 
     from hmtb_twin import JOINTS, Status
 
+    of = f" of {seen.scenario.duration:g} s" if seen.duration < seen.scenario.duration else ""
     rows = [
         (
             joint,
@@ -108,7 +109,7 @@ def _print(seen: "Preview", picture: Path) -> None:
         for joint in seen.moving
     ]
     print_table(
-        f"{seen.scenario.name}: {seen.duration:g} s, {seen.scenario.mode.replace('_', ' ')} mode, "
+        f"{seen.scenario.name}: {seen.duration:g} s{of}, {seen.scenario.mode.replace('_', ' ')} mode, "
         f"axes {', '.join(seen.scenario.axes)}",
         ("joint", "peak rate", "limit", "distance from the range's end"),
         rows,

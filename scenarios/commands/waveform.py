@@ -59,8 +59,8 @@ def waveform(
         f_center: Centre frequency of chirp_as_printed, Hz.
         ramp: Part of the window over which a chirp_franklin fades in and out.
         offset: Constant that a chirp_franklin adds, V.
-        clock: Samples per bit of a prbs, a maximum-length sequence cut to 100 points: its mean may be up to 0.28 of
-            the amplitude.
+        clock: Samples per bit of a prbs, a maximum-length sequence cut to 100 points: its mean may be up to 0.16 of
+            the amplitude at 2, the default, 0.28 at 3, as a rule more at longer bits.
         pulse_width: Length of each ramp of a bipolar_ramping_pulse, s.
         growing: Let the pulses of a bipolar_ramping_pulse grow over the file.
         odd: Only odd lines in a multisine.

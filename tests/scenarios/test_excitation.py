@@ -207,3 +207,10 @@ def test_play_repeats_the_period(waveform: Waveform) -> None:
 def test_bad_values_are_refused(bad: object) -> None:
     with pytest.raises(ScenarioError, match=r"given|expected|does not"):
         bad()  # type: ignore[operator]
+
+
+@pytest.mark.parametrize(("clock", "largest"), [(1, 0.12), (2, 0.16), (3, 0.28)])
+def test_the_mean_that_a_cut_sequence_keeps(clock: int, largest: float) -> None:
+    """As the docstring says; every start state of the register is among so many seeds."""
+    means = [abs(prbs(clock=clock, seed=seed).points.mean()) for seed in range(1000)]
+    assert max(means) == pytest.approx(largest, abs=1e-12)

@@ -133,6 +133,8 @@ def test_simulate_says_how_far_the_arm_sank(capsys: pytest.CaptureFixture[str], 
     planned = Scenario("stop", ("elbow_pitch",), (QUIET,), duration=3.0, shutdown=(1.0, 2.0, 2.5))
     file = tmp_path / "stop.toml"
     file.write_text(planned.to_toml(), encoding="utf-8")
+    assert main(["preview", str(file), "--out", str(tmp_path)]) == 0
+    assert "stop: 1 s of 3 s, single joint mode" in capsys.readouterr().out
     assert main(["simulate", str(file), "--out", str(tmp_path)]) == 0
     out = capsys.readouterr().out
     log = JointLog.load(tmp_path / "stop.nc")
@@ -197,3 +199,18 @@ def test_wrong_names_are_one_line(capsys: pytest.CaptureFixture[str], tmp_path: 
         out, err = capsys.readouterr()
         assert (out, err.count("\n")) == ("", 1)
         assert says in err
+
+
+def test_the_documented_example_of_two_outputs_is_a_scenario() -> None:
+    page = (Path(__file__).parents[2] / "docs" / "tests.md").read_text(encoding="utf-8")
+    (example,) = (block for block in page.split("```toml\n")[1:] if block.startswith('name = "two-outputs"'))
+    read = Scenario.from_toml(example.partition("```")[0])
+    assert read.axes == ("x", "y", "z")
+    assert read.excitation[0] == read.excitation[2] != read.excitation[1]
+
+
+def test_lengths_are_those_of_the_page() -> None:
+    page = (Path(__file__).parents[2] / "docs" / "tests.md").read_text(encoding="utf-8")
+    rpcm, unloaded = (load(name).duration for name in ("rpcm", "rpcm-unloaded"))
+    assert f"`rpcm` {rpcm:g} s, within which the exchange is over, `rpcm-unloaded` {unloaded:g} s" in page
+    assert {load(name).duration for tag in ("table1", "table2") for name in names(tag)} == {240.0}
