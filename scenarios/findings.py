@@ -17,8 +17,8 @@ NEEDED = {
 }
 """Tests without which a finding cannot be decided."""
 
-_RPCM = "the records of the RPCM task (extract, exchange, insert) in Cartesian mode do not exist here"
-_CHIRP = "the multi-input chirp in Cartesian mode does not exist here"
+_RPCM = "this study does not analyse the RPCM task yet; `hmtb simulate rpcm` makes its record"
+_CHIRP = "this study does not analyse the multi-input tests yet; `hmtb simulate mimo-12` makes the record"
 
 UNTRIED = {
     "F8": (
@@ -41,7 +41,7 @@ UNTRIED = {
     "F21": (
         "low-frequency data: SysID beats OKID on yaw, so a hybrid model is best there",
         "VI.6",
-        "the low-frequency records of the multi-input tests do not exist here",
+        "this study does not analyse the multi-input tests yet; `hmtb simulate mimo-10` makes the record",
     ),
 }
 """Findings that these data do not decide: claim, where, and what is missing."""
