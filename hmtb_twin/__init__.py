@@ -1,6 +1,6 @@
 """The laboratory: arm, hydraulics, servos, hand controller, recorder; and the truth about them."""
 
-from hmtb_twin.arm import VARIANTS, Arm, load_arm
+from hmtb_twin.arm import Arm, load_arm
 from hmtb_twin.bus_faults import BusFaults
 from hmtb_twin.bus_record import BusRecord
 from hmtb_twin.bus_run import BusRun, read_run, record_run
@@ -11,15 +11,18 @@ from hmtb_twin.joint_log import JointLog
 from hmtb_twin.linearization import linearize
 from hmtb_twin.modes import MODES, axis_names
 from hmtb_twin.parameters import JOINTS, PAYLOADS, POSES, STUDIED_JOINTS, HandController
+from hmtb_twin.plant import NOMINAL_PLANT, Plant
 from hmtb_twin.rendering import render
 from hmtb_twin.simulation import Logs, simulate
 from hmtb_twin.status import Status
 from hmtb_twin.truth import JointTruth, Truth
+from hmtb_twin.variants import VARIANTS, Variant
 
 __all__ = [
     "IDEAL",
     "JOINTS",
     "MODES",
+    "NOMINAL_PLANT",
     "PAYLOADS",
     "POSES",
     "STUDIED_JOINTS",
@@ -36,11 +39,13 @@ __all__ = [
     "Logs",
     "Motion",
     "Operator",
+    "Plant",
     "Status",
     "Truth",
     "TwinError",
     "TwinWarning",
     "UnitView",
+    "Variant",
     "View",
     "axis_names",
     "linearize",

@@ -10,25 +10,13 @@ import numpy as np
 
 from hmtb_twin.controller_model import ControllerModel, controller_model
 from hmtb_twin.errors import TwinError
-from hmtb_twin.parameters import (
-    ACTUATORS,
-    BUS,
-    JOINTS,
-    MOTIONS,
-    OPERATING_POSE,
-    PAYLOADS,
-    POSES,
-    SERVOS,
-    Actuator,
-    Servo,
-)
+from hmtb_twin.parameters import JOINTS, MOTIONS, OPERATING_POSE, PAYLOADS, POSES, Actuator, Servo
+from hmtb_twin.plant import NOMINAL_PLANT, Plant
 from hmtb_twin.resources import model_file
 from hmtb_twin.seats import SEATS
 from hmtb_twin.servo import servo_gains
+from hmtb_twin.variants import Variant, variant_named
 from hmtb_twin.worksite_model import LATCH_WELD, worksite_spec
-
-VARIANTS = ("nominal",)
-"""The arms that exist."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -43,10 +31,10 @@ class Arm:
         controller: The controller's own rigid-body model.
         variant: One of `VARIANTS`.
         payload: One of `PAYLOADS`; at the worksite, what the end effector holds at first.
-        friction: Whether the seals rub.
+        plant: What its drives run on and rub with.
         worksite: Whether the arm stands at its worksite: the model has contact, and the replacement unit as a free body
             behind the arm's joints.
-        actuators: Actuator of each joint.
+        actuators: Actuator of each joint, as it is under the conditions of the plant.
         servos: Servo of each joint.
         gains: kp (N m/rad) and kd (N m s/rad) of each joint.
     """
@@ -55,7 +43,7 @@ class Arm:
     controller: ControllerModel
     variant: str
     payload: str
-    friction: bool
+    plant: Plant
     worksite: bool
     actuators: Mapping[str, Actuator]
     servos: Mapping[str, Servo]
@@ -65,12 +53,18 @@ class Arm:
     def valves_closed(self) -> mujoco.MjModel:
         """The arm after an emergency shutdown: no flow through the valves, the oil trapped but for the leakage."""
         shut = {name: replace(a, valve_open=False) for name, a in self.actuators.items()}
-        return _compile(self.payload, shut, self.worksite)
+        return _compile(variant_named(self.variant), self.payload, shut, self.worksite)
+
+    @property
+    def friction(self) -> bool:
+        """Whether the seals rub: dry friction, not the oil's drag."""
+        return self.plant.friction in ("coulomb", "lugre")
 
     @property
     def delays(self) -> np.ndarray:
         """How late each measured angle reaches the record, samples, shape (7,)."""
-        return np.array([BUS[name].delay for name in JOINTS])
+        bus = variant_named(self.variant).bus
+        return np.array([bus[name].delay for name in JOINTS])
 
     @property
     def velocity_limits(self) -> np.ndarray:
@@ -98,11 +92,12 @@ class Arm:
             raise TwinError(f"unknown pose {name!r}, available: {', '.join(POSES)}")
         return np.array(POSES[name])
 
-    def controls(self, command: np.ndarray) -> np.ndarray:
+    def controls(self, command: np.ndarray, noise: np.ndarray | None = None) -> np.ndarray:
         """Return the control vectors that command poses with the torque that holds them.
 
         Args:
             command: Commanded angles (n, 7), rad.
+            noise: Torques (n, 7) that noise in the valve drives adds, N m.
 
         Returns:
             Controls (n, 14): angle and feedforward torque of each joint in turn.
@@ -110,7 +105,14 @@ class Arm:
         controls = np.empty((len(command), 2 * len(JOINTS)))
         controls[:, 0::2] = command
         controls[:, 1::2] = self.controller.gravity_torque(command)
+        if noise is not None:
+            controls[:, 1::2] += noise
         return controls
+
+    @property
+    def process_noise(self) -> np.ndarray:
+        """Standard deviation of the torque that noise in each valve drive adds, (7,) N m."""
+        return self.plant.process_noise * np.array([self.actuators[name].rated_torque for name in JOINTS])
 
     def rest(self, angles: np.ndarray) -> mujoco.MjData:
         """Return the state of the arm at rest at a pose, its oil already carrying the load.
@@ -138,14 +140,23 @@ class Arm:
         return data
 
 
-def load_arm(variant: str = "nominal", payload: str = "rpcm", *, friction: bool = True, worksite: bool = False) -> Arm:
+def load_arm(
+    variant: str = "nominal",
+    payload: str = "rpcm",
+    *,
+    plant: Plant = NOMINAL_PLANT,
+    friction: bool = True,
+    worksite: bool = False,
+) -> Arm:
     """Load the arm.
 
     Args:
         variant: One of `VARIANTS`.
         payload: What the end effector holds, one of `PAYLOADS`. The servo gains are those of the RPCM either way. At
             the worksite, what it holds at first: "none" leaves the unit in its holster.
-        friction: Whether the seals rub; without friction the arm is what `linearize` describes.
+        plant: What the drives run on and rub with.
+        friction: Whether the seals rub as the plant says; without, the oil's drag is left, and the arm is what
+            `linearize` describes.
         worksite: Whether the arm stands at the worksite, with contact, instead of in free space.
 
     Returns:
@@ -154,35 +165,36 @@ def load_arm(variant: str = "nominal", payload: str = "rpcm", *, friction: bool 
     Raises:
         TwinError: Unknown variant or payload.
     """
-    if variant not in VARIANTS:
-        raise TwinError(f"unknown variant {variant!r}, available: {', '.join(VARIANTS)}")
+    variant_named(variant)
     if payload not in PAYLOADS:
         raise TwinError(f"unknown payload {payload!r}, available: {', '.join(PAYLOADS)}")
-    return _load(variant, payload, bool(friction), bool(worksite))
+    if not friction and plant.friction != "none":
+        plant = replace(plant, friction="viscous")
+    return _load(variant, payload, plant, bool(worksite))
 
 
-@lru_cache(maxsize=16)
-def _load(variant: str, payload: str, friction: bool, worksite: bool) -> Arm:
-    gains = tuned_gains(controller_model("rpcm"))
-    actuators = ACTUATORS if friction else {name: replace(a, friction=None) for name, a in ACTUATORS.items()}
+@lru_cache(maxsize=64)
+def _load(name: str, payload: str, plant: Plant, worksite: bool) -> Arm:
+    variant = variant_named(name)
+    actuators = {joint: plant.applied(actuator) for joint, actuator in variant.actuators.items()}
     return Arm(
-        model=_compile(payload, actuators, worksite),
-        controller=controller_model(payload),
-        variant=variant,
+        model=_compile(variant, payload, actuators, worksite),
+        controller=controller_model(payload, name),
+        variant=name,
         payload=payload,
-        friction=friction,
+        plant=plant,
         worksite=worksite,
-        actuators=MappingProxyType(dict(actuators)),
-        servos=MappingProxyType(dict(SERVOS)),
-        gains=MappingProxyType(gains),
+        actuators=MappingProxyType(actuators),
+        servos=MappingProxyType(dict(variant.servos)),
+        gains=MappingProxyType(tuned_gains(variant)),
     )
 
 
-def _compile(payload: str, actuators: Mapping[str, Actuator], worksite: bool) -> mujoco.MjModel:
+def _compile(variant: Variant, payload: str, actuators: Mapping[str, Actuator], worksite: bool) -> mujoco.MjModel:
     spec = worksite_spec() if worksite else _free_space_spec(payload)
-    gains = tuned_gains(controller_model("rpcm"))
+    gains = tuned_gains(variant)
     for name in JOINTS:
-        configure(spec.actuator(name), actuators[name], gains[name])
+        configure(spec.actuator(name), spec.joint(name), actuators[name], gains[name])
     return spec.compile()
 
 
@@ -196,22 +208,26 @@ def _free_space_spec(payload: str) -> mujoco.MjSpec:
     return spec
 
 
-def tuned_gains(controller: ControllerModel) -> dict[str, tuple[float, float]]:
-    """Return kp and kd of each joint, tuned at the operating pose on the controller's own model."""
-    inertia = np.diag(controller.inertia_matrix(np.array(POSES[OPERATING_POSE])))
+def tuned_gains(variant: Variant) -> dict[str, tuple[float, float]]:
+    """Return kp and kd of each joint, tuned at the operating pose with the RPCM on the controller's own model."""
+    inertia = np.diag(controller_model("rpcm", variant.name).inertia_matrix(np.array(POSES[OPERATING_POSE])))
     return {
-        name: servo_gains(float(seen), SERVOS[name], ACTUATORS[name])
+        name: servo_gains(float(seen), variant.servos[name], variant.actuators[name])
         for name, seen in zip(JOINTS, inertia, strict=True)
     }
 
 
-def configure(target: mujoco.MjsActuator, actuator: Actuator, gains: tuple[float, float]) -> None:
-    """Write a hydraulic actuator and its servo into a MuJoCo `dcmotor`, pressure for current and flow for voltage."""
+def configure(
+    target: mujoco.MjsActuator, joint: mujoco.MjsJoint, actuator: Actuator, gains: tuple[float, float]
+) -> None:
+    """Write a hydraulic actuator and its servo into a MuJoCo `dcmotor`, pressure for current and flow for voltage.
+
+    LuGre friction is the actuator's; drag, and Coulomb friction without bristles, are the joint's.
+    """
     kp, kd = gains
-    friction = actuator.friction
+    friction, coulomb = actuator.friction, actuator.coulomb_torque
     lugre = [0.0] * 5
-    if friction is not None:
-        coulomb = friction.coulomb * actuator.maximum_torque
+    if friction is not None and friction.bristles:
         stiffness = coulomb / friction.presliding
         lugre = [
             stiffness,
@@ -220,6 +236,10 @@ def configure(target: mujoco.MjsActuator, actuator: Actuator, gains: tuple[float
             coulomb * friction.static_ratio,
             friction.stribeck_velocity,
         ]
+    joint.damping = [actuator.drag, 0.0, 0.0]
+    joint.frictionloss = 0.0 if any(lugre) else coulomb
+    # The softer default lets a stuck joint creep.
+    joint.solref_friction, joint.solimp_friction = [0.004, 1.0], [0.99, 0.999, 0.001, 0.5, 2.0]
     target.set_to_dcmotor(
         motorconst=[actuator.displacement, 0.0],
         resistance=actuator.flow_pressure_gain,

@@ -15,7 +15,7 @@ class Chain:
         hold: Its processor samples slower than the position loop and holds; matters where `HandController.hold` is
             above 1.
         velocity_limit: Joint commands move no faster than their limits.
-        friction: The seals rub.
+        friction: The seals rub; without, the oil's drag is left.
         resolver: The resolvers are noisy and round.
     """
 

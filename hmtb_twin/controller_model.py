@@ -107,11 +107,12 @@ class ControllerModel:
 
 
 @lru_cache(maxsize=16)
-def controller_model(payload: str) -> ControllerModel:
-    """Return the controller's model of the arm with a payload, built once.
+def controller_model(payload: str, variant: str = "nominal") -> ControllerModel:
+    """Return the controller's model of an arm with a payload, built once.
 
     Args:
         payload: One of `PAYLOADS`.
+        variant: One of `VARIANTS`.
 
     Returns:
         The model, read from `models/hmtb/hmtb.xml`; its arithmetic is shared and must not be used by several threads.

@@ -7,6 +7,7 @@ import numpy as np
 
 from hmtb_twin.chain import Chain
 from hmtb_twin.parameters import HandController
+from hmtb_twin.plant import Plant
 
 
 @dataclass(frozen=True)
@@ -80,6 +81,7 @@ class Experiment(Protocol):
         name: Name under which its log, or its failure, is reported.
         variant: Arm variant.
         payload: What the end effector holds.
+        plant: What the drives run on and rub with.
         pose: Keyframe at which the arm rests before the experiment and about which it is excited.
         worksite: Whether the arm works at the worksite, with contact, instead of in free space.
         mode: Control mode, one of `MODES`.
@@ -97,6 +99,8 @@ class Experiment(Protocol):
     def variant(self) -> str: ...  # noqa: D102
     @property
     def payload(self) -> str: ...  # noqa: D102
+    @property
+    def plant(self) -> Plant: ...  # noqa: D102
     @property
     def pose(self) -> str: ...  # noqa: D102
     @property

@@ -7,49 +7,63 @@ import numpy as np
 from scipy.linalg import block_diag
 
 from hmtb_twin.arm import Arm, load_arm
+from hmtb_twin.errors import TwinError
 from hmtb_twin.joint_log import software_versions
 from hmtb_twin.parameters import JOINTS, OPERATING_POSE, RECORDER, SAMPLE_TIME, STUDIED_JOINTS
 from hmtb_twin.truth import Truth
 from sysid import StateSpace
 
-AMPLITUDES = (1e-4, 1e-3, 1e-2)
+AMPLITUDES = (1e-5, 1e-4, 1e-3, 1e-2)
 """Command amplitudes at which the linear model is tried against simulation, rad."""
 
 STEP = 1e-5
 """Step of the centred finite differences: truncation and rounding errors are near 1e-9 here."""
 
 
-def linearize(arm: Arm, pose: str = OPERATING_POSE) -> Truth:
+def linearize(arm: Arm, pose: str | np.ndarray = OPERATING_POSE) -> Truth:
     """Linearise the arm at rest and lift the result to 50 Hz.
 
     One physics step is x+ = f(x, u) with x joint angles, velocities and load pressures and u commanded angle and
     feedforward torque of each joint. Its Jacobians, held over the steps of a tick, give the 50 Hz map; the feedforward
     of the controller's own model folds the torques into the commanded angles, and the bus delays follow the outputs.
-    Friction is off: at rest it would show the stuck arm, not the moving one.
+    Dry friction is off: at rest it would show the stuck arm, not the moving one. The oil's drag stays.
 
     Args:
         arm: The arm, with friction or without, in free space or at the worksite: the truth is the same.
-        pose: Operating point, by name.
+        pose: Operating point, by name or as joint angles (7,), rad.
 
     Returns:
         The truth, with its error against simulation.
 
     Raises:
-        TwinError: There is no such pose.
+        TwinError: There is no such pose, or the angles are not seven finite numbers.
     """
-    smooth = load_arm(arm.variant, arm.payload, friction=False) if arm.friction or arm.worksite else arm
-    angles = smooth.pose(pose)
+    smooth = sliding(arm)
+    angles = smooth.pose(pose) if isinstance(pose, str) else _angles(pose)
     model = _sampled_model(smooth, angles)
     errors = {amplitude: small_signal_error(smooth, model, angles, amplitude) for amplitude in AMPLITUDES}
     return Truth(
         model=model,
         variant=arm.variant,
         payload=arm.payload,
-        pose=pose,
+        plant=arm.plant,
+        pose=pose if isinstance(pose, str) else "given angles",
         angles=angles,
         small_signal_error=errors,
         provenance={"method": "mjd_transitionFD, centred, zero-order hold to 50 Hz", **software_versions()},
     )
+
+
+def sliding(arm: Arm) -> Arm:
+    """Return the arm in free space without dry friction: the moving arm of small signals."""
+    return load_arm(arm.variant, arm.payload, plant=arm.plant, friction=False)
+
+
+def _angles(pose: np.ndarray) -> np.ndarray:
+    angles = np.array(pose, dtype=float)
+    if angles.shape != (len(JOINTS),) or not np.isfinite(angles).all():
+        raise TwinError(f"pose {pose!r} given, expected a name or {len(JOINTS)} finite joint angles in rad")
+    return angles
 
 
 def _sampled_model(arm: Arm, angles: np.ndarray) -> StateSpace:

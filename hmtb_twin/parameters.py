@@ -1,9 +1,10 @@
 """Every number of the twin, with unit, tag and source; what follows from others is computed."""
 
 from dataclasses import dataclass, field
-from math import pi, radians
+from math import pi, radians, sqrt
 
 from hmtb_twin.errors import TwinError
+from hmtb_twin.oil import relative_viscosity
 from hmtb_twin.quantity import quantity
 
 JOINTS = (
@@ -90,7 +91,10 @@ class Hydraulics:
     supply_pressure: float = quantity(20.7, "MPa", "analogue", "Titan 4 manual, 1500-3000 psi")
     return_pressure: float = quantity(3.4, "MPa", "analogue", "Titan 4 manual, 500 psi")
     bulk_modulus: float = quantity(700.0, "MPa", "assumed", "published models 300 (hoses, air) to 1550 (oil)")
-    leakage: float = quantity(0.015, "1", "assumed", "internal leakage at full pressure, part of the rated flow")
+    leakage: float = quantity(
+        0.015, "1", "assumed", "internal leakage at rated pressure and 40 degrees Celsius, part of the rated flow"
+    )
+    oil_temperature: float = quantity(40.0, "degC", "assumed", "temperature at which viscosity grades are stated")
 
     @property
     def pressure(self) -> float:
@@ -98,9 +102,13 @@ class Hydraulics:
         return self.supply_pressure - self.return_pressure
 
 
+RATED_PRESSURE = Hydraulics().pressure
+"""Pressure across an actuator at which its flow, leakage and friction are stated, MPa."""
+
+
 @dataclass(frozen=True)
 class Friction:
-    """LuGre friction of an actuator's seals [Canudas1995], scaled to its maximum torque."""
+    """Friction as parts of the rated torque: LuGre [Canudas1995] or, without bristles, Coulomb; and the oil's drag."""
 
     coulomb: float = quantity(
         0.01, "1", "derived", "part of maximum torque; published pitch DC gains near one allow little"
@@ -109,6 +117,10 @@ class Friction:
     stribeck_velocity: float = quantity(radians(1.5), "rad/s", "assumed", "1 to 2 deg/s")
     presliding: float = quantity(1e-3, "rad", "assumed", "bristle deflection at Coulomb torque: 30 um at the rack")
     bristle_time: float = quantity(0.01, "s", "assumed", "bristle damping over bristle stiffness")
+    viscous: float = quantity(
+        0.01, "1", "assumed", "the oil's drag at no-load speed and 40 degrees Celsius, part of maximum torque"
+    )
+    bristles: bool = True
 
 
 @dataclass(frozen=True)
@@ -135,9 +147,36 @@ class Actuator:
         return self.displacement * self.hydraulics.pressure
 
     @property
+    def rated_torque(self) -> float:
+        """Stall torque at the rated pressure, N m; what friction and process noise are parts of."""
+        return self.displacement * RATED_PRESSURE
+
+    @property
+    def coulomb_torque(self) -> float:
+        """Coulomb friction, N m."""
+        return self.friction.coulomb * self.rated_torque if self.friction else 0.0
+
+    @property
+    def drag(self) -> float:
+        """Viscous friction at the oil's temperature, N m s/rad."""
+        if self.friction is None:
+            return 0.0
+        thickness = relative_viscosity(self.hydraulics.oil_temperature)
+        return self.friction.viscous * self.rated_torque / self.no_load_speed * thickness
+
+    @property
     def rated_flow(self) -> float:
-        """Flow of the fully open valve without load, cm^3/s: the hydraulic velocity limit times the displacement."""
-        return self.displacement * self.no_load_speed
+        """Flow of the fully open valve without load, cm^3/s: the hydraulic velocity limit times the displacement.
+
+        No-load speed is stated at the rated pressure; flow through an orifice goes with the root of pressure.
+        """
+        return self.displacement * self.no_load_speed * sqrt(self.hydraulics.pressure / RATED_PRESSURE)
+
+    @property
+    def leakage(self) -> float:
+        """Internal leakage C, laminar and so the larger the thinner the oil, cm^3/(s MPa)."""
+        at_rating = self.hydraulics.leakage * self.displacement * self.no_load_speed / RATED_PRESSURE
+        return at_rating / relative_viscosity(self.hydraulics.oil_temperature)
 
     @property
     def compliance(self) -> float:
@@ -147,7 +186,7 @@ class Actuator:
     @property
     def flow_pressure_gain(self) -> float:
         """Flow lost per load pressure, cm^3/(s MPa): K + C, or the leakage C alone behind a closed valve."""
-        return (self.valve_open + self.hydraulics.leakage) * self.rated_flow / self.hydraulics.pressure
+        return self.valve_open * self.rated_flow / self.hydraulics.pressure + self.leakage
 
     @property
     def largest_flow(self) -> float:

@@ -66,6 +66,7 @@ class _Row:
     experiment: Experiment
     station: ControlStation
     resolver_noise: np.ndarray
+    drive_noise: np.ndarray | None
     record: dict[str, np.ndarray] = field(default_factory=dict)
     failure: str | None = None
 
@@ -127,14 +128,21 @@ def _substeps(model: mujoco.MjModel) -> int:
 
 def _arm(experiment: Experiment) -> Arm:
     return load_arm(
-        experiment.variant, experiment.payload, friction=experiment.chain.friction, worksite=experiment.worksite
+        experiment.variant,
+        experiment.payload,
+        plant=experiment.plant,
+        friction=experiment.chain.friction,
+        worksite=experiment.worksite,
     )
 
 
 def _prepare(experiment: Experiment) -> _Row:
-    wires, resolvers = np.random.default_rng(experiment.seed).spawn(2)
-    station = ControlStation(experiment, _arm(experiment), wires)
-    return _Row(experiment, station, resolvers.standard_normal(station.commands.shape))
+    arm = _arm(experiment)
+    wires, resolvers, drives = np.random.default_rng(experiment.seed).spawn(3)
+    station = ControlStation(experiment, arm, wires)
+    shape = station.commands.shape
+    torques = arm.process_noise * drives.standard_normal(shape) if arm.process_noise.any() else None
+    return _Row(experiment, station, resolvers.standard_normal(shape), torques)
 
 
 def _run(arm: Arm, rows: list[_Row], threads: int, report: Callable[[int], None]) -> float:
@@ -149,6 +157,7 @@ def _run(arm: Arm, rows: list[_Row], threads: int, report: Callable[[int], None]
     commands = np.zeros((lengths.max(), len(rows), len(JOINTS)))
     for i, row in enumerate(rows):
         commands[: row.ticks, i] = row.station.commands
+    noise = _drive_noise(rows, commands.shape)
     record = {
         name: np.empty((lengths.max(), len(rows), width))
         for name, width in (("true_angles", 7), ("load_pressure", 7), ("wrench", 6))
@@ -199,12 +208,13 @@ def _run(arm: Arm, rows: list[_Row], threads: int, report: Callable[[int], None]
             break
         if live:
             _switch_models(simulations, arm, rows, k, site, changed)
+        torques = None if noise is None else noise[k, active]
         if site:
             for i in active[site.held[active]]:
                 rows[i].station.status[k] |= Status.UNIT_HELD
-            control[active] = site.controls(commands[k, active], active)
+            control[active] = site.controls(commands[k, active], torques, active)
         else:
-            control[active] = arm.controls(commands[k, active])
+            control[active] = arm.controls(commands[k, active], torques)
         started = perf_counter()
         # The forward pass at the new state makes the wrench that of this very tick, under the command still in force.
         simulations.step(ids=active, nstep=substeps, stage=mujoco.mjtStage.mjSTAGE_ACC)
@@ -223,6 +233,17 @@ def _run(arm: Arm, rows: list[_Row], threads: int, report: Callable[[int], None]
         if site:
             row.record["contact_force"] = row.record["contact_force"][:, 0]
     return seconds
+
+
+def _drive_noise(rows: list[_Row], shape: tuple[int, ...]) -> np.ndarray | None:
+    """Torques that the valve drives add, (ticks, experiments, 7) N m; none where all are quiet."""
+    if all(row.drive_noise is None for row in rows):
+        return None
+    noise = np.zeros(shape)
+    for i, row in enumerate(rows):
+        if row.drive_noise is not None:
+            noise[: row.ticks, i] = row.drive_noise
+    return noise
 
 
 def _reading(row: _Row, tick: int, angles: np.ndarray) -> np.ndarray:
@@ -266,6 +287,7 @@ def _log(row: _Row) -> JointLog:
         provenance={
             "variant": experiment.variant,
             "payload": experiment.payload,
+            **{f"plant_{name}": str(value) for name, value in vars(experiment.plant).items()},
             "pose": experiment.pose,
             "mode": experiment.mode,
             **{name: str(on).lower() for name, on in vars(experiment.chain).items()},

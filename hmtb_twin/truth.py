@@ -8,6 +8,7 @@ import numpy as np
 
 from hmtb_twin.modes import joint_index
 from hmtb_twin.parameters import INDEXED_JOINTS, JOINTS
+from hmtb_twin.plant import Plant
 from sysid import StateSpace
 
 MINIMAL = 1e-9
@@ -59,13 +60,14 @@ class JointTruth:
 
 @dataclass(frozen=True)
 class Truth:
-    """The true small-signal dynamics of the arm at one operating point, friction off.
+    """The true small-signal dynamics of the arm at one operating point, dry friction off.
 
     Attributes:
         model: Seven commanded angles to seven measured angles at 50 Hz, rad; its innovation covariance is that of
             resolver noise and rounding, the only disturbance of the small-signal arm, so that K is zero.
         variant: Arm variant.
         payload: What the end effector holds.
+        plant: What the drives run on and rub with.
         pose: Operating point, by name.
         angles: Operating point (7,), rad.
         small_signal_error: By amplitude in rad, the relative error of the linear model against simulation: root mean
@@ -76,6 +78,7 @@ class Truth:
     model: StateSpace
     variant: str
     payload: str
+    plant: Plant
     pose: str
     angles: np.ndarray
     small_signal_error: Mapping[float, float]

@@ -34,7 +34,7 @@ class WorksiteRun:
     def __init__(self, simulations: batch.Batch, arm: Arm) -> None:
         self._arm = arm
         self._arms = {
-            held: load_arm(arm.variant, payload, friction=arm.friction, worksite=True)
+            held: load_arm(arm.variant, payload, plant=arm.plant, worksite=True)
             for payload, held in (("rpcm", True), ("none", False))
         }
         self.held = np.full(simulations.nsim, PAYLOADS[arm.payload] is not None)
@@ -94,14 +94,14 @@ class WorksiteRun:
             for i, (working, on) in enumerate(zip(self._working, powered, strict=True))
         ]
 
-    def controls(self, command: np.ndarray, ids: np.ndarray) -> np.ndarray:
-        """Return the controls (n, 14) of simulations `ids` for their commands (n, 7), rad."""
+    def controls(self, command: np.ndarray, noise: np.ndarray | None, ids: np.ndarray) -> np.ndarray:
+        """Return the controls of simulations `ids` for commands (n, 7), rad, and noise of the valve drives, N m."""
         held = self.held[ids]
         controls = np.empty((len(command), self._arm.model.nu))
         for carries, arm in self._arms.items():
             rows = held == carries
             if rows.any():
-                controls[rows] = arm.controls(command[rows])
+                controls[rows] = arm.controls(command[rows], None if noise is None else noise[rows])
         return controls
 
     def _where(self, i: int) -> tuple[np.ndarray, np.ndarray]:

@@ -10,7 +10,18 @@ from zlib import crc32
 
 import numpy as np
 
-from hmtb_twin import MODES, PAYLOADS, POSES, VARIANTS, Chain, HandController, Operator, axis_names
+from hmtb_twin import (
+    MODES,
+    NOMINAL_PLANT,
+    PAYLOADS,
+    POSES,
+    VARIANTS,
+    Chain,
+    HandController,
+    Operator,
+    Plant,
+    axis_names,
+)
 from hmtb_twin.parameters import HAND_CONTROLLER
 from scenarios.errors import ScenarioError
 from scenarios.excitation_computer import Excitation, check_outputs, played
@@ -41,6 +52,7 @@ class Scenario:
         task: What an operator does in place of the excitation computer, e.g. ``"rpcm"``; empty: no operator.
         shutdown: Emergency shutdowns: times of power off and of power on again in turn, s.
         independent_channels: As many different excitations as axes, beyond the two outputs of the excitation computer.
+        plant: What the drives run on and rub with; a TOML table of what differs from the nominal plant.
         chain: Which links of the chain act; a TOML table of truth values.
         hand_controller: The hand-controller interface; a TOML table of what differs from the nominal one.
         description: One line for the list.
@@ -60,6 +72,7 @@ class Scenario:
     task: str = ""
     shutdown: tuple[float, ...] = ()
     independent_channels: bool = False
+    plant: Plant = NOMINAL_PLANT
     chain: Chain = Chain()  # noqa: RUF009
     hand_controller: HandController = HAND_CONTROLLER
     description: str = ""
@@ -134,7 +147,7 @@ class Scenario:
 
     def to_toml(self) -> str:
         """Write every field as TOML, such that `from_toml` gives an equal scenario back."""
-        tables = {"chain": Chain(), "hand_controller": HAND_CONTROLLER}
+        tables = {"plant": NOMINAL_PLANT, "chain": Chain(), "hand_controller": HAND_CONTROLLER}
         lines = [
             f"{entry.name} = {written(getattr(self, entry.name))}"
             for entry in fields(self)
@@ -183,7 +196,7 @@ class Scenario:
             if key == "excitation":
                 entries = value if isinstance(value, list) else [value]
                 values[key] = tuple(Excitation.from_table(entry, folder) for entry in entries)
-            elif key in ("chain", "hand_controller"):
+            elif key in ("plant", "chain", "hand_controller"):
                 values[key] = record(hints[key], key, value)
             else:
                 values[key] = typed(key, value, hints[key])
@@ -206,4 +219,4 @@ class Scenario:
 
 def _choices() -> dict[str, tuple[str, ...]]:
     """What the laboratory offers, by field."""
-    return {"variant": VARIANTS, "payload": tuple(PAYLOADS), "pose": tuple(POSES), "mode": MODES}
+    return {"variant": tuple(VARIANTS), "payload": tuple(PAYLOADS), "pose": tuple(POSES), "mode": MODES}

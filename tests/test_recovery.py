@@ -8,7 +8,7 @@ import pytest
 from scipy.signal import max_len_seq
 
 import sysid
-from hmtb_twin import IDEAL, JOINTS, STUDIED_JOINTS, Chain, HandController, linearize, load_arm, simulate
+from hmtb_twin import IDEAL, JOINTS, STUDIED_JOINTS, Chain, HandController, Plant, linearize, load_arm, simulate
 from scenarios import load
 from scenarios.attribution import conditions
 from scenarios.preparation import prepared
@@ -32,6 +32,7 @@ class SmallSignal:
     duration: float = 240.0
     variant: str = "nominal"
     payload: str = "rpcm"
+    plant: Plant = Plant()  # noqa: RUF009
     pose: str = "rpcm_holster_out_approach"
     mode: str = "single_joint"
     worksite: bool = False

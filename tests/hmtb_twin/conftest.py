@@ -3,7 +3,7 @@ from dataclasses import dataclass, field
 import numpy as np
 import pytest
 
-from hmtb_twin import Arm, Chain, HandController, Operator, Truth, linearize, load_arm
+from hmtb_twin import Arm, Chain, HandController, Operator, Plant, Truth, linearize, load_arm
 
 
 @dataclass(frozen=True)
@@ -18,6 +18,7 @@ class BinaryTest:
     hold: int = 5
     variant: str = "nominal"
     payload: str = "rpcm"
+    plant: Plant = Plant()  # noqa: RUF009
     pose: str = "rpcm_holster_out_approach"
     mode: str = "single_joint"
     worksite: bool = False

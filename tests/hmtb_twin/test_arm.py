@@ -18,7 +18,15 @@ def test_joints_stand_in_the_order_of_the_chain(written):
 
 
 def test_model_file_holds_the_numbers_of_the_parameters(written, arm):
-    for field in ("body_mass", "body_inertia", "body_ipos", "body_pos", "jnt_range", "actuator_forcerange"):
+    for field in (
+        "body_mass",
+        "body_inertia",
+        "body_ipos",
+        "body_pos",
+        "jnt_range",
+        "dof_damping",
+        "actuator_forcerange",
+    ):
         np.testing.assert_allclose(getattr(written, field), getattr(arm.model, field), rtol=1e-7, atol=1e-12)
     for field in ("actuator_dynprm", "actuator_gainprm", "actuator_biasprm"):
         np.testing.assert_allclose(getattr(written, field), getattr(arm.model, field), rtol=1e-7, atol=1e-12)

@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from hmtb_twin import JOINTS, Chain, HandController
+from hmtb_twin import JOINTS, Chain, HandController, Plant
 from scenarios import Excitation, Scenario, ScenarioError
 from scenarios.scenario import NAME
 
@@ -40,6 +40,15 @@ def scenarios(draw: st.DrawFn) -> Scenario:
         duration=draw(st.floats(0.02, 1e4)),
         seed=draw(st.integers(0, 2**63 - 1)),
         independent_channels=True,
+        plant=draw(
+            st.builds(
+                Plant,
+                actuator=st.sampled_from(["linear", "orifice"]),
+                friction=st.sampled_from(["none", "viscous", "coulomb", "lugre"]),
+                oil_temperature=st.floats(0.0, 100.0),
+                process_noise=st.floats(0.0, 1.0),
+            )
+        ),
         chain=draw(st.builds(Chain, friction=st.booleans(), adc=st.booleans())),
         hand_controller=draw(st.builds(HandController, gain=st.floats(0.01, 0.1), hold=st.integers(1, 5))),
         description=draw(st.text()),

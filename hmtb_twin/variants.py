@@ -1,0 +1,54 @@
+"""The arms that exist: what each is made of."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from types import MappingProxyType
+
+from hmtb_twin.errors import TwinError
+from hmtb_twin.parameters import ACTUATORS, BUS, LINKS, SERVOS, Actuator, BusTerminal, Link, Servo
+
+EARTH = 9.81
+"""Acceleration of gravity that the arm feels on the ground, m/s^2."""
+
+
+@dataclass(frozen=True, eq=False)
+class Variant:
+    """One arm: whatever may differ from the nominal one.
+
+    Attributes:
+        name: What it is called.
+        description: One line for lists.
+        gravity: Acceleration of gravity, m/s^2.
+        links: Link that each joint moves, and the end effector.
+        actuators: Drive of each joint.
+        servos: Servo of each joint.
+        bus: Bus terminal of each joint.
+    """
+
+    name: str
+    description: str
+    gravity: float = EARTH
+    links: Mapping[str, Link] = field(default_factory=lambda: LINKS)
+    actuators: Mapping[str, Actuator] = field(default_factory=lambda: ACTUATORS)
+    servos: Mapping[str, Servo] = field(default_factory=lambda: SERVOS)
+    bus: Mapping[str, BusTerminal] = field(default_factory=lambda: BUS)
+
+
+VARIANTS: Mapping[str, Variant] = MappingProxyType(
+    {
+        arm.name: arm
+        for arm in (Variant("nominal", "about 1 Hz on every joint, as the spectral estimates of the thesis read"),)
+    }
+)
+"""Every arm by its name."""
+
+
+def variant_named(name: str) -> Variant:
+    """Return a variant.
+
+    Raises:
+        TwinError: There is none of that name.
+    """
+    if name not in VARIANTS:
+        raise TwinError(f"unknown variant {name!r}, available: {', '.join(VARIANTS)}")
+    return VARIANTS[name]
