@@ -238,8 +238,8 @@ def configure(
         ]
     joint.damping = [actuator.drag, 0.0, 0.0]
     joint.frictionloss = 0.0 if any(lugre) else coulomb
-    # The softer default lets a stuck joint creep.
-    joint.solref_friction, joint.solimp_friction = [0.004, 1.0], [0.99, 0.999, 0.001, 0.5, 2.0]
+    # As hard as the constraint gets: the softer default lets a stuck joint creep.
+    joint.solref_friction, joint.solimp_friction = [0.002, 1.0], [0.9999, 0.9999, 0.001, 0.5, 2.0]
     target.set_to_dcmotor(
         motorconst=[actuator.displacement, 0.0],
         resistance=actuator.flow_pressure_gain,
