@@ -8,6 +8,7 @@ from scipy.linalg import block_diag
 
 from hmtb_twin.arm import Arm, load_arm
 from hmtb_twin.errors import TwinError
+from hmtb_twin.innovations import Disturbances, innovations_form
 from hmtb_twin.joint_log import software_versions
 from hmtb_twin.parameters import JOINTS, OPERATING_POSE, RECORDER, SAMPLE_TIME, STUDIED_JOINTS
 from hmtb_twin.truth import Truth
@@ -26,7 +27,8 @@ def linearize(arm: Arm, pose: str | np.ndarray = OPERATING_POSE) -> Truth:
     One physics step is x+ = f(x, u) with x joint angles, velocities and load pressures and u commanded angle and
     feedforward torque of each joint. Its Jacobians, held over the steps of a tick, give the 50 Hz map; the feedforward
     of the controller's own model folds the torques into the commanded angles, and the bus delays follow the outputs.
-    Dry friction is off: at rest it would show the stuck arm, not the moving one. The oil's drag stays.
+    Dry friction is off: at rest it would show the stuck arm, not the moving one. The oil's drag stays. Noise of the
+    valve drives is torque held over a tick as the feedforward is, so that it enters by the same columns of the map.
 
     Args:
         arm: The arm, with friction or without, in free space or at the worksite: the truth is the same.
@@ -40,10 +42,12 @@ def linearize(arm: Arm, pose: str | np.ndarray = OPERATING_POSE) -> Truth:
     """
     smooth = sliding(arm)
     angles = smooth.pose(pose) if isinstance(pose, str) else _angles(pose)
-    model = _sampled_model(smooth, angles)
+    path, disturbances = _sampled_model(smooth, angles)
+    model = innovations_form(path, disturbances.drives, disturbances.resolvers)
     errors = {amplitude: small_signal_error(smooth, model, angles, amplitude) for amplitude in AMPLITUDES}
     return Truth(
         model=model,
+        disturbances=disturbances,
         variant=arm.variant,
         payload=arm.payload,
         plant=arm.plant,
@@ -66,7 +70,7 @@ def _angles(pose: np.ndarray) -> np.ndarray:
     return angles
 
 
-def _sampled_model(arm: Arm, angles: np.ndarray) -> StateSpace:
+def _sampled_model(arm: Arm, angles: np.ndarray) -> tuple[StateSpace, Disturbances]:
     data = arm.rest(angles)
     model = copy(arm.model)
     # The pin of the shoulder roll is a constraint: solved only to the default tolerance it would blur the differences.
@@ -78,13 +82,17 @@ def _sampled_model(arm: Arm, angles: np.ndarray) -> StateSpace:
     held = np.block([[A, B], [np.zeros((model.nu, states)), np.eye(model.nu)]])
     tick = np.linalg.matrix_power(held, round(SAMPLE_TIME / model.opt.timestep))[:states]
     A, B = tick[:, :states], tick[:, states:]
-    B = B[:, 0::2] + B[:, 1::2] @ arm.controller.gravity_gradient(angles)
-    C = np.eye(len(JOINTS), states)
-    variance = RECORDER.noise**2 + RECORDER.resolver_step**2 / 12.0
-    return _delayed(A, B, C, arm.delays, variance)
+    torques = B[:, 1::2]
+    B = B[:, 0::2] + torques @ arm.controller.gravity_gradient(angles)
+    path = _delayed(A, B, np.eye(len(JOINTS), states), arm.delays)
+    drives = np.zeros((path.order, len(JOINTS)))
+    drives[:states] = torques * arm.process_noise
+    # Readings reach the record as late as the angles; white noise delayed is white noise.
+    resolvers = (RECORDER.noise**2 + RECORDER.resolver_step**2 / 12.0) * np.eye(len(JOINTS))
+    return path, Disturbances(drives, resolvers)
 
 
-def _delayed(A: np.ndarray, B: np.ndarray, C: np.ndarray, delays: np.ndarray, variance: float) -> StateSpace:
+def _delayed(A: np.ndarray, B: np.ndarray, C: np.ndarray, delays: np.ndarray) -> StateSpace:
     """Append to each output the shift register of its bus delay."""
     registers = [np.eye(d, k=-1) for d in delays]
     shift = block_diag(*registers) if delays.any() else np.zeros((0, 0))
@@ -106,7 +114,6 @@ def _delayed(A: np.ndarray, B: np.ndarray, C: np.ndarray, delays: np.ndarray, va
         np.zeros((len(C), B.shape[1])),
         None,
         SAMPLE_TIME,
-        variance * np.eye(len(C)),
         input_names=tuple(f"{name} commanded" for name in JOINTS),
         output_names=tuple(f"{name} measured" for name in JOINTS),
         input_units=("rad",) * len(JOINTS),

@@ -1,11 +1,13 @@
 """What is true of the arm: the linear model at 50 Hz that its physics implies."""
 
-from collections.abc import Mapping
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
 from types import MappingProxyType
 
 import numpy as np
 
+from hmtb_twin.errors import TwinError
+from hmtb_twin.innovations import Disturbances, innovations_form, minimal_innovations_form
 from hmtb_twin.modes import joint_index
 from hmtb_twin.parameters import INDEXED_JOINTS, JOINTS
 from hmtb_twin.plant import Plant
@@ -24,12 +26,13 @@ class JointTruth:
 
     Attributes:
         name: The joint.
-        model: Minimal single-input single-output model.
+        model: Minimal single-input single-output model; with process noise in innovations form, with the states that
+            only noise moves beside those that the command moves.
         bandwidth_hz: First frequency at which the gain is 3.01 dB below its value at 0 Hz, Hz; NaN if it never is,
             and for an indexed joint, which a pin holds.
         dc_gain: Gain at 0 Hz.
-        poles: Poles in the z plane, largest modulus first.
-        zeros: Zeros in the z plane.
+        poles: Poles of the path from command to measurement in the z plane, largest modulus first.
+        zeros: Its zeros in the z plane.
         delay_samples: Samples from a command to the first measurement that shows it; the analyst's nk.
     """
 
@@ -63,8 +66,10 @@ class Truth:
     """The true small-signal dynamics of the arm at one operating point, dry friction off.
 
     Attributes:
-        model: Seven commanded angles to seven measured angles at 50 Hz, rad; its innovation covariance is that of
-            resolver noise and rounding, the only disturbance of the small-signal arm, so that K is zero.
+        model: Seven commanded angles to seven measured angles at 50 Hz, rad, in innovations form: K and the innovation
+            covariance of the best linear predictor from all seven measurements. Without process noise K is None and the
+            covariance that of resolver noise and rounding.
+        disturbances: The noise that this follows from.
         variant: Arm variant.
         payload: What the end effector holds.
         plant: What the drives run on and rub with.
@@ -76,6 +81,7 @@ class Truth:
     """
 
     model: StateSpace
+    disturbances: Disturbances
     variant: str
     payload: str
     plant: Plant
@@ -108,16 +114,17 @@ class Truth:
         Raises:
             TwinError: There is no such joint.
         """
-        model = self.channel(name, name).minimal(MINIMAL)
-        pulse = np.abs(model.markov(100)[:, 0, 0])
+        whole = self.channel(name, name)
+        path = replace(whole, K=None).minimal(MINIMAL)
+        pulse = np.abs(path.markov(100)[:, 0, 0])
         delay = int(np.argmax(pulse > DELAY * pulse.max()))
         return JointTruth(
             name=name,
-            model=model,
-            bandwidth_hz=np.nan if name in INDEXED_JOINTS else float(model.bandwidth()[0, 0]),
-            dc_gain=float(model.dc_gain()[0, 0]),
-            poles=model.poles(),
-            zeros=model.zeros(),
+            model=minimal_innovations_form(whole, MINIMAL),
+            bandwidth_hz=np.nan if name in INDEXED_JOINTS else float(path.bandwidth()[0, 0]),
+            dc_gain=float(path.dc_gain()[0, 0]),
+            poles=path.poles(),
+            zeros=path.zeros(),
             delay_samples=delay,
         )
 
@@ -129,24 +136,46 @@ class Truth:
             measured: The joint that is measured.
 
         Returns:
-            A single-input single-output model.
+            A single-input single-output model; see `subset`.
 
         Raises:
             TwinError: There is no such joint.
         """
-        i, j = joint_index(measured), joint_index(commanded)
-        model = self.model
-        covariance = model.innovation_covariance
-        return StateSpace(
+        return self.subset((commanded,), (measured,))
+
+    def subset(self, commanded: Sequence[str], measured: Sequence[str]) -> StateSpace:
+        """Return the model from some commands to some measurements, all states kept.
+
+        Its noise model is that of the subset seen alone: the innovations are what the named measurements do not tell
+        beforehand, while the noise of all drives acts and the other commands stand still. It is no part of the K and
+        the covariance of the whole, whose predictor knows all seven measurements.
+
+        Args:
+            commanded: The joints that are commanded, one or more, each once.
+            measured: The joints that are measured, likewise.
+
+        Returns:
+            A model with those inputs and outputs in the sequence given.
+
+        Raises:
+            TwinError: No joint, one twice, or one that there is not.
+        """
+        for role, names in (("commanded", commanded), ("measured", measured)):
+            if isinstance(names, str) or not names or len(set(names)) != len(names):
+                raise TwinError(f"{role} = {names!r} given, expected one or more joints, each once")
+        inputs = [joint_index(name) for name in commanded]
+        outputs = [joint_index(name) for name in measured]
+        model, disturbances = self.model, self.disturbances
+        path = StateSpace(
             model.A,
-            model.B[:, [j]],
-            model.C[[i]],
-            model.D[np.ix_([i], [j])],
+            model.B[:, inputs],
+            model.C[outputs],
+            model.D[np.ix_(outputs, inputs)],
             None,
             model.dt,
-            None if covariance is None else covariance[np.ix_([i], [i])],
-            input_names=(f"{JOINTS[j]} commanded",),
-            output_names=(f"{JOINTS[i]} measured",),
-            input_units=("rad",),
-            output_units=("rad",),
+            input_names=tuple(f"{JOINTS[j]} commanded" for j in inputs),
+            output_names=tuple(f"{JOINTS[i]} measured" for i in outputs),
+            input_units=("rad",) * len(inputs),
+            output_units=("rad",) * len(outputs),
         )
+        return innovations_form(path, disturbances.drives, disturbances.resolvers[np.ix_(outputs, outputs)])
