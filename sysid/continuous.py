@@ -1,9 +1,8 @@
 """Between discrete and continuous time."""
 
 from itertools import chain
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
-import control
 import numpy as np
 import scipy.linalg
 
@@ -15,12 +14,15 @@ from sysid.simulate import as_model
 from sysid.state_space import StateSpace
 from sysid.zero_pole_gain import ZeroPoleGain, zero_pole_gain
 
+if TYPE_CHECKING:
+    import control
+
 AT_ZERO = 1e-9  # modulus of a pole below which it is a sample of delay
 AT_INFINITY = 30.0  # modulus of a zero, times dt, beyond which exp(s dt) is none within the digits of the machine
 AT_ONE = 1e-9  # distance from z = 1 below which a pole integrates
 
 
-def d2c(model: StateSpace | Estimate) -> control.StateSpace:
+def d2c(model: StateSpace | Estimate) -> "control.StateSpace":
     """The continuous-time system that gives `model` when its input is held between samples.
 
     exp([F G; 0 0] dt) = [A B; 0 I], by the principal logarithm: frequencies are taken to lie below Nyquist.
@@ -36,6 +38,8 @@ def d2c(model: StateSpace | Estimate) -> control.StateSpace:
         SysidError: A pole at zero or on the negative real axis (a delay, or an oscillation at Nyquist): no real
             system of this order has it.
     """
+    import control
+
     model = as_model(model).input_path()
     poles = model.poles()
     without = poles[_without_match(poles)]
@@ -58,7 +62,7 @@ def d2c(model: StateSpace | Estimate) -> control.StateSpace:
     )
 
 
-def c2d(system: control.LTI, dt: float) -> StateSpace:
+def c2d(system: "control.LTI", dt: float) -> StateSpace:
     """Sample a continuous-time system whose input is held between samples.
 
     Args:
@@ -71,6 +75,8 @@ def c2d(system: control.LTI, dt: float) -> StateSpace:
     Raises:
         SysidError: The system is not continuous, has more zeros than poles, or dt is not positive.
     """
+    import control
+
     dt = sampling_interval(dt)
     system = _continuous(system)
     if isinstance(system, control.TransferFunction):
@@ -83,7 +89,7 @@ def c2d(system: control.LTI, dt: float) -> StateSpace:
     return StateSpace.from_control(control.sample_system(held, dt, method="zoh"))
 
 
-def d2c_matched(model: StateSpace | Estimate) -> control.TransferFunction:
+def d2c_matched(model: StateSpace | Estimate) -> "control.TransferFunction":
     """The continuous-time system whose poles and zeros s map to those of `model` by z = exp(s dt).
 
     Zeros at zero and on the negative real axis, which sampling makes [Astrom1984], belong to infinite frequency and are
@@ -98,6 +104,8 @@ def d2c_matched(model: StateSpace | Estimate) -> control.TransferFunction:
     Raises:
         SysidError: Several channels, or poles at zero or on the negative real axis.
     """
+    import control
+
     model = as_model(model).input_path()
     z = zero_pole_gain(model)
     # several at -1 come out as a small circle round it
@@ -117,7 +125,7 @@ def d2c_matched(model: StateSpace | Estimate) -> control.TransferFunction:
     return control.zpk(zeros, poles, float(np.copysign(abs(gain), gain.real)))
 
 
-def c2d_matched(system: control.LTI, dt: float) -> StateSpace:
+def c2d_matched(system: "control.LTI", dt: float) -> StateSpace:
     """The discrete-time system whose poles and zeros are z = exp(s dt) of those of a continuous one.
 
     Zeros at infinity, all but one, go to z = -1, so that the output follows a sample later. The gain is matched at
@@ -149,7 +157,9 @@ def c2d_matched(system: control.LTI, dt: float) -> StateSpace:
     return ZeroPoleGain(unscaled.zeros, unscaled.poles, scaled, dt).to_state_space()
 
 
-def _continuous(system: control.LTI) -> control.LTI:
+def _continuous(system: "control.LTI") -> "control.LTI":
+    import control
+
     if not isinstance(system, control.StateSpace | control.TransferFunction):
         raise SysidError(f"expected a continuous-time python-control system, got {type(system).__name__}")
     # a gain alone has no time of either kind

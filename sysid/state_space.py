@@ -3,8 +3,8 @@
 import re
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
+from typing import TYPE_CHECKING
 
-import control
 import numpy as np
 import scipy.linalg
 from numpy.typing import ArrayLike
@@ -15,6 +15,9 @@ from sysid.arrays import ComplexArray, FloatArray, Locked, lock, real_array
 from sysid.errors import SysidError
 from sysid.reduction import balanced_truncation
 from sysid.transmission_zeros import transmission_zeros
+
+if TYPE_CHECKING:
+    import control
 
 HALF_POWER = 0.5  # -3.0103 dB
 
@@ -260,8 +263,11 @@ class StateSpace(Locked):
         A, B, C = self.A[np.ix_(keep, keep)], self.B[keep], self.C[:, keep]
         return replace(self, A=A, B=B, C=C, K=None, innovation_covariance=None)
 
-    def to_control(self) -> control.StateSpace:
+    def to_control(self) -> "control.StateSpace":
         """The path from u to y as a python-control system."""
+        # It loads matplotlib's windows, which takes longer than most of what is done without it.
+        import control
+
         return control.ss(
             self.A,
             self.B,
@@ -273,12 +279,14 @@ class StateSpace(Locked):
         )
 
     @staticmethod
-    def from_control(system: control.LTI) -> "StateSpace":
+    def from_control(system: "control.LTI") -> "StateSpace":
         """Take over a discrete-time python-control system with its signal names; it has no noise model, so K = 0.
 
         Raises:
             SysidError: The system is continuous or has no sampling interval.
         """
+        import control
+
         if not isinstance(system, control.LTI):
             raise SysidError(f"expected a python-control system, got {type(system).__name__}")
         ss = control.ss(system)

@@ -2,8 +2,8 @@
 
 from dataclasses import dataclass
 from itertools import zip_longest
+from typing import TYPE_CHECKING
 
-import control
 import numpy as np
 import scipy.signal
 from numpy.typing import ArrayLike
@@ -14,6 +14,9 @@ from sysid.errors import SysidError
 from sysid.estimate import Estimate
 from sysid.simulate import as_model
 from sysid.state_space import StateSpace
+
+if TYPE_CHECKING:
+    import control
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -53,12 +56,16 @@ class ZeroPoleGain(Locked):
         z = np.exp(2j * np.pi * self.dt * np.atleast_1d(real_array("f_hz", f_hz)))[:, None]
         return np.asarray(self.gain * np.prod(z - self.zeros, axis=1) / np.prod(z - self.poles, axis=1))
 
-    def to_control(self) -> control.TransferFunction:
+    def to_control(self) -> "control.TransferFunction":
         """As a python-control transfer function."""
+        import control
+
         return control.zpk(self.zeros, self.poles, self.gain, dt=self.dt)
 
     def to_state_space(self) -> StateSpace:
         """A chain of sections of second order: accurate where one polynomial in z would not be."""
+        import control
+
         chain = control.ss([], [], [], [[self.gain]], self.dt)
         for poles, zeros in zip_longest(_pairs(self.poles), _pairs(self.zeros), fillvalue=np.zeros(0)):
             matrices = scipy.signal.tf2ss(np.atleast_1d(np.poly(zeros).real), np.poly(poles).real)
@@ -114,7 +121,7 @@ def zero_pole_gain(model: StateSpace | Estimate, *, input: int = 0, output: int 
     return ZeroPoleGain(channel.zeros(), channel.poles(), leading, model.dt)
 
 
-def transfer_function(model: StateSpace | Estimate) -> control.TransferFunction:
+def transfer_function(model: StateSpace | Estimate) -> "control.TransferFunction":
     """The path from u to y as a python-control transfer function, numerators and denominators in z.
 
     High orders lose digits in polynomials: for computations the state space is the better form.
@@ -128,6 +135,8 @@ def transfer_function(model: StateSpace | Estimate) -> control.TransferFunction:
     Raises:
         SysidError: Neither a model nor an estimate.
     """
+    import control
+
     model = as_model(model)
     channels = [[_channel(model, j, i) for j in range(model.nu)] for i in range(model.ny)]
     numerators = [[_leading(c) * np.atleast_1d(np.poly(c.zeros()).real) for c in row] for row in channels]
