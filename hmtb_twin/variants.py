@@ -6,6 +6,7 @@ from types import MappingProxyType
 
 from hmtb_twin.errors import TwinError
 from hmtb_twin.parameters import ACTUATORS, BUS, LINKS, SERVOS, Actuator, BusTerminal, Link, Servo
+from hmtb_twin.published_variant import PUBLISHED_ACTUATORS, PUBLISHED_SERVOS
 
 EARTH = 9.81
 """Acceleration of gravity that the arm feels on the ground, m/s^2."""
@@ -37,7 +38,15 @@ class Variant:
 VARIANTS: Mapping[str, Variant] = MappingProxyType(
     {
         arm.name: arm
-        for arm in (Variant("nominal", "about 1 Hz on every joint, as the spectral estimates of the thesis read"),)
+        for arm in (
+            Variant("nominal", "about 1 Hz on every joint, as the spectral estimates of the thesis read"),
+            Variant(
+                "published",
+                "dominant poles of the models that the thesis chose, shoulder yaw at 0.16 Hz",
+                actuators=PUBLISHED_ACTUATORS,
+                servos=PUBLISHED_SERVOS,
+            ),
+        )
     }
 )
 """Every arm by its name."""
