@@ -27,7 +27,7 @@ def test_the_arm_has_the_dominant_poles_of_the_chosen_models() -> None:
 def test_dominant_poles_of_a_print() -> None:
     np.testing.assert_allclose(dominant_poles(SHOULDER_PITCH_OE), 50.0 * np.log([0.8884, 0.0892]), rtol=1e-3)
     # Of (4.8) one pole is delay and one lies on the negative axis.
-    np.testing.assert_allclose(dominant_poles(YAW_OE), 50.0 * np.log([0.9427]), rtol=1e-3)
+    np.testing.assert_allclose(dominant_poles(YAW_OE), 50.0 * np.log([0.94265]), rtol=1e-3)
 
 
 def test_the_closed_form_is_the_arm_but_for_the_step_of_the_physics() -> None:
