@@ -1,0 +1,115 @@
+"""The true noise model against records of the twin, and against estimators on fresh data.
+
+Run by hand: `PYTHONPATH=. python tests/benchmarks/innovations.py [SEEDS]`. With twelve seeds it takes a few minutes.
+"""
+
+import sys
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+import sysid
+from hmtb_twin import IDEAL, JOINTS, Chain, HandController, JointLog, Plant, Truth, linearize, load_arm, simulate
+from sysid import Estimate, IOData, StateSpace
+
+MOVING = JOINTS[1:]
+LEVELS = (0.002, 0.005, 0.01)
+ELBOW = "elbow_pitch"
+
+ESTIMATORS: dict[str, Callable[[IOData], Estimate]] = {
+    "armax 2 2 2": lambda data: sysid.armax(data, 2, 2, 2, 2),
+    "armax 4 4 4": lambda data: sysid.armax(data, 4, 4, 4, 2),
+    "bj 2 2 2 2": lambda data: sysid.bj(data, 2, 2, 2, 2, 2),
+    "n4sid 3": lambda data: sysid.n4sid(data, 3),
+    "n4sid 8": lambda data: sysid.n4sid(data, 8),
+    "pem_ss 4": lambda data: sysid.pem_ss(data, sysid.n4sid(data, 4).model),
+}
+
+
+@dataclass(frozen=True)
+class Binary:
+    """Random binary commands of 3 mrad on each axis, small enough for the linear model."""
+
+    seed: int
+    axes: tuple[str, ...]
+    plant: Plant
+    duration: float = 30.0
+    name: str = "binary"
+    variant: str = "nominal"
+    payload: str = "rpcm"
+    pose: str = "rpcm_holster_out_approach"
+    mode: str = "single_joint"
+    worksite: bool = False
+    shutdown: tuple[float, ...] = ()
+    chain: Chain = replace(IDEAL, friction=True, resolver=True)  # noqa: RUF009
+    hand_controller: HandController = HandController()  # noqa: RUF009
+
+    def volts(self) -> np.ndarray:
+        """Return bits held over five ticks, of 0.05 V."""
+        ticks = round(50 * self.duration)
+        rng = np.random.default_rng([self.seed, 1])
+        return 0.05 * np.repeat(rng.choice([-1.0, 1.0], (ticks // 5 + 1, len(self.axes))), 5, axis=0)[:ticks]
+
+    def operator(self) -> None:
+        """Return nobody."""
+
+
+def records(logs: Sequence[JointLog], truth: Truth, joints: tuple[str, ...]) -> list[IOData]:
+    """Return deviations from the operating point, commands and measurements of some joints."""
+    columns = [JOINTS.index(name) for name in joints]
+    return [
+        IOData((log.commanded - truth.angles)[:, columns], (log.measured - truth.angles)[:, columns], log.dt)
+        for log in logs
+    ]
+
+
+def prediction_errors(model: StateSpace, data: Sequence[IOData]) -> np.ndarray:
+    """Return the one-step prediction errors behind the first second, experiments one after the other."""
+    return np.vstack([sysid.residuals(model, record, x0=np.zeros(model.order))[50:] for record in data])
+
+
+def floor(seeds: int) -> None:
+    """Write whiteness and covariance of the innovations, of all joints together and of the elbow alone."""
+    print("process noise | friction | rejected as not white at 5 % | variance over the true one, yaw to wrist roll")
+    for friction in ("viscous", "lugre"):
+        for level in LEVELS:
+            plant = Plant(friction=friction, process_noise=level)
+            truth = linearize(load_arm(plant=plant))
+            model = truth.subset(MOVING, MOVING)
+            logs = simulate([Binary(seed, MOVING, plant) for seed in range(seeds)])
+            data = records(logs, truth, MOVING)
+            rejected = np.mean([sysid.resid(model, record).whiteness_p < 0.05 for record in data])
+            variance = np.mean(prediction_errors(model, data) ** 2, axis=0)
+            ratios = variance / np.diag(model.innovation_covariance)
+            print(f"{level:g} | {friction} | {100 * rejected:.1f} % | " + " ".join(f"{r:.3f}" for r in ratios))
+        print(f"  one standard error of a ratio: {np.sqrt(2 / (seeds * 1450)):.3f}")
+
+
+def contest(seeds: int, level: float = 0.005) -> None:
+    """Write how much worse than the true predictor each estimator predicts fresh records of the elbow."""
+    plant = Plant(friction="viscous", process_noise=level)
+    truth = linearize(load_arm(plant=plant))
+    logs = simulate([Binary(1000 + seed, (ELBOW,), plant, 60.0) for seed in range(2 * seeds)])
+    data = records(logs, truth, (ELBOW,))
+    model = truth.channel(ELBOW, ELBOW)
+    print(
+        "estimator | mean square above the true predictor's, % | standard error | least of all seeds, in its own errors"
+    )
+    for name, estimator in ESTIMATORS.items():
+        excess, score = [], []
+        for train, fresh in zip(data[::2], data[1::2], strict=True):
+            estimate = estimator(train)
+            true = prediction_errors(model, [fresh])[:, 0] ** 2
+            found = sysid.residuals(estimate, fresh)[50:, 0] ** 2
+            difference = found - true
+            excess.append(100 * difference.mean() / true.mean())
+            score.append(difference.mean() / (difference.std() / np.sqrt(len(difference))))
+        error = np.std(excess, ddof=1) / np.sqrt(len(excess))
+        print(f"{name} | {np.mean(excess):.2f} | {error:.2f} | {min(score):.1f}")
+
+
+if __name__ == "__main__":
+    count = int(sys.argv[1]) if len(sys.argv) > 1 else 12
+    floor(count)
+    contest(count)
