@@ -2,13 +2,16 @@
 
 import re
 import xml.etree.ElementTree as ET
+from copy import copy
 from importlib.metadata import distribution
 from pathlib import Path
 
 import mujoco
 import numpy as np
 import pinocchio as pin
+import pytest
 
+from hmtb_twin import JOINTS, PAYLOADS, VARIANTS, load_arm
 from hmtb_twin.resources import model_file
 
 STATES = 100
@@ -39,13 +42,115 @@ def agree(model: mujoco.MjModel, peer: "pin.Model") -> None:
         close(torque + model.dof_armature * a, pin.rnea(peer, scratch, q, v, a))
 
 
-def close(ours: np.ndarray, theirs: np.ndarray) -> None:
-    assert np.abs(ours - theirs).max() <= RELATIVE * np.abs(theirs).max()
+def close(ours: np.ndarray, theirs: np.ndarray, relative: float = RELATIVE) -> None:
+    difference, size = float(np.abs(ours - theirs).max()), float(np.abs(theirs).max())
+    assert difference <= relative * size
 
 
 def test_hmtb():
     path = str(model_file("hmtb/hmtb.xml"))
     agree(mujoco.MjModel.from_xml_path(path), pin.buildModelFromMJCF(path))
+
+
+ARMS = pytest.mark.parametrize(("variant", "payload"), [(v, p) for v in VARIANTS for p in PAYLOADS])
+
+
+def rigid(variant: str, payload: str) -> tuple[mujoco.MjModel, "pin.Model"]:
+    """An arm's bodies alone, without drives, drag and constraints, and the controller's own model of them."""
+    arm = load_arm(variant, payload)
+    model, flags = copy(arm.model), mujoco.mjtDisableBit
+    model.opt.disableflags |= flags.mjDSBL_CONSTRAINT | flags.mjDSBL_ACTUATION | flags.mjDSBL_DAMPER
+    return model, arm.controller._model
+
+
+def moving(peer: "pin.Model", count: int = STATES) -> list[tuple[np.ndarray, np.ndarray, np.ndarray]]:
+    """Random angles, rad, velocities, rad/s, and the torques, N m, of random accelerations."""
+    rng, n, scratch = np.random.default_rng(1), peer.nv, peer.createData()
+    drawn = [(rng.uniform(-3, 3, n), rng.uniform(-2, 2, n), rng.uniform(-5, 5, n)) for _ in range(count)]
+    return [(q, v, pin.rnea(peer, scratch, q, v, a).copy()) for q, v, a in drawn]
+
+
+def acceleration(model: mujoco.MjModel, data: mujoco.MjData, q: np.ndarray, v: np.ndarray, t: np.ndarray) -> np.ndarray:
+    data.qpos[:], data.qvel[:], data.qfrc_applied[:] = q, v, t
+    mujoco.mj_forward(model, data)
+    return data.qacc.copy()
+
+
+@ARMS
+def test_every_arm(variant, payload):
+    agree(*rigid(variant, payload))
+
+
+@ARMS
+def test_kinematics(variant, payload):
+    arm = load_arm(variant, payload)
+    model, peer = rigid(variant, payload)
+    data, scratch = mujoco.MjData(model), peer.createData()
+    tool, bodies = model.site("tool").id, [int(model.joint(name).bodyid[0]) for name in JOINTS]
+    assert list(peer.names)[1:] == list(JOINTS)
+    for q, v, _ in moving(peer):
+        data.qpos[:], data.qvel[:] = q, v
+        mujoco.mj_fwdPosition(model, data)
+        pin.forwardKinematics(peer, scratch, q)
+        close(data.xpos[bodies], np.array([placed.translation for placed in scratch.oMi[1:]]))
+        close(data.xmat[bodies].reshape(-1, 3, 3), np.array([placed.rotation for placed in scratch.oMi[1:]]))
+        position, rotation = arm.controller.tool_pose(q)
+        close(data.site_xpos[tool], position)
+        close(data.site_xmat[tool].reshape(3, 3), rotation)
+        linear, angular = np.empty((3, model.nv)), np.empty((3, model.nv))
+        mujoco.mj_jacSite(model, data, linear, angular, tool)
+        local = arm.controller.tool_jacobian(q)
+        close(linear, rotation @ local[:3])
+        close(angular, rotation @ local[3:])
+        mujoco.mj_energyVel(model, data)
+        close(data.energy[1], pin.computeKineticEnergy(peer, scratch, q, v))
+
+
+@ARMS
+def test_forward_dynamics(variant, payload):
+    model, peer = rigid(variant, payload)
+    data, scratch = mujoco.MjData(model), peer.createData()
+    for q, v, torque in moving(peer):
+        # The wrist roll's inertia is a hundredth of the shoulder's: accelerations carry that condition number.
+        close(acceleration(model, data, q, v, torque), pin.aba(peer, scratch, q, v, torque), 1e-10)
+
+
+@ARMS
+def test_linearised_dynamics(variant, payload):
+    model, peer = rigid(variant, payload)
+    data, scratch = mujoco.MjData(model), peer.createData()
+    # Central differences of eighth order: truncation and rounding are both near 1e-12 at this step.
+    weights, reach = np.array([4 / 5, -1 / 5, 4 / 105, -1 / 280]), 0.004
+    for q, v, torque in moving(peer, 10):
+        pin.computeABADerivatives(peer, scratch, q, v, torque)
+        inverse = np.triu(scratch.Minv)
+        exact = (scratch.ddq_dq, scratch.ddq_dv, inverse + np.triu(inverse, 1).T)
+        for which, (peers, size) in enumerate(zip(exact, (1.0, 1.0, 1e3), strict=True)):
+            slope = np.empty_like(peers)
+            for j in range(model.nv):
+                at = [q, v, torque]
+                total = np.zeros(model.nv)
+                for k, weight in enumerate(weights, 1):
+                    for sign in (1.0, -1.0):
+                        moved = at[which].copy()
+                        moved[j] += sign * k * reach * size
+                        total += sign * weight * acceleration(model, data, *at[:which], moved, *at[which + 1 :])
+                slope[:, j] = total / (reach * size)
+            close(slope, peers, 1e-10)
+
+
+@ARMS
+def test_finite_differences_of_the_engine(variant, payload):
+    model, peer = rigid(variant, payload)
+    model.opt.integrator = mujoco.mjtIntegrator.mjINT_EULER
+    data, scratch, n, h = mujoco.MjData(model), peer.createData(), model.nv, model.opt.timestep
+    A = np.empty((2 * n + model.na,) * 2)
+    for q, v, torque in moving(peer, 10):
+        data.qpos[:], data.qvel[:], data.qfrc_applied[:] = q, v, torque
+        mujoco.mjd_transitionFD(model, data, 1e-5, True, A, None, None, None)
+        pin.computeABADerivatives(peer, scratch, q, v, torque)
+        close(A[n : 2 * n, :n] / h, scratch.ddq_dq, 1e-6)
+        close((A[n : 2 * n, n : 2 * n] - np.eye(n)) / h, scratch.ddq_dv, 1e-6)
 
 
 def test_panda(tmp_path):
