@@ -53,7 +53,7 @@ class Arm:
     def valves_closed(self) -> mujoco.MjModel:
         """The arm after an emergency shutdown: no flow through the valves, the oil trapped but for the leakage."""
         shut = {name: replace(a, valve_open=False) for name, a in self.actuators.items()}
-        return _compile(variant_named(self.variant), self.payload, shut, self.worksite)
+        return _compile(variant_named(self.variant), self.payload, self.plant, shut, self.worksite)
 
     @property
     def friction(self) -> bool:
@@ -74,7 +74,8 @@ class Arm:
     @property
     def pressure_states(self) -> np.ndarray:
         """Index of each joint's load pressure in the activation vector, shape (7,)."""
-        return self.model.actuator_actadr + self.model.actuator_actnum - 1
+        valves = [self.model.actuator(name).id for name in JOINTS]
+        return self.model.actuator_actadr[valves] + self.model.actuator_actnum[valves] - 1
 
     def pose(self, name: str) -> np.ndarray:
         """Return the joint angles of a named pose.
@@ -115,17 +116,21 @@ class Arm:
         return self.plant.process_noise * np.array([self.actuators[name].rated_torque for name in JOINTS])
 
     def rest(self, angles: np.ndarray) -> mujoco.MjData:
-        """Return the state of the arm at rest at a pose, its oil already carrying the load.
+        """Return the state of the arm at rest at a commanded pose, its oil already carrying the load.
 
-        At the worksite the unit is where the end effector holds it, or stands in the holster.
+        A linear arm stands exactly there; servo valves under load leave it a little off. At the worksite the unit is
+        where the end effector holds it, or stands in the holster.
 
         Args:
-            angles: Joint angles (7,), rad.
+            angles: Commanded joint angles (7,), rad.
 
         Returns:
             A new MuJoCo state with controls that hold the pose.
         """
         data = mujoco.MjData(self.model)
+        data.ctrl[:] = self.controls(angles[None])[0]
+        command = angles
+        angles, data.act[:] = self._settled(command)
         data.qpos[: len(JOINTS)] = angles
         if self.worksite:
             held = PAYLOADS[self.payload] is not None
@@ -133,11 +138,23 @@ class Arm:
             position, rotation = self.controller.tool_pose(angles) if held else SEATS["holster"].seated
             data.qpos[len(JOINTS) : len(JOINTS) + 3] = position
             mujoco.mju_mat2Quat(data.qpos[len(JOINTS) + 3 :], rotation.ravel())
-        data.ctrl[:] = self.controls(angles[None])[0]
-        displacement = np.array([self.actuators[name].displacement for name in JOINTS])
-        data.act[self.pressure_states] = data.ctrl[1::2] / displacement
+        if self.plant.actuator == "orifice":
+            from hmtb_twin.orifice import lean_on_pins
+
+            lean_on_pins(self.model, self.controller, command, data)
         mujoco.mj_forward(self.model, data)
         return data
+
+    def _settled(self, command: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Return angles (7,) and activations at which the commanded arm rests."""
+        if self.plant.actuator == "orifice":
+            from hmtb_twin.orifice import settled_arm
+
+            return settled_arm(self.model, self.controller, command)
+        act = np.zeros(self.model.na)
+        displacement = np.array([self.actuators[name].displacement for name in JOINTS])
+        act[self.pressure_states] = self.controller.gravity_torque(command[None])[0] / displacement
+        return command, act
 
 
 def load_arm(
@@ -178,7 +195,7 @@ def _load(name: str, payload: str, plant: Plant, worksite: bool) -> Arm:
     variant = variant_named(name)
     actuators = {joint: plant.applied(actuator) for joint, actuator in variant.actuators.items()}
     return Arm(
-        model=_compile(variant, payload, actuators, worksite),
+        model=_compile(variant, payload, plant, actuators, worksite),
         controller=controller_model(payload, name),
         variant=name,
         payload=payload,
@@ -190,11 +207,22 @@ def _load(name: str, payload: str, plant: Plant, worksite: bool) -> Arm:
     )
 
 
-def _compile(variant: Variant, payload: str, actuators: Mapping[str, Actuator], worksite: bool) -> mujoco.MjModel:
-    spec = worksite_spec() if worksite else _free_space_spec(payload)
+def _compile(
+    variant: Variant, payload: str, plant: Plant, actuators: Mapping[str, Actuator], worksite: bool
+) -> mujoco.MjModel:
     gains = tuned_gains(variant)
+    if plant.actuator == "orifice":
+        # The compiler behind it takes a second to load, and only this form needs it.
+        from hmtb_twin.orifice import STEP, add_orifice_actuators
+
+        spec = worksite_spec(STEP) if worksite else _free_space_spec(payload)
+        add_orifice_actuators(spec, actuators, gains)
+    else:
+        spec = worksite_spec() if worksite else _free_space_spec(payload)
+        for name in JOINTS:
+            configure(spec.actuator(name), actuators[name], gains[name])
     for name in JOINTS:
-        configure(spec.actuator(name), spec.joint(name), actuators[name], gains[name])
+        rub(spec.joint(name), actuators[name])
     return spec.compile()
 
 
@@ -217,13 +245,17 @@ def tuned_gains(variant: Variant) -> dict[str, tuple[float, float]]:
     }
 
 
-def configure(
-    target: mujoco.MjsActuator, joint: mujoco.MjsJoint, actuator: Actuator, gains: tuple[float, float]
-) -> None:
-    """Write a hydraulic actuator and its servo into a MuJoCo `dcmotor`, pressure for current and flow for voltage.
+def rub(joint: mujoco.MjsJoint, actuator: Actuator) -> None:
+    """Write an actuator's drag, and its Coulomb friction where it has no bristles, to its joint."""
+    bristles = actuator.friction is not None and actuator.friction.bristles
+    joint.damping = [actuator.drag, 0.0, 0.0]
+    joint.frictionloss = 0.0 if bristles else actuator.coulomb_torque
+    # As hard as the constraint gets: the softer default lets a stuck joint creep.
+    joint.solref_friction, joint.solimp_friction = [0.002, 1.0], [0.9999, 0.9999, 0.001, 0.5, 2.0]
 
-    LuGre friction is the actuator's; drag, and Coulomb friction without bristles, are the joint's.
-    """
+
+def configure(target: mujoco.MjsActuator, actuator: Actuator, gains: tuple[float, float]) -> None:
+    """Write a hydraulic actuator and its servo into a MuJoCo `dcmotor`, pressure for current and flow for voltage."""
     kp, kd = gains
     friction, coulomb = actuator.friction, actuator.coulomb_torque
     lugre = [0.0] * 5
@@ -236,10 +268,6 @@ def configure(
             coulomb * friction.static_ratio,
             friction.stribeck_velocity,
         ]
-    joint.damping = [actuator.drag, 0.0, 0.0]
-    joint.frictionloss = 0.0 if any(lugre) else coulomb
-    # As hard as the constraint gets: the softer default lets a stuck joint creep.
-    joint.solref_friction, joint.solimp_friction = [0.002, 1.0], [0.9999, 0.9999, 0.001, 0.5, 2.0]
     target.set_to_dcmotor(
         motorconst=[actuator.displacement, 0.0],
         resistance=actuator.flow_pressure_gain,

@@ -12,6 +12,7 @@ from hmtb_twin.errors import TwinError
 from hmtb_twin.innovations import Disturbances, innovations_form
 from hmtb_twin.joint_log import software_versions
 from hmtb_twin.parameters import JOINTS, OPERATING_POSE, RECORDER, SAMPLE_TIME, STUDIED_JOINTS
+from hmtb_twin.sample_map import sample_map
 from hmtb_twin.truth import Truth
 from sysid import StateSpace
 
@@ -21,6 +22,12 @@ AMPLITUDES = (1e-5, 1e-4, 1e-3, 1e-2)
 STEP = 1e-5
 """Step of the centred finite differences: truncation and rounding errors are near 1e-9 here."""
 
+METHODS = {
+    "linear": "mjd_transitionFD, centred, zero-order hold to 50 Hz",
+    "orifice": "centred differences of the 50 Hz map",
+}
+"""How each form of the actuator is linearised."""
+
 
 def linearize(arm: Arm, pose: str | np.ndarray = OPERATING_POSE, *, amplitudes: Sequence[float] = AMPLITUDES) -> Truth:
     """Linearise the arm at rest and lift the result to 50 Hz.
@@ -28,8 +35,10 @@ def linearize(arm: Arm, pose: str | np.ndarray = OPERATING_POSE, *, amplitudes: 
     One physics step is x+ = f(x, u) with x joint angles, velocities and load pressures and u commanded angle and
     feedforward torque of each joint. Its Jacobians, held over the steps of a tick, give the 50 Hz map; the feedforward
     of the controller's own model folds the torques into the commanded angles, and the bus delays follow the outputs.
-    Dry friction is off: at rest it would show the stuck arm, not the moving one. The oil's drag stays. Noise of the
-    valve drives is torque held over a tick as the feedforward is, so that it enters by the same columns of the map.
+    An arm with servo valves runs by another integrator: there the 50 Hz map itself is differentiated, at rest with the
+    oil settled. Dry friction is off: at rest it would show the stuck arm, not the moving one. The oil's drag stays.
+    Noise of the valve drives is torque held over a tick as the feedforward is, so that it enters by the same columns
+    of the map.
 
     Args:
         arm: The arm, with friction or without, in free space or at the worksite: the truth is the same.
@@ -57,7 +66,7 @@ def linearize(arm: Arm, pose: str | np.ndarray = OPERATING_POSE, *, amplitudes: 
         pose=pose if isinstance(pose, str) else "given angles",
         angles=angles,
         small_signal_error=errors,
-        provenance={"method": "mjd_transitionFD, centred, zero-order hold to 50 Hz", **software_versions()},
+        provenance={"method": METHODS[arm.plant.actuator], **software_versions()},
     )
 
 
@@ -75,16 +84,10 @@ def _angles(pose: np.ndarray) -> np.ndarray:
 
 def _sampled_model(arm: Arm, angles: np.ndarray) -> tuple[StateSpace, Disturbances]:
     data = arm.rest(angles)
-    model = copy(arm.model)
-    # The pin of the shoulder roll is a constraint: solved only to the default tolerance it would blur the differences.
-    model.opt.tolerance = 0.0
-    states = 2 * model.nv + model.na
-    A, B = np.empty((states, states)), np.empty((states, model.nu))
-    mujoco.mjd_transitionFD(model, data, STEP, True, A, B, None, None)
-    # Zero-order hold over the tick: x+ = A^n x + (I + A + ... + A^(n-1)) B u, by the powers of an augmented matrix.
-    held = np.block([[A, B], [np.zeros((model.nu, states)), np.eye(model.nu)]])
-    tick = np.linalg.matrix_power(held, round(SAMPLE_TIME / model.opt.timestep))[:states]
-    A, B = tick[:, :states], tick[:, states:]
+    # MuJoCo differentiates its own single-step integrators, not the Runge-Kutta method.
+    single = arm.model.opt.integrator != mujoco.mjtIntegrator.mjINT_RK4
+    A, B = _lifted(arm.model, data) if single else sample_map(arm.model, data)
+    states = len(A)
     torques = B[:, 1::2]
     B = B[:, 0::2] + torques @ arm.controller.gravity_gradient(angles)
     path = _delayed(A, B, np.eye(len(JOINTS), states), arm.delays)
@@ -93,6 +96,20 @@ def _sampled_model(arm: Arm, angles: np.ndarray) -> tuple[StateSpace, Disturbanc
     # Readings reach the record as late as the angles; white noise delayed is white noise.
     resolvers = (RECORDER.noise**2 + RECORDER.resolver_step**2 / 12.0) * np.eye(len(JOINTS))
     return path, Disturbances(drives, resolvers)
+
+
+def _lifted(original: mujoco.MjModel, data: mujoco.MjData) -> tuple[np.ndarray, np.ndarray]:
+    """The map over a tick from the Jacobians of one physics step."""
+    model = copy(original)
+    # The pin of the shoulder roll is a constraint: solved only to the default tolerance it would blur the differences.
+    model.opt.tolerance = 0.0
+    states = 2 * model.nv + model.na
+    A, B = np.empty((states, states)), np.empty((states, model.nu))
+    mujoco.mjd_transitionFD(model, data, STEP, True, A, B, None, None)
+    # Zero-order hold over the tick: x+ = A^n x + (I + A + ... + A^(n-1)) B u, by the powers of an augmented matrix.
+    held = np.block([[A, B], [np.zeros((model.nu, states)), np.eye(model.nu)]])
+    tick = np.linalg.matrix_power(held, round(SAMPLE_TIME / model.opt.timestep))[:states]
+    return tick[:, :states], tick[:, states:]
 
 
 def _delayed(A: np.ndarray, B: np.ndarray, C: np.ndarray, delays: np.ndarray) -> StateSpace:
@@ -151,8 +168,9 @@ def small_signal_error(arm: Arm, model: StateSpace, angles: np.ndarray, amplitud
 
 
 def simulated(arm: Arm, angles: np.ndarray, command: np.ndarray) -> np.ndarray:
-    """Return the deviations of the delayed joint angles (N, 7) from the operating point under commands (N, 7), rad."""
+    """Return the deviations of the delayed joint angles (N, 7) from rest at a pose under commands (N, 7), rad."""
     data = arm.rest(angles)
+    start = data.qpos.copy()
     substeps = round(SAMPLE_TIME / arm.model.opt.timestep)
     read = np.empty_like(command)
     for k, control in enumerate(arm.controls(command)):
@@ -160,7 +178,7 @@ def simulated(arm: Arm, angles: np.ndarray, command: np.ndarray) -> np.ndarray:
         data.ctrl[:] = control
         mujoco.mj_step(arm.model, data, nstep=substeps)
     ticks = np.maximum(np.arange(len(read))[:, None] - arm.delays, 0)
-    return np.take_along_axis(read, ticks, axis=0) - angles
+    return np.take_along_axis(read, ticks, axis=0) - start
 
 
 def linear(model: StateSpace, offsets: np.ndarray) -> np.ndarray:

@@ -16,11 +16,14 @@ TOUCH_SENSOR = "unit_touch"
 """Sum of the normal contact forces between the unit and the worksite, N, and its history over the last tick."""
 
 
-def worksite_spec() -> mujoco.MjSpec:
+def worksite_spec(timestep: float | None = None) -> mujoco.MjSpec:
     """Return the scene in which the unit comes free of the end effector.
 
     Contact is on between the unit and walls, guides and panel, and between the unit and the finger tips, nowhere else.
     The latch is a stiff weld, open at first.
+
+    Args:
+        timestep: Physics step, s; the scene's own by default.
 
     Returns:
         The scene, its keyframes left out: their state would not fit the free body.
@@ -28,6 +31,8 @@ def worksite_spec() -> mujoco.MjSpec:
     spec = mujoco.MjSpec.from_file(str(model_file("hmtb/scene.xml")))
     for key in list(spec.keys):
         spec.delete(key)
+    if timestep is not None:
+        spec.option.timestep = timestep
     # One solver call for one small problem, as in free space, but with contact.
     spec.option.disableflags &= ~int(mujoco.mjtDisableBit.mjDSBL_CONTACT)
     _free(spec)

@@ -1,0 +1,296 @@
+"""The `orifice` actuator: servo valves on one supply as MuJoCo user dynamics, compiled by Numba, and their rest."""
+
+from collections.abc import Callable, Mapping
+from functools import cache
+from typing import Any
+
+import mujoco
+import numpy as np
+
+from hmtb_twin import valve_equations as eq
+from hmtb_twin.controller_model import ControllerModel
+from hmtb_twin.errors import TwinError
+from hmtb_twin.parameters import INDEXED_JOINTS, JOINTS, RATED_PRESSURE, Actuator
+from hmtb_twin.servo_valve import POWER_UNIT, SERVO_VALVE, PowerUnit, ServoValve
+from hmtb_twin.struct_offsets import struct_offsets
+
+STEP = 0.001
+"""Physics step of an arm with orifice actuators, s, by the Runge-Kutta method of fourth order.
+
+By the first-order integrators of MuJoCo the oil's resonance on a light joint needs a tenth of it."""
+
+FASTEST_BRISTLES = 1000.0
+"""Bristles settle no faster, and damp a joint no faster, than at this rate, 1/s; they are no stiffer than its square
+times 2 times the inertia. The step resolves that; it matters for worn seals on the light wrist only."""
+
+
+def add_orifice_actuators(
+    spec: mujoco.MjSpec,
+    actuators: Mapping[str, Actuator],
+    gains: Mapping[str, tuple[float, float]],
+    *,
+    valve: ServoValve = SERVO_VALVE,
+    power_unit: PowerUnit = POWER_UNIT,
+) -> None:
+    """Put servo valves in place of a model's actuators.
+
+    The control vector stays what it is with `dcmotor`: commanded angle and feedforward torque of each joint in turn;
+    the torque is the control of a second, powerless actuator that follows each valve.
+
+    Args:
+        spec: The model; all its actuators are deleted, and it is given the integrator and the step that these need.
+        actuators: Actuator of each joint, by the joint's name.
+        gains: kp (N m/rad) and kd (N m s/rad) of each joint.
+        valve: The servo valve, the same in size-free terms for every joint.
+        power_unit: The supply that they share.
+
+    Raises:
+        TwinError: Numba is not installed, or MuJoCo's structures are not found.
+    """
+    install_valve_equations()
+    rigid = spec.compile()
+    for actuator in list(spec.actuators):
+        spec.delete(actuator)
+    spec.option.integrator, spec.option.timestep = mujoco.mjtIntegrator.mjINT_RK4, STEP
+    for j, (name, actuator) in enumerate(actuators.items()):
+        parameters = valve_parameters(actuator, gains[name], valve, power_unit, joints=len(actuators))
+        inertia = 1.0 / rigid.dof_invweight0[rigid.joint(name).dofadr[0]]
+        for place, largest in (
+            (eq.BRISTLE, 2.0 * FASTEST_BRISTLES**2 * inertia),
+            (eq.BRISTLE_DAMPING, FASTEST_BRISTLES * inertia),
+        ):
+            parameters[place] = min(parameters[place], largest)
+        spec.add_actuator(
+            name=name,
+            target=name,
+            trntype=mujoco.mjtTrn.mjTRN_JOINT,
+            dyntype=mujoco.mjtDyn.mjDYN_USER,
+            dynprm=[eq.MARK] + 9 * [0.0],
+            actdim=eq.STATES + (j == 0),
+            gaintype=mujoco.mjtGain.mjGAIN_FIXED,
+            gainprm=[actuator.displacement] + 9 * [0.0],
+            biastype=mujoco.mjtBias.mjBIAS_USER,
+            userdata=parameters,
+        )
+        spec.add_actuator(
+            name=f"{name}_feedforward",
+            target=name,
+            trntype=mujoco.mjtTrn.mjTRN_JOINT,
+            gaintype=mujoco.mjtGain.mjGAIN_FIXED,
+            gainprm=10 * [0.0],
+        )
+
+
+def valve_parameters(
+    actuator: Actuator,
+    gains: tuple[float, float],
+    valve: ServoValve = SERVO_VALVE,
+    power_unit: PowerUnit = POWER_UNIT,
+    *,
+    joints: int = 1,
+) -> np.ndarray:
+    """Return the parameters of one joint's valve in the order of `valve_equations`.
+
+    Args:
+        actuator: The joint's actuator.
+        gains: kp (N m/rad) and kd (N m s/rad).
+        valve: Its servo valve.
+        power_unit: The supply.
+        joints: Joints of the arm.
+
+    Returns:
+        Parameters (PARAMETERS,), in MPa, cm^3 and s.
+    """
+    oil, friction = actuator.hydraulics, actuator.friction
+    # The valve's size and the amplifier's scaling are those of the rating, whatever the supply is at.
+    rated_flow = actuator.displacement * actuator.no_load_speed
+    p = np.zeros(eq.PARAMETERS)
+    p[eq.COUNT] = joints
+    p[eq.DISPLACEMENT] = actuator.displacement
+    p[eq.CHAMBER] = 2.0 * actuator.compliance
+    p[eq.LEAKAGE] = actuator.leakage
+    p[eq.RATED] = rated_flow
+    # Two lands in series share the pressure at no load.
+    p[eq.LAND] = rated_flow / eq.root(RATED_PRESSURE / 2.0, valve.transition_pressure)
+    p[eq.FREQUENCY], p[eq.DAMPING] = valve.angular_frequency, valve.damping
+    p[eq.UNDERLAP], p[eq.CLEARANCE], p[eq.TRANSITION] = valve.underlap, valve.clearance, valve.transition_pressure
+    p[eq.STIFFNESS], p[eq.DAMPER] = gains
+    static = valve.static_gain(actuator, gains[1])
+    p[eq.PRESSURE_GAIN] = static * actuator.compliance
+    p[eq.DYNAMIC_GAIN] = (valve.loop_gain - static) * actuator.compliance
+    p[eq.WASHOUT] = valve.washout_time
+    p[eq.OPEN] = actuator.valve_open
+    p[eq.RETURN], p[eq.RELIEF] = oil.return_pressure, valve.relief * oil.supply_pressure
+    p[eq.CHECK] = valve.check_flow * rated_flow
+    p[eq.STRIBECK], p[eq.BRISTLE_RATE] = 1.0, FASTEST_BRISTLES
+    if friction is not None and friction.bristles:
+        p[eq.COULOMB] = actuator.coulomb_torque
+        p[eq.STATIC] = friction.static_ratio * p[eq.COULOMB]
+        p[eq.STRIBECK] = friction.stribeck_velocity
+        p[eq.BRISTLE] = p[eq.COULOMB] / friction.presliding
+        p[eq.BRISTLE_DAMPING] = p[eq.BRISTLE] * friction.bristle_time
+    p[eq.SET], p[eq.DROOP] = oil.supply_pressure, power_unit.droop
+    p[eq.PUMP], p[eq.CAPACITY] = power_unit.largest_flow, power_unit.capacity
+    return p
+
+
+def arm_parameters(model: mujoco.MjModel) -> np.ndarray:
+    """Return the parameters of every valve of a model with orifice actuators (n, PARAMETERS)."""
+    return np.array(model.actuator_user[0::2, : eq.PARAMETERS])
+
+
+@cache
+def install_valve_equations() -> tuple[Any, Any]:
+    """Compile the equations and hand them to MuJoCo, once per process.
+
+    Returns:
+        The compiled functions, kept alive by the cache of this function.
+
+    Raises:
+        TwinError: Numba is not installed, MuJoCo's structures are not found, or somebody else's callback is installed.
+    """
+    if not eq.COMPILER:
+        raise TwinError(
+            'actuator = "orifice" given, but Numba, which compiles its equations, is not installed; '
+            "install it with pip install 'hmtb-twin[orifice]', or use actuator = \"linear\""
+        )
+    for name, taken in (
+        ("mjcb_act_dyn", mujoco.get_mjcb_act_dyn()),
+        ("mjcb_act_bias", mujoco.get_mjcb_act_bias()),
+    ):
+        if taken is not None:
+            raise TwinError(
+                f"somebody else's callback is installed as MuJoCo's {name}; the orifice valve needs it, and MuJoCo has "
+                "one per process: remove it, or run the orifice valve in a process of its own"
+            )
+    rates, bias = eq.compiled_callbacks(struct_offsets())
+    mujoco.set_mjcb_act_dyn(rates.ctypes)
+    mujoco.set_mjcb_act_bias(bias.ctypes)
+    return rates, bias
+
+
+def settled_oil(
+    parameters: np.ndarray,
+    command: np.ndarray,
+    feedforward: np.ndarray,
+    pins: np.ndarray,
+    load: Callable[[np.ndarray], np.ndarray],
+) -> tuple[np.ndarray, np.ndarray]:
+    """Find the equilibrium of an arm under constant commands: every joint at rest, every pressure steady.
+
+    The null leakage of a valve that carries a load costs it a little opening, and so the servo a small offset of the
+    joint; a joint that a pin holds stays where it is.
+
+    Args:
+        parameters: Parameters of each joint's valve (n, PARAMETERS).
+        command: Commanded angles (n,), rad.
+        feedforward: Feedforward torques (n,), N m.
+        pins: Angle (n,) at which a pin holds each joint, rad; NaN for a joint without.
+        load: Torques (n,) in N m that hold the arm at angles (n,) in rad.
+
+    Returns:
+        Joint angles (n,) in rad and states (1 + n STATES,).
+
+    Raises:
+        TwinError: No equilibrium: the load is more than the valves can carry.
+    """
+    n, oil = len(parameters), parameters[0]
+    controls = np.column_stack([command, feedforward]).ravel()
+    steady = np.array([eq.SPOOL_VELOCITY, eq.MEAN, eq.LOAD])
+
+    def states(unknown: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        joints = np.zeros((n, eq.STATES))
+        joints[:, eq.SPOOL], joints[:, eq.MEAN], joints[:, eq.LOAD] = unknown[1:].reshape(4, n)[:3]
+        joints[:, eq.FILTERED] = joints[:, eq.LOAD]
+        return command + unknown[1 + 3 * n :], np.concatenate([unknown[:1], joints.ravel()])
+
+    def imbalance(unknown: np.ndarray) -> np.ndarray:
+        angles, act = states(unknown)
+        rates = eq.arm_rates(parameters, act, controls, angles, np.zeros(n))
+        joints = rates[1:].reshape(n, eq.STATES)[:, steady] / [oil[eq.FREQUENCY] ** 2, 1e3, 1e3]
+        missing = act[1:].reshape(n, eq.STATES)[:, eq.LOAD] - load(angles) / parameters[:, eq.DISPLACEMENT]
+        return np.concatenate([rates[:1], joints.ravel(), np.where(np.isnan(pins), missing, 1e3 * (angles - pins))])
+
+    start = np.concatenate(
+        [
+            [oil[eq.SET]],
+            np.zeros(n),
+            np.full(n, 0.5 * (oil[eq.SET] + oil[eq.RETURN])),
+            feedforward / parameters[:, eq.DISPLACEMENT],
+            np.zeros(n),
+        ]
+    )
+    found = _newton(imbalance, start)
+    left = np.abs(imbalance(found)).max()
+    if not left < 1e-9:
+        raise TwinError(
+            f"the orifice valves find no equilibrium at the commanded angles {command} rad (imbalance {left:.2g}): "
+            "expected a load below what the supply pressure carries"
+        )
+    return states(found)
+
+
+def settled_arm(
+    model: mujoco.MjModel, controller: ControllerModel, command: np.ndarray, pinned: np.ndarray | None = None
+) -> tuple[np.ndarray, np.ndarray]:
+    """Find where an arm with orifice actuators rests under a commanded pose.
+
+    Args:
+        model: The arm's model.
+        controller: The rigid-body model that tells the torque of gravity.
+        command: Commanded joint angles (7,), rad.
+        pinned: Angles (7,) of which those of the indexed joints hold, rad; the commanded ones by default.
+
+    Returns:
+        Joint angles (7,) in rad and activations (na,).
+
+    Raises:
+        TwinError: The valves cannot carry the load.
+    """
+
+    def gravity(angles: np.ndarray) -> np.ndarray:
+        return controller.gravity_torque(angles[None])[0]
+
+    pins = np.where([name in INDEXED_JOINTS for name in JOINTS], command if pinned is None else pinned, np.nan)
+    return settled_oil(arm_parameters(model), command, gravity(command), pins, gravity)
+
+
+def lean_on_pins(model: mujoco.MjModel, controller: ControllerModel, command: np.ndarray, data: mujoco.MjData) -> None:
+    """Let indexed joints lean on their pins, some 1e-8 rad, until these carry what the valves leave.
+
+    Args:
+        model: The arm's model.
+        controller: The rigid-body model that tells the torque of gravity.
+        command: Commanded joint angles (7,), rad.
+        data: The arm at rest, settled but for the pins; it is changed.
+    """
+    lean, n = 1e-8, len(JOINTS)
+    for name in INDEXED_JOINTS:
+        joint = model.joint(name)
+        angle, speed = joint.qposadr[0], joint.dofadr[0]
+        mujoco.mj_forward(model, data)
+        before = data.qacc[speed]
+        data.qpos[angle] += lean
+        mujoco.mj_forward(model, data)
+        # A pin's force is linear in how far it is pushed aside.
+        data.qpos[angle] -= lean * (1.0 + before / (data.qacc[speed] - before))
+    data.qpos[:n], data.act[:] = settled_arm(model, controller, command, data.qpos[:n].copy())
+
+
+def _newton(function: Callable[[np.ndarray], np.ndarray], start: np.ndarray) -> np.ndarray:
+    """Solve by Newton's method with centred differences, halving steps that make matters worse."""
+    point, value = start, function(start)
+    for _ in range(50):
+        if np.abs(value).max() < 1e-12:
+            break
+        columns = [(function(point + e) - function(point - e)) / 2e-6 for e in 1e-6 * np.eye(len(point))]
+        step = np.linalg.solve(np.column_stack(columns), -value)
+        for _ in range(20):
+            trial = function(point + step)
+            if np.linalg.norm(trial) < np.linalg.norm(value):
+                break
+            step = 0.5 * step
+        else:
+            break
+        point, value = point + step, trial
+    return point
