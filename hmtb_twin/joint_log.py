@@ -38,13 +38,15 @@ _CHANNELS = {
     ),
 }
 
-_WORKSITE_CHANNELS = {
+_OPTIONAL_CHANNELS = {
     "unit_pose": ("pose", "m, 1", "position and quaternion (w, x, y, z) of the replacement unit in the world"),
     "contact_force": (
         None,
         "N",
         "sum of the normal forces between unit and worksite, largest over the physics steps of the tick before",
     ),
+    "spool": ("joint", "1", "spool position of each servo valve, part of full stroke"),
+    "supply_pressure": (None, "MPa", "pressure of the supply that all joints share"),
 }
 POSE = ("x", "y", "z", "qw", "qx", "qy", "qz")
 """Components of a pose."""
@@ -71,6 +73,8 @@ class JointLog:
         unit_pose: At the worksite, position (m) and quaternion of the replacement unit (N, 7); None elsewhere.
         contact_force: At the worksite, sum of the normal forces between the unit and the worksite (N,), N: the largest
             since the tick before; None elsewhere.
+        spool: With servo valves, spool positions (N, 7), part of full stroke; None elsewhere.
+        supply_pressure: With servo valves, pressure of the supply (N,), MPa; None elsewhere.
     """
 
     name: str
@@ -88,6 +92,8 @@ class JointLog:
     provenance: Mapping[str, str] = field(default_factory=dict)
     unit_pose: np.ndarray | None = None
     contact_force: np.ndarray | None = None
+    spool: np.ndarray | None = None
+    supply_pressure: np.ndarray | None = None
 
     def __post_init__(self) -> None:
         widths = {"joint": len(JOINTS), "component": len(WRENCH), "axis": len(self.axes), "pose": len(POSE)}
@@ -106,8 +112,8 @@ class JointLog:
 
     def _channels(self) -> "dict[str, tuple[str | None, str, str]]":
         """The channels of this log: what each runs along besides time, unit and meaning."""
-        worksite = {name: entry for name, entry in _WORKSITE_CHANNELS.items() if getattr(self, name) is not None}
-        return {**_CHANNELS, **worksite}
+        present = {name: entry for name, entry in _OPTIONAL_CHANNELS.items() if getattr(self, name) is not None}
+        return {**_CHANNELS, **present}
 
     @property
     def time(self) -> np.ndarray:
@@ -247,7 +253,7 @@ class JointLog:
                 for key, value in dataset.attrs.items()
                 if str(key).startswith(prefix)
             },
-            **{name: dataset[name].values for name in (*_CHANNELS, *_WORKSITE_CHANNELS) if name in dataset},
+            **{name: dataset[name].values for name in (*_CHANNELS, *_OPTIONAL_CHANNELS) if name in dataset},
         )
 
 
