@@ -1,0 +1,116 @@
+"""Random-phase multisines: the excitation class that best linear approximations are stated for."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from hmtb_twin.parameters import SAMPLE_RATE, SAMPLE_TIME
+from scenarios.errors import ScenarioError
+from scenarios.waveform import LONGEST, check_seed
+
+GROUP = 4
+"""Of so many consecutive odd lines one, drawn at random, stays silent in an odd-random grid."""
+
+
+@dataclass(frozen=True)
+class Multisines:
+    """R realisations of a random-phase multisine, each played for a whole number of periods.
+
+    All lines of the grid have one amplitude; the phases are uniform and independent [Pintelon2012, sec. 3.2 and 4.3].
+    A period is a whole number of ticks of the position loop, so every period of the command is the same to the bit.
+    With n axes every realisation takes n records, whose phases are orthogonal over records at every line: record e
+    turns axis j by 2 pi e j / n against the first, and all axes alike by a phase of its own.
+
+    Attributes:
+        rms: Root mean square of each axis's offset from the pose, rad.
+        f_min: Lowest line, Hz.
+        f_max: Highest line, Hz.
+        period: Length of a period, s.
+        odd: Excite odd lines only and leave one of every four of those silent too: even and odd nonlinear distortion
+            then show apart, at the silent even and at the silent odd lines.
+        realisations: R; two at least, for the nonlinear distortion is the scatter between them.
+        periods: Steady periods of each record; two at least, for the noise is the scatter between them.
+        settling: Periods played before them, in which the transient dies out.
+        seed: Draws the phases.
+    """
+
+    rms: float = 0.01
+    f_min: float = 0.05
+    f_max: float = 5.0
+    period: float = 10.24
+    odd: bool = False
+    realisations: int = 16
+    periods: int = 2
+    settling: int = 1
+    seed: int = 0
+
+    def __post_init__(self) -> None:
+        check_seed(self.seed)
+        ticks = self.period * SAMPLE_RATE
+        wanted = {
+            "rms": (0.0 < self.rms <= 1.0, "above 0 and up to 1 rad"),
+            "period": (8 <= ticks <= 10**6 and abs(ticks - round(ticks)) < 1e-6, "a multiple of 0.02 s from 0.16 s on"),
+            "realisations": (2 <= self.realisations <= 10**4, "2 or more"),
+            "periods": (2 <= self.periods <= 10**4, "2 or more"),
+            "settling": (1 <= self.settling <= 10**4, "1 or more: records start at rest"),
+            "f_max": (0.0 <= self.f_min <= self.f_max < SAMPLE_RATE / 2, f"f_min to below {SAMPLE_RATE / 2:g} Hz"),
+        }
+        for name, (passes, expected) in wanted.items():
+            if not passes:
+                raise ScenarioError(f"multisines: {name} = {getattr(self, name)} given, expected {expected}")
+        if self.duration > LONGEST:
+            raise ScenarioError(f"multisines: records of {self.duration:g} s asked for, expected up to {LONGEST:g} s")
+        if not len(self.lines):
+            raise ScenarioError(
+                f"multisines: no line in {self.f_min:g} to {self.f_max:g} Hz; lines are {1 / self.period:g} Hz apart"
+            )
+
+    @property
+    def samples(self) -> int:
+        """Samples in a period."""
+        return round(self.period * SAMPLE_RATE)
+
+    @property
+    def duration(self) -> float:
+        """Length of a record, s."""
+        return (self.settling + self.periods) * self.samples * SAMPLE_TIME
+
+    @property
+    def lines(self) -> np.ndarray:
+        """Excited multiples of 1 / period (L,)."""
+        band = self.band
+        if not self.odd:
+            return band
+        odd = band[band % 2 == 1]
+        groups = np.arange(0, len(odd) - GROUP + 1, GROUP)
+        silent = groups + np.random.default_rng([self.seed, 1]).integers(0, GROUP, len(groups))
+        return np.delete(odd, silent)
+
+    @property
+    def band(self) -> np.ndarray:
+        """All multiples of 1 / period between the lowest and the highest line, excited or silent."""
+        multiples = np.arange(1, (self.samples - 1) // 2 + 1)
+        frequencies = multiples / self.period
+        return multiples[(frequencies >= self.f_min - 1e-9) & (frequencies <= self.f_max + 1e-9)]
+
+    def offsets(self, realisation: int, record: int = 0, axes: int = 1) -> np.ndarray:
+        """Return one record's offsets from the pose.
+
+        Args:
+            realisation: Which realisation, 0 to R - 1.
+            record: Which of its records, 0 to axes - 1.
+            axes: Axes excited at once.
+
+        Returns:
+            Offsets (N, axes) at 50 Hz, rad, N = 50 duration.
+        """
+        lines = self.lines
+        rng = np.random.default_rng([self.seed, 0, realisation])
+        of_axes = rng.random((axes, len(lines)))
+        of_records = rng.random((axes, len(lines)))
+        turns = of_axes + of_records[record] + (record * np.arange(axes)[:, None]) / axes
+        spectrum = np.zeros((self.samples // 2 + 1, axes), dtype=complex)
+        # Every line carries an equal part of the mean square: |X_k|^2 = rms^2 N^2 / (2 L) in numpy's scaling.
+        spectrum[lines] = (self.rms * self.samples / np.sqrt(2.0 * len(lines))) * np.exp(2j * np.pi * turns).T
+        one = np.fft.irfft(spectrum, self.samples, axis=0)
+        return np.tile(one, (self.settling + self.periods, 1))

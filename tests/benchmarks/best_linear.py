@@ -1,0 +1,121 @@
+"""How the best linear approximation departs from the small-signal truth: link by link and amplitude by amplitude.
+
+Run by hand: `PYTHONPATH=. python tests/benchmarks/best_linear.py` (some minutes). First the agreement of the arm
+without friction, seed by seed: p-values of the lines and of the whole, and what the intervals of the bandwidth hold.
+Then the tables of `docs/truth.md`.
+"""
+
+import argparse
+import sys
+from collections.abc import Mapping
+from dataclasses import replace
+
+import numpy as np
+from scipy.stats import kstest
+
+from hmtb_twin import IDEAL, NOMINAL_PLANT, STUDIED_JOINTS, Chain, Plant, linearize, load_arm
+from scenarios.agreement import Agreement
+from scenarios.best_linear import BestLinearTruth, best_linear, distortion_percent
+from scenarios.multisine_experiment import MultisineExperiment
+from scenarios.multisines import Multisines
+
+QUIET = replace(IDEAL, resolver=True)
+"""Measurement noise alone."""
+
+RUBBING = replace(QUIET, friction=True)
+
+AMPLITUDES = (0.003, 0.01, 0.03)
+
+LINKS: Mapping[str, tuple[Chain, Plant]] = {
+    "resolver alone": (QUIET, NOMINAL_PLANT),
+    "viscous drag": (RUBBING, replace(NOMINAL_PLANT, friction="viscous")),
+    "Coulomb friction": (RUBBING, replace(NOMINAL_PLANT, friction="coulomb")),
+    "LuGre friction": (RUBBING, NOMINAL_PLANT),
+    "LuGre friction, 8 times": (RUBBING, replace(NOMINAL_PLANT, friction_level=8.0)),
+    "velocity limit": (replace(QUIET, velocity_limit=True), NOMINAL_PLANT),
+    "12-bit converters": (replace(QUIET, dac=True, adc=True), NOMINAL_PLANT),
+    "wires": (replace(QUIET, noise=True, bias=True), NOMINAL_PLANT),
+    "all links": (Chain(), NOMINAL_PLANT),
+}
+
+FREQUENCIES = (0.3, 1.0, 3.0)
+
+
+def near(agreement: Agreement, frequency: float) -> str:
+    """Gain and phase departure, averaged over the lines within a sixth of an octave."""
+    f = agreement.frequencies
+    chosen = np.abs(np.log2(f / frequency)) < 1.0 / 6.0
+    ratio = agreement.ratio[chosen, 0, 0].mean()
+    return f"{20 * np.log10(abs(ratio)):+.2f} / {np.degrees(np.angle(ratio)):+.1f}"
+
+
+def row(name: str, path: str, found: BestLinearTruth, agreement: Agreement, distortion: float, hz: str) -> str:
+    """One row of the table."""
+    cells = [
+        name,
+        f"{1e3 * found.multisines.rms:g}",
+        path,
+        *(near(agreement, f) for f in FREQUENCIES),
+        f"{distortion:.2g}",
+        f"{agreement.p_all[0, 0]:.2g}",
+        hz,
+        f"{100 * found.slewing:.1f}",
+    ]
+    return f"| {' | '.join(cells)} |"
+
+
+def departures(joint: str, multisines: Multisines) -> None:
+    """Print the table of one joint."""
+    heads = " | ".join(f"{f:g} Hz: dB / deg" for f in FREQUENCIES)
+    print(f"\n{joint}\n\n| link | rms, mrad | from | {heads} | distortion, % | p | bandwidth, Hz | slewing, % |")
+    print("|---" * (7 + len(FREQUENCIES)) + "|")
+    for name, (chain, plant) in LINKS.items():
+        for rms in AMPLITUDES:
+            setting = MultisineExperiment("departure", (joint,), chain=chain, plant=plant)
+            found = best_linear(setting, replace(multisines, rms=rms))
+            band = found.bandwidth
+            hz = f"{band.hz[0, 0]:.4f} ({band.ci95[0][0, 0]:.4f} to {band.ci95[1][0, 0]:.4f})"
+            level = float(found.distortion_percent[0])
+            print(row(name, "command", found, found.servo_agreement(), level, hz), flush=True)
+            level = float(distortion_percent(found.chain)[0])
+            if chain.velocity_limit or chain.adc or chain.noise:
+                print(row(name, "stick", found, found.chain_agreement(), level, "-"), flush=True)
+
+
+def agreement(seeds: int, multisines: Multisines) -> None:
+    """Print what the arm without friction gives, seed by seed."""
+    print("| joint | lines with p < 0.05, % | p of uniform p | seeds with p < 0.05 | intervals that hold the truth |")
+    print("|---|---|---|---|---|")
+    truth = linearize(load_arm(friction=False))
+    for joint in STUDIED_JOINTS:
+        lines, whole, covered = [], [], 0
+        for seed in range(seeds):
+            setting = MultisineExperiment("agreement", (joint,), chain=QUIET, seed=seed)
+            found = best_linear(setting, replace(multisines, seed=seed))
+            result = found.servo_agreement(truth)
+            lines.append(result.p.ravel())
+            whole.append(result.p_all.item())
+            covered += bool(found.bandwidth.covers(truth.joint(joint).bandwidth_hz).item())
+        p = np.concatenate(lines)
+        print(
+            f"| {joint} | {100 * np.mean(p < 0.05):.1f} of {len(p)} | {kstest(p, 'uniform').pvalue:.2f} | "
+            f"{np.sum(np.array(whole) < 0.05)} of {seeds} | {covered} of {seeds} |",
+            flush=True,
+        )
+
+
+def main() -> int:
+    """Measure."""
+    parser = argparse.ArgumentParser()
+    parser.add_argument("--seeds", type=int, default=40)
+    parser.add_argument("--joints", nargs="+", default=["shoulder_yaw", "elbow_pitch"])
+    arguments = parser.parse_args()
+    if arguments.seeds:
+        agreement(arguments.seeds, Multisines(realisations=8, period=5.12, f_min=0.1))
+    for joint in arguments.joints:
+        departures(joint, Multisines())
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
