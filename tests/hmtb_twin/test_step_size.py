@@ -1,0 +1,60 @@
+"""The default physics step of each form of the actuator: halved or doubled, the bandwidths stay."""
+
+from importlib.util import find_spec
+
+import mujoco
+import numpy as np
+import pytest
+
+from hmtb_twin import NOMINAL_PLANT, VARIANTS, Arm, Plant, TwinError, linearize, load_arm
+from hmtb_twin.parameters import SAMPLE_TIME
+from hmtb_twin.plant import ACTUATOR_FORMS
+from hmtb_twin.step_size import at_step, bandwidths
+
+FORMS = [
+    pytest.param(form, marks=pytest.mark.skipif(form == "orifice" and not find_spec("numba"), reason="needs Numba"))
+    for form in ACTUATOR_FORMS
+]
+DOUBLED = 1e-3
+"""Largest change of a bandwidth that a doubled step may make."""
+
+
+def change(arm: Arm, factor: float) -> float:
+    """Largest relative change of a bandwidth when the physics step is multiplied."""
+    ours, other = bandwidths(arm), bandwidths(at_step(arm, factor * arm.model.opt.timestep))
+    assert len(ours) == 6
+    return max(abs(other[name] / hz - 1.0) for name, hz in ours.items())
+
+
+@pytest.mark.parametrize("variant", VARIANTS)
+@pytest.mark.parametrize("form", FORMS)
+def test_doubled_step_keeps_every_bandwidth(form, variant):
+    assert change(load_arm(variant, plant=Plant(actuator=form)), 2.0) < DOUBLED
+
+
+@pytest.mark.parametrize("form", FORMS)
+def test_step_is_small_enough_not_only_at_a_turn_of_the_error(form):
+    # Of the linear form the error changes its sign between 1 and 4 ms: doubling alone would show too little.
+    assert change(load_arm(plant=Plant(actuator=form)), 1.0 / 4.0) < 1.2 * DOUBLED
+
+
+def test_bandwidths_are_those_of_the_truth():
+    arm = load_arm()
+    truth = linearize(arm, amplitudes=())
+    for name, hz in bandwidths(arm).items():
+        assert hz == pytest.approx(truth.joint(name).bandwidth_hz, rel=1e-6)
+
+
+def test_integrator_and_step_are_those_asked_for():
+    arm = load_arm()
+    other = at_step(arm, 0.004, mujoco.mjtIntegrator.mjINT_EULER)
+    assert (other.model.opt.timestep, other.model.opt.integrator) == (0.004, mujoco.mjtIntegrator.mjINT_EULER)
+    assert at_step(arm, 0.004).model.opt.integrator == arm.model.opt.integrator
+    assert arm.model.opt.timestep == 0.0005
+    assert bandwidths(other)["elbow_pitch"] != pytest.approx(bandwidths(arm)["elbow_pitch"], rel=1e-3)
+
+
+@pytest.mark.parametrize("step", [0.0, -0.001, 0.003, 0.04, np.inf])
+def test_step_that_is_no_part_of_a_tick(step):
+    with pytest.raises(TwinError, match=f"{SAMPLE_TIME} s"):
+        at_step(load_arm(plant=NOMINAL_PLANT), step)
