@@ -138,10 +138,15 @@ def friction_torque(p: np.ndarray, bristles: float, velocity: float) -> float:
 
 
 @register_jitable
+def pump_flow(p: np.ndarray, supply: float) -> float:
+    """Flow of the pump at a supply pressure, cm^3/s: its compensator lets the pressure droop under load."""
+    return min(max(p[DROOP] * (p[SET] - supply), 0.0), p[PUMP])
+
+
+@register_jitable
 def supply_rate(p: np.ndarray, supply: float, drawn: float) -> float:
     """Rate of the supply pressure, MPa/s, from the first valve's parameters and the flow that all valves draw."""
-    pump = min(max(p[DROOP] * (p[SET] - supply), 0.0), p[PUMP])
-    return (pump - drawn) / p[CAPACITY]
+    return (pump_flow(p, supply) - drawn) / p[CAPACITY]
 
 
 @register_jitable
