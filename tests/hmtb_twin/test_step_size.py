@@ -7,13 +7,18 @@ import numpy as np
 import pytest
 
 from hmtb_twin import NOMINAL_PLANT, VARIANTS, Arm, Plant, TwinError, linearize, load_arm
-from hmtb_twin.parameters import SAMPLE_TIME
+from hmtb_twin.parameters import SAMPLE_TIME, Actuator
 from hmtb_twin.plant import ACTUATOR_FORMS
 from hmtb_twin.step_size import at_step, bandwidths
 
-FORMS = [
-    pytest.param(form, marks=pytest.mark.skipif(form == "orifice" and not find_spec("numba"), reason="needs Numba"))
+COMPILED = pytest.mark.skipif(not find_spec("numba"), reason="orifice actuators need Numba")
+FORMS = [pytest.param(form, marks=COMPILED if form == "orifice" else ()) for form in ACTUATOR_FORMS]
+ARMS = [
+    pytest.param(form, name, marks=COMPILED if form == "orifice" else ())
     for form in ACTUATOR_FORMS
+    for name, variant in VARIANTS.items()
+    # Electric drives have one form.
+    if form == "linear" or all(isinstance(drive, Actuator) for drive in variant.actuators.values())
 ]
 DOUBLED = 1e-3
 """Largest change of a bandwidth that a doubled step may make."""
@@ -26,8 +31,7 @@ def change(arm: Arm, factor: float) -> float:
     return max(abs(other[name] / hz - 1.0) for name, hz in ours.items())
 
 
-@pytest.mark.parametrize("variant", VARIANTS)
-@pytest.mark.parametrize("form", FORMS)
+@pytest.mark.parametrize(("form", "variant"), ARMS)
 def test_doubled_step_keeps_every_bandwidth(form, variant):
     assert change(load_arm(variant, plant=Plant(actuator=form)), 2.0) < DOUBLED
 
