@@ -16,7 +16,7 @@ GROUP = 4
 class Multisines:
     """R realisations of a random-phase multisine, each played for a whole number of periods.
 
-    All lines of the grid have one amplitude; the phases are uniform and independent [Pintelon2012, sec. 3.2 and 4.3].
+    All lines of the grid have one amplitude; the phases are uniform and independent [Pintelon2012, ch. 4 and 5].
     A period is a whole number of ticks of the position loop, so every period of the command is the same to the bit.
     With n axes every realisation takes n records, whose phases are orthogonal over records at every line: record e
     turns axis j by 2 pi e j / n against the first, and all axes alike by a phase of its own.

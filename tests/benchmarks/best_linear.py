@@ -28,7 +28,6 @@ AMPLITUDES = (0.003, 0.01, 0.03)
 
 LINKS: Mapping[str, tuple[Chain, Plant]] = {
     "resolver alone": (QUIET, NOMINAL_PLANT),
-    "viscous drag": (RUBBING, replace(NOMINAL_PLANT, friction="viscous")),
     "Coulomb friction": (RUBBING, replace(NOMINAL_PLANT, friction="coulomb")),
     "LuGre friction": (RUBBING, NOMINAL_PLANT),
     "LuGre friction, 8 times": (RUBBING, replace(NOMINAL_PLANT, friction_level=8.0)),
