@@ -10,7 +10,8 @@ from hmtb_twin.experiment import Experiment, Motion, Operator, UnitView, View
 from hmtb_twin.joint_log import JointLog
 from hmtb_twin.linearization import linearize
 from hmtb_twin.modes import MODES, axis_names
-from hmtb_twin.parameters import JOINTS, PAYLOADS, POSES, STUDIED_JOINTS, HandController
+from hmtb_twin.parameters import JOINTS, POSES, STUDIED_JOINTS, HandController
+from hmtb_twin.payloads import PAYLOADS
 from hmtb_twin.plant import NOMINAL_PLANT, Plant
 from hmtb_twin.rendering import render
 from hmtb_twin.simulation import Logs, simulate

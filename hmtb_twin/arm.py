@@ -9,10 +9,13 @@ import mujoco
 import numpy as np
 
 from hmtb_twin.controller_model import ControllerModel, controller_model
+from hmtb_twin.electric_drive import Drive
 from hmtb_twin.errors import TwinError
-from hmtb_twin.parameters import JOINTS, MOTIONS, OPERATING_POSE, PAYLOADS, POSES, Actuator, Servo
+from hmtb_twin.parameters import JOINTS, MOTIONS, OPERATING_POSE, POSES, Actuator, Servo
+from hmtb_twin.payloads import PAYLOADS, WORKSITE_PAYLOADS
 from hmtb_twin.plant import NOMINAL_PLANT, Plant
 from hmtb_twin.resources import model_file
+from hmtb_twin.rigid_bodies import write_bodies
 from hmtb_twin.seats import SEATS
 from hmtb_twin.servo import servo_gains
 from hmtb_twin.variants import Variant, variant_named
@@ -34,7 +37,7 @@ class Arm:
         plant: What its drives run on and rub with.
         worksite: Whether the arm stands at its worksite: the model has contact, and the replacement unit as a free body
             behind the arm's joints.
-        actuators: Actuator of each joint, as it is under the conditions of the plant.
+        drives: Drive of each joint, as it is under the conditions of the plant.
         servos: Servo of each joint.
         gains: kp (N m/rad) and kd (N m s/rad) of each joint.
     """
@@ -45,19 +48,34 @@ class Arm:
     payload: str
     plant: Plant
     worksite: bool
-    actuators: Mapping[str, Actuator]
+    drives: Mapping[str, Drive]
     servos: Mapping[str, Servo]
     gains: Mapping[str, tuple[float, float]]
 
+    @property
+    def actuators(self) -> Mapping[str, Actuator]:
+        """Hydraulic actuator of each joint.
+
+        Raises:
+            TwinError: The drives of this arm are electric.
+        """
+        hydraulic = {name: drive for name, drive in self.drives.items() if isinstance(drive, Actuator)}
+        if len(hydraulic) < len(self.drives):
+            raise TwinError(f"hydraulic actuators of the arm {self.variant!r} asked for; its drives are electric")
+        return MappingProxyType(hydraulic)
+
     @cached_property
-    def valves_closed(self) -> mujoco.MjModel:
-        """The arm after an emergency shutdown: no flow through the valves, the oil trapped but for the leakage."""
-        shut = {name: replace(a, valve_open=False) for name, a in self.actuators.items()}
+    def unpowered(self) -> mujoco.MjModel:
+        """The arm after an emergency shutdown.
+
+        No flow passes the valves, the oil is trapped but for the leakage; electric drives are held by their brakes.
+        """
+        shut = {name: drive.unpowered for name, drive in self.drives.items()}
         return _compile(variant_named(self.variant), self.payload, self.plant, shut, self.worksite)
 
     @property
     def friction(self) -> bool:
-        """Whether the seals rub: dry friction, not the oil's drag."""
+        """Whether the drives rub: dry friction, not the oil's drag."""
         return self.plant.friction in ("coulomb", "lugre")
 
     @property
@@ -73,7 +91,7 @@ class Arm:
 
     @property
     def pressure_states(self) -> np.ndarray:
-        """Index of each joint's load pressure in the activation vector, shape (7,)."""
+        """Index of each joint's load pressure, or motor current, in the activation vector, shape (7,)."""
         valves = [self.model.actuator(name).id for name in JOINTS]
         return self.model.actuator_actadr[valves] + self.model.actuator_actnum[valves] - 1
 
@@ -113,7 +131,7 @@ class Arm:
     @property
     def process_noise(self) -> np.ndarray:
         """Standard deviation of the torque that noise in each valve drive adds, (7,) N m."""
-        return self.plant.process_noise * np.array([self.actuators[name].rated_torque for name in JOINTS])
+        return self.plant.process_noise * np.array([self.drives[name].rated_torque for name in JOINTS])
 
     def rest(self, angles: np.ndarray) -> mujoco.MjData:
         """Return the state of the arm at rest at a commanded pose, its oil already carrying the load.
@@ -152,8 +170,8 @@ class Arm:
 
             return settled_arm(self.model, self.controller, command)
         act = np.zeros(self.model.na)
-        displacement = np.array([self.actuators[name].displacement for name in JOINTS])
-        act[self.pressure_states] = self.controller.gravity_torque(command[None])[0] / displacement
+        constant = np.array([self.drives[name].motor.constant for name in JOINTS])
+        act[self.pressure_states] = self.controller.gravity_torque(command[None])[0] / constant
         return command, act
 
 
@@ -180,11 +198,10 @@ def load_arm(
         The arm. Calls with equal arguments return the same record.
 
     Raises:
-        TwinError: Unknown variant or payload.
+        TwinError: Unknown variant or payload, a plant that the variant has not, or an arm or a payload for which the
+            worksite has no place.
     """
-    variant_named(variant)
-    if payload not in PAYLOADS:
-        raise TwinError(f"unknown payload {payload!r}, available: {', '.join(PAYLOADS)}")
+    check_arm(variant, payload, plant, worksite=bool(worksite))
     if not friction and plant.friction != "none":
         plant = replace(plant, friction="viscous")
     return _load(variant, payload, plant, bool(worksite))
@@ -193,46 +210,74 @@ def load_arm(
 @lru_cache(maxsize=64)
 def _load(name: str, payload: str, plant: Plant, worksite: bool) -> Arm:
     variant = variant_named(name)
-    actuators = {joint: plant.applied(actuator) for joint, actuator in variant.actuators.items()}
+    drives = {joint: plant.applied(drive) for joint, drive in variant.actuators.items()}
     return Arm(
-        model=_compile(variant, payload, plant, actuators, worksite),
+        model=_compile(variant, payload, plant, drives, worksite),
         controller=controller_model(payload, name),
         variant=name,
         payload=payload,
         plant=plant,
         worksite=worksite,
-        actuators=MappingProxyType(actuators),
+        drives=MappingProxyType(drives),
         servos=MappingProxyType(dict(variant.servos)),
         gains=MappingProxyType(tuned_gains(variant)),
+def check_arm(variant: str, payload: str, plant: Plant, *, worksite: bool) -> None:
+    """Refuse what `load_arm` cannot load.
+
+    Raises:
+        TwinError: See `load_arm`.
+    """
+    arm = variant_named(variant)
+    if payload not in PAYLOADS:
+        raise TwinError(f"unknown payload {payload!r}, available: {', '.join(PAYLOADS)}")
+    if worksite and payload not in WORKSITE_PAYLOADS:
+        raise TwinError(
+            f"payload {payload!r} at the worksite given, expected {' or '.join(WORKSITE_PAYLOADS)}: the seats are the "
+            "RPCM's"
+        )
+    if worksite and not arm.gravity:
+        raise TwinError(
+            f"variant {variant!r} at the worksite given, expected an arm on the ground: the seats hold the unit by its "
+            "weight"
+        )
+    for drive in arm.actuators.values():
+        plant.applied(drive)
+
+
     )
 
 
 def _compile(
-    variant: Variant, payload: str, plant: Plant, actuators: Mapping[str, Actuator], worksite: bool
+    variant: Variant, payload: str, plant: Plant, drives: Mapping[str, Drive], worksite: bool
 ) -> mujoco.MjModel:
     gains = tuned_gains(variant)
     if plant.actuator == "orifice":
         # The compiler behind it takes a second to load, and only this form needs it.
         from hmtb_twin.orifice import STEP, add_orifice_actuators
 
-        spec = worksite_spec(STEP) if worksite else _free_space_spec(payload)
-        add_orifice_actuators(spec, actuators, gains)
+        spec = _spec(variant, payload, worksite_spec(STEP) if worksite else None)
+        # Only hydraulic drives pass `Plant.applied` with this form.
+        valves = {name: drive for name, drive in drives.items() if isinstance(drive, Actuator)}
+        add_orifice_actuators(spec, valves, gains)
     else:
-        spec = worksite_spec() if worksite else _free_space_spec(payload)
+        spec = _spec(variant, payload, worksite_spec() if worksite else None)
         for name in JOINTS:
-            configure(spec.actuator(name), actuators[name], gains[name])
+            configure(spec.actuator(name), drives[name], gains[name])
     for name in JOINTS:
-        rub(spec.joint(name), actuators[name])
+        turn(spec.joint(name), drives[name])
     return spec.compile()
 
 
-def _free_space_spec(payload: str) -> mujoco.MjSpec:
+def _spec(variant: Variant, payload: str, scene: mujoco.MjSpec | None) -> mujoco.MjSpec:
+    if scene is not None:
+        # There the unit is a body of its own, whoever holds it at first.
+        write_bodies(scene, variant, "rpcm")
+        return scene
     spec = mujoco.MjSpec.from_file(str(model_file("hmtb/hmtb.xml")))
     for key in list(spec.keys):
         # Its activations would not fit an arm without friction, and `Arm.rest` computes the same state.
         spec.delete(key)
-    if PAYLOADS[payload] is None:
-        spec.delete(spec.body("rpcm"))
+    write_bodies(spec, variant, payload)
     return spec
 
 
@@ -245,19 +290,20 @@ def tuned_gains(variant: Variant) -> dict[str, tuple[float, float]]:
     }
 
 
-def rub(joint: mujoco.MjsJoint, actuator: Actuator) -> None:
-    """Write an actuator's drag, and its Coulomb friction where it has no bristles, to its joint."""
-    bristles = actuator.friction is not None and actuator.friction.bristles
-    joint.damping = [actuator.drag, 0.0, 0.0]
-    joint.frictionloss = 0.0 if bristles else actuator.coulomb_torque
+def turn(joint: mujoco.MjsJoint, drive: Drive) -> None:
+    """Write to a joint what turns and rubs with its drive: rotor, drag, brake, Coulomb friction without bristles."""
+    bristles = drive.friction is not None and drive.friction.bristles
+    joint.armature = drive.motor.armature
+    joint.damping = [drive.drag, 0.0, 0.0]
+    joint.frictionloss = drive.motor.brake + (0.0 if bristles else drive.coulomb_torque)
     # As hard as the constraint gets: the softer default lets a stuck joint creep.
     joint.solref_friction, joint.solimp_friction = [0.002, 1.0], [0.9999, 0.9999, 0.001, 0.5, 2.0]
 
 
-def configure(target: mujoco.MjsActuator, actuator: Actuator, gains: tuple[float, float]) -> None:
-    """Write a hydraulic actuator and its servo into a MuJoCo `dcmotor`, pressure for current and flow for voltage."""
+def configure(target: mujoco.MjsActuator, drive: Drive, gains: tuple[float, float]) -> None:
+    """Write a drive and its servo into a MuJoCo `dcmotor`; pressure for current, flow for voltage if hydraulic."""
     kp, kd = gains
-    friction, coulomb = actuator.friction, actuator.coulomb_torque
+    motor, friction, coulomb = drive.motor, drive.friction, drive.coulomb_torque
     lugre = [0.0] * 5
     if friction is not None and friction.bristles:
         stiffness = coulomb / friction.presliding
@@ -269,11 +315,11 @@ def configure(target: mujoco.MjsActuator, actuator: Actuator, gains: tuple[float
             friction.stribeck_velocity,
         ]
     target.set_to_dcmotor(
-        motorconst=[actuator.displacement, 0.0],
-        resistance=actuator.flow_pressure_gain,
-        saturation=[actuator.maximum_torque, 0.0, 0.0],
-        inductance=[actuator.compliance, 0.0],
-        controller=[kp, 0.0, kd, 0.0, 0.0, actuator.largest_flow],
+        motorconst=[motor.constant, 0.0],
+        resistance=motor.resistance,
+        saturation=[motor.maximum_torque, 0.0, 0.0],
+        inductance=[motor.inductance, 0.0],
+        controller=[kp, 0.0, kd, 0.0, 0.0, motor.largest_input],
         lugre=lugre,
         ctrlspec=target.ctrlspec,
     )

@@ -9,8 +9,9 @@ from xml.etree import ElementTree
 import numpy as np
 import pinocchio as pin
 
-from hmtb_twin.parameters import PAYLOADS
 from hmtb_twin.resources import model_file
+from hmtb_twin.rigid_bodies import controllers_bodies
+from hmtb_twin.variants import EARTH, variant_named
 
 
 class ControllerModel:
@@ -18,13 +19,15 @@ class ControllerModel:
 
     Args:
         mjcf: The model as MJCF text.
+        gravity: Acceleration of gravity, m/s^2.
     """
 
-    def __init__(self, mjcf: str) -> None:
+    def __init__(self, mjcf: str, gravity: float = EARTH) -> None:
         with TemporaryDirectory() as folder:
             path = Path(folder, "arm.xml")
             path.write_text(mjcf, encoding="utf-8")
             self._model = pin.buildModelFromMJCF(str(path))
+        self._model.gravity.linear = np.array([0.0, 0.0, -gravity])
         self._data = self._model.createData()
         self._tool = self._model.getFrameId("tool")
 
@@ -118,8 +121,6 @@ def controller_model(payload: str, variant: str = "nominal") -> ControllerModel:
         The model, read from `models/hmtb/hmtb.xml`; its arithmetic is shared and must not be used by several threads.
     """
     root = ElementTree.fromstring(model_file("hmtb/hmtb.xml").read_text(encoding="utf-8"))
-    if PAYLOADS[payload] is None:
-        for parent in root.iter("body"):
-            for child in parent.findall("body[@name='rpcm']"):
-                parent.remove(child)
-    return ControllerModel(ElementTree.tostring(root, encoding="unicode"))
+    arm = variant_named(variant)
+    controllers_bodies(root, arm, payload)
+    return ControllerModel(ElementTree.tostring(root, encoding="unicode"), arm.gravity)

@@ -1,8 +1,9 @@
 """Every number of the twin, with unit, tag and source; what follows from others is computed."""
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from math import pi, radians, sqrt
 
+from hmtb_twin.dc_motor import DcMotor
 from hmtb_twin.errors import TwinError
 from hmtb_twin.oil import relative_viscosity
 from hmtb_twin.quantity import quantity
@@ -64,24 +65,6 @@ LINKS = {
     "end_effector": Link(0.14, 4.0, 0.045),
 }
 """The link that each joint moves; the end effector is fixed to the wrist roll flange behind the force/torque sensor."""
-
-
-@dataclass(frozen=True)
-class Payload:
-    """The RPCM orbital replacement unit in the end effector, a uniform box."""
-
-    mass: float = quantity(4.1, "kg", "analogue", "9 lb flight unit, press reports of 2011; mock-up mass unstated")
-    size: tuple[float, float, float] = quantity((0.20, 0.17, 0.09), "m", "assumed", "size of a hand-sized unit")
-
-    @property
-    def inertia(self) -> tuple[float, float, float]:
-        """Principal moments of inertia about the centre of mass, kg m^2."""
-        x, y, z = (side**2 for side in self.size)
-        return (self.mass * (y + z) / 12.0, self.mass * (x + z) / 12.0, self.mass * (x + y) / 12.0)
-
-
-PAYLOADS: dict[str, Payload | None] = {"rpcm": Payload(), "none": None}
-"""What the end effector may hold."""
 
 
 @dataclass(frozen=True)
@@ -197,6 +180,22 @@ class Actuator:
     def pressure_lag(self) -> float:
         """Time constant from commanded to delivered torque, s."""
         return self.compliance / self.flow_pressure_gain
+
+    @property
+    def motor(self) -> DcMotor:
+        """The actuator as a `dcmotor`: load pressure for current, flow for voltage."""
+        return DcMotor(
+            constant=self.displacement,
+            resistance=self.flow_pressure_gain,
+            inductance=self.compliance,
+            largest_input=self.largest_flow,
+            maximum_torque=self.maximum_torque,
+        )
+
+    @property
+    def unpowered(self) -> "Actuator":
+        """The actuator after an emergency shutdown: no flow through the valve, the oil trapped but for the leakage."""
+        return replace(self, valve_open=False)
 
 
 _SHOULDER = Actuator(60.0, 100.0, 5.0)

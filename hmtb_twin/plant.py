@@ -4,9 +4,10 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from math import inf
 
+from hmtb_twin.electric_drive import Drive, ElectricDrive
 from hmtb_twin.errors import TwinError
 from hmtb_twin.oil import COLDEST, HOTTEST
-from hmtb_twin.parameters import Actuator, Friction, Hydraulics
+from hmtb_twin.parameters import Friction, Hydraulics
 
 ACTUATOR_FORMS = ("linear", "orifice")
 """Fidelities of the actuators: a linear load-flow characteristic, or a servo valve with square-root orifices."""
@@ -52,10 +53,27 @@ class Plant:
             if not (isinstance(value, int | float) and -inf < lower <= value <= upper):
                 raise TwinError(f"plant: {name} = {value} given, expected {expected}")
 
-    def applied(self, actuator: Actuator) -> Actuator:
-        """Return an actuator of the arm as it is under these conditions."""
-        oil = replace(actuator.hydraulics, supply_pressure=self.supply_pressure, oil_temperature=self.oil_temperature)
-        return replace(actuator, hydraulics=oil, friction=self._rubbing(actuator.friction))
+    def applied(self, drive: Drive) -> Drive:
+        """Return a drive of the arm as it is under these conditions.
+
+        Raises:
+            TwinError: The conditions are those of oil, and the drive is electric.
+        """
+        if isinstance(drive, ElectricDrive):
+            self._check_dry()
+            return replace(drive, friction=self._rubbing(drive.friction))
+        oil = replace(drive.hydraulics, supply_pressure=self.supply_pressure, oil_temperature=self.oil_temperature)
+        return replace(drive, hydraulics=oil, friction=self._rubbing(drive.friction))
+
+    def _check_dry(self) -> None:
+        for name in ("actuator", "supply_pressure", "oil_temperature"):
+            given, nominal = getattr(self, name), getattr(type(self), name)
+            if given != nominal:
+                raise TwinError(
+                    f"plant: {name} = {given!r} given, but the drives of this arm are electric, without valves and "
+                    f"oil; expected {nominal!r} as where there is no choice. friction, friction_level and "
+                    "process_noise apply"
+                )
 
     def _rubbing(self, seals: Friction | None) -> Friction | None:
         if seals is None or self.friction == "none":

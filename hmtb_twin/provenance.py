@@ -1,29 +1,31 @@
-"""The table of every number of the nominal arm: value, unit, tag and source. Run as a module it prints the table."""
+"""The table of every number of the nominal arm, and of the one in orbit: value, unit, tag, source. A module to run."""
 
 import sys
 
+from hmtb_twin.electric_drive import GearFriction
+from hmtb_twin.flight_variant import FLIGHT_DRIVES, FLIGHT_LINKS, FLIGHT_SERVOS
 from hmtb_twin.parameters import (
     ACTUATORS,
     BUS,
     HAND_CONTROLLER,
     LINKS,
     MOTIONS,
-    PAYLOADS,
     RECORDER,
     SERVOS,
     Friction,
     Hydraulics,
 )
+from hmtb_twin.payloads import PAYLOADS
 from hmtb_twin.quantity import Provenance, provenance
 from hmtb_twin.seats import LATCH, SEATS, TOUCH
 
 
 def provenance_table() -> tuple[Provenance, ...]:
-    """List every tagged parameter of the nominal arm.
+    """List every tagged parameter of the nominal arm, then those of the arm in orbit that differ.
 
     Returns:
-        One line per parameter of links, payload, oil, friction, actuators, servos, motion, bus, hand controller,
-        recorder, seats, latch and touch.
+        One line per parameter of links, payloads, oil, friction, actuators, servos, motion, bus, hand controller,
+        recorder, seats, latch and touch; of links, drives, gears and servos in orbit.
     """
     owners: list[tuple[str, object]] = [(f"link {name}", link) for name, link in LINKS.items()]
     owners += [(f"payload {name}", payload) for name, payload in PAYLOADS.items() if payload is not None]
@@ -35,6 +37,10 @@ def provenance_table() -> tuple[Provenance, ...]:
     owners += [("hand controller", HAND_CONTROLLER), ("recorder", RECORDER)]
     owners += [(f"seat {name}", seat) for name, seat in SEATS.items()]
     owners += [("latch", LATCH), ("touch", TOUCH)]
+    owners += [(f"flight link {name}", link) for name, link in FLIGHT_LINKS.items()]
+    owners += [(f"flight drive {name}", drive) for name, drive in FLIGHT_DRIVES.items()]
+    owners += [("flight gear friction", GearFriction())]
+    owners += [(f"flight servo {name}", servo) for name, servo in FLIGHT_SERVOS.items()]
     return tuple(line for owner, record in owners for line in provenance(owner, record))
 
 

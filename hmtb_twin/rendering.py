@@ -13,6 +13,8 @@ from hmtb_twin.arm import Arm
 from hmtb_twin.errors import TwinError
 from hmtb_twin.parameters import JOINTS, OPERATING_POSE
 from hmtb_twin.resources import model_file
+from hmtb_twin.rigid_bodies import write_bodies
+from hmtb_twin.variants import variant_named
 
 NO_OPENGL = (
     "no OpenGL here, so no picture of the arm; on Debian or Ubuntu install libegl1 and libgl1-mesa-dri or a display"
@@ -28,8 +30,7 @@ def scene_model(arm: Arm) -> mujoco.MjModel:
     if arm.worksite:
         return arm.model
     spec = mujoco.MjSpec.from_file(str(model_file("hmtb/scene.xml")))
-    if arm.payload == "none":
-        spec.delete(spec.body("rpcm"))
+    write_bodies(spec, variant_named(arm.variant), arm.payload)
     return spec.compile()
 
 

@@ -6,7 +6,7 @@ from math import cos, pi, radians, sin
 
 import numpy as np
 
-from hmtb_twin.parameters import Payload
+from hmtb_twin.payloads import Payload
 from hmtb_twin.quantity import quantity
 
 UNIT = Payload()

@@ -258,9 +258,7 @@ def _switch_models(
     powered = [row.station.powered for row in rows]
     if changed or any(tick < len(on) and tick > 0 and on[tick] != on[tick - 1] for on in powered):
         on_now = [bool(tick >= len(on) or on[tick]) for on in powered]
-        simulations.set_models(
-            site.models(on_now) if site else [arm.model if on else arm.valves_closed for on in on_now]
-        )
+        simulations.set_models(site.models(on_now) if site else [arm.model if on else arm.unpowered for on in on_now])
 
 
 def _reason(counts: np.ndarray, tick: int) -> str:

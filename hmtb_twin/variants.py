@@ -4,8 +4,10 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from types import MappingProxyType
 
+from hmtb_twin.electric_drive import Drive
 from hmtb_twin.errors import TwinError
-from hmtb_twin.parameters import ACTUATORS, BUS, LINKS, SERVOS, Actuator, BusTerminal, Link, Servo
+from hmtb_twin.flight_variant import FLIGHT_DRIVES, FLIGHT_LINKS, FLIGHT_SERVOS
+from hmtb_twin.parameters import ACTUATORS, BUS, LINKS, SERVOS, BusTerminal, Link, Servo
 from hmtb_twin.published_variant import PUBLISHED_ACTUATORS, PUBLISHED_SERVOS
 
 EARTH = 9.81
@@ -30,7 +32,7 @@ class Variant:
     description: str
     gravity: float = EARTH
     links: Mapping[str, Link] = field(default_factory=lambda: LINKS)
-    actuators: Mapping[str, Actuator] = field(default_factory=lambda: ACTUATORS)
+    actuators: Mapping[str, Drive] = field(default_factory=lambda: ACTUATORS)
     servos: Mapping[str, Servo] = field(default_factory=lambda: SERVOS)
     bus: Mapping[str, BusTerminal] = field(default_factory=lambda: BUS)
 
@@ -45,6 +47,14 @@ VARIANTS: Mapping[str, Variant] = MappingProxyType(
                 "dominant poles of the models that the thesis chose, shoulder yaw at 0.16 Hz",
                 actuators=PUBLISHED_ACTUATORS,
                 servos=PUBLISHED_SERVOS,
+            ),
+            Variant(
+                "flight",
+                "the arm in orbit: weightless, lighter links, electric drives, about 2 Hz",
+                gravity=0.0,
+                links=FLIGHT_LINKS,
+                actuators=FLIGHT_DRIVES,
+                servos=FLIGHT_SERVOS,
             ),
         )
     }

@@ -9,7 +9,8 @@ from mujoco import batch
 
 from hmtb_twin.arm import Arm, load_arm
 from hmtb_twin.experiment import UnitView
-from hmtb_twin.parameters import JOINTS, PAYLOADS
+from hmtb_twin.parameters import JOINTS
+from hmtb_twin.payloads import PAYLOADS
 from hmtb_twin.seats import LATCH
 from hmtb_twin.worksite_model import LATCH_WELD, TOUCH_SENSOR, UNIT_BODY
 
@@ -110,7 +111,7 @@ class WorksiteRun:
     def _without_power(self, i: int) -> mujoco.MjModel:
         shut = self._shut[i]
         if shut is None:
-            shut = self._shut[i] = copy(self._arm.valves_closed)
+            shut = self._shut[i] = copy(self._arm.unpowered)
             shut.eq_data[self._weld] = self._working[i].eq_data[self._weld]
         return shut
 

@@ -64,7 +64,7 @@ class Bench:
 
 def bench(name: str, plant: Plant = CONDITIONS["nominal"], *, valve: bool = True, refined: int = 1) -> Bench:
     arm = load_arm(plant=plant, friction=False)
-    return held(arm, arm.model if valve else arm.valves_closed, name, valve=valve, refined=refined)
+    return held(arm, arm.model if valve else arm.unpowered, name, valve=valve, refined=refined)
 
 
 def held(arm: Arm, compiled: mujoco.MjModel, name: str, *, valve: bool = True, refined: int = 1) -> Bench:

@@ -3,7 +3,8 @@ import numpy as np
 import pytest
 
 from hmtb_twin import JOINTS, POSES, TwinError, load_arm
-from hmtb_twin.parameters import ACTUATORS, LINKS, MOTIONS, PAYLOADS, SERVOS
+from hmtb_twin.parameters import ACTUATORS, LINKS, MOTIONS, SERVOS
+from hmtb_twin.payloads import PAYLOADS
 from hmtb_twin.resources import model_file
 from hmtb_twin.servo import servo_gains
 
