@@ -207,20 +207,6 @@ def load_arm(
     return _load(variant, payload, plant, bool(worksite))
 
 
-@lru_cache(maxsize=64)
-def _load(name: str, payload: str, plant: Plant, worksite: bool) -> Arm:
-    variant = variant_named(name)
-    drives = {joint: plant.applied(drive) for joint, drive in variant.actuators.items()}
-    return Arm(
-        model=_compile(variant, payload, plant, drives, worksite),
-        controller=controller_model(payload, name),
-        variant=name,
-        payload=payload,
-        plant=plant,
-        worksite=worksite,
-        drives=MappingProxyType(drives),
-        servos=MappingProxyType(dict(variant.servos)),
-        gains=MappingProxyType(tuned_gains(variant)),
 def check_arm(variant: str, payload: str, plant: Plant, *, worksite: bool) -> None:
     """Refuse what `load_arm` cannot load.
 
@@ -244,6 +230,20 @@ def check_arm(variant: str, payload: str, plant: Plant, *, worksite: bool) -> No
         plant.applied(drive)
 
 
+@lru_cache(maxsize=64)
+def _load(name: str, payload: str, plant: Plant, worksite: bool) -> Arm:
+    variant = variant_named(name)
+    drives = {joint: plant.applied(drive) for joint, drive in variant.actuators.items()}
+    return Arm(
+        model=_compile(variant, payload, plant, drives, worksite),
+        controller=controller_model(payload, name),
+        variant=name,
+        payload=payload,
+        plant=plant,
+        worksite=worksite,
+        drives=MappingProxyType(drives),
+        servos=MappingProxyType(dict(variant.servos)),
+        gains=MappingProxyType(tuned_gains(variant)),
     )
 
 
