@@ -89,12 +89,10 @@ def orifice_balances(arm: Arm, command: np.ndarray, *, refined: int = 4) -> tupl
     back = p[0, eq.RETURN]
     drops = np.stack([supply[..., None, None] - chambers, chambers - back], axis=-1)
     throttled = (lands * drops).sum(axis=(2, 3, 4)) + (checks * (back - chambers)).sum(axis=(2, 3))
-    rubbing = [
-        [eq.friction_torque(p[j], z, w) * w for z, w in zip(*pair, strict=True)]
-        for j, pair in enumerate(
-            zip(joints[..., eq.BRISTLES].reshape(-1, len(JOINTS)).T, run.velocities.reshape(-1, len(JOINTS)).T)
-        )
-    ]
+    rubbing = np.empty_like(load)
+    for at in np.ndindex(load.shape):
+        w = run.velocities[at]
+        rubbing[at] = eq.friction_torque(p[at[-1]], joints[at][eq.BRISTLES], w) * w
     stored = p[:, eq.CHAMBER] @ (chambers[-1, -1] ** 2 - chambers[0, 0] ** 2)
     kinds = ("potential", "kinetic")
     energy = EnergyBalance(
@@ -103,7 +101,7 @@ def orifice_balances(arm: Arm, command: np.ndarray, *, refined: int = 4) -> tupl
         leaked=float(p[:, eq.LEAKAGE] @ run.integral(load**2)),
         compressed=float(0.5 * stored.sum() + 0.5 * p[0, eq.CAPACITY] * (supply[-1, -1] ** 2 - supply[0, 0] ** 2)),
         limited=0.0,
-        rubbed=float(run.integral(np.array(rubbing).T.reshape(load.shape)).sum()),
+        rubbed=float(run.integral(rubbing).sum()),
         dragged=float(model.dof_damping @ run.integral(run.velocities**2)),
         constrained=-float(run.integral(run.constraint * run.velocities).sum()),
         **{kind: float(change) for kind, change in zip(kinds, run.mechanical[1] - run.mechanical[0], strict=True)},
