@@ -95,6 +95,20 @@ class Arm:
         valves = [self.model.actuator(name).id for name in JOINTS]
         return self.model.actuator_actadr[valves] + self.model.actuator_actnum[valves] - 1
 
+    @property
+    def spool_states(self) -> np.ndarray | None:
+        """Index of each servo valve's spool position in the activation vector, (7,); None without servo valves."""
+        if self.plant.actuator != "orifice":
+            return None
+        from hmtb_twin.valve_equations import SPOOL, STATES
+
+        return 1 + STATES * np.arange(len(JOINTS)) + SPOOL
+
+    @property
+    def supply_state(self) -> np.ndarray | None:
+        """Index of the supply pressure in the activation vector, (1,); None without servo valves."""
+        return None if self.plant.actuator != "orifice" else np.array([0])
+
     def pose(self, name: str) -> np.ndarray:
         """Return the joint angles of a named pose.
 

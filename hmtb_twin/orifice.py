@@ -224,8 +224,8 @@ def settled_oil(
     left = np.abs(imbalance(found)).max()
     if not left < 1e-9:
         raise TwinError(
-            f"the orifice valves find no equilibrium at the commanded angles {command} rad (imbalance {left:.2g}): "
-            "expected a load below what the supply pressure carries"
+            f"the orifice valves find no equilibrium at commanded angles {', '.join(f'{a:.4g}' for a in command)} rad "
+            f"(imbalance {left:.2g}): expected a load below what the supply pressure carries"
         )
     return states(found)
 

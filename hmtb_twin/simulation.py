@@ -148,8 +148,9 @@ def _prepare(experiment: Experiment) -> _Row:
 def _run(arm: Arm, rows: list[_Row], threads: int, report: Callable[[int], None]) -> float:
     """Run the experiments of one arm, fill in their records and return the seconds spent in the physics."""
     simulations = batch.Batch(arm.model, nsim=len(rows), nthread=threads)
+    starts = {pose: arm.rest(arm.pose(pose)) for pose in {row.experiment.pose for row in rows}}
     for i, row in enumerate(rows):
-        start = arm.rest(arm.pose(row.experiment.pose))
+        start = starts[row.experiment.pose]
         for name in ("qpos", "qvel", "act", "ctrl", "eq_active"):
             simulations.bind(name)[i] = getattr(start, name)
     control, angles, act, sensors = (simulations.bind(name) for name in ("ctrl", "qpos", "act", "sensordata"))
@@ -166,6 +167,10 @@ def _run(arm: Arm, rows: list[_Row], threads: int, report: Callable[[int], None]
     if site:
         record["unit_pose"] = np.empty((lengths.max(), len(rows), 7))
         record["contact_force"] = np.empty((lengths.max(), len(rows), 1))
+    spools, supply = arm.spool_states, arm.supply_state
+    if spools is not None:
+        record["spool"] = np.empty((lengths.max(), len(rows), 7))
+        record["supply_pressure"] = np.empty((lengths.max(), len(rows), 1))
     live = [i for i, row in enumerate(rows) if row.station.live]
     if live:
         tool = arm.model.site("tool").id
@@ -191,6 +196,8 @@ def _run(arm: Arm, rows: list[_Row], threads: int, report: Callable[[int], None]
         record["wrench"][k] = sensors[:, : len(WRENCH)]
         if site:
             record["unit_pose"][k], record["contact_force"][k] = site.unit_pose, site.contact_force
+        if spools is not None:
+            record["spool"][k], record["supply_pressure"][k] = act[:, spools], act[:, supply]
         changed = False
         for i in live:
             if k < rows[i].ticks and rows[i].failure is None:
@@ -230,8 +237,8 @@ def _run(arm: Arm, rows: list[_Row], threads: int, report: Callable[[int], None]
             break
     for i, row in enumerate(rows):
         row.record = {name: values[: row.ticks, i] for name, values in record.items()}
-        if site:
-            row.record["contact_force"] = row.record["contact_force"][:, 0]
+        for name in {"contact_force", "supply_pressure"} & row.record.keys():
+            row.record[name] = row.record[name][:, 0]
     return seconds
 
 
