@@ -45,9 +45,11 @@ class Horizon:
 
     Attributes:
         any_model: By any model whatever, with the right initial state: what is left is noise that nothing foretells.
-        best_linear: By the linear time-invariant system that does best on this very record, of whatever order, with a
-            memory no longer than the settling time of the arm; the operating point is free. Where the command repeats
-            within that memory, such a system takes most distortion along, for it shows at excited lines only.
+        best_linear: By the linear time-invariant system that does best on this very record; the operating point is
+            free. In simulation the best of two families: pulse responses of any shape as long as the arm takes to
+            settle, and systems of the truth's order; one step ahead, regressions on as many past commands and angles.
+            Where the command repeats within that time, such a system takes most distortion along, for it shows at
+            excited lines only.
         small_signal: By the small-signal truth; the operating point is free.
     """
 
@@ -67,11 +69,11 @@ class Attainable:
         simulation: From commands alone.
         one_step: From commands and from this joint's measurements up to the sample before.
         right_order: In simulation, by the linear system of the truth's order that does best on this very record: the
-            best that several searches found. No such system can do better than `simulation.best_linear`.
+            best that several searches found.
         order: That order: states of the small-signal truth that matter.
         distortion: Root mean square of what the best linear system leaves of the noise-free angle, rad.
-        memory: Length of the linear systems' memory, samples.
-        parameters: Parameters that were fitted to the record for `best_linear`: in simulation and one step ahead.
+        memory: Samples in which the arm settles, and so the length of pulse responses and regressions.
+        parameters: Coefficients of the pulse responses and of the regression, constant included.
         provenance: The record, and how the floors were obtained.
     """
 
@@ -168,21 +170,26 @@ def attainable(
     if spread <= 1e-14 * float(np.abs(scored).max()):
         raise ScenarioError(f"{record.name}: {joint} does not move; a fit is not defined")
 
-    def floor(prediction: FloatArray, *, centred: bool = False, fitted: int = 0) -> Floor:
+    def rms(error: FloatArray) -> float:
+        return float(np.sqrt(np.mean(error[window:] ** 2)))
+
+    def floor(prediction: FloatArray, *, centred: bool = False, coefficients: int = 0) -> Floor:
         error = (measured - prediction)[window:]
         rmse = float(np.sqrt(np.mean((error - error.mean() if centred else error) ** 2)))
-        rmse *= sqrt(len(error) / (len(error) - fitted))
+        rmse *= sqrt(len(error) / (len(error) - coefficients))
         return Floor(rmse, 100.0 * (1.0 - rmse / spread))
 
+    right_order = min((floor(one, centred=True) for one in (simulation, *fitted)), key=lambda one: one.rmse)
+    best = min((linear, *(one - np.mean((one - quiet)[window:]) for one in fitted)), key=lambda one: rms(quiet - one))
     return Attainable(
         joint=joint,
         samples=len(scored),
         spread=spread,
-        simulation=Horizon(floor(quiet), floor(linear), floor(simulation, centred=True)),
-        one_step=Horizon(floor(true), floor(foretold, fitted=both.shape[1]), floor(one_step, centred=True)),
-        right_order=min((floor(one, centred=True) for one in (simulation, *fitted)), key=lambda one: one.rmse),
+        simulation=Horizon(floor(quiet), floor(best), floor(simulation, centred=True)),
+        one_step=Horizon(floor(true), floor(foretold, coefficients=both.shape[1]), floor(one_step, centred=True)),
+        right_order=right_order,
         order=order,
-        distortion=float(np.sqrt(np.mean((quiet - linear)[window:] ** 2))),
+        distortion=rms(quiet - best),
         memory=memory,
         parameters=(commands.shape[1], both.shape[1]),
         provenance={

@@ -46,7 +46,7 @@ def logged_plant(log: JointLog) -> Plant:
         if text is None:
             continue
         try:
-            values[entry.name] = hints[entry.name](text)
+            values[entry.name] = text == "True" if hints[entry.name] is bool else hints[entry.name](text)
         except ValueError as error:
             raise ScenarioError(
                 f"{log.name}: plant_{entry.name} = {text!r} in its provenance, expected a number"

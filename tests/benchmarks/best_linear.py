@@ -31,6 +31,7 @@ LINKS: Mapping[str, tuple[Chain, Plant]] = {
     "Coulomb friction": (RUBBING, replace(NOMINAL_PLANT, friction="coulomb")),
     "LuGre friction": (RUBBING, NOMINAL_PLANT),
     "LuGre friction, 8 times": (RUBBING, replace(NOMINAL_PLANT, friction_level=8.0)),
+    "orifice valve": (QUIET, replace(NOMINAL_PLANT, actuator="orifice")),
     "velocity limit": (replace(QUIET, velocity_limit=True), NOMINAL_PLANT),
     "12-bit converters": (replace(QUIET, dac=True, adc=True), NOMINAL_PLANT),
     "wires": (replace(QUIET, noise=True, bias=True), NOMINAL_PLANT),
@@ -48,37 +49,39 @@ def near(agreement: Agreement, frequency: float) -> str:
     return f"{20 * np.log10(abs(ratio)):+.2f} / {np.degrees(np.angle(ratio)):+.1f}"
 
 
-def row(name: str, path: str, found: BestLinearTruth, agreement: Agreement, distortion: float, hz: str) -> str:
-    """One row of the table."""
+def row(name: str, path: str, found: BestLinearTruth, agreement: Agreement, distortion: float) -> str:
+    """One row of the table; the p-value and the bandwidth are those from the command."""
+    band = found.bandwidth
     cells = [
         name,
         f"{1e3 * found.multisines.rms:g}",
         path,
         *(near(agreement, f) for f in FREQUENCIES),
         f"{distortion:.2g}",
-        f"{agreement.p_all[0, 0]:.2g}",
-        hz,
-        f"{100 * found.slewing:.1f}",
+        f"{found.servo_agreement().p_all[0, 0]:.2g}",
+        f"{band.hz[0, 0]:.3f} ({band.ci95[0][0, 0]:.3f} to {band.ci95[1][0, 0]:.3f})",
+        f"{100 * found.slewing:.0f}",
     ]
     return f"| {' | '.join(cells)} |"
 
 
 def departures(joint: str, multisines: Multisines) -> None:
-    """Print the table of one joint."""
+    """Print the table of one joint: from the command, and from the stick where a link lies between the two."""
     heads = " | ".join(f"{f:g} Hz: dB / deg" for f in FREQUENCIES)
-    print(f"\n{joint}\n\n| link | rms, mrad | from | {heads} | distortion, % | p | bandwidth, Hz | slewing, % |")
+    print(f"\n`{joint}`\n")
+    print(f"| link | rms, mrad | from | {heads} | distortion, % | p, from command | bandwidth, Hz | slewing, % |")
     print("|---" * (7 + len(FREQUENCIES)) + "|")
     for name, (chain, plant) in LINKS.items():
         for rms in AMPLITUDES:
             setting = MultisineExperiment("departure", (joint,), chain=chain, plant=plant)
             found = best_linear(setting, replace(multisines, rms=rms))
-            band = found.bandwidth
-            hz = f"{band.hz[0, 0]:.4f} ({band.ci95[0][0, 0]:.4f} to {band.ci95[1][0, 0]:.4f})"
-            level = float(found.distortion_percent[0])
-            print(row(name, "command", found, found.servo_agreement(), level, hz), flush=True)
-            level = float(distortion_percent(found.chain)[0])
-            if chain.velocity_limit or chain.adc or chain.noise:
-                print(row(name, "stick", found, found.chain_agreement(), level, "-"), flush=True)
+            before = chain.velocity_limit or chain.adc or chain.noise
+            if chain.friction or not before:
+                level = float(found.distortion_percent[0])
+                print(row(name, "command", found, found.servo_agreement(), level), flush=True)
+            if before:
+                level = float(distortion_percent(found.chain)[0])
+                print(row(name, "stick", found, found.chain_agreement(), level), flush=True)
 
 
 def agreement(seeds: int, multisines: Multisines) -> None:
@@ -107,7 +110,7 @@ def main() -> int:
     """Measure."""
     parser = argparse.ArgumentParser()
     parser.add_argument("--seeds", type=int, default=40)
-    parser.add_argument("--joints", nargs="+", default=["shoulder_yaw", "elbow_pitch"])
+    parser.add_argument("--joints", nargs="*", default=["shoulder_yaw", "elbow_pitch"])
     arguments = parser.parse_args()
     if arguments.seeds:
         agreement(arguments.seeds, Multisines(realisations=8, period=5.12, f_min=0.1))
