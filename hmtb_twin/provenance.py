@@ -18,19 +18,21 @@ from hmtb_twin.parameters import (
 from hmtb_twin.payloads import PAYLOADS
 from hmtb_twin.quantity import Provenance, provenance
 from hmtb_twin.seats import LATCH, SEATS, TOUCH
+from hmtb_twin.servo_valve import POWER_UNIT, SERVO_VALVE
 
 
 def provenance_table() -> tuple[Provenance, ...]:
     """List every tagged parameter of the nominal arm, then those of the arm in orbit that differ.
 
     Returns:
-        One line per parameter of links, payloads, oil, friction, actuators, servos, motion, bus, hand controller,
-        recorder, seats, latch and touch; of links, drives, gears and servos in orbit.
+        One line per parameter of links, payloads, oil, friction, actuators, valves and pump, servos, motion, bus, hand
+        controller, recorder, seats, latch and touch; of links, drives, gears and servos in orbit.
     """
     owners: list[tuple[str, object]] = [(f"link {name}", link) for name, link in LINKS.items()]
     owners += [(f"payload {name}", payload) for name, payload in PAYLOADS.items() if payload is not None]
     owners += [("hydraulics", Hydraulics()), ("friction", Friction())]
     owners += [(f"actuator {name}", actuator) for name, actuator in ACTUATORS.items()]
+    owners += [("servo valve", SERVO_VALVE), ("power unit", POWER_UNIT)]
     owners += [(f"servo {name}", servo) for name, servo in SERVOS.items()]
     owners += [(f"motion {name}", motion) for name, motion in MOTIONS.items()]
     owners += [(f"bus terminal {name}", terminal) for name, terminal in BUS.items()]
