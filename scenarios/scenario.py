@@ -20,8 +20,10 @@ from hmtb_twin import (
     HandController,
     Operator,
     Plant,
+    TwinError,
     axis_names,
 )
+from hmtb_twin.arm import check_arm
 from hmtb_twin.parameters import HAND_CONTROLLER
 from scenarios.errors import ScenarioError
 from scenarios.excitation_computer import Excitation, check_outputs, played
@@ -114,6 +116,10 @@ class Scenario:
                 f"scenario {self.name!r}: expected a duration of {1 / RATE} to {LONGEST:g} s, given {self.duration}"
             )
         check_seed(self.seed)
+        try:
+            check_arm(self.variant, self.payload, self.plant, worksite=self.worksite)
+        except TwinError as error:
+            raise ScenarioError(f"scenario {self.name!r}: {error}") from error
 
     def volts(self) -> np.ndarray:
         """Play the excitation through the excitation computer's converter.

@@ -23,7 +23,7 @@ def view(
     Args:
         name: A scenario, which is simulated first, or a log NAME.nc: played back. Nothing: the arm at the approach
             point, its servos on, with the viewer's own controls.
-        payload: What the end effector of the arm alone holds: rpcm or none.
+        payload: What the end effector of the arm alone holds: rpcm, none, ballast or mdm.
         speed: Seconds of the experiment per second of playback.
         loop: Play again and again.
         seed: Draw other noise; for a scenario only.

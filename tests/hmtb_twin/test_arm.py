@@ -2,9 +2,10 @@ import mujoco
 import numpy as np
 import pytest
 
-from hmtb_twin import JOINTS, POSES, TwinError, load_arm
+from hmtb_twin import JOINTS, POSES, VARIANTS, TwinError, linearize, load_arm
 from hmtb_twin.parameters import ACTUATORS, LINKS, MOTIONS, SERVOS
 from hmtb_twin.payloads import PAYLOADS
+from hmtb_twin.rendering import scene_model
 from hmtb_twin.resources import model_file
 from hmtb_twin.servo import servo_gains
 
@@ -128,6 +129,55 @@ def test_without_payload_the_arm_is_lighter_and_still_holds():
     data = bare.rest(angles)
     mujoco.mj_step(bare.model, data, nstep=2000)
     assert np.abs(data.qpos - angles).max() < 1e-5
+
+
+@pytest.mark.parametrize("variant", VARIANTS)
+@pytest.mark.parametrize("payload", PAYLOADS)
+def test_every_arm_holds_every_payload_and_stays_stable(variant, payload):
+    loaded = load_arm(variant, payload)
+    largest = [loaded.drives[name].maximum_torque for name in JOINTS]
+    for name in POSES:
+        angles = loaded.pose(name)
+        # A quarter of the torque is left to move with.
+        assert (np.abs(loaded.controller.gravity_torque(angles[None])[0]) < 0.75 * np.array(largest)).all()
+        data = loaded.rest(angles)
+        mujoco.mj_step(loaded.model, data, nstep=1000)
+        assert np.abs(data.qpos - angles).max() < 1e-9
+        truth = linearize(loaded, angles, amplitudes=())
+        assert np.abs(truth.model.poles()).max() < 0.985
+        for joint in JOINTS[1:]:
+            # The finite differences see the weight's slope to a millionth of the servo's stiffness.
+            assert truth.joint(joint).dc_gain == pytest.approx(1.0, abs=1e-5)
+
+
+def test_payload_follows_in_plant_controller_and_pictures():
+    for name, payload in PAYLOADS.items():
+        loaded = load_arm(payload=name)
+        if payload is None:
+            assert "rpcm" not in [loaded.model.body(i).name for i in range(loaded.model.nbody)]
+            continue
+        body = loaded.model.body("rpcm")
+        assert body.mass[0] == pytest.approx(payload.mass)
+        np.testing.assert_allclose(np.sort(body.inertia), np.sort(payload.inertia), rtol=1e-7)
+        np.testing.assert_allclose(body.ipos, [payload.size[0] / 2, 0.0, 0.0], atol=1e-12)
+        box = scene_model(loaded).geom_size[scene_model(loaded).body("rpcm").geomadr[0]]
+        np.testing.assert_allclose(2.0 * box, payload.size)
+        # The plant's weight is the one that the controller feeds forward.
+        data = loaded.rest(loaded.pose("home"))
+        np.testing.assert_allclose(
+            data.qfrc_bias, loaded.controller.gravity_torque(loaded.pose("home")[None])[0], atol=1e-9
+        )
+
+
+def test_gains_stay_those_of_the_module(arm):
+    for payload in PAYLOADS:
+        assert load_arm(payload=payload).gains == arm.gains
+
+
+@pytest.mark.parametrize("payload", ["ballast", "mdm"])
+def test_seats_of_the_worksite_are_the_modules(payload):
+    with pytest.raises(TwinError, match=f"'{payload}' at the worksite given, expected rpcm or none"):
+        load_arm(payload=payload, worksite=True)
 
 
 @pytest.mark.parametrize(

@@ -1,6 +1,7 @@
 """A scenario is a TOML file, read strictly."""
 
 import pickle
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -8,7 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from hmtb_twin import JOINTS, Chain, HandController, Plant
-from scenarios import Excitation, Scenario, ScenarioError
+from scenarios import Excitation, Scenario, ScenarioError, load
 from scenarios.scenario import NAME
 
 EXCITATIONS = st.one_of(
@@ -141,3 +142,16 @@ def test_one_excitation_per_axis_or_one_for_all() -> None:
     sine = Excitation("sine", {"frequency": 5.0})
     with pytest.raises(ScenarioError, match="2 excitations for 1 axes"):
         Scenario("two", ("elbow_pitch",), (sine, sine))
+
+
+@pytest.mark.parametrize(
+    ("changes", "told"),
+    [
+        ({"variant": "flight", "plant": Plant(supply_pressure=15.0)}, "supply_pressure = 15.0.*electric"),
+        ({"variant": "flight", "worksite": True}, "'flight' at the worksite"),
+        ({"payload": "mdm", "worksite": True}, "'mdm' at the worksite given, expected rpcm or none"),
+    ],
+)
+def test_arms_that_cannot_be_loaded_are_refused(changes, told):
+    with pytest.raises(ScenarioError, match=told):
+        replace(load("siso-1-elbow_pitch"), **changes)
