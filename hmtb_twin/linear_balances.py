@@ -36,7 +36,8 @@ def linear_balances(arm: Arm, command: np.ndarray, *, refined: int = 1) -> tuple
     the velocities before and after, and the links' energy is read where the velocity belongs, half a step before the
     angle. From rest to rest the energy's book so closes with the square of the step; in the middle of a motion what the
     implicit step adds to the inertia is seen, in proportion to the step. All that is summed are states and torques of
-    the engine, and the valve flow that the servo's law asks for from them.
+    the engine, and the valve flow that the servo's law asks for from them; what is throttled is by definition what the
+    supply gave and did not come out of the load ports.
 
     Args:
         arm: The arm, with linear actuators, in free space.
