@@ -1,93 +1,305 @@
-"""`hmtb truth`: what an estimator should have found."""
+"""`hmtb truth`: what an estimator should have found, in every sense there is."""
 
-from scenarios.commands.output import print_json, print_table, say
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
 
-LOCKED = 1e-2
-"""Gain at 0 Hz below which a joint does not follow its command."""
+import tyro
 
-LOCKED_NOTE = "locked: the joint is indexed and does not follow a command, so it has no bandwidth"
+from scenarios.commands.output import output_folder, print_json, print_table, progress, say
 
-
-def truth(*, variant: str = "nominal", payload: str = "rpcm", json: bool = False) -> int:
-    """Poles, zeros, bandwidth, gain and delay of each joint of the linearised arm, sampled at 50 Hz.
-
-    A joint that does not follow its command is locked: it has no bandwidth.
-
-    Args:
-        variant: Which arm: nominal.
-        payload: What the end effector holds: rpcm (the module) or none.
-        json: Print JSON.
-    """
+if TYPE_CHECKING:
     import numpy as np
 
-    from hmtb_twin import JOINTS, linearize, load_arm
+    from hmtb_twin import Arm, JointLog
+    from scenarios.truth_summary import TruthSummary
 
-    record = linearize(load_arm(variant, payload))
-    joints = {name: record.joint(name) for name in JOINTS}
-    locked = {name for name, entry in joints.items() if abs(entry.dc_gain) < LOCKED}
-    if json:
-        print_json(
-            {
-                "dt": record.dt,
-                "variant": variant,
-                "payload": payload,
-                "joints": {
-                    name: {
-                        "bandwidth_hz": None if name in locked else entry.bandwidth_hz,
-                        "dc_gain": entry.dc_gain,
-                        "poles": np.asarray(entry.poles, dtype=complex),
-                        "zeros": np.asarray(entry.zeros, dtype=complex),
-                        "delay_samples": entry.delay_samples,
-                        "note": LOCKED_NOTE if name in locked else None,
-                    }
-                    for name, entry in joints.items()
-                },
-                "small_signal_error": record.small_signal_error,
-            }
-        )
-        return 0
-    rows = [
-        (name, "locked", "—", "—", "—", "—")
-        if name in locked
-        else (
-            name,
-            f"{entry.bandwidth_hz:.3f}",
-            f"{entry.dc_gain:.4f}",
-            str(entry.delay_samples),
-            ", ".join(_text(pole, record.dt) for pole in _dominant(np.asarray(entry.poles))),
-            _zeros(np.asarray(entry.zeros, dtype=complex)),
-        )
-        for name, entry in joints.items()
-    ]
-    columns = (
-        "joint",
-        "bandwidth / Hz",
-        "gain at 0 Hz",
-        "delay / samples",
-        "slowest poles / (rad/s)",
-        "zeros (z plane), largest",
+FIGURES = (".svg", ".png", ".pdf")
+"""Endings of figures."""
+
+PLACE = Path("maps")
+"""Folder that maps go to when none is named."""
+
+
+def truth(
+    *,
+    variant: str = "nominal",
+    payload: str = "rpcm",
+    pose: Annotated[str, tyro.conf.arg(metavar="NAME|DEG,DEG,...")] = "rpcm_holster_out_approach",
+    actuator: Annotated[str, tyro.conf.arg(metavar="linear|orifice")] = "linear",
+    friction: Annotated[str, tyro.conf.arg(metavar="none|viscous|coulomb|lugre")] = "lugre",
+    friction_level: float = 1.0,
+    supply_pressure: float = 20.7,
+    oil_temperature: float = 40.0,
+    process_noise: float = 0.0,
+    bla: Annotated[float | None, tyro.conf.arg(metavar="RAD")] = None,
+    data: Annotated[Path | None, tyro.conf.arg(metavar="LOG")] = None,
+    maps: bool = False,
+    density: float = 1.0,
+    seed: int = 0,
+    threads: int | None = None,
+    out: Path | None = None,
+    json: bool = False,
+) -> int:
+    """Poles, zeros, bandwidth, gain and delay of each joint: what an estimator should have found.
+
+    What is printed first is the small-signal truth: the physics linearised at the pose, dry friction off, sampled at
+    50 Hz. It is exact as the amplitude goes to nothing; the last line says how wrong it is at others. A joint that does
+    not follow its command is locked: it has no bandwidth. The hydraulic resonance is that of the oil's spring with the
+    inertia that the joint sees, the other joints held; valve and leakage damp it (linear actuators only).
+
+    Two more truths on request. --bla 0.01 adds the best linear approximation, what linear models of records at that
+    amplitude tend to, friction, velocity limit and all, with its 95 % interval (some seconds). --data LOG adds what the
+    best model could attain on that record of hmtb simulate: no honest fit is better.
+
+    --maps answers how far this truth reaches: over the workspace, over payload, supply pressure, oil temperature,
+    amplitude and friction. It writes a page, figures and tables into a folder, in about a minute.
+
+    hmtb truth --out truth.svg
+    hmtb truth --pose 0,20,50,30,-50,0,0 --oil-temperature 15
+    hmtb truth --maps --out maps
+
+    Args:
+        variant: Which arm: nominal, published or flight.
+        payload: What the end effector holds: rpcm (the module), none, ballast or mdm.
+        pose: Operating point: home or rpcm_holster_out_approach, or the seven joint angles in degrees, with commas.
+        actuator: A linear load-flow law, or servo valves with square-root orifices (needs numba).
+        friction: What the joints rub with; the small-signal truth keeps the oil's drag (viscous) alone.
+        friction_level: Dry friction, in multiples of the variant's.
+        supply_pressure: Pressure of the supply, MPa.
+        oil_temperature: Temperature of the oil, degrees Celsius.
+        process_noise: Noise in the valve drives, a part of each joint's rated torque; the true noise model with it.
+        bla: Amplitude of the best linear approximation, rad, root mean square; of the studied joints.
+        data: A log of hmtb simulate (.nc); its arm, conditions and pose are taken.
+        maps: Make the maps.
+        density: Poses of the maps, in multiples of the default grid.
+        seed: Of the phases and noise of --bla, and of the random poses of --maps.
+        threads: Threads for the physics of --bla and --maps; all processors when not given.
+        out: One figure of all this (.svg, .png or .pdf); with --maps the folder, "maps" when not given.
+        json: Print JSON.
+    """
+    from dataclasses import replace
+
+    from hmtb_twin import Plant, linearize, load_arm
+    from scenarios.errors import ScenarioError
+    from scenarios.truth_summary import attainable_on, measured_best_linear, truth_summary
+    from scenarios.waveform import check_seed
+
+    check_seed(seed)
+    plant = Plant(
+        actuator=actuator,
+        friction=friction,
+        friction_level=friction_level,
+        supply_pressure=supply_pressure,
+        oil_temperature=oil_temperature,
+        process_noise=process_noise,
     )
-    print_table(f"Linearised truth of the arm '{variant}' with payload '{payload}'", columns, rows)
-    for name in sorted(locked):
-        say(f"{name}: {LOCKED_NOTE}")
-    errors = ", ".join(f"{error:.1e} at {amplitude:g} rad" for amplitude, error in record.small_signal_error.items())
-    say(f"Relative error of the linear model against the simulated arm (friction off): {errors}")
-    say("All poles and zeros in the z plane: --json")
+    point = _point(pose)
+    log = None
+    if data is not None:
+        arm, point, log = _logged(data, (variant, payload, pose, plant))
+    else:
+        arm = load_arm(variant, payload, plant=plant)
+    if (bla is not None or maps) and not isinstance(point, str):
+        raise ScenarioError("--bla and --maps start from a pose of the model; give --pose a name, not angles")
+    if out is not None and not maps and out.suffix not in FIGURES:
+        raise ScenarioError(f"--out {out} given, expected a figure: {', '.join(FIGURES)} (a folder goes with --maps)")
+    summary = truth_summary(arm, linearize(arm, point))
+    if bla is not None and isinstance(point, str):
+        with progress("best linear approximation") as step:
+            found = measured_best_linear(arm, point, bla, seed=seed, threads=threads, progress=step)
+        summary = replace(summary, best_linear=found)
+    if log is not None:
+        summary = replace(summary, attainable=attainable_on(log, summary.truth))
+    files = _maps(arm, summary, density, seed, threads, out) if maps else _figure(summary, out)
+    if json:
+        print_json({**summary.record(), "files": files})
+        return 0
+    _print(summary)
+    for path in files[:1]:
+        say(f"{'maps' if maps else 'figure'}: {path}")
     return 0
 
 
-def _zeros(zeros: "np.ndarray", count: int = 3) -> str:  # type: ignore[name-defined]  # noqa: F821
+def _point(pose: str) -> "str | np.ndarray":
+    """A pose by name, or angles in rad from degrees with commas."""
+    import numpy as np
+
+    from hmtb_twin import JOINTS, POSES
+    from scenarios.errors import ScenarioError
+    from scenarios.suggest import unknown
+    from scenarios.truth_summary import check_range
+
+    if "," not in pose:
+        if pose not in POSES:
+            raise ScenarioError(unknown("pose", pose, POSES) + f"; or {len(JOINTS)} angles in degrees, with commas")
+        return pose
+    try:
+        angles = np.radians([float(part) for part in pose.split(",")])
+    except ValueError:
+        angles = np.empty(0)
+    if angles.shape != (len(JOINTS),) or not np.isfinite(angles).all():
+        raise ScenarioError(
+            f"pose {pose!r} given, expected a name or {len(JOINTS)} angles in degrees, with commas: {', '.join(JOINTS)}"
+        )
+    check_range(angles)
+    return angles
+
+
+def _logged(data: Path, given: tuple[object, ...]) -> "tuple[Arm, str, JointLog]":
+    """The arm and pose of a log, which the other options must not contradict."""
+    from hmtb_twin import NOMINAL_PLANT, JointLog
+    from hmtb_twin.parameters import OPERATING_POSE
+    from scenarios.errors import ScenarioError
+    from scenarios.logged_arm import logged_arm
+
+    if data.suffix != ".nc":
+        raise ScenarioError(
+            f"--data {data} given, expected a log of hmtb simulate, .nc: it knows the noise-free angles"
+        )
+    log = JointLog.load(data)
+    arm, pose = logged_arm(log), log.provenance["pose"]
+    of_log = (arm.variant, arm.payload, pose, arm.plant)
+    if given not in (of_log, ("nominal", "rpcm", OPERATING_POSE, NOMINAL_PLANT)):
+        raise ScenarioError(
+            f"--data takes arm, conditions and pose from the log ({arm.variant}, {arm.payload}, {pose}); leave out the "
+            "options that say otherwise"
+        )
+    return arm, pose, log
+
+
+def _figure(summary: "TruthSummary", out: Path | None) -> list[Path]:
+    if out is None:
+        return []
+    import matplotlib
+
+    from scenarios.drawing import SETTINGS
+    from scenarios.truth_figure import truth_figure
+
+    with output_folder(out.parent), matplotlib.rc_context(SETTINGS):
+        truth_figure(summary).savefig(out, dpi=150)
+    return [out]
+
+
+def _maps(
+    arm: "Arm", summary: "TruthSummary", density: float, seed: int, threads: int | None, out: Path | None
+) -> list[Path]:
+    from scenarios.map_page import write_maps
+    from scenarios.maps import Density
+    from scenarios.maps import maps as made
+
+    grid = Density.scaled(density)
+    with output_folder(out or PLACE) as folder:
+        found = made(arm, summary.truth.pose, grid, seed=seed, threads=threads, stage=progress)
+        return [*write_maps(found, folder), *_figure(summary, folder / "truth.svg")]
+
+
+def _print(summary: "TruthSummary") -> None:
+    import numpy as np
+
+    from scenarios.truth_summary import LOCKED_NOTE, hydraulic
+
+    truth, bla = summary.truth, summary.best_linear
+    columns = ["joint", "bandwidth\n/ Hz", "gain\nat 0 Hz", "delay\n/ samples", "dominant poles\n/ (rad/s)"]
+    columns += ["largest zeros\n(z plane)"]
+    columns += ["hydraulic resonance\n/ Hz"] if summary.hydraulics else []
+    columns += ["best linear\n/ Hz (95 %)", "distortion\n/ %"] if bla else []
+    rows = []
+    for name, entry in summary.joints.items():
+        if name in summary.locked:
+            rows.append([name, "locked", *["—"] * (len(columns) - 2)])
+            continue
+        row = [name, f"{entry.bandwidth_hz:.3f}", f"{entry.dc_gain:.4f}", str(entry.delay_samples)]
+        row += [_poles(entry.dominant_poles, np.pi / truth.dt), _zeros(np.asarray(entry.zeros, dtype=complex))]
+        if summary.hydraulics:
+            alone = summary.hydraulics[name]
+            row.append(f"{alone.natural_frequency / (2 * np.pi):.1f} (ζ {alone.damping_ratio:.2g})")
+        if bla:
+            row += _best_linear(summary, name)
+        rows.append(row)
+    title = f"Linearised truth of the arm '{truth.variant}' with payload '{truth.payload}', pose {_pose(summary)}"
+    print_table(title, columns, rows)
+    for name in sorted(summary.locked):
+        say(f"{name}: {LOCKED_NOTE}")
+    oil = () if hydraulic(summary.arm) else ("supply_pressure", "oil_temperature")
+    conditions = {name.replace("_", " "): value for name, value in vars(truth.plant).items() if name not in oil}
+    say(f"Conditions: {', '.join(f'{name} {value}' for name, value in conditions.items())}")
+    errors = ", ".join(f"{error:.1e} at {amplitude:g} rad" for amplitude, error in truth.small_signal_error.items())
+    say(f"Relative error of the linear model against the simulated arm (friction off): {errors}")
+    if truth.plant.process_noise:
+        _print_noise(summary)
+    if bla:
+        first = next(iter(bla.values())).multisines
+        say(
+            f"Best linear: {first.rms:g} rad rms, {first.f_min:g} to {first.f_max:g} Hz, each joint alone, "
+            f"{first.realisations} realisations; friction, velocity limit and noise on"
+        )
+    if summary.attainable:
+        _print_attainable(summary)
+    say("All poles and zeros in the z plane: --json; as a figure: --out truth.svg; over the workspace: --maps")
+
+
+def _pose(summary: "TruthSummary") -> str:
+    import numpy as np
+
+    truth = summary.truth
+    if truth.pose != "given angles":
+        return truth.pose
+    return ",".join(f"{angle:g}" for angle in np.round(np.degrees(truth.angles), 6)) + " deg"
+
+
+def _best_linear(summary: "TruthSummary", name: str) -> list[str]:
+    import numpy as np
+
+    if name not in summary.best_linear:
+        return ["", ""]
+    found = summary.best_linear[name]
+    hz, low, high = (float(part[0, 0]) for part in (found.bandwidth.hz, *found.bandwidth.ci95))
+    shown = f"{hz:.3f} ({low:.3f}..{high:.3f})" if np.isfinite(hz) else "none shows"
+    return [shown, f"{found.distortion_percent[0]:.1f}"]
+
+
+def _print_noise(summary: "TruthSummary") -> None:
+    import numpy as np
+
+    parts = []
+    for name, entry in summary.joints.items():
+        covariance = entry.model.innovation_covariance
+        if name not in summary.locked and covariance is not None:
+            parts.append(f"{name} {1e3 * float(np.sqrt(covariance[0, 0])):.4f}")
+    say(
+        f"Innovations of each joint seen alone, standard deviation / mrad: {', '.join(parts)} (K and "
+        "covariance: --json)"
+    )
+
+
+def _print_attainable(summary: "TruthSummary") -> None:
+    rows = []
+    for name, found in summary.attainable.items():
+        for label, horizon in (("simulation", found.simulation), ("one step", found.one_step)):
+            of_order = found.right_order if label == "simulation" else None
+            floors = (horizon.any_model, horizon.best_linear, of_order, horizon.small_signal)
+            cells = [f"{one.fit:.2f} % ({1e3 * one.rmse:.3f})" if one else "—" for one in floors]
+            rows.append([name, label, *cells])
+    columns = ("joint", "horizon", "any model", "best linear", "of the truth's order", "small-signal truth")
+    title = f"Attainable on {next(iter(summary.attainable.values())).provenance['record']}: fit (RMSE / mrad)"
+    print_table(title, columns, rows)
+
+
+def _poles(poles: "np.ndarray", fastest: float, count: int = 4) -> str:
+    """Those that the sampling rate still shows, slowest first."""
+    from scenarios.truth_summary import damping_ratio
+
+    upper = [pole for pole in poles if pole.imag > -1e-6 * abs(pole) and abs(pole) < fastest]
+    shown = [
+        f"{pole.real:.1f}±{pole.imag:.1f}j (ζ {damping_ratio(pole):.2f})"
+        if pole.imag > 1e-6 * abs(pole)
+        else f"{pole.real:.1f}"
+        for pole in upper[:count]
+    ]
+    return ", ".join(shown) + (", ..." if len(upper) > count else "")
+
+
+def _zeros(zeros: "np.ndarray", count: int = 3) -> str:
     upper = sorted((zero for zero in zeros if zero.imag > -1e-9), key=abs, reverse=True)
     shown = [f"{zero.real:.2f}" + (f"±{zero.imag:.2f}j" if zero.imag > 1e-6 else "") for zero in upper[:count]]
     return ", ".join(shown) + (", ..." if len(upper) > count else "") or "none"
-
-
-def _dominant(poles: "np.ndarray", count: int = 3) -> "np.ndarray":  # type: ignore[name-defined]  # noqa: F821
-    return poles[abs(poles).argsort()[::-1]][:count]
-
-
-def _text(pole: complex, dt: float) -> str:
-    import numpy as np
-
-    s = np.log(complex(pole)) / dt if abs(pole) > 1e-9 else complex(-np.inf)
-    return f"{s.real:.1f}" if abs(s.imag) < 1e-6 else f"{s.real:.1f}{s.imag:+.1f}j"

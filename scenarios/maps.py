@@ -1,0 +1,153 @@
+"""All maps of one arm: over the workspace, over what it carries and runs on, over amplitude and friction."""
+
+from collections.abc import Callable, Iterator
+from contextlib import AbstractContextManager, contextmanager
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from hmtb_twin import Arm, Truth, linearize, load_arm
+from scenarios.amplitude_maps import AMPLITUDES, LEVELS, LargeSignals, large_signals
+from scenarios.condition_maps import Conditions, conditions
+from scenarios.errors import ScenarioError
+from scenarios.local_dynamics import LocalDynamics, Progress, described
+from scenarios.pose_maps import Cut, Plane, Sample, anywhere, cuts, near, plane
+
+REACH = np.radians(60.0)
+"""How far from the operating pose the neighbourhood is sampled, rad."""
+
+
+@dataclass(frozen=True)
+class Density:
+    """How finely the maps are sampled; the default takes about a minute of one core.
+
+    Attributes:
+        plane: Angles of shoulder pitch and of elbow pitch.
+        cut: Angles of each joint in turn.
+        sample: Random poses, in the whole joint space and again near the operating pose.
+        condition: Supply pressures and oil temperatures.
+        amplitudes: Amplitudes of the command, rad, root mean square; none leaves the large-signal maps out.
+        levels: Levels of dry friction.
+    """
+
+    plane: tuple[int, int] = (19, 16)
+    cut: int = 25
+    sample: int = 400
+    condition: int = 9
+    amplitudes: tuple[float, ...] = AMPLITUDES
+    levels: tuple[float, ...] = LEVELS
+
+    def __post_init__(self) -> None:
+        counts = {"plane": min(self.plane), "cut": self.cut, "sample": self.sample, "condition": self.condition}
+        for name, count in counts.items():
+            if not 3 <= count <= 1000:
+                raise ScenarioError(f"maps: {name} = {getattr(self, name)} given, expected 3 to 1000 points")
+
+    @classmethod
+    def scaled(cls, factor: float) -> "Density":
+        """Return the default grid with so many times as many poses, amplitudes and levels being the same.
+
+        Raises:
+            ScenarioError: The factor is not from 0.05 to 20.
+        """
+        if not 0.05 <= factor <= 20.0:
+            raise ScenarioError(f"density of the maps: {factor:g} given, expected 0.05 to 20 times the default grid")
+        side = np.sqrt(factor)
+
+        def many(count: int, by: float) -> int:
+            return max(3, round(count * by))
+
+        default = cls()
+        return cls(
+            plane=(many(default.plane[0], side), many(default.plane[1], side)),
+            cut=many(default.cut, factor),
+            sample=many(default.sample, factor),
+            condition=many(default.condition, factor),
+        )
+
+
+@dataclass(frozen=True, eq=False)
+class Maps:
+    """The maps of one arm.
+
+    Attributes:
+        truth: Small-signal truth at the operating pose.
+        here: The same in few numbers.
+        plane: Over shoulder pitch and elbow pitch.
+        cuts: Over each joint in turn.
+        anywhere: At random poses of the whole joint space.
+        near: At random poses about the operating pose.
+        conditions: Over payload, supply pressure, oil temperature.
+        large: Over amplitude and friction; None where they were not asked for.
+    """
+
+    truth: Truth
+    here: LocalDynamics
+    plane: Plane
+    cuts: tuple[Cut, ...]
+    anywhere: Sample
+    near: Sample
+    conditions: tuple[Conditions, ...]
+    large: LargeSignals | None
+
+
+Stage = Callable[[str], AbstractContextManager[Progress]]
+"""Opens a bar with a label, and yields what to call with the work done and the work in all."""
+
+
+@contextmanager
+def silent(label: str) -> Iterator[Progress]:
+    """Show no progress."""
+    yield lambda done, total: None
+
+
+def maps(
+    arm: Arm,
+    pose: str | np.ndarray,
+    density: Density | None = None,
+    *,
+    seed: int = 0,
+    threads: int | None = None,
+    stage: Stage = silent,
+) -> Maps:
+    """Make all maps of one arm.
+
+    Args:
+        arm: The arm.
+        pose: Operating pose, by name or as angles (7,), rad; large-signal maps need a name.
+        density: How finely.
+        seed: Of the random poses.
+        threads: Threads for the physics of the large-signal maps; all processors by default.
+        stage: Shows the progress of each part.
+
+    Returns:
+        The maps.
+
+    Raises:
+        ScenarioError: The pose is at the end of a joint's range, or angles were given where a name is needed.
+        TwinError: There is no such pose.
+    """
+    density = density or Density()
+    if density.amplitudes and not isinstance(pose, str):
+        raise ScenarioError("large-signal maps start from a pose of the model; expected its name, given angles")
+    # Noise of the drives changes no path from command to angle, but makes every linearisation slower.
+    quiet = load_arm(arm.variant, arm.payload, plant=replace(arm.plant, process_noise=0.0))
+    truth = linearize(quiet, pose, amplitudes=())
+    angles = truth.angles
+    with stage("near the pose") as step:
+        nearby = near(quiet, angles, density.sample, seed, REACH, step)
+    with stage("workspace") as step:
+        surface = plane(quiet, angles, density.plane, step)
+    with stage("joint by joint") as step:
+        lines = cuts(quiet, angles, density.cut, step)
+    with stage("anywhere") as step:
+        everywhere = anywhere(quiet, angles, density.sample, seed, step)
+    with stage("conditions") as step:
+        varied = conditions(quiet, angles, density.condition, step)
+    large = None
+    if density.amplitudes and isinstance(pose, str):
+        with stage("amplitude and friction") as step:
+            large = large_signals(
+                arm, pose, amplitudes=density.amplitudes, levels=density.levels, threads=threads, progress=step
+            )
+    return Maps(truth, described(truth), surface, lines, everywhere, nearby, varied, large)
