@@ -1,0 +1,112 @@
+"""The page of the variant `published`: its tables are what the code gives, its figures are there and small."""
+
+import importlib.util
+import re
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from hmtb_twin import linearize, load_arm
+from scenarios.closeness import tables
+from scenarios.published import YAW_ARMAX
+from scenarios.published_servos import TARGETS, dominant_poles
+
+ROOT = Path(__file__).parents[1]
+PAGE = (ROOT / "docs/published-variant.md").read_text(encoding="utf-8")
+NUMBER = re.compile(r"-?\d+\.?\d*")
+
+
+def block(command: str) -> str:
+    (text,) = re.findall(rf"<!-- measured by: {re.escape(command)} -->\n(.*?)<!-- end -->", PAGE, re.S)
+    return text.strip()
+
+
+def same(found: str, expected: str) -> None:
+    """The same words, and numbers that agree to the last printed digit but one unit."""
+    assert NUMBER.sub("#", found) == NUMBER.sub("#", expected)
+    for one, other in zip(NUMBER.findall(found), NUMBER.findall(expected), strict=True):
+        unit = 10.0 ** -len(other.partition(".")[2])
+        assert abs(float(one) - float(other)) <= 1.001 * unit, f"{one} on the page, {other} found"
+
+
+def test_closeness_is_that_of_the_arm() -> None:
+    same(block("python -m scenarios.closeness"), tables(linearize(load_arm("published"))).strip())
+
+
+def test_every_dominant_pole_of_the_targets_is_as_close_as_the_page_says() -> None:
+    truth = linearize(load_arm("published"))
+    missed = [
+        np.abs(truth.joint(model.joint).natural_poles / pole - 1.0).min()
+        for model in TARGETS
+        for pole in dominant_poles(model)
+    ]
+    assert len(missed) == 5
+    assert max(missed) < 0.024
+    assert np.sort(missed)[-2] < 0.002
+
+
+def test_servos_gains_and_seals_are_those_of_the_arm() -> None:
+    arm = load_arm("published")
+    rows = re.findall(r"^\| (\w+ \w+) \| (-[\d., -]+) \| (\d+) \| (\d+) \| ([\d.]+) \| ([\d.]+) \|$", PAGE, re.M)
+    assert len(rows) == 4
+    for joint, poles, kp, kd, coulomb, band in rows:
+        name = joint.replace(" ", "_")
+        servo, gains, actuator = arm.servos[name], arm.gains[name], arm.actuators[name]
+        assert poles == f"{servo.slow_pole:.3f}, {servo.fast_pole:.2f}"
+        assert (kp, kd) == tuple(f"{gain:.0f}" for gain in gains)
+        assert coulomb == f"{100 * actuator.friction.coulomb:.2f}"
+        assert band == f"{1e3 * actuator.coulomb_torque / gains[0]:.1f}"
+
+
+def test_what_the_complex_pair_would_take() -> None:
+    poles = np.log(YAW_ARMAX.model.poles().astype(complex)) / 0.02
+    pair = poles[(np.abs(poles.imag) > 1.0) & (np.abs(poles.imag) < 100.0)]
+    lag = -1.0 / (pair.sum().real + dominant_poles(YAW_ARMAX)[0].real)
+    actuator = load_arm("published").actuators["shoulder_yaw"]
+    assert 1e3 * lag == pytest.approx(30.0, abs=0.5)
+    assert lag / actuator.pressure_lag == pytest.approx(15.0, abs=0.5)
+    assert actuator.hydraulics.bulk_modulus * actuator.pressure_lag / lag == pytest.approx(48.0, abs=0.5)
+
+
+def rows() -> dict[str, list[str]]:
+    lines = [line.strip("|").split("|") for line in block("python tests/benchmarks/yaw_question.py").splitlines()]
+    return {cells[0].strip(): [cell.strip() for cell in cells[1:]] for cells in lines[2:]}
+
+
+def read_again(label: str) -> np.ndarray:
+    """Figures of two sequences, a short record of each: bandwidth, DC gain, gain at 0.5 Hz of the three models."""
+    path = ROOT / "tests/benchmarks/yaw_question.py"
+    spec = importlib.util.spec_from_file_location("yaw_question", path)
+    question = importlib.util.module_from_spec(spec)
+    # Its dataclasses look their module up.
+    sys.modules["yaw_question"] = question
+    spec.loader.exec_module(question)
+    (row,) = (row for row in question.ROWS if row.label == label)
+    made = question.records([row.record], 2, 30.0)[row.record]
+    return question.measured(row, made)
+
+
+def test_the_arm_as_it_is_reads_one_hertz() -> None:
+    label = "as it is (dry friction 1 %)"
+    page = np.array([float(cell) for cell in rows()[label][:9]]).reshape(3, 3)
+    np.testing.assert_allclose(read_again(label).mean(axis=0), page, rtol=0.08)
+
+
+def test_with_worn_seals_it_reads_slow_with_a_gain_above_one() -> None:
+    found = read_again("dry friction 22 %")
+    assert (found[:, :, 0] < 0.3).all()
+    assert (found[:, :, 1] > 1.05).all()
+    assert (found[:, :, 2] < 0.5).all()
+
+
+def test_every_hypothesis_stands_on_the_page() -> None:
+    source = (ROOT / "tests/benchmarks/yaw_question.py").read_text(encoding="utf-8")
+    labels = set(re.findall(r'Row\(\s*"([^"]+)"', source))
+    assert labels <= set(rows())
+
+
+@pytest.mark.parametrize("name", re.findall(r"\]\((images/[\w-]+\.svg)\)", PAGE))
+def test_figures_are_small(name: str) -> None:
+    assert 5_000 < (ROOT / "docs" / name).stat().st_size < 200_000
