@@ -1,8 +1,10 @@
 """The `orifice` actuator: servo valves on one supply as MuJoCo user dynamics, compiled by Numba, and their rest."""
 
 from collections.abc import Callable, Mapping
+from copy import copy
+from dataclasses import replace
 from functools import cache
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import mujoco
 import numpy as np
@@ -13,6 +15,9 @@ from hmtb_twin.errors import TwinError
 from hmtb_twin.parameters import INDEXED_JOINTS, JOINTS, RATED_PRESSURE, Actuator
 from hmtb_twin.servo_valve import POWER_UNIT, SERVO_VALVE, PowerUnit, ServoValve
 from hmtb_twin.struct_offsets import struct_offsets
+
+if TYPE_CHECKING:
+    from hmtb_twin.arm import Arm
 
 STEP = 0.001
 """Physics step of an arm with orifice actuators, s, by the Runge-Kutta method of fourth order.
@@ -134,6 +139,30 @@ def valve_parameters(
     return p
 
 
+def with_valve(arm: "Arm", *, valve: ServoValve = SERVO_VALVE, power_unit: PowerUnit = POWER_UNIT) -> "Arm":
+    """Return an arm with other servo valves, or another supply.
+
+    Args:
+        arm: An arm with orifice actuators.
+        valve: The servo valve of every joint.
+        power_unit: The supply that they share.
+
+    Raises:
+        TwinError: The arm has no servo valves.
+    """
+    if arm.plant.actuator != "orifice":
+        raise TwinError(
+            f'other servo valves for an arm with actuator = "{arm.plant.actuator}" asked, expected "orifice"'
+        )
+    model = copy(arm.model)
+    for j, name in enumerate(JOINTS):
+        parameters = valve_parameters(arm.actuators[name], arm.gains[name], valve, power_unit, joints=len(JOINTS))
+        kept = [eq.BRISTLE, eq.BRISTLE_DAMPING]
+        parameters[kept] = model.actuator_user[2 * j, kept]
+        model.actuator_user[2 * j] = parameters
+    return replace(arm, model=model)
+
+
 def arm_parameters(model: mujoco.MjModel) -> np.ndarray:
     """Return the parameters of every valve of a model with orifice actuators (n, PARAMETERS)."""
     return np.array(model.actuator_user[0::2, : eq.PARAMETERS])
@@ -163,7 +192,12 @@ def install_valve_equations() -> tuple[Any, Any]:
                 f"somebody else's callback is installed as MuJoCo's {name}; the orifice valve needs it, and MuJoCo has "
                 "one per process: remove it, or run the orifice valve in a process of its own"
             )
-    rates, bias = eq.compiled_callbacks(struct_offsets())
+    offsets = struct_offsets()
+    try:
+        rates, bias = eq.compiled_callbacks(offsets)
+    except RuntimeError:
+        # Neither the package's own folder nor the user's can be written.
+        rates, bias = eq.compiled_callbacks(offsets, cached=False)
     mujoco.set_mjcb_act_dyn(rates.ctypes)
     mujoco.set_mjcb_act_bias(bias.ctypes)
     return rates, bias

@@ -11,21 +11,24 @@ STEP = 1e-6
 """Step of the centred differences: far within the spool's null, and rounding errors stay near 1e-9."""
 
 
-def sample_map(model: mujoco.MjModel, rest: mujoco.MjData) -> tuple[np.ndarray, np.ndarray]:
+def sample_map(
+    model: mujoco.MjModel, rest: mujoco.MjData, *, period: float = SAMPLE_TIME
+) -> tuple[np.ndarray, np.ndarray]:
     """Differentiate the state after one tick by the state before it and by the controls held over it.
 
     Args:
         model: The model; all joints are hinges.
         rest: The state about which to differentiate, at rest, with its controls.
+        period: Another length than that of a tick, s: a whole number of physics steps.
 
     Returns:
-        A (n, n) and B (n, nu) of the map over `SAMPLE_TIME`, with n = 2 nv + na: angles, velocities, activations.
+        A (n, n) and B (n, nu) of the map, with n = 2 nv + na: angles, velocities, activations.
     """
     precise = copy(model)
     # The pin of the shoulder roll is a constraint: solved only to the default tolerance it would blur the differences.
     precise.opt.tolerance = 0.0
     data = mujoco.MjData(precise)
-    substeps = round(SAMPLE_TIME / precise.opt.timestep)
+    substeps = round(period / precise.opt.timestep)
     point = np.concatenate([rest.qpos, rest.qvel, rest.act, rest.ctrl])
     states = len(point) - precise.nu
     cuts = np.cumsum([precise.nq, precise.nv, precise.na])

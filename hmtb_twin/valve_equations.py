@@ -221,7 +221,7 @@ def arm_rates(
     return rates
 
 
-def compiled_callbacks(offsets: Mapping[str, int]) -> tuple[Any, Any]:
+def compiled_callbacks(offsets: Mapping[str, int], *, cached: bool = True) -> tuple[Any, Any]:
     """Compile the activation dynamics and the bias force of the orifice actuators for MuJoCo.
 
     An arm's actuators stand first in its model, for each joint the valve and then the input of its feedforward torque.
@@ -231,9 +231,13 @@ def compiled_callbacks(offsets: Mapping[str, int]) -> tuple[Any, Any]:
 
     Args:
         offsets: Byte offsets of the arrays, from `struct_offsets`.
+        cached: Whether the machine code is kept on disk, which spares later processes seconds.
 
     Returns:
         The compiled functions; they must stay alive for as long as MuJoCo may call them.
+
+    Raises:
+        RuntimeError: There is no folder in which machine code could be kept.
     """
     dynprm, user = offsets["actuator_dynprm"] // 8, offsets["actuator_user"] // 8
     act, act_dot, ctrl = offsets["act"] // 8, offsets["act_dot"] // 8, offsets["ctrl"] // 8
@@ -242,7 +246,7 @@ def compiled_callbacks(offsets: Mapping[str, int]) -> tuple[Any, Any]:
     signature = types.float64(struct, struct, types.int32)
 
     # Numba keys its cache on this file and on the variables closed over, the offsets among them.
-    @cfunc(signature, cache=True)
+    @cfunc(signature, cache=cached)
     def rates(model, data, valve):  # type: ignore[no-untyped-def]
         if model[dynprm][10 * valve] != MARK:
             return 0.0
@@ -256,7 +260,7 @@ def compiled_callbacks(offsets: Mapping[str, int]) -> tuple[Any, Any]:
             slopes[0] = supply_rate(p, states[0], drawn_flow(parameters, states))
         return 0.0
 
-    @cfunc(signature, cache=True)
+    @cfunc(signature, cache=cached)
     def bias(model, data, valve):  # type: ignore[no-untyped-def]
         if model[dynprm][10 * valve] != MARK:
             return 0.0

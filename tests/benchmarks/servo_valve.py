@@ -1,0 +1,120 @@
+"""The servo valves' loops, and the truth of an arm that has them. Run from the root of the repository:
+
+    PYTHONPATH=. python tests/benchmarks/servo_valve.py
+
+It takes some seconds and writes Markdown tables: margins of each load-pressure loop; damping of the whole arm with
+other amplifiers and spools; bandwidths beside those of linear actuators; the tangent's error by amplitude; the cost of
+the compiler, in a process of its own, with an empty cache and a full one.
+"""
+
+import os
+import subprocess
+import sys
+import tempfile
+from copy import copy
+from dataclasses import replace
+
+import numpy as np
+
+from hmtb_twin import JOINTS, Arm, Plant, linearize, load_arm
+from hmtb_twin import valve_equations as eq
+from hmtb_twin.orifice import with_valve
+from hmtb_twin.parameters import INDEXED_JOINTS, OPERATING_POSE
+from hmtb_twin.sample_map import sample_map
+from hmtb_twin.servo_valve import SERVO_VALVE
+
+POSES = (OPERATING_POSE, "home")
+AMPLITUDES = (1e-6, 1e-5, 1e-4, 1e-3, 1e-2)
+VALVES = {
+    "as it is": SERVO_VALVE,
+    "loop gain 180 rad/s": replace(SERVO_VALVE, loop_gain=180.0),
+    "spool 40 Hz": replace(SERVO_VALVE, frequency=40.0),
+    "spool 100 Hz": replace(SERVO_VALVE, frequency=100.0),
+}
+START = """
+import time
+start = time.perf_counter()
+from hmtb_twin.orifice import install_valve_equations
+imported = time.perf_counter()
+install_valve_equations()
+print(imported - start, time.perf_counter() - imported)
+"""
+
+
+def least_damped(arm: Arm, pose: str) -> str:
+    """Frequency and damping of the arm's two least damped oscillations."""
+    period = arm.model.opt.timestep
+    poles = np.log(np.linalg.eigvals(sample_map(arm.model, arm.rest(arm.pose(pose)), period=period)[0]) + 0j) / period
+    swinging = poles[poles.imag > 1.0]
+    damping = -swinging.real / np.abs(swinging)
+    order = np.argsort(damping)[:2]
+    return ", ".join(f"{damping[k]:+.2f} at {abs(swinging[k]) / (2 * np.pi):.1f} Hz" for k in order)
+
+
+def plain_loop(arm: Arm, gain: float) -> Arm:
+    """The arm with the same gain for standing and for changing loads, rad/s."""
+    model = copy(arm.model)
+    compliance = [arm.actuators[name].compliance for name in JOINTS]
+    model.actuator_user[0::2, [eq.PRESSURE_GAIN, eq.DYNAMIC_GAIN]] = np.outer(compliance, [gain, 0.0])
+    return replace(arm, model=model)
+
+
+def table(*lines: tuple[object, ...]) -> None:
+    """Print lines of cells as Markdown, a rule after the first."""
+    for i, line in enumerate(lines):
+        sys.stdout.write("| " + " | ".join(map(str, line)) + " |\n")
+        if i == 0:
+            sys.stdout.write("|" + "---|" * len(line) + "\n")
+    sys.stdout.write("\n")
+
+
+def start(folder: str) -> tuple[float, ...]:
+    """Seconds to import the compiler and to have the equations compiled or read back, in a process of its own."""
+    done = subprocess.run(
+        [sys.executable, "-c", START], env={**os.environ, "NUMBA_CACHE_DIR": folder}, capture_output=True, check=True
+    )
+    return tuple(map(float, done.stdout.split()))
+
+
+def main() -> None:
+    """Print all tables."""
+    arm, plain = (load_arm(plant=Plant(actuator=form), friction=False) for form in ("orifice", "linear"))
+    loops = []
+    for name in JOINTS:
+        static = SERVO_VALVE.static_gain(arm.actuators[name], arm.gains[name][1])
+        gain, phase = SERVO_VALVE.margins(static)
+        loops.append((name.replace("_", " "), f"{static:.0f}", f"{SERVO_VALVE.loop_gain:.0f}", f"{gain:.1f}"))
+        loops[-1] += (f"{np.degrees(phase):.0f}",)
+    table(("joint", "standing load, rad/s", "changing load, rad/s", "gain margin", "phase margin, deg"), *loops)
+
+    arms = {what: with_valve(arm, valve=valve) for what, valve in VALVES.items()}
+    arms |= {f"{gain:.0f} rad/s for standing loads too": plain_loop(arm, gain) for gain in (120.0, 180.0)}
+    rows = [(what, *(least_damped(one, pose) for pose in POSES)) for what, one in arms.items()]
+    table(("valve", *(f"least damped, {pose}" for pose in POSES)), *rows)
+
+    truths = [linearize(arm, pose, amplitudes=AMPLITUDES) for pose in POSES]
+    straight = [linearize(plain, pose, amplitudes=()) for pose in POSES]
+    rows = []
+    for name in JOINTS:
+        if name not in INDEXED_JOINTS:
+            cells = []
+            for truth, line in zip(truths, straight, strict=True):
+                joint = truth.joint(name)
+                cells += [f"{joint.bandwidth_hz:.3f} ({line.joint(name).bandwidth_hz:.3f})", f"{joint.dc_gain:.4f}"]
+            rows.append((name.replace("_", " "), *cells))
+    header = [cell for pose in POSES for cell in (f"bandwidth, {pose} (linear), Hz", "gain at 0 Hz")]
+    table(("joint", *header), *rows)
+
+    errors = [
+        (pose, *(f"{truth.small_signal_error[a]:.1e}" for a in AMPLITUDES))
+        for pose, truth in zip(POSES, truths, strict=True)
+    ]
+    table(("error of the tangent", *(f"{a:.0e} rad" for a in AMPLITUDES)), *errors)
+
+    with tempfile.TemporaryDirectory() as folder:
+        times = [(what, *(f"{t:.1f}" for t in start(folder))) for what in ("empty", "full")]
+    table(("cache", "import of the compiler, s", "equations, s"), *times)
+
+
+if __name__ == "__main__":
+    main()
