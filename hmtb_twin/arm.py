@@ -64,6 +64,11 @@ class Arm:
             raise TwinError(f"hydraulic actuators of the arm {self.variant!r} asked for; its drives are electric")
         return MappingProxyType(hydraulic)
 
+    @property
+    def drives_kind(self) -> str:
+        """What drives it: "hydraulic" or "electric"."""
+        return "hydraulic" if all(isinstance(drive, Actuator) for drive in self.drives.values()) else "electric"
+
     @cached_property
     def unpowered(self) -> mujoco.MjModel:
         """The arm after an emergency shutdown.

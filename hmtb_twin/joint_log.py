@@ -38,6 +38,9 @@ _CHANNELS = {
     ),
 }
 
+_ELECTRIC_CHANNELS = {"load_pressure": ("joint", "A", "current of each motor, in the place of a pressure")}
+"""What a channel means for an arm with electric drives."""
+
 _OPTIONAL_CHANNELS = {
     "unit_pose": ("pose", "m, 1", "position and quaternion (w, x, y, z) of the replacement unit in the world"),
     "contact_force": (
@@ -65,7 +68,7 @@ class JointLog:
         measured: Measured angles (N, 7), rad: the analyst's output.
         wrench: Wrist force and torque (N, 6), N and N m.
         true_angles: Joint angles as they are (N, 7), rad.
-        load_pressure: Load pressures (N, 7), MPa.
+        load_pressure: Load pressures (N, 7), MPa; of electric drives, motor currents, A.
         volts: Voltage at the hand-controller converter (N, n_axes), V.
         counts: Hand-controller counts (N, n_axes).
         status: What was limited or switched off at each tick, bits of `Status` (N,), integers.
@@ -113,7 +116,8 @@ class JointLog:
     def _channels(self) -> "dict[str, tuple[str | None, str, str]]":
         """The channels of this log: what each runs along besides time, unit and meaning."""
         present = {name: entry for name, entry in _OPTIONAL_CHANNELS.items() if getattr(self, name) is not None}
-        return {**_CHANNELS, **present}
+        electric = _ELECTRIC_CHANNELS if self.provenance.get("drives") == "electric" else {}
+        return {**_CHANNELS, **electric, **present}
 
     @property
     def time(self) -> np.ndarray:

@@ -292,6 +292,7 @@ def _log(row: _Row) -> JointLog:
         provenance={
             "variant": experiment.variant,
             "payload": experiment.payload,
+            "drives": _arm(experiment).drives_kind,
             **{f"plant_{name}": str(value) for name, value in vars(experiment.plant).items()},
             "pose": experiment.pose,
             "mode": experiment.mode,

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
-from hmtb_twin import Chain, HandController, Plant, Status, simulate
+from hmtb_twin import PAYLOADS, VARIANTS, Chain, HandController, Plant, Status, simulate
 from scenarios import Scenario
 
 ROOT = Path(__file__).parents[1]
@@ -39,7 +39,7 @@ def test_the_operator_runs(tmp_path: Path) -> None:
 
 def test_links_parameters_and_flags_are_those_that_exist() -> None:
     rows = re.findall(r"^\| `(\w+)` \|", PAGE, re.M)
-    assert rows == [field.name for kind in (Chain, Plant) for field in fields(kind)]
+    assert rows == [*(field.name for kind in (Chain, Plant) for field in fields(kind)), *VARIANTS, *PAYLOADS]
     flags = dict(re.findall(r"^\| (\d+) \| `(\w+)` \|", PAGE, re.M))
     assert flags == {str(flag.value): flag.name for flag in Status}
     named = set(re.findall(r"`(\w+)`", PAGE)) | set(re.findall(r"^(\w+) = ", PAGE, re.M))

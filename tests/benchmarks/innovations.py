@@ -71,7 +71,10 @@ def prediction_errors(model: StateSpace, data: Sequence[IOData]) -> np.ndarray:
 
 def floor(seeds: int) -> None:
     """Write whiteness and covariance of the innovations, of all joints together and of the elbow alone."""
-    print("process noise | friction | rejected as not white at 5 % | variance over the true one, yaw to wrist roll")
+    print(
+        "| process noise | friction | rejected as not white at 5 % | mean square over the true one, yaw to wrist roll |"
+    )
+    print("|---|---|---|---|")
     for friction in ("viscous", "lugre"):
         for level in LEVELS:
             plant = Plant(friction=friction, process_noise=level)
@@ -81,9 +84,9 @@ def floor(seeds: int) -> None:
             data = records(logs, truth, MOVING)
             rejected = np.mean([sysid.resid(model, record).whiteness_p < 0.05 for record in data])
             variance = np.mean(prediction_errors(model, data) ** 2, axis=0)
-            ratios = variance / np.diag(model.innovation_covariance)
-            print(f"{level:g} | {friction} | {100 * rejected:.1f} % | " + " ".join(f"{r:.3f}" for r in ratios))
-        print(f"  one standard error of a ratio: {np.sqrt(2 / (seeds * 1450)):.3f}")
+            ratios = variance / np.diag(np.asarray(model.innovation_covariance))
+            print(f"| {level:g} | {friction} | {100 * rejected:.1f} % | {', '.join(f'{r:.3f}' for r in ratios)} |")
+    print(f"\nOne standard error of a ratio: {np.sqrt(2 / (seeds * 1450)):.3f}.\n")
 
 
 def contest(seeds: int, level: float = 0.005) -> None:
@@ -94,8 +97,9 @@ def contest(seeds: int, level: float = 0.005) -> None:
     data = records(logs, truth, (ELBOW,))
     model = truth.channel(ELBOW, ELBOW)
     print(
-        "estimator | mean square above the true predictor's, % | standard error | least of all seeds, in its own errors"
+        "| estimator | mean square above the true predictor's, % | standard error | least of all, in its own errors |"
     )
+    print("|---|---|---|---|")
     for name, estimator in ESTIMATORS.items():
         excess, score = [], []
         for train, fresh in zip(data[::2], data[1::2], strict=True):
@@ -106,7 +110,7 @@ def contest(seeds: int, level: float = 0.005) -> None:
             excess.append(100 * difference.mean() / true.mean())
             score.append(difference.mean() / (difference.std() / np.sqrt(len(difference))))
         error = np.std(excess, ddof=1) / np.sqrt(len(excess))
-        print(f"{name} | {np.mean(excess):.2f} | {error:.2f} | {min(score):.1f}")
+        print(f"| {name} | {np.mean(excess):.2f} | {error:.2f} | {min(score):.1f} |")
 
 
 if __name__ == "__main__":

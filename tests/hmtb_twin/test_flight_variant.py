@@ -5,6 +5,7 @@ from dataclasses import replace
 import mujoco
 import numpy as np
 import pytest
+import xarray as xr
 from scipy.integrate import solve_ivp
 
 from hmtb_twin import IDEAL, JOINTS, POSES, STUDIED_JOINTS, Arm, Plant, TwinError, linearize, load_arm, simulate
@@ -154,6 +155,16 @@ def test_friction_and_noise_apply(flight):
     np.testing.assert_allclose(worn.process_noise, [0.01 * FLIGHT_DRIVES[name].rated_torque for name in JOINTS])
     truth = linearize(worn)
     assert np.abs(np.linalg.eigvals(truth.model.A - truth.model.K @ truth.model.C)).max() < 1.0
+
+
+def test_record_holds_currents_with_their_unit(experiment, tmp_path):
+    log = simulate([experiment(variant="flight", duration=1.0, plant=Plant(friction="none"))])[0]
+    assert log.provenance["drives"] == "electric"
+    path = log.save(tmp_path / "flight.nc")
+    with xr.open_dataset(path) as stored:
+        assert stored["load_pressure"].attrs["units"] == "A"
+    # At the first ticks the joint takes off: the current is what the torque command asks for.
+    assert 0.1 < np.abs(log.load_pressure[:, 3]).max() < FLIGHT_DRIVES["elbow_pitch"].largest_current
 
 
 def test_worksite_is_on_the_ground():
