@@ -20,7 +20,7 @@ class Disturbances:
         drives: What one standard deviation of the noise of each drive, held over a tick, adds to the state (n, 7).
         resolvers: Covariance of the noise of the measured angles (7, 7), rad^2. Rounding counts as uniform and
             independent noise of variance step^2/12: with resolver noise of half a step or more ahead of it, it is that
-            to better than 1 % [Widrow2008, ch. 19].
+            to 3 %, of a whole step, as is nominal, to 1e-8 [Widrow2008, ch. 19].
     """
 
     drives: np.ndarray
