@@ -1,7 +1,7 @@
 """The arm that a log was recorded from, from what the log tells of itself."""
 
 from dataclasses import fields
-from typing import get_type_hints
+from typing import Any, get_type_hints
 
 from hmtb_twin import Arm, JointLog, Plant, load_arm
 from scenarios.errors import ScenarioError
@@ -40,7 +40,7 @@ def logged_plant(log: JointLog) -> Plant:
         ScenarioError: A condition is no number where one is expected.
     """
     hints = get_type_hints(Plant)
-    values = {}
+    values: dict[str, Any] = {}
     for entry in fields(Plant):
         text = log.provenance.get(f"plant_{entry.name}")
         if text is None:
