@@ -180,7 +180,7 @@ def coupling(maps: Maps) -> Figure:
 def over_conditions(maps: Maps) -> Figure:
     """Bandwidth of every joint over each condition."""
     figure = Figure(figsize=(9.6, 4.4), layout="constrained")
-    panels = figure.subplots(1, len(maps.conditions), sharey=True)
+    (panels,) = figure.subplots(1, len(maps.conditions), sharey=True, squeeze=False)
     for axes, varied in zip(panels, maps.conditions, strict=True):
         names = all(isinstance(value, str) for value in varied.values)
         places = np.arange(len(varied.values)) if names else np.array(varied.values, dtype=float)

@@ -7,19 +7,27 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from hmtb_twin import Arm, Truth, linearize, load_arm
-from scenarios.amplitude_maps import AMPLITUDES, LEVELS, LargeSignals, large_signals
+from scenarios.amplitude_maps import AMPLITUDES, LEVELS, MEASUREMENT, LargeSignals, large_signals
 from scenarios.condition_maps import Conditions, conditions
 from scenarios.errors import ScenarioError
 from scenarios.local_dynamics import LocalDynamics, Progress, described
+from scenarios.multisines import Multisines
 from scenarios.pose_maps import Cut, Plane, Sample, anywhere, cuts, near, plane
 
 REACH = np.radians(60.0)
 """How far from the operating pose the neighbourhood is sampled, rad."""
 
 
+MOST = 10**4
+"""More points than that are a slip of the keyboard."""
+
+PREVIEW = 0.5
+"""Density below which the large-signal maps are a preview."""
+
+
 @dataclass(frozen=True)
 class Density:
-    """How finely the maps are sampled; the default takes about a minute of one core.
+    """How finely the maps are sampled; the default takes under a minute of one quiet core.
 
     Attributes:
         plane: Angles of shoulder pitch and of elbow pitch.
@@ -28,6 +36,7 @@ class Density:
         condition: Supply pressures and oil temperatures.
         amplitudes: Amplitudes of the command, rad, root mean square; none leaves the large-signal maps out.
         levels: Levels of dry friction.
+        measurement: How each best linear approximation is measured.
     """
 
     plane: tuple[int, int] = (19, 16)
@@ -36,16 +45,19 @@ class Density:
     condition: int = 9
     amplitudes: tuple[float, ...] = AMPLITUDES
     levels: tuple[float, ...] = LEVELS
+    measurement: Multisines = MEASUREMENT
 
     def __post_init__(self) -> None:
         counts = {"plane": min(self.plane), "cut": self.cut, "sample": self.sample, "condition": self.condition}
         for name, count in counts.items():
-            if not 3 <= count <= 1000:
-                raise ScenarioError(f"maps: {name} = {getattr(self, name)} given, expected 3 to 1000 points")
+            if not 3 <= count <= MOST:
+                raise ScenarioError(f"maps: {name} = {getattr(self, name)} given, expected 3 to {MOST} points")
 
     @classmethod
     def scaled(cls, factor: float) -> "Density":
-        """Return the default grid with so many times as many poses, amplitudes and levels being the same.
+        """Return the default grid with so many times as many poses.
+
+        Below a half the large-signal maps become a preview: every other amplitude and level, two realisations of each.
 
         Raises:
             ScenarioError: The factor is not from 0.05 to 20.
@@ -58,11 +70,15 @@ class Density:
             return max(3, round(count * by))
 
         default = cls()
+        preview = factor < PREVIEW
         return cls(
             plane=(many(default.plane[0], side), many(default.plane[1], side)),
             cut=many(default.cut, factor),
             sample=many(default.sample, factor),
             condition=many(default.condition, factor),
+            amplitudes=default.amplitudes[1::2] if preview else default.amplitudes,
+            levels=default.levels[::2] if preview else default.levels,
+            measurement=replace(default.measurement, realisations=2) if preview else default.measurement,
         )
 
 
@@ -148,6 +164,12 @@ def maps(
     if density.amplitudes and isinstance(pose, str):
         with stage("amplitude and friction") as step:
             large = large_signals(
-                arm, pose, amplitudes=density.amplitudes, levels=density.levels, threads=threads, progress=step
+                arm,
+                pose,
+                amplitudes=density.amplitudes,
+                levels=density.levels,
+                measurement=density.measurement,
+                threads=threads,
+                progress=step,
             )
     return Maps(truth, described(truth), surface, lines, everywhere, nearby, varied, large)

@@ -167,8 +167,8 @@ def reach(cut: Cut, reference: LocalDynamics, start: float, tolerance: float = T
         tolerance: Part by which a bandwidth may differ.
 
     Returns:
-        Largest turns down and up, rad, by linear interpolation between the cut's poses; infinite where no bandwidth of
-        the joint's whole range leaves it.
+        Largest turns down and up, rad, by linear interpolation between the cut's poses, or up to the last pose before
+        one that has no bandwidth; infinite where no bandwidth of the joint's whole range leaves it.
     """
     worst = np.abs(change(cut.dynamics, reference)[:, STUDIED]).max(axis=1)
     down, up = cut.angles < start, cut.angles > start
@@ -185,6 +185,8 @@ def _first_beyond(turns: np.ndarray, values: np.ndarray, tolerance: float) -> fl
     if not len(beyond):
         return float("inf")
     k = beyond[0]
+    if not np.isfinite(values[k]):
+        return float(turns[k - 1])
     part = (tolerance - values[k - 1]) / (values[k] - values[k - 1])
     return float(turns[k - 1] + part * (turns[k] - turns[k - 1]))
 

@@ -1,0 +1,188 @@
+"""`hmtb truth`: every kind of truth, its figure, the maps, and one line for what is wrong."""
+
+import functools
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from hmtb_twin import NOMINAL_PLANT, STUDIED_JOINTS, Plant, linearize, load_arm
+from hmtb_twin.parameters import Actuator
+from scenarios import truth_summary
+from scenarios.cli import main
+from scenarios.maps import Density
+
+
+def run(capsys: pytest.CaptureFixture[str], *words: object) -> str:
+    """Run what must succeed, with nothing on stderr."""
+    code = main(["truth", *map(str, words)])
+    out, err = capsys.readouterr()
+    assert (code, err) == (0, "")
+    return out
+
+
+def result(capsys: pytest.CaptureFixture[str], *words: object) -> dict:
+    return json.loads(run(capsys, *words, "--json"), parse_constant=lambda name: pytest.fail(f"{name} is not JSON"))
+
+
+def test_table_tells_resonance_and_errors(capsys: pytest.CaptureFixture[str]) -> None:
+    out = run(capsys)
+    assert "hydraulic resonance" in out
+    assert "Relative error of the linear model" in out
+    (row,) = (line for line in out.splitlines() if line.startswith(" elbow_pitch"))
+    assert "-6.0, -6.5, -9.1" in row
+
+
+def test_json_tells_all_of_the_small_signal_truth(capsys: pytest.CaptureFixture[str]) -> None:
+    found = result(capsys)
+    assert found["plant"] == vars(NOMINAL_PLANT)
+    truth = linearize(load_arm(), amplitudes=())
+    for name in STUDIED_JOINTS:
+        entry, true = found["joints"][name], truth.joint(name)
+        assert entry["bandwidth_hz"] == pytest.approx(true.bandwidth_hz)
+        assert [pole["re"] for pole in entry["dominant"]] == pytest.approx(true.dominant_poles.real)
+        assert all(0.0 < pole["damping_ratio"] <= 1.0 for pole in entry["dominant"])
+        oil = entry["hydraulics"]
+        assert oil["resonance_hz"] == pytest.approx(
+            np.sqrt(4 * 700 * actuator(name).displacement ** 2 / (actuator(name).trapped_volume * oil["inertia_kgm2"]))
+            / (2 * np.pi)
+        )
+    assert "noise" not in found
+    assert found["files"] == []
+
+
+def actuator(name: str) -> Actuator:
+    return load_arm().actuators[name]
+
+
+def test_conditions_are_those_asked_for(capsys: pytest.CaptureFixture[str]) -> None:
+    found = result(capsys, "--oil-temperature", 5, "--supply-pressure", 15, "--friction-level", 2, "--payload", "none")
+    plant = Plant(oil_temperature=5.0, supply_pressure=15.0, friction_level=2.0)
+    assert found["plant"] == vars(plant)
+    true = linearize(load_arm(payload="none", plant=plant), amplitudes=()).joint("wrist_roll")
+    assert found["joints"]["wrist_roll"]["bandwidth_hz"] == pytest.approx(true.bandwidth_hz)
+
+
+def test_process_noise_brings_the_noise_model(capsys: pytest.CaptureFixture[str]) -> None:
+    found = result(capsys, "--process-noise", 0.001)
+    truth = linearize(load_arm(plant=Plant(process_noise=0.001)), amplitudes=())
+    assert np.array(found["noise"]["K"]) == pytest.approx(truth.model.gain)
+    assert found["joints"]["elbow_pitch"]["innovation_sd_rad"] == pytest.approx(
+        float(np.sqrt(truth.joint("elbow_pitch").model.innovation_covariance[0, 0]))
+    )
+    assert "Innovations of each joint seen alone" in run(capsys, "--process-noise", 0.001)
+
+
+def test_pose_by_angles(capsys: pytest.CaptureFixture[str]) -> None:
+    degrees = (0, 20, 50, 30, -50, 0, 0)
+    found = result(capsys, "--pose", ",".join(map(str, degrees)))
+    true = linearize(load_arm(), np.radians(degrees), amplitudes=()).joint("shoulder_yaw")
+    assert found["joints"]["shoulder_yaw"]["bandwidth_hz"] == pytest.approx(true.bandwidth_hz)
+    assert found["angles_rad"] == pytest.approx(np.radians(degrees))
+    assert "0,20,50,30,-50,0,0 deg" in run(capsys, "--pose", ",".join(map(str, degrees)))
+
+
+def test_electric_drives_have_no_oil(capsys: pytest.CaptureFixture[str]) -> None:
+    out = run(capsys, "--variant", "flight")
+    assert "hydraulic" not in out
+    assert "oil" not in out
+    assert "hydraulics" not in result(capsys, "--variant", "flight")["joints"]["elbow_pitch"]
+
+
+@pytest.mark.parametrize("ending", ["svg", "png", "pdf"])
+def test_figure(capsys: pytest.CaptureFixture[str], tmp_path: Path, ending: str) -> None:
+    path = tmp_path / "deep" / f"truth.{ending}"
+    assert f"figure: {path}" in run(capsys, "--out", path)
+    start = {"svg": b"<?xml", "png": b"\x89PNG", "pdf": b"%PDF"}[ending]
+    assert path.read_bytes().startswith(start)
+
+
+def test_best_linear_columns(
+    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    monkeypatch.setattr(truth_summary, "REALISATIONS", 2)
+    # Measured once for both ways of printing.
+    measure = functools.cache(truth_summary.measured_best_linear)
+    monkeypatch.setattr(truth_summary, "measured_best_linear", lambda *given, progress, **rest: measure(*given, **rest))
+    words = ("--bla", 0.02, "--out", tmp_path / "truth.png")
+    found = result(capsys, *words)["best_linear"]
+    assert set(found) == set(STUDIED_JOINTS)
+    for name, entry in found.items():
+        low, high = entry["ci95"]
+        assert low < entry["bandwidth_hz"] < high
+        true = linearize(load_arm(), amplitudes=()).joint(name).bandwidth_hz
+        assert 0.5 * true < entry["bandwidth_hz"] < true, "dry friction lowers it"
+        assert entry["distortion_percent"] > 0.5
+    out = run(capsys, *words)
+    assert "best linear" in out
+    assert "0.02 rad rms" in out
+
+
+def test_attainable_on_a_log(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
+    assert main(["simulate", "siso-5-elbow_pitch", "--duration", "30", "--out", str(tmp_path)]) == 0
+    capsys.readouterr()
+    log = tmp_path / "siso-5-elbow_pitch.nc"
+    found = result(capsys, "--data", log)["attainable"]["elbow_pitch"]
+    floors = found["simulation"]
+    assert floors["any_model"]["fit"] >= floors["best_linear"]["fit"] >= floors["small_signal"]["fit"] > 50.0
+    assert "Attainable on siso-5-elbow_pitch" in run(capsys, "--data", log)
+    assert "leave out the options" in complaint(capsys, "--data", log, "--payload", "none")
+    assert "expected a log" in complaint(capsys, "--data", tmp_path / "log.csv")
+    assert "missing.nc" in complaint(capsys, "--data", tmp_path / "missing.nc")
+
+
+def test_maps_by_one_command(
+    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    coarse = Density(plane=(3, 3), cut=3, sample=5, condition=3, amplitudes=())
+    monkeypatch.setattr(Density, "scaled", classmethod(lambda cls, factor: coarse))
+    out = run(capsys, "--maps", "--out", tmp_path / "here")
+    assert f"maps: {tmp_path / 'here' / 'maps.html'}" in out
+    files = {path.name for path in (tmp_path / "here").iterdir()}
+    assert files >= {"maps.html", "workspace.svg", "workspace.csv", "truth.svg"}
+
+
+def complaint(capsys: pytest.CaptureFixture[str], *words: object) -> str:
+    """Run what must be refused: exit 2, nothing on stdout, one line on stderr."""
+    code = main(["truth", *map(str, words)])
+    out, err = capsys.readouterr()
+    assert (code, out) == (2, "")
+    assert err.startswith("hmtb: ")
+    assert err.count("\n") == 1
+    return err
+
+
+@pytest.mark.parametrize(
+    ("words", "expected"),
+    [
+        ("--actuator servo", "available: linear, orifice"),
+        ("--friction stick", "available: none, viscous, coulomb, lugre"),
+        ("--friction-level -1", "friction_level = -1.0 given, expected 0 to 100"),
+        ("--supply-pressure 2", "supply_pressure = 2.0 given"),
+        ("--oil-temperature 120", "oil_temperature = 120.0 given"),
+        ("--process-noise nan", "process_noise = nan given"),
+        ("--pose homm", "did you mean 'home'?"),
+        ("--pose 0,20,50", "7 angles in degrees"),
+        ("--pose 0,20,50,90,-50,0,zero", "7 angles in degrees"),
+        ("--pose 0,20,50,160,-50,0,0", "elbow_pitch = 160 deg given, expected between 0 and 150 deg"),
+        ("--pose 0,20,50,30,-50,0,0 --bla 0.01", "give --pose a name"),
+        ("--pose 0,20,50,30,-50,0,0 --maps", "give --pose a name"),
+        ("--bla 0", "rms = 0.0 given"),
+        ("--bla 0.9", "peaks"),
+        ("--out truth.gif", "expected a figure: .svg, .png, .pdf"),
+        ("--maps --density 0", "density of the maps: 0 given"),
+        ("--seed -1", "seed"),
+        ("--bla 0.01 --threads 0", "threads = 0 given"),
+        (
+            "--variant flight --supply-pressure 15",
+            "supply_pressure = 15.0 given, but the drives of this arm are electric",
+        ),
+    ],
+)
+def test_bad_values_are_one_line(
+    capsys: pytest.CaptureFixture[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch, words: str, expected: str
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    assert expected in complaint(capsys, *words.split())
+    assert list(tmp_path.iterdir()) == []
