@@ -4,12 +4,14 @@ import importlib.util
 import re
 import sys
 from pathlib import Path
+from types import ModuleType
 
 import numpy as np
 import pytest
 
-from hmtb_twin import linearize, load_arm
+from hmtb_twin import linearize, load_arm, simulate
 from scenarios.closeness import tables
+from scenarios.preparation import settled
 from scenarios.published import YAW_ARMAX
 from scenarios.published_servos import TARGETS, dominant_poles
 
@@ -75,14 +77,19 @@ def rows() -> dict[str, list[str]]:
     return {cells[0].strip(): [cell.strip() for cell in cells[1:]] for cells in lines[2:]}
 
 
-def read_again(label: str) -> np.ndarray:
-    """Figures of two sequences, a short record of each: bandwidth, DC gain, gain at 0.5 Hz of the three models."""
+def benchmark() -> ModuleType:
     path = ROOT / "tests/benchmarks/yaw_question.py"
     spec = importlib.util.spec_from_file_location("yaw_question", path)
     question = importlib.util.module_from_spec(spec)
     # Its dataclasses look their module up.
     sys.modules["yaw_question"] = question
     spec.loader.exec_module(question)
+    return question
+
+
+def read_again(label: str) -> np.ndarray:
+    """Figures of two sequences, a short record of each: bandwidth, DC gain, gain at 0.5 Hz of the three models."""
+    question = benchmark()
     (row,) = (row for row in question.ROWS if row.label == label)
     made = question.records([row.record], 2, 30.0)[row.record]
     return question.measured(row, made)
@@ -99,6 +106,24 @@ def test_with_worn_seals_it_reads_slow_with_a_gain_above_one() -> None:
     assert (found[:, :, 0] < 0.3).all()
     assert (found[:, :, 1] > 1.05).all()
     assert (found[:, :, 2] < 0.5).all()
+
+
+def test_one_sequence_reads_like_the_printed_armax_in_poles_and_zeros_too() -> None:
+    question = benchmark()
+    (log,) = simulate([question.scenario(question.WORN, 3, question.DURATION)])
+    model = next(question.models(question.Row("", question.WORN), settled(log, question.JOINT), 3))
+    poles, zeros = model.poles(), model.zeros()
+    for pole in (0.988, 0.614 + 0.396j):
+        assert np.abs(poles - pole).min() < 0.01
+    for zero in (-1.60, 0.66):
+        assert np.abs(zeros - zero).min() < 0.02
+
+
+def test_the_three_estimators_agree_where_the_file_excites() -> None:
+    for label, cells in rows().items():
+        if "printed" not in label and cells[0]:
+            gains = [float(cells[3 * method + 2]) for method in range(3)]
+            assert max(gains) < 1.4 * min(gains), label
 
 
 def test_every_hypothesis_stands_on_the_page() -> None:

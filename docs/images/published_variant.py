@@ -69,7 +69,7 @@ def natural(model: StateSpace) -> tuple[np.ndarray, np.ndarray]:
 def bode(variant: Truth, nominal: Truth) -> Figure:
     """Responses of the printed models over those of the variant and of the nominal arm."""
     figure = Figure(figsize=(9.6, 5.6), layout="constrained")
-    f = np.geomspace(0.02, 10.0, 120)
+    f = np.geomspace(0.02, 10.0, 60)
     grid = figure.subplots(2, 3, sharex=True, sharey="row")
     for column, joint in enumerate(STUDIED_JOINTS):
         upper, lower = grid[:, column]

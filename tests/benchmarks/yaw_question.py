@@ -308,8 +308,13 @@ def line(label: str, values: np.ndarray) -> str:
     middle = np.median(values, axis=0)
     low, high = np.quantile(values[:, 0], [0.25, 0.75], axis=0)
     spread = f"{low[0]:.2f}-{high[0]:.2f} | {_gain(low[1])} to {_gain(high[1])}" if len(values) > 1 else "|"
-    cells = " | ".join(f"{width:.2f} | {_gain(dc)} | {at:.2f}" for width, dc, at in middle)
+    cells = " | ".join(f"{_width(width)} | {_gain(dc)} | {at:.2f}" for width, dc, at in middle)
     return f"| {label} | {cells} | {spread} |"
+
+
+def _width(value: float) -> str:
+    """None where the gain of a model of some seed never falls by 3 dB."""
+    return f"{value:.2f}" if np.isfinite(value) else "none"
 
 
 def _gain(value: float) -> str:
