@@ -28,10 +28,13 @@ def test_gain_at_rest_is_one_and_the_delays_are_nominal(slow, truth):
 @pytest.mark.parametrize("payload", PAYLOADS)
 @pytest.mark.parametrize("pose", POSES)
 def test_stable_with_every_payload_at_every_pose(payload, pose):
-    poles = linearize(load_arm("published", payload), pose).model.poles()
-    # Without its slowest, the yaw's, every pole has died to a hundredth within half a second.
-    assert np.sort(np.abs(poles))[-1] < 0.981
-    assert np.sort(np.abs(poles))[-2] ** 50 < 0.01
+    def slowest(variant):
+        return np.sort(np.abs(linearize(load_arm(variant, payload), pose).model.poles()))[::-1]
+
+    own = slowest("published")
+    assert own[0] < 0.981
+    # But for the yaw's it is no slower than the nominal arm.
+    assert own[1] < slowest("nominal")[0] + 0.005
 
 
 def test_numbers_that_differ_are_derived():
