@@ -83,9 +83,11 @@ verification: $(INSTALLED) ## measure the figures in docs again (half an hour, i
 	@"$(BIN)/python" tests/benchmarks/verification.py $(if $(DATA),--data "$(DATA)")
 
 .PHONY: images
-images: $(INSTALLED) ## make the pictures of the README anew
+images: $(INSTALLED) ## make the pictures of the README and of docs/maps.md anew
 	@echo "==> Rendering the arm, running the study and drawing its result"
 	@"$(BIN)/python" docs/images/make.py
+	@echo "==> Making the maps of docs/maps.md"
+	@"$(BIN)/python" docs/images/maps.py
 
 .PHONY: bench
 bench: $(INSTALLED) ## run the benchmarks alone, with their figures printed

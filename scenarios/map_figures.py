@@ -131,7 +131,8 @@ def locality(maps: Maps) -> Figure:
     shift = 100.0 * change(maps.near.dynamics, maps.here)
     for number, joint in enumerate(STUDIED_JOINTS):
         style = {"color": COLOURS[number], "marker": MARKERS[number]}
-        left.plot(np.degrees(maps.near.distance), shift[:, STUDIED[number]], ls="", ms=3, alpha=0.7, **style)
+        turns = np.degrees(maps.near.distance)
+        left.plot(turns, shift[:, STUDIED[number]], ls="", ms=3, alpha=0.7, rasterized=True, **style)
         hz = np.sort(maps.anywhere.dynamics.of(joint))
         hz = hz[np.isfinite(hz)]
         part = 100.0 * np.arange(1, len(hz) + 1) / len(hz)

@@ -9,6 +9,9 @@ from scenarios.local_dynamics import MOVING
 from scenarios.maps import REACH, Maps
 from scenarios.pose_maps import STUDIED, TOLERANCE, change, reach
 
+SLIGHT = 0.01
+"""A condition that changes no bandwidth by more than this part is not dwelt upon."""
+
 PERCENT = f"{100 * TOLERANCE:.0f} %"
 """The tolerance in words."""
 
@@ -143,9 +146,14 @@ def _condition(maps: Maps, varied: Conditions) -> str:
     most, name, first, last = max(changes)
     studied = max(part for part, joint, *_ in changes if joint in STUDIED_JOINTS)
     unit = f" {varied.unit}" if varied.unit else ""
-    shown = [f"{value:g}" if isinstance(value, float) else value for value in (values[0], values[-1])]
+    shown = [_value(value) for value in (values[0], values[-1])]
     lost = [value for value, fine in zip(varied.values, works, strict=True) if not fine]
-    fails = f" At {', '.join(f'{value:g}{unit}' for value in lost)} the drives cannot hold the arm." if lost else ""
+    fails = (
+        f" At {', '.join(f'{_value(value)}{unit}' for value in lost)} the drives cannot hold the arm." if lost else ""
+    )
+    if most < SLIGHT:
+        slightly = f"no bandwidth changes by more than {100 * most:.1f} %."
+        return f"{varied.name.capitalize()} from {shown[0]} to {shown[1]}{unit}: {slightly}{fails}"
     return (
         f"{varied.name.capitalize()} from {shown[0]} to {shown[1]}{unit}: studied bandwidths change by up to "
         f"{100 * studied:.1f} %, the {words(name)}'s most of all, from {first:.2f} to {last:.2f} Hz "
@@ -189,6 +197,10 @@ def _level(maps: Maps, large: LargeSignals) -> str:
         f"Dry friction in multiples of the arm's, at {LEVEL_AMPLITUDE:g} rad: bandwidths {'; '.join(parts)}. The "
         "small-signal truth knows nothing of it."
     )
+
+
+def _value(value: object) -> str:
+    return f"{value:g}" if isinstance(value, float) else str(value)
 
 
 def _hz(value: float) -> str:

@@ -10,6 +10,7 @@ from scenarios.map_figures import map_figures
 from scenarios.map_findings import findings
 from scenarios.map_tables import map_tables
 from scenarios.maps import Maps
+from scenarios.truth_summary import conditions_in_words
 from scenarios.whole_file import write_whole
 
 STYLE = """body { font: 16px/1.5 "Charter", "Source Serif 4", Cambria, Georgia, serif; color: #1d2327;
@@ -56,7 +57,7 @@ def write_maps(maps: Maps, folder: Path) -> tuple[Path, ...]:
 def _page(maps: Maps, pictures: dict[str, str], captions: dict[str, str], tables: list[str]) -> str:
     truth = maps.truth
     title = f"Maps of the arm {truth.variant} with payload {truth.payload}"
-    plant = ", ".join(f"{name.replace('_', ' ')} {value}" for name, value in vars(truth.plant).items())
+    setting = f"Operating pose {truth.pose}; {conditions_in_words(maps.arm)}."
     said = "\n".join(f"<li>{escape(text)}</li>" for text in findings(maps))
     drawn = "\n".join(
         f"<figure>{picture}<figcaption>{escape(captions[name])}</figcaption></figure>"
@@ -67,8 +68,8 @@ def _page(maps: Maps, pictures: dict[str, str], captions: dict[str, str], tables
 <html lang="en"><head><meta charset="utf-8"><meta name="viewport" content="width=device-width, initial-scale=1">
 <title>{escape(title)}</title><style>{STYLE}</style></head><body>
 <h1>{escape(title)}</h1>
-<p>Operating pose {escape(truth.pose)}; {escape(plant)}. Small-signal numbers are those of the arm linearised with dry
-friction off; what depends on amplitude is its best linear approximation.</p>
+<p>{escape(setting)} Small-signal numbers are those of the arm linearised with dry friction off; what depends on
+amplitude is its best linear approximation.</p>
 <ul>
 {said}
 </ul>

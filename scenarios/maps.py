@@ -87,6 +87,7 @@ class Maps:
     """The maps of one arm.
 
     Attributes:
+        arm: The arm.
         truth: Small-signal truth at the operating pose.
         here: The same in few numbers.
         plane: Over shoulder pitch and elbow pitch.
@@ -97,6 +98,7 @@ class Maps:
         large: Over amplitude and friction; None where they were not asked for.
     """
 
+    arm: Arm
     truth: Truth
     here: LocalDynamics
     plane: Plane
@@ -172,4 +174,4 @@ def maps(
                 threads=threads,
                 progress=step,
             )
-    return Maps(truth, described(truth), surface, lines, everywhere, nearby, varied, large)
+    return Maps(arm, truth, described(truth), surface, lines, everywhere, nearby, varied, large)

@@ -197,6 +197,19 @@ def hydraulic(arm: Arm) -> bool:
     return all(isinstance(drive, Actuator) for drive in variant_named(arm.variant).actuators.values())
 
 
+def conditions_in_words(arm: Arm) -> str:
+    """Return what the arm's drives run on and rub with, in words and with units; of oil only where there is some."""
+    plant = arm.plant
+    said = [f"{plant.actuator} actuators" if hydraulic(arm) else "electric drives", f"friction {plant.friction}"]
+    if arm.friction and plant.friction_level != 1.0:
+        said.append(f"dry friction {plant.friction_level:g} times the arm's")
+    if hydraulic(arm):
+        said += [f"supply pressure {plant.supply_pressure:g} MPa", f"oil at {plant.oil_temperature:g} °C"]
+    if plant.process_noise:
+        said.append(f"process noise {plant.process_noise:g} of the rated torque")
+    return ", ".join(said)
+
+
 def damping_ratio(pole: complex) -> float:
     """Return the damping ratio of a pole in the s plane: 1 where it is real and stable."""
     return float(-pole.real / abs(pole)) if abs(pole.imag) > 1e-9 * abs(pole) else float(np.sign(-pole.real))

@@ -110,11 +110,17 @@ def truth(
         summary = replace(summary, best_linear=found)
     if log is not None:
         summary = replace(summary, attainable=attainable_on(log, summary.truth))
-    files = _maps(arm, summary, density, seed, threads, out) if maps else _figure(summary, out)
+    said: tuple[str, ...] = ()
+    if maps:
+        files, said = _maps(arm, summary, density, seed, threads, out)
+    else:
+        files = _figure(summary, out)
     if json:
-        print_json({**summary.record(), "files": files})
+        print_json({**summary.record(), "maps": said, "files": files} if maps else {**summary.record(), "files": files})
         return 0
     _print(summary)
+    for text in said:
+        say(f"- {text}")
     for path in files[:1]:
         say(f"{'maps' if maps else 'figure'}: {path}")
     return 0
@@ -182,7 +188,8 @@ def _figure(summary: "TruthSummary", out: Path | None) -> list[Path]:
 
 def _maps(
     arm: "Arm", summary: "TruthSummary", density: float, seed: int, threads: int | None, out: Path | None
-) -> list[Path]:
+) -> tuple[list[Path], tuple[str, ...]]:
+    from scenarios.map_findings import findings
     from scenarios.map_page import write_maps
     from scenarios.maps import Density
     from scenarios.maps import maps as made
@@ -190,13 +197,13 @@ def _maps(
     grid = Density.scaled(density)
     with output_folder(out or PLACE) as folder:
         found = made(arm, summary.truth.pose, grid, seed=seed, threads=threads, stage=progress)
-        return [*write_maps(found, folder), *_figure(summary, folder / "truth.svg")]
+        return [*write_maps(found, folder), *_figure(summary, folder / "truth.svg")], findings(found)
 
 
 def _print(summary: "TruthSummary") -> None:
     import numpy as np
 
-    from scenarios.truth_summary import LOCKED_NOTE, hydraulic
+    from scenarios.truth_summary import LOCKED_NOTE, conditions_in_words
 
     truth, bla = summary.truth, summary.best_linear
     columns = ["joint", "bandwidth\n/ Hz", "gain\nat 0 Hz", "delay\n/ samples", "dominant poles\n/ (rad/s)"]
@@ -220,9 +227,7 @@ def _print(summary: "TruthSummary") -> None:
     print_table(title, columns, rows)
     for name in sorted(summary.locked):
         say(f"{name}: {LOCKED_NOTE}")
-    oil = () if hydraulic(summary.arm) else ("supply_pressure", "oil_temperature")
-    conditions = {name.replace("_", " "): value for name, value in vars(truth.plant).items() if name not in oil}
-    say(f"Conditions: {', '.join(f'{name} {value}' for name, value in conditions.items())}")
+    say(f"Conditions: {conditions_in_words(summary.arm)}")
     errors = ", ".join(f"{error:.1e} at {amplitude:g} rad" for amplitude, error in truth.small_signal_error.items())
     say(f"Relative error of the linear model against the simulated arm (friction off): {errors}")
     if truth.plant.process_noise:

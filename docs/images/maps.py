@@ -1,0 +1,42 @@
+"""Make the maps of docs/maps.md anew, figures and sentences: `PYTHONPATH=. python docs/images/maps.py`, a minute."""
+
+import re
+from pathlib import Path
+
+import matplotlib
+
+from hmtb_twin import linearize, load_arm
+from hmtb_twin.parameters import OPERATING_POSE
+from scenarios.map_figures import map_figures
+from scenarios.map_findings import findings
+from scenarios.maps import Maps, maps
+from scenarios.truth_figure import truth_figure
+from scenarios.truth_summary import truth_summary
+
+FOLDER = Path(__file__).parent
+PAGE = FOLDER.parent / "maps.md"
+SHOWN = ("workspace", "locality", "coupling", "amplitude")
+
+
+def main() -> None:
+    """Write the figures beside this file and the sentences into the page."""
+    # Text as text keeps the files small; the same ids on every run keep their differences small.
+    matplotlib.rcParams.update({"svg.fonttype": "none", "svg.hashsalt": "maps", "font.family": "sans-serif"})
+    arm = load_arm()
+    found = maps(arm, OPERATING_POSE)
+    figures = {f"maps-{name}.svg": map_figures(found)[name][0] for name in SHOWN}
+    figures["truth.svg"] = truth_figure(truth_summary(arm, linearize(arm)))
+    for name, figure in figures.items():
+        figure.savefig(FOLDER / name, metadata={"Date": None})
+    PAGE.write_text(renewed(PAGE.read_text(encoding="utf-8"), found), encoding="utf-8")
+
+
+def renewed(page: str, found: Maps) -> str:
+    """Return the page with its sentences made anew."""
+    said = "\n".join(f"- {text}" for text in findings(found))
+    block = re.compile(r"(<!-- findings -->\n).*?(<!-- end -->)", re.S)
+    return block.sub(lambda match: f"{match[1]}{said}\n{match[2]}", page)
+
+
+if __name__ == "__main__":
+    main()
