@@ -73,7 +73,7 @@ class Hydraulics:
 
     supply_pressure: float = quantity(20.7, "MPa", "analogue", "Titan 4 manual, 1500-3000 psi")
     return_pressure: float = quantity(3.4, "MPa", "analogue", "Titan 4 manual, 500 psi")
-    bulk_modulus: float = quantity(700.0, "MPa", "assumed", "published models 300 (hoses, air) to 1550 (oil)")
+    bulk_modulus: float = quantity(700.0, "MPa", "assumed", "other models take 300 (hoses, air) to 1550 (oil)")
     leakage: float = quantity(
         0.015, "1", "assumed", "internal leakage at rated pressure and 40 degrees Celsius, part of the rated flow"
     )
@@ -126,7 +126,7 @@ class Actuator:
 
     @property
     def maximum_torque(self) -> float:
-        """Stall torque at supply pressure, N m."""
+        """Stall torque at the pressure between supply and return, N m."""
         return self.displacement * self.hydraulics.pressure
 
     @property

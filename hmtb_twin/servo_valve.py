@@ -20,8 +20,8 @@ class ServoValve:
     laminar below the transition pressure.
     """
 
-    frequency: float = quantity(60.0, "Hz", "assumed", "second-order spool; 40 to 100 Hz for valves of this size")
-    damping: float = quantity(0.7, "1", "assumed", "of the spool; 0.7 in a teaching model")
+    frequency: float = quantity(60.0, "Hz", "assumed", "second-order spool; 40 to 100 Hz are plausible")
+    damping: float = quantity(0.7, "1", "assumed", "of the spool; a common choice")
     underlap: float = quantity(0.0, "1", "assumed", "part of the stroke; negative for overlap, a dead band")
     clearance: float = quantity(0.01, "1", "assumed", "radial gap as part of the stroke; null leakage half of it")
     transition_pressure: float = quantity(1.0, "MPa", "assumed", "laminar to turbulent, small openings in VG 32 oil")

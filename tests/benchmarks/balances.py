@@ -32,11 +32,12 @@ def main() -> None:
         "oil",
         "energy",
         "supplied, J",
-        "throttled",
-        "leaked",
-        "rubbed",
-        "dragged",
-        "stored",
+        "throttled, J",
+        "leaked, J",
+        "rubbed, J",
+        "dragged, J",
+        "stored, J",
+        "residual, J",
     ]
     sys.stdout.write(f"| {' | '.join(heads)} |\n{'|---' * len(heads)}|\n")
     for friction in ("none", "viscous", "coulomb", "lugre"):
