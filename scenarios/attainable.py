@@ -143,15 +143,15 @@ def attainable(
     measured = record.measured[:, column]
     true = delayed(record.true_angles, arm.delays)[:, column]
     quiet = _without_process_noise(record, arm, truth)[:, column] if arm.plant.process_noise else true
+    # Servo valves under load stand a little off the commanded pose; the linear model counts from where they stand.
+    start = arm.rest(truth.angles).qpos[column]
 
     moved = [name for k, name in enumerate(JOINTS) if name == joint or np.ptp(record.commanded[:, k]) > 0.0]
     columns = [joint_index(name) for name in moved]
-    offsets = IOData(record.commanded[:, columns] - truth.angles[columns], measured - truth.angles[column], record.dt)
+    offsets = IOData(record.commanded[:, columns] - truth.angles[columns], measured - start, record.dt)
     model = truth.subset(moved, (joint,))
     rest = np.zeros(model.order)
-    simulation, one_step = (
-        predict(model, offsets, steps=steps, x0=rest)[:, 0] + truth.angles[column] for steps in (None, 1)
-    )
+    simulation, one_step = (predict(model, offsets, steps=steps, x0=rest)[:, 0] + start for steps in (None, 1))
     memory = _memory(truth, joint)
     lags = [_lagged(signal, memory, first=0) for signal in offsets.u.T]
     past = _lagged(offsets.y[:, 0], memory, first=1)
@@ -204,7 +204,7 @@ def attainable(
 def _without_process_noise(record: JointLog, arm: Arm, truth: Truth) -> FloatArray:
     """Noise-free angles (N, 7) as they reach the record, under the same commands and without process noise, rad."""
     quiet = load_arm(arm.variant, arm.payload, plant=replace(arm.plant, process_noise=0.0))
-    return simulated(quiet, truth.angles, record.commanded) + truth.angles
+    return simulated(quiet, truth.angles, record.commanded) + quiet.rest(truth.angles).qpos[: len(JOINTS)]
 
 
 def _right_order(

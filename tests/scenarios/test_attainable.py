@@ -163,3 +163,41 @@ def test_refusals(sliding: JointLog) -> None:
     still[:, 6] = 0.3
     with pytest.raises(ScenarioError, match="wrist_roll does not move"):
         attainable(replace(sliding, measured=still), "wrist_roll")
+
+
+def test_servo_valves_rest_beside_their_command_and_the_floor_counts_from_there() -> None:
+    """Loaded valves rest about a milliradian off the command, several times what the drives' noise leaves."""
+    plain, noisy = (
+        run("siso-5-elbow_pitch", duration=12.0, chain=QUIET, plant=Plant(actuator="orifice", process_noise=noise))[0]
+        for noise in (0.0, 0.01)
+    )
+    quiet, found = attainable(plain), attainable(noisy)
+    assert found.provenance["noise-free angles"] == "simulated anew without process noise"
+    assert abs(plain.true_angles[0, 3] - plain.commanded[0, 3]) > 5e-4
+    # Simulated anew, the arm does what it did without that noise; what is left is the noise, without an offset.
+    assert found.distortion == pytest.approx(quiet.distortion, rel=1e-6)
+    true = noisy.true_angles[1:, 3] - plain.true_angles[1:, 3]
+    expected = np.hypot(np.sqrt(np.mean(true**2)), quiet.simulation.any_model.rmse)
+    assert found.simulation.any_model.rmse == pytest.approx(expected, rel=0.05)
+
+
+@pytest.mark.filterwarnings("ignore::sysid.SysidWarning")
+@pytest.mark.parametrize(
+    "plant",
+    [
+        Plant(),
+        Plant(process_noise=0.01),
+        Plant(friction="coulomb", oil_temperature=15.0, process_noise=0.01),
+        Plant(actuator="orifice"),
+        Plant(actuator="orifice", process_noise=0.01),
+        Plant(actuator="orifice", supply_pressure=16.0, process_noise=0.02),
+    ],
+    ids=lambda plant: f"{plant.actuator}-{plant.friction}-{plant.supply_pressure:g}-{plant.process_noise:g}",
+)
+def test_no_linear_system_goes_below_the_floor_of_any_model(plant: Plant) -> None:
+    for name in ("siso-5-elbow_pitch", "siso-5-shoulder_pitch"):
+        found = attainable(run(name, duration=14.0, chain=Chain(), plant=plant)[0])
+        # The mean is fitted to the very record.
+        allowed = found.by_chance(found.simulation.any_model.rmse, 1)
+        for floor in (found.simulation.best_linear, found.right_order, found.simulation.small_signal):
+            assert floor.rmse > allowed
