@@ -217,8 +217,8 @@ def load_arm(
         The arm. Calls with equal arguments return the same record.
 
     Raises:
-        TwinError: Unknown variant or payload, a plant that the variant has not, or an arm or a payload for which the
-            worksite has no place.
+        TwinError: Unknown variant or payload, no `Plant` or one that the variant has not, or an arm or a payload for
+            which the worksite has no place.
     """
     check_arm(variant, payload, plant, worksite=bool(worksite))
     if not friction and plant.friction != "none":
@@ -233,6 +233,8 @@ def check_arm(variant: str, payload: str, plant: Plant, *, worksite: bool) -> No
         TwinError: See `load_arm`.
     """
     arm = variant_named(variant)
+    if not isinstance(plant, Plant):
+        raise TwinError(f'plant = {plant!r} given, expected a Plant, such as Plant(actuator="orifice")')
     if payload not in PAYLOADS:
         raise TwinError(f"unknown payload {payload!r}, available: {', '.join(PAYLOADS)}")
     if worksite and payload not in WORKSITE_PAYLOADS:

@@ -117,3 +117,9 @@ def test_process_noise_moves_the_arm_from_its_own_seed(experiment):
 def test_what_cannot_be_is_refused_with_what_can(arguments, words):
     with pytest.raises(TwinError, match=words):
         Plant(**arguments)
+
+
+@pytest.mark.parametrize("given", ["orifice", None, {"actuator": "orifice"}])
+def test_a_plant_is_a_plant(given):
+    with pytest.raises(TwinError, match=r'plant = .* given, expected a Plant, such as Plant\(actuator="orifice"\)'):
+        load_arm(plant=given)
