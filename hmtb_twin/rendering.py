@@ -30,6 +30,9 @@ def scene_model(arm: Arm) -> mujoco.MjModel:
     if arm.worksite:
         return arm.model
     spec = mujoco.MjSpec.from_file(str(model_file("hmtb/scene.xml")))
+    for key in list(spec.keys):
+        # Its controls and activations would not fit a model without the unit, and a picture needs angles only.
+        spec.delete(key)
     write_bodies(spec, variant_named(arm.variant), arm.payload)
     return spec.compile()
 

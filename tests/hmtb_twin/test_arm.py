@@ -154,7 +154,8 @@ def test_payload_follows_in_plant_controller_and_pictures():
     for name, payload in PAYLOADS.items():
         loaded = load_arm(payload=name)
         if payload is None:
-            assert "rpcm" not in [loaded.model.body(i).name for i in range(loaded.model.nbody)]
+            for model in (loaded.model, scene_model(loaded)):
+                assert "rpcm" not in [model.body(i).name for i in range(model.nbody)]
             continue
         body = loaded.model.body("rpcm")
         assert body.mass[0] == pytest.approx(payload.mass)

@@ -53,6 +53,13 @@ def test_a_film_shows_the_arm_move(log: Path, tmp_path: Path, capsys: pytest.Cap
 
 
 @pytest.mark.usefixtures("opengl")
+def test_an_empty_hand_is_shown_empty() -> None:
+    bare, loaded = (render(load_arm(payload=name), "overview", 160, 120) for name in ("none", "rpcm"))
+    assert np.ptp(bare) > 100
+    assert (np.abs(bare.astype(float) - loaded).max(axis=2) > 40).sum() > 10
+
+
+@pytest.mark.usefixtures("opengl")
 def test_several_cameras_in_one_picture(log: Path, tmp_path: Path) -> None:
     deck = tmp_path / "deck.png"
     assert main(["video", str(log), "--camera", "deck", "--width", "80", "--height", "60", "--out", str(deck)]) == 0
