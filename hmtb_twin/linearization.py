@@ -11,6 +11,7 @@ from hmtb_twin.arm import Arm, load_arm
 from hmtb_twin.errors import TwinError
 from hmtb_twin.innovations import Disturbances, innovations_form
 from hmtb_twin.joint_log import software_versions
+from hmtb_twin.joint_range import check_range
 from hmtb_twin.parameters import JOINTS, OPERATING_POSE, RECORDER, SAMPLE_TIME, STUDIED_JOINTS
 from hmtb_twin.sample_map import sample_map
 from hmtb_twin.truth import Truth
@@ -50,10 +51,13 @@ def linearize(arm: Arm, pose: str | np.ndarray = OPERATING_POSE, *, amplitudes: 
         The truth, with its error against simulation.
 
     Raises:
-        TwinError: There is no such pose, or the angles are not seven finite numbers.
+        TwinError: There is no such pose, the angles are not seven finite numbers, a joint is out of its range or less
+            than `joint_range.CLEARANCE` from a stop, or an indexed joint is not at its index: there the stop or the pin
+            would be linearised with the servo.
     """
     smooth = sliding(arm)
     angles = smooth.pose(pose) if isinstance(pose, str) else _angles(pose)
+    check_range(angles)
     path, disturbances = _sampled_model(smooth, angles)
     model = innovations_form(path, disturbances.drives, disturbances.resolvers)
     errors = {amplitude: small_signal_error(smooth, model, angles, amplitude) for amplitude in amplitudes}
@@ -76,7 +80,11 @@ def sliding(arm: Arm) -> Arm:
 
 
 def _angles(pose: np.ndarray) -> np.ndarray:
-    angles = np.array(pose, dtype=float)
+    try:
+        given = np.asarray(pose)
+    except ValueError:  # rows of unequal length
+        given = np.empty(0, dtype=object)
+    angles = given.astype(float) if given.dtype.kind in "iuf" else np.empty(0)
     if angles.shape != (len(JOINTS),) or not np.isfinite(angles).all():
         raise TwinError(f"pose {pose!r} given, expected a name or {len(JOINTS)} finite joint angles in rad")
     return angles

@@ -7,7 +7,7 @@ import numpy as np
 
 from hmtb_twin import JOINTS, STUDIED_JOINTS, Arm, JointLog, JointTruth, Truth
 from hmtb_twin.analytic_hydraulics import LinearHydraulics, linear_hydraulics
-from hmtb_twin.parameters import INDEXED_JOINTS, MOTIONS, Actuator
+from hmtb_twin.parameters import Actuator
 from hmtb_twin.variants import variant_named
 from scenarios.attainable import Attainable, attainable
 from scenarios.best_linear import BestLinearTruth, best_linear
@@ -112,21 +112,6 @@ def truth_summary(arm: Arm, truth: Truth) -> TruthSummary:
     """
     joints = {name: truth.joint(name) for name in JOINTS}
     return TruthSummary(arm, truth, joints, _hydraulics(arm, truth.angles))
-
-
-def check_range(angles: np.ndarray) -> None:
-    """Refuse angles (7,), rad, at which a joint would stand on its stop.
-
-    Raises:
-        ScenarioError: One is not inside its joint's range.
-    """
-    for name, angle in zip(JOINTS, angles, strict=False):
-        motion = MOTIONS[name]
-        if name not in INDEXED_JOINTS and not motion.lower < angle < motion.upper:
-            low, high = np.degrees((motion.lower, motion.upper))
-            raise ScenarioError(
-                f"pose: {name} = {np.degrees(angle):g} deg given, expected between {low:g} and {high:g} deg"
-            )
 
 
 def measured_best_linear(

@@ -133,7 +133,6 @@ def _point(pose: str) -> "str | np.ndarray":
     from hmtb_twin import JOINTS, POSES
     from scenarios.errors import ScenarioError
     from scenarios.suggest import unknown
-    from scenarios.truth_summary import check_range
 
     if "," not in pose:
         if pose not in POSES:
@@ -147,7 +146,6 @@ def _point(pose: str) -> "str | np.ndarray":
         raise ScenarioError(
             f"pose {pose!r} given, expected a name or {len(JOINTS)} angles in degrees, with commas: {', '.join(JOINTS)}"
         )
-    check_range(angles)
     return angles
 
 

@@ -2,7 +2,9 @@ import numpy as np
 import pytest
 
 from hmtb_twin import JOINTS, STUDIED_JOINTS, TwinError, linearize, load_arm
-from hmtb_twin.linearization import linear, simulated
+from hmtb_twin.joint_range import CLEARANCE
+from hmtb_twin.linearization import STEP, linear, simulated
+from hmtb_twin.parameters import MOTIONS, OPERATING_POSE, POSES
 
 
 def test_bandwidth_is_near_one_hertz(truth):
@@ -79,3 +81,42 @@ def test_unknown_joint(truth):
 
 def test_indexed_joint_has_no_bandwidth(truth):
     assert np.isnan(truth.joint("shoulder_roll").bandwidth_hz)
+
+
+def turned(joint, angle):
+    pose = np.array(POSES[OPERATING_POSE])
+    pose[JOINTS.index(joint)] = angle
+    return pose
+
+
+@pytest.mark.parametrize(
+    ("pose", "expected"),
+    [
+        (np.array([0.0, 9.0, 0.0, 1.0, 0.0, 0.0, 0.0]), r"shoulder_yaw = 515.662 deg given, .* -90 and 90 deg"),
+        (np.zeros(7), r"elbow_pitch = 0 deg given, expected between 0 and 150 deg, .* off the stops"),
+        (turned("elbow_pitch", MOTIONS["elbow_pitch"].upper), r"elbow_pitch = 150 deg given"),
+        (turned("wrist_yaw", MOTIONS["wrist_yaw"].lower + 0.9 * CLEARANCE), r"wrist_yaw = -89.99\d* deg given"),
+        (turned("shoulder_roll", 0.1), r"shoulder_roll = 5.72958 deg given, expected 0 deg, where its pin"),
+    ],
+)
+def test_poses_out_of_range_or_on_a_stop_are_refused(pose, expected):
+    with pytest.raises(TwinError, match=expected):
+        linearize(load_arm(), pose, amplitudes=())
+
+
+def test_nearest_pose_to_a_stop_is_clear_of_it():
+    assert CLEARANCE >= 10 * STEP
+    pose = turned("elbow_pitch", 1.001 * CLEARANCE)
+    amplitude = 0.1 * CLEARANCE
+    assert linearize(load_arm(), pose, amplitudes=(amplitude,)).small_signal_error[amplitude] < 1e-5
+
+
+def test_the_pin_is_where_the_poses_are(arm):
+    pin = arm.model.equality("shoulder_roll_index").data[0]
+    assert {angles[0] for angles in POSES.values()} == {pin} == {0.0}
+
+
+@pytest.mark.parametrize("pose", [["a"] * 7, [1j] * 7, {}, None, [0.0] * 6, [np.nan] * 7, 5, [True] * 7, [[1, 2], [3]]])
+def test_a_pose_is_seven_finite_numbers(pose):
+    with pytest.raises(TwinError, match="expected a name or 7 finite joint angles"):
+        linearize(load_arm(), pose)
