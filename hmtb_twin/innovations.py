@@ -3,13 +3,15 @@
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy.linalg import solve_discrete_are
 
 from hmtb_twin.errors import TwinError
 from sysid import StateSpace
 
 RESIDUAL = 1e-9
 """Largest residual of the Riccati equation that a solution may leave, relative to the solution."""
+
+DOUBLINGS = 50
+"""Doublings after which the Riccati equation counts as without solution: 2^50 ticks of the Kalman recursion."""
 
 
 @dataclass(frozen=True)
@@ -43,7 +45,7 @@ def innovations_form(model: StateSpace, drives: np.ndarray, resolvers: np.ndarra
     Args:
         model: The path from commands to outputs.
         drives: G (n, nw).
-        resolvers: R (ny, ny), rad^2.
+        resolvers: R (ny, ny), rad^2, positive definite.
 
     Returns:
         The model with K and innovation covariance; without noise in the drives K is None, the covariance R.
@@ -54,11 +56,7 @@ def innovations_form(model: StateSpace, drives: np.ndarray, resolvers: np.ndarra
     if not drives.any():
         return replace(model, K=None, innovation_covariance=resolvers)
     A, C = model.A, model.C
-    try:
-        P = solve_discrete_are(A.T, C.T, drives @ drives.T, resolvers)
-    except (np.linalg.LinAlgError, ValueError) as error:
-        raise TwinError(f"the Riccati equation of the noise has no solution: {error}") from error
-    P = 0.5 * (P + P.T)
+    P = _predicted_covariance(model, drives, resolvers)
     S = C @ P @ C.T + resolvers
     K = np.linalg.solve(S, C @ P @ A.T).T
     residual = np.abs(A @ P @ A.T + drives @ drives.T - K @ S @ K.T - P).max() / np.abs(P).max()
@@ -68,7 +66,47 @@ def innovations_form(model: StateSpace, drives: np.ndarray, resolvers: np.ndarra
             f"the Riccati equation of the noise is solved to {residual:.1e} with a predictor of spectral radius "
             f"{radius:.6g}; expected {RESIDUAL:g} and below 1"
         )
-    return replace(model, K=K, innovation_covariance=0.5 * (S + S.T))
+    return replace(model, K=K, innovation_covariance=_symmetric(S))
+
+
+def _predicted_covariance(model: StateSpace, drives: np.ndarray, resolvers: np.ndarray) -> np.ndarray:
+    """Solve the Riccati equation by the doubling algorithm [AndersonMoore1979, sec. 6.7].
+
+    The k-th doubling gives the covariance after 2^k ticks of the Kalman recursion from a known state. All that it adds
+    up is positive semidefinite, so that noise far below that of the resolvers costs no digits, as it does in the
+    eigenvectors of the symplectic pencil; measurements count in standard deviations of their noise.
+
+    Returns:
+        P (n, n), symmetric.
+    """
+    try:
+        C = np.linalg.solve(np.linalg.cholesky(resolvers), model.C)
+    except np.linalg.LinAlgError as error:
+        raise TwinError(f"resolver noise given whose covariance is not positive definite: {error}") from error
+    transition, information, covariance = model.A.T, C.T @ C, drives @ drives.T
+    # Where the noise grows without bound it overflows; that is found and said below.
+    with np.errstate(all="ignore"):
+        for _ in range(DOUBLINGS):
+            try:
+                weight = np.linalg.inv(np.eye(model.order) + information @ covariance)
+            except np.linalg.LinAlgError:
+                break
+            shared = transition @ weight
+            added = transition.T @ covariance @ weight @ transition
+            information = _symmetric(information + shared @ information @ transition.T)
+            transition, covariance = shared @ transition, _symmetric(covariance + added)
+            if not np.isfinite(covariance).all():
+                break
+            if np.abs(added).max() <= np.finfo(float).eps * np.abs(covariance).max():
+                return covariance
+    raise TwinError(
+        f"the Riccati equation of the noise has no solution: the covariance does not settle within 2^{DOUBLINGS} ticks "
+        "(the measurements do not tell of a state that grows)"
+    )
+
+
+def _symmetric(matrix: np.ndarray) -> np.ndarray:
+    return 0.5 * (matrix + matrix.T)
 
 
 def minimal_innovations_form(model: StateSpace, tolerance: float) -> StateSpace:

@@ -1,6 +1,7 @@
 """The true noise model: against spectra, against the Kalman recursion, against records of the twin."""
 
 from dataclasses import replace
+from functools import cache
 
 import numpy as np
 import pytest
@@ -8,7 +9,7 @@ from scipy.stats import binom
 
 import sysid
 from hmtb_twin import IDEAL, JOINTS, Plant, Truth, TwinError, linearize, load_arm, simulate
-from hmtb_twin.innovations import innovations_form
+from hmtb_twin.innovations import Disturbances, innovations_form
 from sysid import IOData, StateSpace
 
 LEVEL = 0.005
@@ -40,6 +41,40 @@ def test_one_state_has_the_closed_form():
     p = half + np.sqrt(half * half + q * r)
     assert form.K[0, 0] == pytest.approx(a * p / (p + r), rel=1e-12)
     assert form.innovation_covariance[0, 0] == pytest.approx(p + r, rel=1e-12)
+
+
+@pytest.mark.parametrize("level", [1e-8, 1e-5, 1e-4, 1e-2, 1.0])
+@pytest.mark.parametrize(
+    ("variant", "actuator"),
+    [("nominal", "linear"), ("nominal", "orifice"), ("flight", "linear"), ("published", "linear")],
+)
+def test_every_level_of_noise_has_its_noise_model(variant, actuator, level):
+    plant = Plant(actuator=actuator, friction="viscous", process_noise=1.0)
+    if actuator == "orifice":
+        pytest.importorskip("numba")
+    path, disturbances = unit_noise(variant, plant)
+    f = np.geomspace(0.01, 24.9, 40)
+    unit = replace(path, B=disturbances.drives).frequency_response(f)
+    for outputs in (range(7), [3], [5, 1]):
+        R = disturbances.resolvers[np.ix_(outputs, outputs)]
+        some = StateSpace(path.A, path.B, path.C[outputs], path.D[outputs], None, path.dt)
+        form = innovations_form(some, level * disturbances.drives, R)
+        shaped = form.noise_response(f)
+        found = shaped @ form.innovation_covariance @ shaped.conj().swapaxes(1, 2)
+        driven = level * unit[:, outputs]
+        wanted = driven @ driven.conj().swapaxes(1, 2) + R
+        scale = np.sqrt(np.einsum("fi,fj->fij", *(2 * [np.einsum("fii->fi", wanted).real])))
+        assert (np.abs(found - wanted) / scale).max() < 1e-9
+        # Little noise moves the gain by its variance, but for the square of it: no digits of K are lost in R.
+        if level == 1e-8:
+            twice = innovations_form(some, 2.0 * level * disturbances.drives, R)
+            np.testing.assert_allclose(twice.K, 4.0 * form.K, atol=1e-4 * np.abs(form.K).max())
+
+
+@cache
+def unit_noise(variant: str, plant: Plant) -> tuple[StateSpace, Disturbances]:
+    truth = linearize(load_arm(variant, plant=plant), amplitudes=())
+    return replace(truth.model, K=None), truth.disturbances
 
 
 def test_gain_is_where_the_kalman_recursion_goes(noisy):
@@ -180,3 +215,12 @@ def test_noise_without_a_predictor_is_refused():
     unstable = StateSpace([[1.5]], [[1.0]], [[0.0]], [[0.0]], None, 0.02)
     with pytest.raises(TwinError, match="Riccati"):
         innovations_form(unstable, np.array([[1.0]]), np.array([[1.0]]))
+    with pytest.raises(TwinError, match="not positive definite"):
+        innovations_form(unstable, np.array([[1.0]]), np.array([[0.0]]))
+
+
+def test_seen_growth_has_a_predictor():
+    form = innovations_form(StateSpace([[1.5]], [[1.0]], [[1.0]], [[0.0]], None, 0.02), np.eye(1), np.eye(1))
+    # p = a^2 p r / (p + r) + q
+    p = 0.5 * (2.25 + np.sqrt(2.25**2 + 4.0))
+    assert form.innovation_covariance[0, 0] == pytest.approx(p + 1.0, rel=1e-12)
