@@ -235,7 +235,7 @@ def check_arm(variant: str, payload: str, plant: Plant, *, worksite: bool) -> No
     arm = variant_named(variant)
     if not isinstance(plant, Plant):
         raise TwinError(f'plant = {plant!r} given, expected a Plant, such as Plant(actuator="orifice")')
-    if payload not in PAYLOADS:
+    if not isinstance(payload, str) or payload not in PAYLOADS:
         raise TwinError(f"unknown payload {payload!r}, available: {', '.join(PAYLOADS)}")
     if worksite and payload not in WORKSITE_PAYLOADS:
         raise TwinError(

@@ -38,7 +38,7 @@ def joint_index(name: str) -> int:
     Raises:
         TwinError: There is no such joint.
     """
-    if name not in JOINTS:
+    if not isinstance(name, str) or name not in JOINTS:
         raise TwinError(f"unknown joint {name!r}, available: {', '.join(JOINTS)}")
     return JOINTS.index(name)
 

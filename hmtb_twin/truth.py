@@ -161,10 +161,14 @@ class Truth:
             TwinError: No joint, one twice, or one that there is not.
         """
         for role, names in (("commanded", commanded), ("measured", measured)):
-            if isinstance(names, str) or not names or len(set(names)) != len(names):
+            if isinstance(names, str) or not isinstance(names, Sequence) or not names:
                 raise TwinError(f"{role} = {names!r} given, expected one or more joints, each once")
         inputs = [joint_index(name) for name in commanded]
         outputs = [joint_index(name) for name in measured]
+        for role, joints in (("commanded", inputs), ("measured", outputs)):
+            if len(set(joints)) != len(joints):
+                names = tuple(JOINTS[j] for j in joints)
+                raise TwinError(f"{role} = {names!r} given, expected one or more joints, each once")
         model, disturbances = self.model, self.disturbances
         path = StateSpace(
             model.A,

@@ -68,6 +68,6 @@ def variant_named(name: str) -> Variant:
     Raises:
         TwinError: There is none of that name.
     """
-    if name not in VARIANTS:
+    if not isinstance(name, str) or name not in VARIANTS:
         raise TwinError(f"unknown variant {name!r}, available: {', '.join(VARIANTS)}")
     return VARIANTS[name]
