@@ -120,15 +120,14 @@ def best_linear(
         The approximation.
 
     Raises:
-        ScenarioError: See `multisine_experiments`; the physics diverged; a multisine beyond the converter's range.
+        ScenarioError: See `multisine_experiments`; `measured` is no sequence of joints, each once; the physics
+            diverged; a multisine beyond the converter's range.
         TwinError: The setting asks for something that the laboratory does not have.
-        SysidError: The command does not move at a line, for instance because it is less than a converter's step.
+        SysidError: The command does not move at a line, for instance because the stick stays in its deadband.
     """
     experiments = multisine_experiments(setting, multisines or Multisines())
     first = experiments[0]
-    outputs = tuple(first.axes if measured is None else measured)
-    if not outputs:
-        raise ScenarioError(f"no measured joint given, expected some of {', '.join(JOINTS)}")
+    outputs = _outputs(first.axes if measured is None else measured)
     rows = [joint_index(name) for name in outputs]
     result = simulate(experiments, threads=threads)
     for name, reason in result.failed.items():
@@ -171,6 +170,13 @@ def distortion_percent(approximation: BestLinearApproximation) -> FloatArray:
     excess = approximation.realisations * (approximation.total_variance - approximation.noise_variance)
     linear = np.abs(approximation.response.response) ** 2 - approximation.total_variance
     return np.asarray(100.0 * np.sqrt(np.maximum(excess.sum(axis=(0, 2)), 0.0) / linear.sum(axis=(0, 2))))
+
+
+def _outputs(measured: Sequence[str]) -> tuple[str, ...]:
+    fine = isinstance(measured, Sequence) and not isinstance(measured, str) and len(measured) > 0
+    if not fine or any(list(measured).count(name) > 1 for name in measured):
+        raise ScenarioError(f"measured = {measured!r} given, expected one or more of {', '.join(JOINTS)}, each once")
+    return tuple(measured)
 
 
 def _record(

@@ -92,9 +92,11 @@ def multisine_experiments(setting: Experiment, multisines: Multisines) -> tuple[
         multisines: The excitation class.
 
     Raises:
-        ScenarioError: Another mode, a sample and hold that no period is a multiple of, or a shutdown.
+        ScenarioError: Another mode, a sample and hold that no period is a multiple of, a shutdown, or an amplitude that
+            the converters do not resolve.
     """
     hold = setting.hand_controller.hold if setting.chain.hold else 1
+    step = _resolved(setting)
     wrong = [
         (setting.mode != MODE, f"mode {setting.mode} given, expected {MODE}"),
         (bool(setting.shutdown), "an emergency shutdown given, expected none: the record must be periodic"),
@@ -102,6 +104,11 @@ def multisine_experiments(setting: Experiment, multisines: Multisines) -> tuple[
             multisines.samples % hold != 0,
             f"a hand controller that holds {hold} samples given, expected one whose hold divides the period of "
             f"{multisines.samples} samples",
+        ),
+        (
+            multisines.rms < step,
+            f"an amplitude of {multisines.rms:g} rad given, expected {step:.3g} rad or more: below one count of the "
+            "converters the noise of the wires, not the multisine, moves the command",
         ),
     ]
     for fails, message in wrong:
@@ -126,3 +133,9 @@ def multisine_experiments(setting: Experiment, multisines: Multisines) -> tuple[
         replace(first, name=f"{first.name}-{r}-{e}", realisation=r, record=e, seed=int(seed))
         for (r, e), seed in zip(records, seeds, strict=True)
     )
+
+
+def _resolved(setting: Experiment) -> float:
+    """The angle that one count of the coarser converter that rounds stands for, rad; 0 where none does."""
+    converters = ((setting.chain.dac, BOARD.dac_step), (setting.chain.adc, setting.hand_controller.adc_step))
+    return setting.hand_controller.gain * max((step for rounds, step in converters if rounds), default=0.0)

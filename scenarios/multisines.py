@@ -46,6 +46,7 @@ class Multisines:
 
     def __post_init__(self) -> None:
         check_seed(self.seed)
+        self._check_types()
         ticks = self.period * SAMPLE_RATE
         wanted = {
             "rms": (0.0 < self.rms <= 1.0, "above 0 and up to 1 rad"),
@@ -64,6 +65,18 @@ class Multisines:
             raise ScenarioError(
                 f"multisines: no line in {self.f_min:g} to {self.f_max:g} Hz; lines are {1 / self.period:g} Hz apart"
             )
+
+    def _check_types(self) -> None:
+        kinds = {
+            "a number": (int | float | np.integer | np.floating, ("rms", "f_min", "f_max", "period")),
+            "a whole number": (int | np.integer, ("realisations", "periods", "settling")),
+            "True or False": (bool | np.bool_, ("odd",)),
+        }
+        for expected, (kind, names) in kinds.items():
+            for name in names:
+                value = getattr(self, name)
+                if not isinstance(value, kind) or (name != "odd" and isinstance(value, bool)):
+                    raise ScenarioError(f"multisines: {name} = {value!r} given, expected {expected}")
 
     @property
     def samples(self) -> int:

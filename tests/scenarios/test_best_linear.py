@@ -1,15 +1,17 @@
 """The best linear approximation of the twin: the small-signal truth where the arm is linear, apart where it is not."""
 
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
 from scipy.stats import binom, kstest
 
-from hmtb_twin import IDEAL, STUDIED_JOINTS, HandController, Plant, linearize, load_arm
+from hmtb_twin import IDEAL, STUDIED_JOINTS, Chain, HandController, Plant, linearize, load_arm
 from scenarios import ScenarioError, load
 from scenarios.agreement import agreement
 from scenarios.best_linear import best_linear
+from scenarios.excitation_computer import BOARD
 from scenarios.multisine_experiment import MultisineExperiment, multisine_experiments
 from scenarios.multisines import Multisines
 from sysid import SysidError
@@ -139,6 +141,26 @@ def test_what_cannot_be_measured_is_refused(setting: MultisineExperiment, multis
         best_linear(setting, multisines)
 
 
-def test_a_command_below_one_count_is_no_excitation() -> None:
+@pytest.mark.parametrize("chain", [Chain(), replace(QUIET, adc=True), replace(QUIET, dac=True)])
+def test_a_command_below_one_count_is_no_excitation(chain: Chain) -> None:
+    """With noise on the wires the command moves, but what moves it is the noise."""
+    step = max(HandController().adc_step, BOARD.dac_step) * HandController().gain
+    for rms in (1e-9, 0.99 * step):
+        with pytest.raises(ScenarioError, match=r"expected 0.000327 rad or more: below one count of the converters"):
+            best_linear(replace(YAW, chain=chain), replace(SHORT, rms=rms, realisations=2))
+    assert multisine_experiments(replace(YAW, chain=chain), replace(SHORT, rms=1.01 * step))
+    assert multisine_experiments(YAW, replace(SHORT, rms=1e-9)), "nothing rounds there"
+
+
+def test_a_stick_in_its_deadband_is_no_excitation() -> None:
+    stiff = replace(YAW, hand_controller=HandController(deadband=1.0))
     with pytest.raises(SysidError, match="no power at the line"):
-        best_linear(replace(YAW, chain=replace(QUIET, adc=True)), replace(SHORT, rms=1e-5, realisations=2))
+        best_linear(stiff, replace(SHORT, realisations=2))
+
+
+@pytest.mark.parametrize("measured", ["elbow_pitch", 5, (), ("elbow_pitch", "elbow_pitch")])
+def test_measured_joints_are_a_sequence(measured: Any) -> None:
+    with pytest.raises(
+        ScenarioError, match=r"measured = .* given, expected one or more of shoulder_roll, .* each once"
+    ):
+        best_linear(YAW, SHORT, measured=measured)

@@ -1,5 +1,7 @@
 """The excitation class of best linear approximations."""
 
+from typing import Any
+
 import numpy as np
 import pytest
 
@@ -62,8 +64,15 @@ def test_an_odd_random_grid_leaves_even_lines_and_one_of_four_odd_ones_silent() 
         ({"f_min": 1.01, "f_max": 1.02}, "no line in 1.01 to 1.02 Hz"),
         ({"periods": 10_000}, "records of 102410 s asked for"),
         ({"seed": -1}, "a seed is a whole number"),
+        ({"realisations": 2.5}, "realisations = 2.5 given, expected a whole number"),
+        ({"periods": True}, "periods = True given, expected a whole number"),
+        ({"rms": "a"}, "rms = 'a' given, expected a number"),
+        ({"rms": float("nan")}, "rms = nan given, expected above 0"),
+        ({"period": None}, "period = None given, expected a number"),
+        ({"period": float("inf")}, "period = inf given, expected a multiple of 0.02 s"),
+        ({"odd": "no"}, "odd = 'no' given, expected True or False"),
     ],
 )
-def test_what_no_record_can_be_is_refused(change: dict[str, float], message: str) -> None:
+def test_what_no_record_can_be_is_refused(change: dict[str, Any], message: str) -> None:
     with pytest.raises(ScenarioError, match=message):
         Multisines(**change)
