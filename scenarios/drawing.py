@@ -1,14 +1,17 @@
-"""Figures and pictures as text inside a page: nothing is loaded from anywhere."""
+"""Figures and pictures: as files, and as text inside a page, where nothing is loaded from anywhere."""
 
 import base64
 import io
 import re
 from html import escape
+from pathlib import Path
 from typing import Any
 
 import matplotlib
 import numpy as np
 from matplotlib.figure import Figure
+
+from scenarios.whole_file import replacing
 
 SETTINGS: dict[Any, Any] = {
     "font.size": 9,
@@ -17,6 +20,25 @@ SETTINGS: dict[Any, Any] = {
     "svg.hashsalt": "hmtb",  # equal figures give equal text
     "path.simplify_threshold": 0.5,
 }
+
+
+def save_figure(figure: Figure, path: Path, dpi: int = 100) -> None:
+    """Write a figure whole or not at all, in the format that its name ends in.
+
+    Args:
+        figure: The figure.
+        path: The file; one of that name is replaced.
+        dpi: Pixels per inch of what is made of pixels.
+
+    Raises:
+        ScenarioError: There is a folder of that name.
+        OSError: The file cannot be written.
+    """
+    kind = path.suffix.removeprefix(".").lower()
+    dated = {"svg": "Date", "pdf": "CreationDate"}
+    metadata = {dated[kind]: None} if kind in dated else None
+    with replacing(path) as partial:
+        figure.savefig(partial, format=kind, dpi=dpi, metadata=metadata)
 
 
 def svg(figure: Figure, description: str, mark: str) -> str:

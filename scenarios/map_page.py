@@ -5,7 +5,7 @@ from pathlib import Path
 
 import matplotlib
 
-from scenarios.drawing import SETTINGS, svg
+from scenarios.drawing import SETTINGS, save_figure, svg
 from scenarios.map_figures import map_figures
 from scenarios.map_findings import findings
 from scenarios.map_tables import map_tables
@@ -42,7 +42,7 @@ def write_maps(maps: Maps, folder: Path) -> tuple[Path, ...]:
     for name, (figure, description) in figures.items():
         path = folder / f"{name}.svg"
         with matplotlib.rc_context(SETTINGS):
-            figure.savefig(path, metadata={"Date": None})
+            save_figure(figure, path)
         pictures[name] = svg(figure, description, name)
         written.append(path)
     for name, text in tables.items():

@@ -93,12 +93,13 @@ def identify(
     title = f"{method.upper()} from {data.name}" + (f", fits to {validate.name}" if validate else "")
     pictures: list[Path] = []
     if out is not None:
+        from scenarios.drawing import save_figure
         from scenarios.identification_figures import figures
 
         with output_folder(out) as folder:
             for name, figure in figures(found).items():
                 pictures.append(folder / f"{data.stem}-{name}.png")
-                figure.savefig(pictures[-1], dpi=120)
+                save_figure(figure, pictures[-1], dpi=120)
     if json:
         print_json({**_record(method, found), "warnings": texts, "figures": pictures})
         return 0

@@ -34,6 +34,7 @@ def preview(
     """
     from dataclasses import replace
 
+    from scenarios.drawing import save_figure
     from scenarios.errors import ScenarioError
     from scenarios.preview import preview as computed
     from scenarios.preview_figure import preview_figure
@@ -56,7 +57,7 @@ def preview(
         for scenario in chosen:
             seen = computed(scenario)
             picture = folder / f"{scenario.name}-preview.png"
-            preview_figure(seen).savefig(picture, dpi=120)
+            save_figure(preview_figure(seen), picture, dpi=120)
             records[scenario.name] = {**_record(seen), "plot": str(picture)}
             if not json:
                 _print(seen, picture)

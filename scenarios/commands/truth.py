@@ -176,11 +176,11 @@ def _figure(summary: "TruthSummary", out: Path | None) -> list[Path]:
         return []
     import matplotlib
 
-    from scenarios.drawing import SETTINGS
+    from scenarios.drawing import SETTINGS, save_figure
     from scenarios.truth_figure import truth_figure
 
     with output_folder(out.parent), matplotlib.rc_context(SETTINGS):
-        truth_figure(summary).savefig(out, dpi=150)
+        save_figure(truth_figure(summary), out, dpi=150)
     return [out]
 
 

@@ -103,6 +103,7 @@ def waveform(
 
     import numpy as np
 
+    from scenarios.drawing import save_figure
     from scenarios.figures import waveform_figure
     from scenarios.needed_order import needed_orders, shortcoming
     from scenarios.waveform_file import write_points
@@ -111,7 +112,7 @@ def waveform(
         name = kind if path is None else path.stem
         file = write_points(wave.points.tolist(), folder / f"{name}.txt") if path is None else path
         picture = folder / f"{name}.png"
-        waveform_figure(wave).savefig(picture, dpi=150)
+        save_figure(waveform_figure(wave), picture, dpi=150)
     order = wave.order_of_excitation()
     parameters = wave.parameters if path is None else {"path": str(path)}
     warnings = [text for text in (_beyond(wave), shortcoming(order)) if text]
