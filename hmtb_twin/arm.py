@@ -223,6 +223,11 @@ def load_arm(
     check_arm(variant, payload, plant, worksite=bool(worksite))
     if not friction and plant.friction != "none":
         plant = replace(plant, friction="viscous")
+    if plant.actuator == "orifice":
+        from hmtb_twin.orifice import install_valve_equations
+
+        # An arm from the cache, too, needs them in force.
+        install_valve_equations()
     return _load(variant, payload, plant, bool(worksite))
 
 

@@ -168,39 +168,49 @@ def arm_parameters(model: mujoco.MjModel) -> np.ndarray:
     return np.array(model.actuator_user[0::2, : eq.PARAMETERS])
 
 
-@cache
 def install_valve_equations() -> tuple[Any, Any]:
-    """Compile the equations and hand them to MuJoCo, once per process.
+    """See to it that MuJoCo calls the equations: compiled once per process, handed to it anew where removed.
+
+    Without them MuJoCo runs a model of servo valves all the same, with valves that never move: called wherever an arm
+    is loaded or brought to rest.
 
     Returns:
-        The compiled functions, kept alive by the cache of this function.
+        The compiled functions, kept alive by a cache.
 
     Raises:
-        TwinError: Numba is not installed, MuJoCo's structures are not found, or somebody else's callback is installed.
+        TwinError: Numba is not installed or cannot be loaded, MuJoCo's structures are not found, or somebody else's
+            callback is installed.
     """
     if not eq.COMPILER:
         raise TwinError(
-            'actuator = "orifice" given, but Numba, which compiles its equations, is not installed; '
+            f'actuator = "orifice" given, but Numba, which compiles its equations, {eq.FAULT}; '
             "install it with pip install 'hmtb-twin[orifice]', or use actuator = \"linear\""
         )
-    for name, taken in (
-        ("mjcb_act_dyn", mujoco.get_mjcb_act_dyn()),
-        ("mjcb_act_bias", mujoco.get_mjcb_act_bias()),
-    ):
-        if taken is not None:
+    rates, bias = _compiled()
+    places = (
+        ("mjcb_act_dyn", mujoco.get_mjcb_act_dyn(), mujoco.set_mjcb_act_dyn, rates.ctypes),
+        ("mjcb_act_bias", mujoco.get_mjcb_act_bias(), mujoco.set_mjcb_act_bias, bias.ctypes),
+    )
+    for name, taken, _, ours in places:
+        if taken is not None and taken is not ours:
             raise TwinError(
                 f"somebody else's callback is installed as MuJoCo's {name}; the orifice valve needs it, and MuJoCo has "
                 "one per process: remove it, or run the orifice valve in a process of its own"
             )
+    for _, taken, install, ours in places:
+        if taken is None:
+            install(ours)
+    return rates, bias
+
+
+@cache
+def _compiled() -> tuple[Any, Any]:
     offsets = struct_offsets()
     try:
-        rates, bias = eq.compiled_callbacks(offsets)
+        return eq.compiled_callbacks(offsets)
     except RuntimeError:
         # Neither the package's own folder nor the user's can be written.
-        rates, bias = eq.compiled_callbacks(offsets, cached=False)
-    mujoco.set_mjcb_act_dyn(rates.ctypes)
-    mujoco.set_mjcb_act_bias(bias.ctypes)
-    return rates, bias
+        return eq.compiled_callbacks(offsets, cached=False)
 
 
 def settled_oil(
@@ -298,6 +308,7 @@ def lean_on_pins(model: mujoco.MjModel, controller: ControllerModel, command: np
         command: Commanded joint angles (7,), rad.
         data: The arm at rest, settled but for the pins; it is changed.
     """
+    install_valve_equations()
     lean, n = 1e-8, len(JOINTS)
     for name in INDEXED_JOINTS:
         joint = model.joint(name)

@@ -12,14 +12,20 @@ import numpy as np
 try:
     from numba import carray, cfunc, types
     from numba.extending import register_jitable
-except ImportError:  # The equations themselves need no compiler; `orifice` says what is missing.
+# An installation that does not fit fails in its own ways: AttributeError, SystemError, OSError.
+except Exception as error:  # The equations themselves need no compiler; `orifice` says what is missing.
     COMPILER = False
+    FAULT = (
+        "is not installed"
+        if isinstance(error, ModuleNotFoundError) and error.name == "numba"
+        else f"cannot be loaded ({type(error).__name__}: {error})"
+    )
 
     def register_jitable(function: Any) -> Any:
         """Leave a function as it is."""
         return function
 else:
-    COMPILER = True
+    COMPILER, FAULT = True, ""
 
 (
     COUNT,

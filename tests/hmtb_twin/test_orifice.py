@@ -1,5 +1,7 @@
 """The servo valves against their own equations written down a second time, against orifice law, and in the arm."""
 
+import runpy
+import sys
 from copy import copy
 from dataclasses import replace
 
@@ -434,10 +436,25 @@ def test_step_makes_whole_ticks_of_the_fourth_order_method(valve_arm):
     assert substeps == pytest.approx(2 * round(substeps / 2), abs=1e-12)
 
 
-def test_absent_compiler_says_what_to_install(monkeypatch):
-    monkeypatch.setattr(eq, "COMPILER", False)
-    with pytest.raises(TwinError, match=r"Numba.*pip install 'hmtb-twin\[orifice\]'.*linear"):
-        install_valve_equations.__wrapped__()
+@pytest.mark.parametrize(
+    ("error", "words"),
+    [
+        ("ModuleNotFoundError(\"No module named 'numba'\", name='numba')", "is not installed"),
+        ("ImportError('Numba needs NumPy 2.2 or less')", r"cannot be loaded \(ImportError: Numba needs NumPy 2.2"),
+        ("AttributeError('module has no _ARRAY_API')", r"cannot be loaded \(AttributeError: module has no"),
+        ("SystemError('initialization failed')", r"cannot be loaded \(SystemError"),
+        ("OSError('libllvmlite.so: cannot open')", r"cannot be loaded \(OSError: libllvmlite"),
+    ],
+)
+def test_absent_or_failing_compiler_says_what_is_wrong_and_what_to_install(error, words, tmp_path, monkeypatch):
+    monkeypatch.delitem(sys.modules, "numba")
+    monkeypatch.syspath_prepend(tmp_path)
+    (tmp_path / "numba.py").write_text(f"raise {error}\n")
+    anew = runpy.run_path(eq.__file__)
+    monkeypatch.setattr(eq, "COMPILER", anew["COMPILER"])
+    monkeypatch.setattr(eq, "FAULT", anew["FAULT"])
+    with pytest.raises(TwinError, match=rf"Numba.*{words}.*pip install 'hmtb-twin\[orifice\]'.*linear"):
+        load_arm(plant=ORIFICE)
 
 
 @pytest.mark.parametrize("name", ["get_mjcb_act_dyn", "get_mjcb_act_bias"])
@@ -447,28 +464,57 @@ def test_somebody_elses_callback_is_left_alone(name, monkeypatch):
     for function in ("get_mjcb_act_dyn", "get_mjcb_act_bias"):
         monkeypatch.setattr(mujoco, function, lambda taken=function == name: taken or None)
     with pytest.raises(TwinError, match=name.removeprefix("get_")):
-        install_valve_equations.__wrapped__()
+        install_valve_equations()
 
 
 def test_without_a_folder_for_machine_code_the_equations_are_compiled_anew(monkeypatch):
-    asked = []
+    machine_code, asked = install_valve_equations(), []
 
     def compiled(offsets, *, cached=True):
         asked.append(cached)
         if cached:
             raise RuntimeError("no locator available")
-        return install_valve_equations()
+        return machine_code
 
-    for function in ("get_mjcb_act_dyn", "get_mjcb_act_bias"):
-        monkeypatch.setattr(mujoco, function, lambda: None)
     monkeypatch.setattr(eq, "compiled_callbacks", compiled)
-    assert install_valve_equations.__wrapped__() == install_valve_equations()
+    assert orifice_module._compiled.__wrapped__() == machine_code
     assert asked == [True, False]
 
 
-def test_equations_are_installed_once():
-    assert install_valve_equations() is install_valve_equations()
-    assert orifice_module.install_valve_equations.cache_info().currsize == 1
+def test_equations_are_compiled_once():
+    assert install_valve_equations() == install_valve_equations()
+    assert orifice_module._compiled.cache_info().currsize == 1
+
+
+@pytest.mark.parametrize("name", ["act_dyn", "act_bias"])
+def test_removed_equations_are_put_back_wherever_an_arm_moves(name, experiment):
+    plant = replace(ORIFICE, friction="viscous")
+    kind, arm = experiment(duration=0.5, plant=plant), load_arm(plant=plant)
+    getter, setter = (getattr(mujoco, f"{verb}_mjcb_{name}") for verb in ("get", "set"))
+    uses = (
+        lambda: load_arm(plant=plant),
+        lambda: simulate([kind])[0].true_angles,
+        lambda: linearize(load_arm(plant=plant), amplitudes=()).model.A,
+        lambda: np.array(arm.rest(arm.pose("home")).act_dot),
+    )
+    for use in uses:
+        before, ours = use(), getter()
+        setter(None)
+        np.testing.assert_array_equal(use(), before)
+        assert getter() is ours
+
+
+@pytest.mark.parametrize("name", ["act_dyn", "act_bias"])
+def test_arm_does_not_move_on_somebody_elses_equations(name, experiment):
+    kind, arm = experiment(duration=0.5, plant=ORIFICE), load_arm(plant=ORIFICE)
+    ours = getattr(mujoco, f"get_mjcb_{name}")()
+    getattr(mujoco, f"set_mjcb_{name}")(lambda model, data, actuator: 0.0)
+    try:
+        for use in (lambda: load_arm(plant=ORIFICE), lambda: simulate([kind]), lambda: arm.rest(arm.pose("home"))):
+            with pytest.raises(TwinError, match=f"mjcb_{name}; the orifice valve needs it"):
+                use()
+    finally:
+        getattr(mujoco, f"set_mjcb_{name}")(ours)
 
 
 def test_other_peoples_user_actuators_are_left_alone():
