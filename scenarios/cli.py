@@ -9,6 +9,7 @@ import sys
 import traceback
 from collections.abc import Callable, Sequence
 from importlib import metadata
+from pathlib import Path
 from typing import ParamSpec
 
 import tyro
@@ -66,6 +67,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     Returns:
         Exit code: 0 done, 1 a check found a difference, 2 bad input, 130 interrupted.
     """
+    _open_streams()
     words = list(sys.argv[1:] if arguments is None else arguments) or ["--help"]
     if words in (["--version"], ["version"]):
         print(f"hmtb {_version()}")
@@ -89,6 +91,13 @@ def main(arguments: Sequence[str] | None = None) -> int:
             raise
         print(f"hmtb: {line}", file=sys.stderr)
         return 2
+
+
+def _open_streams() -> None:
+    """Send what goes to a stream that the caller closed (`hmtb ... >&-`), which Python shows as None, nowhere."""
+    for name in ("stdout", "stderr"):
+        if getattr(sys, name) is None:
+            setattr(sys, name, Path(os.devnull).open("w", encoding="utf-8"))
 
 
 Options = ParamSpec("Options")

@@ -1,6 +1,8 @@
 """The command line: what it prints, and one clear line for everything that a user can get wrong."""
 
 import json
+import os
+import sys
 from pathlib import Path
 
 import numpy as np
@@ -385,3 +387,14 @@ def test_a_fault_of_ours_keeps_its_traceback(monkeypatch: pytest.MonkeyPatch) ->
     monkeypatch.setattr("hmtb_twin.linearize", broken)
     with pytest.raises(ValueError, match="not the user's doing"):
         main(["truth"])
+
+
+@pytest.mark.parametrize(("words", "code"), [(["truth", "--pose", "home"], 0), (["--version"], 0), (["nonsense"], 2)])
+def test_closed_streams_get_nothing(monkeypatch: pytest.MonkeyPatch, words: list[str], code: int) -> None:
+    """`hmtb ... >&- 2>&-`: Python has no stream then."""
+    for name in ("stdout", "stderr"):
+        monkeypatch.setattr(sys, name, None)
+    assert main(words) == code
+    for stream in (sys.stdout, sys.stderr):
+        assert stream.name == os.devnull
+        stream.close()
