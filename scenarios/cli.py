@@ -97,7 +97,7 @@ def _open_streams() -> None:
     """Send what goes to a stream that the caller closed (`hmtb ... >&-`), which Python shows as None, nowhere."""
     for name in ("stdout", "stderr"):
         if getattr(sys, name) is None:
-            setattr(sys, name, Path(os.devnull).open("w", encoding="utf-8"))
+            setattr(sys, name, Path(os.devnull).open("w", encoding="utf-8"))  # noqa: SIM115 - open to the end
 
 
 Options = ParamSpec("Options")
