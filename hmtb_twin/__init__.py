@@ -5,7 +5,7 @@ from hmtb_twin.bus_faults import BusFaults
 from hmtb_twin.bus_record import BusRecord
 from hmtb_twin.bus_run import BusRun, read_run, record_run
 from hmtb_twin.chain import IDEAL, Chain
-from hmtb_twin.errors import TwinError, TwinWarning
+from hmtb_twin.errors import OverloadError, TwinError, TwinWarning
 from hmtb_twin.experiment import Experiment, Motion, Operator, UnitView, View
 from hmtb_twin.joint_log import JointLog
 from hmtb_twin.linearization import linearize
@@ -40,6 +40,7 @@ __all__ = [
     "Logs",
     "Motion",
     "Operator",
+    "OverloadError",
     "Plant",
     "Status",
     "Truth",

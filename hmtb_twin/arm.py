@@ -10,8 +10,8 @@ import numpy as np
 
 from hmtb_twin.controller_model import ControllerModel, controller_model
 from hmtb_twin.electric_drive import Drive
-from hmtb_twin.errors import TwinError
-from hmtb_twin.parameters import JOINTS, MOTIONS, OPERATING_POSE, POSES, Actuator, Servo
+from hmtb_twin.errors import OverloadError, TwinError
+from hmtb_twin.parameters import INDEXED_JOINTS, JOINTS, MOTIONS, OPERATING_POSE, POSES, Actuator, Servo
 from hmtb_twin.payloads import PAYLOADS, WORKSITE_PAYLOADS
 from hmtb_twin.plant import NOMINAL_PLANT, Plant
 from hmtb_twin.resources import model_file
@@ -163,7 +163,11 @@ class Arm:
 
         Returns:
             A new MuJoCo state with controls that hold the pose.
+
+        Raises:
+            OverloadError: The drives cannot hold the arm there.
         """
+        self._check_load(angles)
         data = mujoco.MjData(self.model)
         data.ctrl[:] = self.controls(angles[None])[0]
         command = angles
@@ -181,6 +185,18 @@ class Arm:
             lean_on_pins(self.model, self.controller, command, data)
         mujoco.mj_forward(self.model, data)
         return data
+
+    def _check_load(self, angles: np.ndarray) -> None:
+        """Refuse a pose (7,), rad, whose weight takes all the torque of a drive; pins need none."""
+        needed = np.abs(self.controller.gravity_torque(angles[None])[0])
+        short = [
+            f"{name.replace('_', ' ')} needs {torque:.0f} N m and has {self.drives[name].maximum_torque:.0f}"
+            for name, torque in zip(JOINTS, needed, strict=True)
+            if name not in INDEXED_JOINTS and torque >= self.drives[name].maximum_torque
+        ]
+        if short:
+            at = f"at {self.plant.supply_pressure:g} MPa " if self.drives_kind == "hydraulic" else ""
+            raise OverloadError(f"{at}the drives cannot hold the arm at this pose: {', '.join(short)}")
 
     def _settled(self, command: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Return angles (7,) and activations at which the commanded arm rests."""

@@ -8,10 +8,10 @@ import numpy as np
 from scipy.linalg import block_diag
 
 from hmtb_twin.arm import Arm, load_arm
-from hmtb_twin.errors import TwinError
+from hmtb_twin.errors import OverloadError, TwinError
 from hmtb_twin.innovations import Disturbances, innovations_form
 from hmtb_twin.joint_log import software_versions
-from hmtb_twin.joint_range import check_range
+from hmtb_twin.joint_range import check_range, clear_of_stops
 from hmtb_twin.parameters import JOINTS, OPERATING_POSE, RECORDER, SAMPLE_TIME, STUDIED_JOINTS
 from hmtb_twin.sample_map import sample_map
 from hmtb_twin.truth import Truth
@@ -54,6 +54,7 @@ def linearize(arm: Arm, pose: str | np.ndarray = OPERATING_POSE, *, amplitudes: 
         TwinError: There is no such pose, the angles are not seven finite numbers, a joint is out of its range or less
             than `joint_range.CLEARANCE` from a stop, or an indexed joint is not at its index: there the stop or the pin
             would be linearised with the servo.
+        OverloadError: The drives cannot hold the arm there, or servo valves under load let a joint sink onto its stop.
     """
     smooth = sliding(arm)
     angles = smooth.pose(pose) if isinstance(pose, str) else _angles(pose)
@@ -92,6 +93,12 @@ def _angles(pose: np.ndarray) -> np.ndarray:
 
 def _sampled_model(arm: Arm, angles: np.ndarray) -> tuple[StateSpace, Disturbances]:
     data = arm.rest(angles)
+    for name, angle in zip(JOINTS, data.qpos, strict=True):
+        if not clear_of_stops(name, float(angle)):
+            raise OverloadError(
+                f"at {arm.plant.supply_pressure:g} MPa the drives let the {name.replace('_', ' ')} sink onto its stop, "
+                f"to {np.degrees(angle):g} deg"
+            )
     # MuJoCo differentiates its own single-step integrators, not the Runge-Kutta method.
     single = arm.model.opt.integrator != mujoco.mjtIntegrator.mjINT_RK4
     A, B = _lifted(arm.model, data) if single else sample_map(arm.model, data)

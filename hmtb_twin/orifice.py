@@ -11,7 +11,7 @@ import numpy as np
 
 from hmtb_twin import valve_equations as eq
 from hmtb_twin.controller_model import ControllerModel
-from hmtb_twin.errors import TwinError
+from hmtb_twin.errors import OverloadError, TwinError
 from hmtb_twin.parameters import INDEXED_JOINTS, JOINTS, RATED_PRESSURE, Actuator
 from hmtb_twin.servo_valve import POWER_UNIT, SERVO_VALVE, PowerUnit, ServoValve
 from hmtb_twin.struct_offsets import struct_offsets
@@ -236,7 +236,7 @@ def settled_oil(
         Joint angles (n,) in rad and states (1 + n STATES,).
 
     Raises:
-        TwinError: No equilibrium: the load is more than the valves can carry.
+        OverloadError: No equilibrium: the load is more than the valves can carry.
     """
     n, oil = len(parameters), parameters[0]
     controls = np.column_stack([command, feedforward]).ravel()
@@ -265,11 +265,12 @@ def settled_oil(
         ]
     )
     found = _newton(imbalance, start)
-    left = np.abs(imbalance(found)).max()
-    if not left < 1e-9:
-        raise TwinError(
-            f"the orifice valves find no equilibrium at commanded angles {', '.join(f'{a:.4g}' for a in command)} rad "
-            f"(imbalance {left:.2g}): expected a load below what the supply pressure carries"
+    if not np.abs(imbalance(found)).max() < 1e-9:
+        stall = parameters[:, eq.DISPLACEMENT] * (oil[eq.SET] - oil[eq.RETURN])
+        most = np.max(np.abs(load(command) / stall), where=np.isnan(pins), initial=0.0)
+        raise OverloadError(
+            f"at {oil[eq.SET]:g} MPa the servo valves cannot hold the arm at this pose: the weight takes "
+            f"{100.0 * most:.0f} % of a drive's largest torque, and what leaks through the valves leaves less than that"
         )
     return states(found)
 
@@ -289,7 +290,7 @@ def settled_arm(
         Joint angles (7,) in rad and activations (na,).
 
     Raises:
-        TwinError: The valves cannot carry the load.
+        OverloadError: The valves cannot carry the load.
     """
 
     def gravity(angles: np.ndarray) -> np.ndarray:

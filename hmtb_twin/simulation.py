@@ -14,7 +14,7 @@ from mujoco import batch
 
 from hmtb_twin.arm import Arm, load_arm
 from hmtb_twin.control_station import ControlStation
-from hmtb_twin.errors import TwinError
+from hmtb_twin.errors import OverloadError, TwinError
 from hmtb_twin.experiment import Experiment, Operator, View
 from hmtb_twin.joint_log import WRENCH, JointLog, software_versions
 from hmtb_twin.parameters import JOINTS, RECORDER, SAMPLE_RATE, SAMPLE_TIME
@@ -90,6 +90,8 @@ def simulate(
 
     Raises:
         TwinError: An experiment asks for something that the laboratory does not have; nothing is run then.
+        OverloadError: The drives of an experiment cannot hold the arm at the pose where it starts; nothing is run then.
+            Whether they can hold it wherever the experiment moves it shows in the run.
     """
     if threads is not None and not (isinstance(threads, int) and 1 <= threads <= MOST_THREADS):
         raise TwinError(f"threads = {threads} given, expected a whole number from 1 to {MOST_THREADS}")
@@ -97,6 +99,7 @@ def simulate(
     arms: dict[Arm, list[_Row]] = defaultdict(list)
     for row in rows:
         arms[_arm(row.experiment)].append(row)
+    starts = {arm: _starts(arm, group) for arm, group in arms.items()}
     total = sum(row.ticks for row in rows)
     done, seconds, steps = 0, 0.0, 0
     for arm, group in arms.items():
@@ -106,7 +109,7 @@ def simulate(
             if progress is not None:
                 progress(offset + ticks, total)
 
-        seconds += _run(arm, group, threads or 0, report)
+        seconds += _run(arm, group, starts[arm], threads or 0, report)
         done += sum(row.ticks for row in group)
         steps += sum(row.ticks for row in group) * _substeps(arm.model)
     names = [row.experiment.name for row in rows]
@@ -145,10 +148,28 @@ def _prepare(experiment: Experiment) -> _Row:
     return _Row(experiment, station, resolvers.standard_normal(shape), torques)
 
 
-def _run(arm: Arm, rows: list[_Row], threads: int, report: Callable[[int], None]) -> float:
+def _starts(arm: Arm, rows: list[_Row]) -> dict[str, mujoco.MjData]:
+    """Return the state of the arm at rest at every pose from which it starts."""
+    starts: dict[str, mujoco.MjData] = {}
+    for row in rows:
+        pose = row.experiment.pose
+        if pose not in starts:
+            try:
+                starts[pose] = arm.rest(arm.pose(pose))
+            except OverloadError as error:
+                raise OverloadError(f"{row.experiment.name}: {error} ({pose})") from None
+    return starts
+
+
+def _run(
+    arm: Arm,
+    rows: list[_Row],
+    starts: Mapping[str, mujoco.MjData],
+    threads: int,
+    report: Callable[[int], None],
+) -> float:
     """Run the experiments of one arm, fill in their records and return the seconds spent in the physics."""
     simulations = batch.Batch(arm.model, nsim=len(rows), nthread=threads)
-    starts = {pose: arm.rest(arm.pose(pose)) for pose in {row.experiment.pose for row in rows}}
     for i, row in enumerate(rows):
         start = starts[row.experiment.pose]
         for name in ("qpos", "qvel", "act", "ctrl", "eq_active"):

@@ -5,9 +5,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from hmtb_twin import PAYLOADS, Arm, linearize, load_arm
+from hmtb_twin import PAYLOADS, Arm, load_arm
 from hmtb_twin.oil import COLDEST, HOTTEST
-from scenarios.local_dynamics import LocalDynamics, Progress, described, together
+from scenarios.local_dynamics import LocalDynamics, Progress, dynamics_at, together
 from scenarios.truth_summary import hydraulic
 
 PRESSURES = (7.0, 35.0)
@@ -40,7 +40,7 @@ def payloads(arm: Arm, angles: np.ndarray) -> Conditions:
 
 
 def supply_pressures(arm: Arm, angles: np.ndarray, count: int) -> Conditions:
-    """Linearise over the pressure of the supply."""
+    """Linearise over the pressure of the supply; the lowest may be too low to hold the arm."""
     values = tuple(float(value) for value in np.linspace(*PRESSURES, count))
     arms = (load_arm(arm.variant, arm.payload, plant=replace(arm.plant, supply_pressure=value)) for value in values)
     return Conditions("supply pressure", "MPa", values, _dynamics(arms, angles))
@@ -72,4 +72,4 @@ def conditions(arm: Arm, angles: np.ndarray, count: int, progress: Progress | No
 
 
 def _dynamics(arms: Iterable[Arm], angles: np.ndarray) -> LocalDynamics:
-    return together(described(linearize(arm, angles, amplitudes=())) for arm in arms)
+    return together(dynamics_at(arm, angles) for arm in arms)

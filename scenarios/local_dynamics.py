@@ -5,7 +5,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from hmtb_twin import JOINTS, Arm, Truth, linearize
+from hmtb_twin import JOINTS, Arm, OverloadError, Truth, linearize
 from hmtb_twin.parameters import INDEXED_JOINTS
 from scenarios.errors import ScenarioError
 
@@ -38,14 +38,15 @@ class LocalDynamics:
     Attributes:
         angles: Operating points (n, 7), rad.
         bandwidth: First frequency at which a joint's gain is 3.01 dB below that at 0 Hz (n, m), Hz; NaN where it never
-            is, or where the arm is unstable.
+            is, or where the arm is unstable. Where the drives cannot hold the arm there is no linear model: all but
+            the angles is NaN.
         gain: Gain at 0 Hz (n, m).
         damping: Smallest damping ratio among the poles below 10 Hz that a joint feels (n, m): 1 where all are real.
         cross: Largest gain up to 5 Hz from another joint's command (last axis) to a joint's angle, over that joint's
             own gain at 0 Hz (n, m, m); 0 on the diagonal.
         relative_gain: Diagonal of the relative gain array at a joint's own bandwidth (n, m), complex: its response to
             its command over the same with the other joints' angles kept still; 1 without coupling [Bristol1966].
-        stable: Whether all poles lie inside the unit circle (n,).
+        stable: Whether the drives hold the arm and all poles lie inside the unit circle (n,).
     """
 
     angles: np.ndarray
@@ -88,16 +89,37 @@ def local_dynamics(arm: Arm, poses: np.ndarray, progress: Progress | None = None
 
     Raises:
         ScenarioError: No pose.
-        TwinError: A pose is not seven finite angles.
+        TwinError: A pose is not seven finite angles within the joints' ranges.
     """
     if not len(poses):
         raise ScenarioError("no pose given, expected one or more")
     parts = []
     for done, pose in enumerate(poses):
-        parts.append(described(linearize(arm, pose, amplitudes=())))
+        parts.append(dynamics_at(arm, pose))
         if progress is not None and (done % 20 == 19 or done == len(poses) - 1):
             progress(done + 1, len(poses))
     return together(parts)
+
+
+def dynamics_at(arm: Arm, pose: np.ndarray) -> LocalDynamics:
+    """Linearise an arm at one pose (7,), rad; where its drives cannot hold it, the record is a gap.
+
+    Raises:
+        TwinError: The pose is not seven finite angles within the joints' ranges.
+    """
+    try:
+        return described(linearize(arm, pose, amplitudes=()))
+    except OverloadError:
+        joints = len(MOVING)
+        return LocalDynamics(
+            angles=np.array(pose, dtype=float)[None],
+            bandwidth=np.full((1, joints), np.nan),
+            gain=np.full((1, joints), np.nan),
+            damping=np.full((1, joints), np.nan),
+            cross=np.full((1, joints, joints), np.nan),
+            relative_gain=np.full((1, joints), np.nan, dtype=complex),
+            stable=np.array([False]),
+        )
 
 
 def together(parts: Iterable[LocalDynamics]) -> LocalDynamics:

@@ -155,9 +155,9 @@ def coupling(maps: Maps) -> Figure:
     """What joints do to each other."""
     figure = Figure(figsize=(9.6, 5.0), layout="constrained")
     panels = figure.subplots(1, 2, sharey=True)
-    often = np.quantile(maps.anywhere.dynamics.cross, 0.95, axis=0)
+    often = np.nanquantile(maps.anywhere.dynamics.cross, 0.95, axis=0)
     here = maps.here.cross[0]
-    top = 100.0 * max(float(often.max()), float(here.max()))
+    top = 100.0 * max(float(np.nanmax(often)), float(here.max()))
     for axes, values, title in (
         (panels[0], here, "at the operating pose"),
         (panels[1], often, "not exceeded at 95 % of random poses"),

@@ -106,12 +106,13 @@ def _everywhere(maps: Maps) -> str:
 def _shape(maps: Maps) -> str:
     everything = [maps.here, maps.plane.dynamics, maps.anywhere.dynamics, maps.near.dynamics]
     everything += [cut.dynamics for cut in maps.cuts]
-    damping = min(float(part.damping[:, STUDIED].min()) for part in everything)
+    damping = min(float(np.nanmin(part.damping[:, STUDIED], initial=1.0)) for part in everything)
     gain = max(float(np.abs(part.gain[part.stable] - 1.0).max(initial=0.0)) for part in everything)
     unstable = sum(int((~part.stable).sum()) for part in everything)
     count = sum(map(len, everything))
     real = "the dominant poles stay real" if damping >= 1.0 else f"damping ratios go down to {damping:.2f}"
-    stays = "the arm is stable" if not unstable else f"the arm is unstable at {unstable} of them"
+    fails = f"the arm is unstable, or too heavy for its drives, at {unstable} of them"
+    stays = "the arm is stable" if not unstable else fails
     return f"At all {count} poses {stays}, {real}, and the gain at 0 Hz differs from one by at most {gain:.1g}."
 
 
@@ -121,7 +122,7 @@ def _coupling(maps: Maps) -> str:
     studied = np.ix_(STUDIED, STUDIED)
     k, m = np.unravel_index(np.argmax(cross[studied]), (len(STUDIED), len(STUDIED)))
     dynamics = maps.anywhere.dynamics
-    often = np.quantile(dynamics.cross[:, studied[0], studied[1]].max(axis=(1, 2)), 0.95)
+    often = np.nanquantile(dynamics.cross[:, studied[0], studied[1]].max(axis=(1, 2)), 0.95)
     most = float(np.nanmax(dynamics.interaction[:, STUDIED]))
     alone = ": for a bandwidth, joints may be identified one by one" if most <= TOLERANCE else ""
     return (

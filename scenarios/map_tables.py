@@ -60,7 +60,7 @@ def _numbers(dynamics: LocalDynamics, k: int) -> list[str]:
 
 
 def _coupling(maps: Maps) -> str:
-    often = np.quantile(maps.anywhere.dynamics.cross, 0.95, axis=0)
+    often = np.nanquantile(maps.anywhere.dynamics.cross, 0.95, axis=0)
     rows = [
         [moved, commanded, _number(maps.here.cross[0, i, j]), _number(often[i, j])]
         for i, moved in enumerate(MOVING)

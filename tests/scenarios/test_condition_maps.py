@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from hmtb_twin import PAYLOADS, linearize, load_arm
+from hmtb_twin import PAYLOADS, Plant, linearize, load_arm
 from hmtb_twin.parameters import OPERATING_POSE, POSES
 from scenarios.condition_maps import conditions
 
@@ -18,13 +18,20 @@ def test_every_condition_is_varied_alone() -> None:
     bare = linearize(load_arm(payload="none"), amplitudes=()).joint("elbow_pitch").bandwidth_hz
     assert loads.dynamics.of("elbow_pitch")[0] == pytest.approx(bare, rel=1e-7)
     assert pressures.values == (7.0, 21.0, 35.0)
-    assert not np.isfinite(pressures.dynamics.bandwidth[0]).all(), "at 7 MPa the drives cannot hold the arm"
+    assert np.isnan(pressures.dynamics.bandwidth[0]).all(), "at 7 MPa the drives cannot hold the arm"
     assert np.isfinite(pressures.dynamics.bandwidth[1:]).all()
     # Thick oil drags most where drive and inertia are small.
     roll = temperatures.dynamics.of("wrist_roll")
     assert (np.diff(roll) > 0.0).all()
     assert roll[0] < 0.6 * roll[-1]
     assert told == [(1, 3), (2, 3)]
+
+
+def test_servo_valves_have_the_same_gap_at_low_pressure() -> None:
+    _, pressures, _ = conditions(load_arm(plant=Plant(actuator="orifice")), HERE, 3)
+    assert pressures.dynamics.stable.tolist() == [False, True, True]
+    assert np.isnan(pressures.dynamics.bandwidth[0]).all()
+    assert np.isfinite(pressures.dynamics.bandwidth[1:]).all()
 
 
 def test_electric_drives_have_no_oil() -> None:

@@ -5,10 +5,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from hmtb_twin import NOMINAL_PLANT, TwinError, linearize, load_arm
+from hmtb_twin import NOMINAL_PLANT, OverloadError, TwinError, linearize, load_arm
 from hmtb_twin.parameters import OPERATING_POSE, POSES
 from scenarios.errors import ScenarioError
-from scenarios.local_dynamics import COLUMNS, MOVING, LocalDynamics, described, local_dynamics
+from scenarios.local_dynamics import COLUMNS, MOVING, LocalDynamics, local_dynamics
 
 HERE = np.array(POSES[OPERATING_POSE])
 STRETCHED = np.radians([0.0, 10.0, -60.0, 10.0, 20.0, 30.0, 40.0])
@@ -59,9 +59,16 @@ def test_relative_gain_compares_with_the_others_kept_still(found: LocalDynamics)
 
 
 def test_an_arm_that_cannot_hold_itself_has_no_bandwidth() -> None:
-    weak = load_arm(plant=replace(NOMINAL_PLANT, supply_pressure=6.0))
-    seen = described(linearize(weak, amplitudes=()))
-    assert not seen.stable[0] or np.isnan(seen.bandwidth).any()
+    weak = load_arm(plant=replace(NOMINAL_PLANT, supply_pressure=7.0))
+    with pytest.raises(OverloadError, match=r"at 7 MPa the drives cannot hold"):
+        linearize(weak, amplitudes=())
+    hanging = np.radians([0.0, 0.0, -89.0, 1.0, 0.0, 0.0, 0.0])
+    seen = local_dynamics(weak, np.array([HERE, hanging]))
+    assert seen.stable.tolist() == [False, True]
+    assert np.array_equal(seen.angles, [HERE, hanging])
+    for name in ("bandwidth", "gain", "damping", "cross", "relative_gain"):
+        assert np.isnan(vars(seen)[name][0]).all()
+        assert np.isfinite(vars(seen)[name][1]).all()
 
 
 def test_records_are_locked_and_poses_needed(found: LocalDynamics) -> None:

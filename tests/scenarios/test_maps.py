@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from hmtb_twin import STUDIED_JOINTS, load_arm
+from hmtb_twin import STUDIED_JOINTS, Plant, load_arm
 from hmtb_twin.parameters import OPERATING_POSE
 from scenarios.amplitude_maps import LEVEL_AMPLITUDE, LargeSignal, LargeSignals
 from scenarios.errors import ScenarioError
@@ -59,6 +59,17 @@ def test_linear_range_is_the_longest_run() -> None:
     points = [point("elbow_pitch", a, 1.0, hz) for a, hz in ((1e-3, 1.0), (2e-3, 0.5), (3e-3, 0.95), (4e-3, 1.0))]
     assert linear_range(points, 1.0) == (3e-3, 4e-3)
     assert linear_range([point("elbow_pitch", 1e-3, 1.0, np.nan)], 1.0) is None
+
+def test_poses_that_the_drives_cannot_hold_are_gaps(tmp_path: Path) -> None:
+    weak = load_arm(plant=Plant(supply_pressure=9.0))
+    found = maps(weak, OPERATING_POSE, COARSE)
+    assert not found.plane.dynamics.stable.all()
+    assert found.anywhere.dynamics.stable.any()
+    text = "\n".join(findings(found))
+    assert "too heavy for its drives" in text
+    assert "nan" not in text
+    assert write_maps(found, tmp_path)
+
 
 
 def test_tables_are_complete(found: Maps) -> None:
