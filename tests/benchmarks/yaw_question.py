@@ -201,7 +201,7 @@ ROWS: tuple[Row, ...] = (
     Row("valve noise, 3 % of maximum torque", replace(NOMINAL, plant=Plant(process_noise=0.03))),
     Row("hand-controller bias 0.5 V", replace(NOMINAL, hand_controller=HandController(bias=0.5))),
     Row("hand controller holds 5 samples", replace(NOMINAL, hand_controller=HandController(hold=5))),
-    Row("supply sagging to 6 MPa", replace(NOMINAL, plant=Plant(supply_pressure=6.0))),
+    Row("supply at 9 MPa, which just holds the arm", replace(NOMINAL, plant=Plant(supply_pressure=9.0))),
     Row("servo gets 1.18 times the logged command", replace(NOMINAL, hidden=scaled(1.18))),
     Row("integral action, reset time 1 s, without friction", NOMINAL, integrating(1.0)),
     Row("velocity feedforward, 50 ms", replace(NOMINAL, hidden=led(0.05))),
