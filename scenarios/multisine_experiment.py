@@ -96,7 +96,7 @@ def multisine_experiments(setting: Experiment, multisines: Multisines) -> tuple[
             the converters do not resolve.
     """
     hold = setting.hand_controller.hold if setting.chain.hold else 1
-    step = _resolved(setting)
+    least = _resolved(setting)
     wrong = [
         (setting.mode != MODE, f"mode {setting.mode} given, expected {MODE}"),
         (bool(setting.shutdown), "an emergency shutdown given, expected none: the record must be periodic"),
@@ -106,8 +106,8 @@ def multisine_experiments(setting: Experiment, multisines: Multisines) -> tuple[
             f"{multisines.samples} samples",
         ),
         (
-            multisines.rms < step,
-            f"an amplitude of {multisines.rms:g} rad given, expected {step:.3g} rad or more: below one count of the "
+            multisines.rms < least,
+            f"an amplitude of {multisines.rms:g} rad given, expected {least:.3g} rad or more: below half a count of the "
             "converters the noise of the wires, not the multisine, moves the command",
         ),
     ]
@@ -136,6 +136,6 @@ def multisine_experiments(setting: Experiment, multisines: Multisines) -> tuple[
 
 
 def _resolved(setting: Experiment) -> float:
-    """The angle that one count of the coarser converter that rounds stands for, rad; 0 where none does."""
+    """The angle that half a count of the coarsest converter that rounds stands for, rad: less is rounded to nothing."""
     converters = ((setting.chain.dac, BOARD.dac_step), (setting.chain.adc, setting.hand_controller.adc_step))
-    return setting.hand_controller.gain * max((step for rounds, step in converters if rounds), default=0.0)
+    return 0.5 * setting.hand_controller.gain * max((step for rounds, step in converters if rounds), default=0.0)

@@ -142,13 +142,13 @@ def test_what_cannot_be_measured_is_refused(setting: MultisineExperiment, multis
 
 
 @pytest.mark.parametrize("chain", [Chain(), replace(QUIET, adc=True), replace(QUIET, dac=True)])
-def test_a_command_below_one_count_is_no_excitation(chain: Chain) -> None:
+def test_a_command_below_half_a_count_is_no_excitation(chain: Chain) -> None:
     """With noise on the wires the command moves, but what moves it is the noise."""
-    step = max(HandController().adc_step, BOARD.dac_step) * HandController().gain
-    for rms in (1e-9, 0.99 * step):
-        with pytest.raises(ScenarioError, match=r"expected 0.000327 rad or more: below one count of the converters"):
+    least = 0.5 * max(HandController().adc_step, BOARD.dac_step) * HandController().gain
+    for rms in (1e-9, 0.99 * least):
+        with pytest.raises(ScenarioError, match=r"expected 0.000164 rad or more: below half a count of the converters"):
             best_linear(replace(YAW, chain=chain), replace(SHORT, rms=rms, realisations=2))
-    assert multisine_experiments(replace(YAW, chain=chain), replace(SHORT, rms=1.01 * step))
+    assert multisine_experiments(replace(YAW, chain=chain), replace(SHORT, rms=1.01 * least))
     assert multisine_experiments(YAW, replace(SHORT, rms=1e-9)), "nothing rounds there"
 
 

@@ -174,7 +174,7 @@ def complaint(capsys: pytest.CaptureFixture[str], *words: object) -> str:
         ("--pose 0,20,50,30,-50,0,0 --bla 0.01", "give --pose a name"),
         ("--pose 0,20,50,30,-50,0,0 --maps", "give --pose a name"),
         ("--bla 0", "rms = 0.0 given"),
-        ("--bla 1e-9", "an amplitude of 1e-09 rad given, expected 0.000327 rad or more"),
+        ("--bla 1e-9", "an amplitude of 1e-09 rad given, expected 0.000164 rad or more"),
         ("--bla 0.9", "peaks"),
         ("--out truth.gif", "expected a figure: .svg, .png, .pdf"),
         ("--maps --density 0", "density of the maps: 0 given"),
