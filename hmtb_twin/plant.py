@@ -2,7 +2,7 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from math import inf
+from numbers import Real
 
 from hmtb_twin.electric_drive import Drive, ElectricDrive
 from hmtb_twin.errors import TwinError
@@ -39,8 +39,11 @@ class Plant:
 
     def __post_init__(self) -> None:
         for name, known in (("actuator", ACTUATOR_FORMS), ("friction", FRICTIONS)):
-            if getattr(self, name) not in known:
-                raise TwinError(f"plant: unknown {name} {getattr(self, name)!r}, available: {', '.join(known)}")
+            text = getattr(self, name)
+            if not isinstance(text, str) or text not in known:
+                raise TwinError(f"plant: unknown {name} {text!r}, available: {', '.join(known)}")
+            # Texts and numbers of NumPy are stored as Python's own: equal plants look equal, in files too.
+            object.__setattr__(self, name, str(text))
         lowest = 1.5 * Hydraulics.return_pressure
         ranges: Mapping[str, tuple[float, float, str]] = {
             "friction_level": (0.0, 100.0, "0 to 100"),
@@ -50,8 +53,11 @@ class Plant:
         }
         for name, (lower, upper, expected) in ranges.items():
             value = getattr(self, name)
-            if not (isinstance(value, int | float) and -inf < lower <= value <= upper):
+            # A truth value equals 0 or 1 and would pass for it.
+            number = isinstance(value, Real) and not isinstance(value, bool)
+            if not (number and lower <= value <= upper):
                 raise TwinError(f"plant: {name} = {value} given, expected {expected}")
+            object.__setattr__(self, name, float(value))
 
     def applied(self, drive: Drive) -> Drive:
         """Return a drive of the arm as it is under these conditions.

@@ -203,7 +203,10 @@ class Scenario:
                 entries = value if isinstance(value, list) else [value]
                 values[key] = tuple(Excitation.from_table(entry, folder) for entry in entries)
             elif key in ("plant", "chain", "hand_controller"):
-                values[key] = record(hints[key], key, value)
+                try:
+                    values[key] = record(hints[key], key, value)
+                except TwinError as error:
+                    raise ScenarioError(str(error)) from error
             else:
                 values[key] = typed(key, value, hints[key])
         if values.get("task"):

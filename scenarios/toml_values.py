@@ -3,7 +3,10 @@
 import sys
 from collections.abc import Callable, Mapping
 from dataclasses import MISSING, fields
+from numbers import Integral, Real
 from typing import Any, TypeVar, get_type_hints
+
+import numpy as np
 
 from scenarios.errors import ScenarioError
 from scenarios.suggest import unknown
@@ -72,10 +75,13 @@ def _is_number(value: object) -> bool:
 
 def written(value: object) -> str:
     """Write a value as TOML."""
-    if isinstance(value, bool):
+    if isinstance(value, bool | np.bool_):
         return "true" if value else "false"
-    if isinstance(value, int | float):
-        return repr(value)
+    # NumPy's numbers show their types.
+    if isinstance(value, Integral):
+        return repr(int(value))
+    if isinstance(value, Real):
+        return repr(float(value))
     if isinstance(value, tuple):
         return "[" + ", ".join(written(entry) for entry in value) + "]"
     return '"' + "".join(_escape(character) for character in str(value)) + '"'

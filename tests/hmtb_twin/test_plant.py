@@ -1,4 +1,5 @@
 from dataclasses import replace
+from fractions import Fraction
 
 import mujoco
 import numpy as np
@@ -74,6 +75,14 @@ def test_coulomb_friction_hardly_creeps():
     assert abs(data.qpos[-1] - before[-1]) < 5e-5
 
 
+@pytest.mark.parametrize("kind", [int, float, np.float64, np.float32, np.int64, Fraction])
+def test_numbers_of_every_kind_are_stored_as_floats(kind):
+    plant = Plant(actuator=np.str_("linear"), friction_level=kind(2), supply_pressure=kind(20), process_noise=kind(0))
+    assert plant == Plant(friction_level=2.0, supply_pressure=20.0)
+    assert repr(plant) == repr(Plant(friction_level=2.0, supply_pressure=20.0))
+    assert hash(plant) == hash(Plant(friction_level=2.0, supply_pressure=20.0))
+
+
 def test_truth_keeps_the_drag_and_drops_dry_friction():
     smooth = {kind: linearize(load_arm(plant=Plant(friction=kind))) for kind in ("none", "viscous", "coulomb", "lugre")}
     for joint in STUDIED_JOINTS:
@@ -112,6 +121,15 @@ def test_process_noise_moves_the_arm_from_its_own_seed(experiment):
         ({"friction_level": -1.0}, "friction_level = -1.0 given"),
         ({"process_noise": 2.0}, "process_noise = 2.0 given"),
         ({"process_noise": "much"}, "process_noise = much given"),
+        ({"friction_level": True}, "friction_level = True given, expected 0 to 100"),
+        ({"process_noise": np.True_}, "process_noise = True given"),
+        ({"friction_level": None}, "friction_level = None given"),
+        ({"friction_level": 1.0 + 0.0j}, "friction_level = .* given"),
+        ({"supply_pressure": np.array(20.7)}, "supply_pressure = 20.7 given"),
+        ({"supply_pressure": 10**400}, "supply_pressure = 1.* given"),
+        ({"actuator": np.array("linear")}, "unknown actuator array"),
+        ({"friction": ["none"]}, "unknown friction .*'none'"),
+        ({"friction": None}, "unknown friction None"),
     ],
 )
 def test_what_cannot_be_is_refused_with_what_can(arguments, words):

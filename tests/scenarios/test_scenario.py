@@ -74,6 +74,17 @@ frequency = 5
 """
 
 
+def test_numbers_and_texts_of_numpy_are_written_as_those_of_python() -> None:
+    plant = Plant(np.str_("linear"), friction_level=np.float64(2.0), supply_pressure=np.float32(20.1), process_noise=0)
+    scenario = replace(
+        Scenario.from_toml(MINIMAL), plant=plant, duration=np.float64(3.0), seed=np.int64(5), worksite=np.bool_(False)
+    )
+    text = scenario.to_toml()
+    assert "np." not in text
+    assert "friction_level = 2.0" in text
+    assert Scenario.from_toml(text) == scenario
+
+
 def test_a_short_file_gets_the_defaults() -> None:
     scenario = Scenario.from_toml(MINIMAL)
     assert scenario.duration == 240.0
@@ -125,6 +136,9 @@ def test_reseeding_draws_another_seed_for_every_name_and_keeps_the_file() -> Non
         (lambda t: t.replace('["elbow_pitch"]', "[]"), "one or more different entries"),
         (lambda t: t.replace('name = "mine"', ""), "missing name"),
         (lambda t: t + "kind = 3", "not a TOML file"),
+        (lambda t: t + "[plant]\nprocess_noise = 2\n", "mine.toml: plant: process_noise = 2.0 given, expected 0 to 1"),
+        (lambda t: t + "[plant]\nfriction = 'ice'\n", "mine.toml: plant: unknown friction 'ice', available: none"),
+        (lambda t: t + "[plant]\nfriction_level = true\n", "mine.toml: plant.friction_level must be a finite number"),
         (lambda t: t + "iterations = 1.5\n", "iterations must be a whole number"),
         (lambda t: t + "iterations = 0\n", "iterations must be 1 or more, given 0"),
         (lambda t: t + "repeat_frequency = 0.0\n", "repeat_frequency must be above 0 and up to 1000 Hz, given 0"),
@@ -135,7 +149,7 @@ def test_reseeding_draws_another_seed_for_every_name_and_keeps_the_file() -> Non
 )
 def test_a_wrong_file_is_refused_with_what_there_is(change: object, says: str) -> None:
     with pytest.raises(ScenarioError, match=says):
-        Scenario.from_toml(change(MINIMAL))  # type: ignore[operator]
+        Scenario.from_toml(change(MINIMAL), source="mine.toml")  # type: ignore[operator]
 
 
 def test_one_excitation_per_axis_or_one_for_all() -> None:
@@ -150,6 +164,7 @@ def test_one_excitation_per_axis_or_one_for_all() -> None:
         ({"variant": "flight", "plant": Plant(supply_pressure=15.0)}, "supply_pressure = 15.0.*electric"),
         ({"variant": "flight", "worksite": True}, "'flight' at the worksite"),
         ({"payload": "mdm", "worksite": True}, "'mdm' at the worksite given, expected rpcm or none"),
+        ({"plant": None}, "plant = None given, expected a Plant"),
     ],
 )
 def test_arms_that_cannot_be_loaded_are_refused(changes, told):
