@@ -3,9 +3,8 @@
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
-import numpy as np
-
 from hmtb_twin import IDEAL, STUDIED_JOINTS, Arm, Truth, linearize
+from scenarios.bandwidth_caution import slow_gain
 from scenarios.best_linear import BestLinearTruth, best_linear
 from scenarios.local_dynamics import Progress
 from scenarios.multisine_experiment import MultisineExperiment
@@ -27,9 +26,6 @@ MEASUREMENT = Multisines(realisations=4)
 CHAIN = replace(IDEAL, friction=True, velocity_limit=True)
 """Friction and velocity limit act; noise and rounding, which are no part of the arm, do not."""
 
-SLOWEST = 0.3
-"""Lines up to this frequency tell the gain at low frequency, Hz."""
-
 
 @dataclass(frozen=True)
 class LargeSignal:
@@ -43,7 +39,7 @@ class LargeSignal:
         ci95: Its 95 % interval, Hz.
         asked_hz: Bandwidth from the angle asked for at the stick, before the velocity limit, Hz.
         gain: Gain from commanded to measured angle over that of the small-signal truth, mean of the lines up to
-            `SLOWEST`.
+            `bandwidth_caution.SLOWEST`.
         distortion_percent: Nonlinear distortion, percent of the linear part.
         slewing: Share of the time at the velocity limit.
     """
@@ -119,9 +115,6 @@ def large_signals(
 
 def _summary(measured: BestLinearTruth, truth: Truth, joint: str, amplitude: float, level: float) -> LargeSignal:
     band, asked = measured.bandwidth, response_bandwidth(measured.chain.response)
-    response = measured.servo.response
-    slow = response.frequencies <= SLOWEST
-    expected = truth.channel(joint, joint).frequency_response(response.frequencies[slow])[:, 0, 0]
     return LargeSignal(
         joint=joint,
         amplitude=amplitude,
@@ -129,7 +122,7 @@ def _summary(measured: BestLinearTruth, truth: Truth, joint: str, amplitude: flo
         hz=float(band.hz[0, 0]),
         ci95=(float(band.ci95[0][0, 0]), float(band.ci95[1][0, 0])),
         asked_hz=float(asked.hz[0, 0]),
-        gain=float(np.abs(response.response[slow, 0, 0] / expected).mean()),
+        gain=slow_gain(measured, truth),
         distortion_percent=float(measured.distortion_percent[0]),
         slewing=measured.slewing,
     )

@@ -22,7 +22,7 @@ from scenarios.commands.scenarios import scenarios
 from scenarios.commands.simulate import simulate
 from scenarios.commands.thesis import thesis
 from scenarios.commands.truth import truth
-from scenarios.commands.usage import one_line
+from scenarios.commands.usage import one_line, wrapped
 from scenarios.commands.video import video
 from scenarios.commands.view import view
 from scenarios.commands.waveform import waveform
@@ -124,11 +124,15 @@ def _understand(words: list[str]) -> Callable[[], int]:
         return parsed
 
     complaint = io.StringIO()
+    # The parser draws its boxes as far as the encoding of the output goes.
+    help_text = io.TextIOWrapper(io.BytesIO(), encoding=sys.stdout.encoding or "utf-8")
     try:
-        with contextlib.redirect_stderr(complaint):
+        with contextlib.redirect_stderr(complaint), contextlib.redirect_stdout(help_text):
             return parse()
     except SystemExit as leaving:
         if not leaving.code:
+            help_text.seek(0)
+            sys.stdout.write(wrapped(help_text.read()))
             raise
         raise ScenarioError(one_line(parse, f"hmtb {words[0]}")) from None
 

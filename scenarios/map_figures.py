@@ -15,6 +15,7 @@ from scenarios.map_findings import words
 from scenarios.maps import Maps
 from scenarios.pose_maps import STUDIED, TOLERANCE, change
 from scenarios.preview_figure import COLOURS, LINES
+from scenarios.truth_summary import departures_in_words
 from sysid.palette import BOUND, GRID, INK, PALETTE
 
 MARKERS = ("o", "s", "^", "D", "v", "P")
@@ -239,7 +240,8 @@ def over_amplitude(maps: Maps, amplitudes: Sequence[LargeSignal], levels: Sequen
 
 
 def _arm(maps: Maps) -> str:
-    return f"arm {maps.truth.variant}, payload {maps.truth.payload}"
+    departures = departures_in_words(maps.arm)
+    return f"arm {maps.truth.variant}, payload {maps.truth.payload}" + (f", {departures}" if departures else "")
 
 
 def _heat(axes: Axes, maps: Maps, values: np.ndarray, colours: str, norm: TwoSlopeNorm | None) -> QuadMesh:

@@ -17,7 +17,6 @@ from scenarios.pose_maps import Cut, Plane, Sample, anywhere, cuts, near, plane
 REACH = np.radians(60.0)
 """How far from the operating pose the neighbourhood is sampled, rad."""
 
-
 MOST = 10**4
 """More points than that are a slip of the keyboard."""
 
@@ -27,7 +26,7 @@ PREVIEW = 0.5
 
 @dataclass(frozen=True)
 class Density:
-    """How finely the maps are sampled; the default takes under a minute of one quiet core.
+    """How finely the maps are sampled; the default takes about a minute and a half of one core.
 
     Attributes:
         plane: Angles of shoulder pitch and of elbow pitch.

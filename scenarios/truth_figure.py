@@ -7,9 +7,10 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Circle
+from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 
 from scenarios.preview_figure import COLOURS, LINES
-from scenarios.truth_summary import TruthSummary
+from scenarios.truth_summary import TruthSummary, departures_in_words, pose_in_words
 from sysid.palette import BOUND, GRID, INK, PALETTE
 
 LOWEST = 0.05
@@ -21,18 +22,24 @@ SLOWEST, FASTEST = 3.0, 400.0
 APART = 0.22
 """How far a complex pair stands off its joint's line in the strip."""
 
+APART_DB = 1.6
+"""How far apart the intervals of measured bandwidths stand, dB: at half power they would hide one another."""
+
 
 def truth_figure(summary: TruthSummary) -> Figure:
     """Draw the truth about an arm.
 
     Args:
-        summary: The truth; best linear approximations are drawn where there are some.
+        summary: The truth; best linear approximations and what is attainable on a record are drawn where there are
+            some.
 
     Returns:
         The figure.
     """
-    figure = Figure(figsize=(10.0, 9.6), layout="constrained")
-    grid = figure.add_gridspec(3, 2, width_ratios=(1.25, 1.0))
+    floors = 0.7 + 0.7 * len(summary.attainable) if summary.attainable else 0.0
+    figure = Figure(figsize=(10.0, 9.6 + floors), layout="constrained")
+    heights = (2.9, 2.9, 2.9, *((floors,) if floors else ()))
+    grid = figure.add_gridspec(len(heights), 2, width_ratios=(1.25, 1.0), height_ratios=heights)
     gain, phase, error = (figure.add_subplot(grid[row, 0]) for row in range(3))
     plane, strip = figure.add_subplot(grid[:2, 1]), figure.add_subplot(grid[2, 1])
     joints = [name for name in summary.joints if name not in summary.locked]
@@ -44,7 +51,11 @@ def truth_figure(summary: TruthSummary) -> Figure:
     _finish_responses(gain, phase, summary)
     _finish_plane(plane, summary)
     _finish_strip(strip, joints)
-    for axes in (gain, phase, error, plane, strip):
+    panels = [gain, phase, error, plane, strip]
+    if summary.attainable:
+        panels.append(figure.add_subplot(grid[3, :]))
+        _attainable(panels[-1], summary)
+    for axes in panels:
         axes.grid(True, color=GRID, lw=0.6)
         axes.set_axisbelow(True)
         axes.tick_params(labelsize=8, colors=INK)
@@ -56,20 +67,18 @@ def truth_figure(summary: TruthSummary) -> Figure:
     ]
     handles.append(Line2D([], [], color=INK, marker="o", ls="", mfc="white", label="bandwidth"))
     if summary.best_linear:
-        handles.append(
-            Line2D([], [], color=INK, marker=".", ls="", ms=5, label=f"best linear at {_amplitude(summary):g} rad rms")
-        )
+        label = f"best linear at {_amplitude(summary):g} rad rms"
+        handles.append(Line2D([], [], color=INK, marker=".", ls="", ms=5, label=label))
+        handles.append(Line2D([], [], color=INK, marker="|", ls="-", lw=1.4, ms=7, label="its bandwidth, 95 %"))
     figure.legend(handles=handles, loc="outside lower center", ncols=4, fontsize=8, frameon=False)
-    truth = summary.truth
-    figure.suptitle(
-        f"Truth: arm {truth.variant}, payload {truth.payload}, pose {truth.pose.replace('_', ' ')}, "
-        f"{truth.plant.actuator} actuators",
-        x=0.01,
-        ha="left",
-        fontsize=11,
-        color=INK,
-    )
+    figure.suptitle(_title(summary), x=0.01, ha="left", fontsize=11, color=INK)
     return figure
+
+
+def _title(summary: TruthSummary) -> str:
+    truth, departures = summary.truth, departures_in_words(summary.arm)
+    arm = f"Truth: arm {truth.variant}, payload {truth.payload}, pose {pose_in_words(truth).replace('_', ' ')}"
+    return arm + (f"\n{departures[0].upper()}{departures[1:]}" if departures else "; nominal conditions")
 
 
 def _response(gain: Axes, phase: Axes, summary: TruthSummary, name: str, number: int) -> None:
@@ -103,6 +112,20 @@ def _response(gain: Axes, phase: Axes, summary: TruthSummary, name: str, number:
         # The turn that is nearest to the truth's.
         turned = near + np.angle(values * np.exp(-1j * near))
         phase.plot(measured.frequencies, np.degrees(turned), **dots)
+        _measured_bandwidth(gain, summary, name, number)
+
+
+def _measured_bandwidth(gain: Axes, summary: TruthSummary, name: str, number: int) -> None:
+    """The bandwidth of the best linear approximation with its interval, below half power, joint under joint."""
+    found = summary.best_linear[name]
+    hz, low, high = (float(part[0, 0]) for part in (found.bandwidth.hz, *found.bandwidth.ci95))
+    if not np.isfinite(hz):
+        return
+    at = -10.0 * np.log10(2.0) - APART_DB * (1 + number)
+    reach = ((hz - low,), (high - hz,))
+    gain.errorbar(
+        hz, at, xerr=reach, color=COLOURS[number], marker="|", ms=7, capsize=4, elinewidth=1.6, ls="", zorder=6
+    )
 
 
 def _roots(axes: Axes, summary: TruthSummary, name: str, number: int) -> None:
@@ -138,6 +161,47 @@ def _error(axes: Axes, summary: TruthSummary) -> None:
     )
     axes.set(xlabel="amplitude of the command / rad", ylabel="error of the linear model, relative")
     axes.set_title("small-signal truth against simulation, dry friction off", fontsize=9, color=INK)
+
+
+FLOORS = (
+    ("any model", "D", "#000000"),
+    ("best linear", "s", "#0072b2"),
+    ("of the truth's order", "^", "#d55e00"),
+    ("small-signal truth", "o", "#009e73"),
+)
+"""Floors of a record: name, marker, colour; best first."""
+
+
+def _attainable(axes: Axes, summary: TruthSummary) -> None:
+    """What models could attain on the record: errors on the axis, fits beside them in words."""
+    labels: list[str] = []
+    for name, found in summary.attainable.items():
+        for label, horizon in (("simulation", found.simulation), ("one step ahead", found.one_step)):
+            of_order = found.right_order if label == "simulation" else None
+            floors = (horizon.any_model, horizon.best_linear, of_order, horizon.small_signal)
+            row = -len(labels)
+            for (kind, marker, colour), floor in zip(FLOORS, floors, strict=True):
+                if floor:
+                    style: dict[str, Any] = {"marker": marker, "color": colour, "ms": 7, "mfc": "none", "mew": 1.5}
+                    axes.plot(1e3 * floor.rmse, row, ls="", label=kind if not row else None, **style)
+            fits = " / ".join(f"{floor.fit:.2f}" for floor in floors if floor)
+            axes.annotate(
+                f"{name.replace('_', ' ')}, {label}: fit {fits} %",
+                (0.01, row + 0.2),
+                xycoords=axes.get_yaxis_transform(),
+                fontsize=8,
+                color=INK,
+            )
+            labels.append(label)
+    axes.set_yticks(range(0, -len(labels), -1), [""] * len(labels))
+    axes.set(xscale="log", ylim=(0.5 - len(labels), 0.6), xlabel="attainable root mean square error / mrad")
+    axes.margins(x=0.1)
+    axes.xaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
+    axes.xaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
+    axes.xaxis.set_minor_formatter(NullFormatter())
+    record = next(iter(summary.attainable.values())).provenance["record"]
+    axes.set_title(f"attainable on {record}; fits in the sequence of the markers", fontsize=9, color=INK, pad=24)
+    axes.legend(loc="lower center", bbox_to_anchor=(0.5, 1.0), ncols=4, fontsize=8, frameon=False)
 
 
 def _finish_responses(gain: Axes, phase: Axes, summary: TruthSummary) -> None:

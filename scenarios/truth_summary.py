@@ -5,11 +5,12 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from hmtb_twin import JOINTS, STUDIED_JOINTS, Arm, JointLog, JointTruth, Truth
+from hmtb_twin import JOINTS, NOMINAL_PLANT, STUDIED_JOINTS, Arm, JointLog, JointTruth, Truth
 from hmtb_twin.analytic_hydraulics import LinearHydraulics, linear_hydraulics
 from hmtb_twin.parameters import Actuator
 from hmtb_twin.variants import variant_named
 from scenarios.attainable import Attainable, attainable
+from scenarios.bandwidth_caution import cautions
 from scenarios.best_linear import BestLinearTruth, best_linear
 from scenarios.errors import ScenarioError
 from scenarios.local_dynamics import Progress
@@ -73,7 +74,7 @@ class TruthSummary:
                 "innovation_covariance_rad2": truth.model.innovation_covariance,
             }
         if self.best_linear:
-            found["best_linear"] = {name: _best_linear(one) for name, one in self.best_linear.items()}
+            found["best_linear"] = {name: _best_linear(one, truth) for name, one in self.best_linear.items()}
         if self.attainable:
             found["attainable"] = {name: _attainable(one) for name, one in self.attainable.items()}
         return found
@@ -195,6 +196,32 @@ def conditions_in_words(arm: Arm) -> str:
     return ", ".join(said)
 
 
+def departures_in_words(arm: Arm) -> str:
+    """Return in words and with units what of the arm's conditions is not nominal; nothing where all are."""
+    plant, nominal = arm.plant, NOMINAL_PLANT
+    said = []
+    if plant.actuator != nominal.actuator:
+        said.append(f"{plant.actuator} actuators")
+    if plant.friction != nominal.friction:
+        said.append(f"friction {plant.friction}")
+    if arm.friction and plant.friction_level != nominal.friction_level:
+        said.append(f"dry friction {plant.friction_level:g} times the arm's")
+    if plant.supply_pressure != nominal.supply_pressure:
+        said.append(f"supply pressure {plant.supply_pressure:g} MPa")
+    if plant.oil_temperature != nominal.oil_temperature:
+        said.append(f"oil at {plant.oil_temperature:g} °C")
+    if plant.process_noise != nominal.process_noise:
+        said.append(f"process noise {plant.process_noise:g} of the rated torque")
+    return ", ".join(said)
+
+
+def pose_in_words(truth: Truth) -> str:
+    """Return the pose's name, or its angles in degrees."""
+    if truth.pose != "given angles":
+        return truth.pose
+    return ",".join(f"{angle:g}" for angle in np.round(np.degrees(truth.angles), 6)) + " deg"
+
+
 def damping_ratio(pole: complex) -> float:
     """Return the damping ratio of a pole in the s plane: 1 where it is real and stable."""
     return float(-pole.real / abs(pole)) if abs(pole.imag) > 1e-9 * abs(pole) else float(np.sign(-pole.real))
@@ -209,7 +236,7 @@ def _natural(pole: complex) -> dict[str, float]:
     }
 
 
-def _best_linear(found: BestLinearTruth) -> dict[str, object]:
+def _best_linear(found: BestLinearTruth, truth: Truth) -> dict[str, object]:
     band = found.bandwidth
     return {
         "amplitude_rad": found.multisines.rms,
@@ -217,6 +244,7 @@ def _best_linear(found: BestLinearTruth) -> dict[str, object]:
         "ci95": [float(band.ci95[0][0, 0]), float(band.ci95[1][0, 0])],
         "distortion_percent": float(found.distortion_percent[0]),
         "velocity_limited_share": found.slewing,
+        "cautions": list(cautions(found, truth)),
         "frequency_hz": found.servo.response.frequencies,
         "response": found.servo.response.response[:, 0, 0],
         "standard_error": np.sqrt(found.servo.total_variance[:, 0, 0]),
@@ -230,6 +258,7 @@ def _attainable(found: Attainable) -> dict[str, object]:
 
     return {
         "samples": found.samples,
+        "chance_takes_off": 1.0 - found.by_chance(1.0),
         "spread_rad": found.spread,
         "simulation": {**horizon("simulation"), "right_order": vars(found.right_order)},
         "one_step": horizon("one_step"),

@@ -42,21 +42,25 @@ def truth(
 ) -> int:
     """Poles, zeros, bandwidth, gain and delay of each joint: what an estimator should have found.
 
-    What is printed first is the small-signal truth: the physics linearised at the pose, dry friction off, sampled at
-    50 Hz. It is exact as the amplitude goes to nothing; the last line says how wrong it is at others. A joint that does
-    not follow its command is locked: it has no bandwidth. The hydraulic resonance is that of the oil's spring with the
-    inertia that the joint sees, the other joints held; valve and leakage damp it (linear actuators only).
+    What is printed first is the small-signal truth: the physics linearised at the pose, sampled at 50 Hz, dry friction
+    off. It is exact as the amplitude goes to nothing; a line below the table says how wrong it is at others. A joint
+    that does not follow its command is locked: it has no bandwidth. Gains are measured over commanded angle, rad/rad. A
+    pole is dominant where its mode carries more than 5 % of the gain at 0 Hz; the slowest four of them are shown. The
+    hydraulic resonance is that of the oil's spring with the inertia that the joint sees, the other joints held; valve
+    and leakage damp it (linear actuators only).
 
-    Two more truths on request. --bla 0.01 adds the best linear approximation, what linear models of records at that
-    amplitude tend to, friction, velocity limit and all, with its 95 % interval (some seconds). --data LOG adds what the
-    best model could attain on that record of hmtb simulate: no honest fit is better.
+    Two more truths on request. With --bla 0.01 also the best linear approximation, what linear models of records at
+    that amplitude tend to, friction, velocity limit and all, with its 95 % interval (some seconds); a remark says where
+    it is worth little. With --data LOG also what models could attain on that record of hmtb simulate: beyond chance no
+    model that knows only commands and measurements has a smaller error. How far chance goes stands below the table.
 
-    --maps answers how far this truth reaches: over the workspace, over payload, supply pressure, oil temperature,
-    amplitude and friction. It writes a page, figures and tables into a folder, in about a minute.
+    How far all this reaches is what --maps answers: over the workspace, over payload, supply pressure, oil temperature,
+    amplitude and friction. It writes a page, figures and tables into a folder, in about a minute and a half of one
+    core. Both --bla and --maps need a pose by name.
 
-    hmtb truth --out truth.svg
-    hmtb truth --pose 0,20,50,30,-50,0,0 --oil-temperature 15
-    hmtb truth --maps --out maps
+      hmtb truth --out truth.svg
+      hmtb truth --pose 0,20,50,30,-50,0,0 --oil-temperature 15
+      hmtb truth --maps --out maps
 
     Args:
         variant: Which arm: nominal, published or flight.
@@ -71,7 +75,7 @@ def truth(
         bla: Amplitude of the best linear approximation, rad, root mean square; of the studied joints.
         data: A log of hmtb simulate (.nc); its arm, conditions and pose are taken.
         maps: Make the maps.
-        density: Poses of the maps, in multiples of the default grid; 0.1 is a preview in seconds.
+        density: Poses of the maps, in multiples of the default grid; 0.1 is a preview in some twenty seconds.
         seed: Of the phases and noise of --bla, and of the random poses of --maps.
         threads: Threads for the physics of --bla and --maps; all processors when not given.
         out: One figure of all this (.svg, .png or .pdf); with --maps the folder, "maps" when not given.
@@ -201,10 +205,11 @@ def _maps(
 def _print(summary: "TruthSummary") -> None:
     import numpy as np
 
-    from scenarios.truth_summary import LOCKED_NOTE, conditions_in_words
+    from scenarios.bandwidth_caution import cautions
+    from scenarios.truth_summary import LOCKED_NOTE, conditions_in_words, pose_in_words
 
     truth, bla = summary.truth, summary.best_linear
-    columns = ["joint", "bandwidth\n/ Hz", "gain\nat 0 Hz", "delay\n/ samples", "dominant poles\n/ (rad/s)"]
+    columns = ["joint", "bandwidth\n/ Hz", "gain at 0 Hz\n/ (rad/rad)", "delay\n/ samples", "dominant poles\n/ (rad/s)"]
     columns += ["largest zeros\n(z plane)"]
     columns += ["hydraulic resonance\n/ Hz"] if summary.hydraulics else []
     columns += ["best linear\n/ Hz (95 %)", "distortion\n/ %"] if bla else []
@@ -221,11 +226,13 @@ def _print(summary: "TruthSummary") -> None:
         if bla:
             row += _best_linear(summary, name)
         rows.append(row)
-    title = f"Linearised truth of the arm '{truth.variant}' with payload '{truth.payload}', pose {_pose(summary)}"
+    title = f"Linearised truth of the arm '{truth.variant}' with payload '{truth.payload}', pose {pose_in_words(truth)}"
     print_table(title, columns, rows)
     for name in sorted(summary.locked):
         say(f"{name}: {LOCKED_NOTE}")
     say(f"Conditions: {conditions_in_words(summary.arm)}")
+    if summary.arm.friction:
+        say(f"Dry friction is not in these numbers{' but for the best linear ones' if bla else '; see --bla 0.01'}")
     errors = ", ".join(f"{error:.1e} at {amplitude:g} rad" for amplitude, error in truth.small_signal_error.items())
     say(f"Relative error of the linear model against the simulated arm (friction off): {errors}")
     if truth.plant.process_noise:
@@ -236,18 +243,12 @@ def _print(summary: "TruthSummary") -> None:
             f"Best linear: {first.rms:g} rad rms, {first.f_min:g} to {first.f_max:g} Hz, each joint alone, "
             f"{first.realisations} realisations; friction, velocity limit and noise on"
         )
+        for name, found in bla.items():
+            if against := cautions(found, truth):
+                say(f"{name}: its best linear bandwidth says little: {'; '.join(against)}")
     if summary.attainable:
         _print_attainable(summary)
     say("All poles and zeros in the z plane: --json; as a figure: --out truth.svg; over the workspace: --maps")
-
-
-def _pose(summary: "TruthSummary") -> str:
-    import numpy as np
-
-    truth = summary.truth
-    if truth.pose != "given angles":
-        return truth.pose
-    return ",".join(f"{angle:g}" for angle in np.round(np.degrees(truth.angles), 6)) + " deg"
 
 
 def _best_linear(summary: "TruthSummary", name: str) -> list[str]:
@@ -286,6 +287,11 @@ def _print_attainable(summary: "TruthSummary") -> None:
     columns = ("joint", "horizon", "any model", "best linear", "of the truth's order", "small-signal truth")
     title = f"Attainable on {next(iter(summary.attainable.values())).provenance['record']}: fit (RMSE / mrad)"
     print_table(title, columns, rows)
+    first = next(iter(summary.attainable.values()))
+    say(
+        f"Chance: on {first.samples} samples the RMSE of a model as good as a floor is more than "
+        f"{100 * (1 - first.by_chance(1.0)):.2g} % below it once in twenty at most (if fitted to this record: further)"
+    )
 
 
 def _poles(poles: "np.ndarray", fastest: float, count: int = 4) -> str:

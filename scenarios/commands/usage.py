@@ -1,9 +1,11 @@
-"""One line for words that the command line does not understand."""
+"""What the parser says, made readable: help in lines, complaints in one."""
 
 import contextlib
 import io
 import os
 import re
+import shutil
+import textwrap
 from collections.abc import Callable, Iterator
 
 KNOWN = r"Missing (from|value)|Error parsing|Unrecognized options?:|[Ii]nvalid choice '"
@@ -42,6 +44,20 @@ def one_line(parse: Callable[[], object], command: str) -> str:
         elif row:
             sections[-1].append(row)
     return f"{_sentence(sections, command)}; see {command} --help"
+
+
+def wrapped(text: str) -> str:
+    """Wrap the paragraphs of a help text, which the parser leaves in one line each; its boxes and examples stay.
+
+    Args:
+        text: What the parser prints on --help.
+    """
+    columns = shutil.get_terminal_size().columns
+    lines: list[str] = []
+    for line in text.splitlines():
+        prose = len(line) > columns and line[0].isalnum() and not line.startswith("usage:")
+        lines += textwrap.wrap(line, columns, break_on_hyphens=False) if prose else [line]
+    return re.sub(r"\n{3,}", "\n\n", "\n".join(lines)) + "\n"
 
 
 def _sentence(sections: list[list[str]], command: str) -> str:

@@ -2,6 +2,8 @@
 
 import functools
 import json
+import re
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -10,8 +12,13 @@ import pytest
 from hmtb_twin import NOMINAL_PLANT, STUDIED_JOINTS, Plant, linearize, load_arm
 from hmtb_twin.parameters import Actuator
 from scenarios import truth_summary
+from scenarios.bandwidth_caution import cautions
+from scenarios.best_linear import best_linear
 from scenarios.cli import main
 from scenarios.maps import Density
+from scenarios.multisine_experiment import MultisineExperiment
+from scenarios.multisines import Multisines
+from scenarios.truth_figure import truth_figure
 
 
 def run(capsys: pytest.CaptureFixture[str], *words: object) -> str:
@@ -90,6 +97,65 @@ def test_electric_drives_have_no_oil(capsys: pytest.CaptureFixture[str]) -> None
     assert "hydraulics" not in result(capsys, "--variant", "flight")["joints"]["elbow_pitch"]
 
 
+@pytest.mark.parametrize("columns", ["60", "100"])
+def test_help_is_wrapped_and_its_examples_keep_their_lines(
+    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch, columns: str
+) -> None:
+    monkeypatch.setenv("COLUMNS", columns)
+    out = run(capsys, "--help")
+    prose = re.split(r"\n\W*options\b", out)[0]
+    assert all(len(line) <= int(columns) for line in prose.splitlines())
+    assert "\n\n\n" not in prose.rstrip("\n")
+    for example in ("--out truth.svg", "--pose 0,20,50,30,-50,0,0 --oil-temperature 15", "--maps --out maps"):
+        assert f"  hmtb truth {example}" in prose.splitlines()
+    assert "need a pose by name" in " ".join(prose.split())
+
+
+def test_dry_friction_is_said_to_be_left_out(capsys: pytest.CaptureFixture[str]) -> None:
+    assert "Dry friction is not in these numbers; see --bla" in run(capsys)
+    assert "Dry friction" not in run(capsys, "--friction", "none")
+
+
+def test_cautions_tell_where_a_bandwidth_says_little() -> None:
+    """While the bristles bend a joint is another one, between stick and slip no linear one; sliding it is fine."""
+    arm = load_arm()
+    truth = linearize(arm, amplitudes=())
+    said = {}
+    for rms in (4e-4, 3e-3, 3e-2):
+        setting = MultisineExperiment("yaw", ("shoulder_yaw",))
+        said[rms] = " ".join(cautions(best_linear(setting, Multisines(rms=rms, realisations=2)), truth))
+    assert "% of a slow command" in said[4e-4]
+    assert "distortion is" in said[3e-3]
+    assert said[3e-2] == ""
+
+
+def drawn_words(path: Path) -> str:
+    """All text of a figure."""
+    return " ".join(re.findall(r"<!-- (.*?) -->", path.read_text(encoding="utf-8"), re.S) or [])
+
+
+def test_title_tells_conditions_that_are_not_nominal() -> None:
+    def title(**changes: object) -> str:
+        arm = load_arm(plant=Plant(**changes))
+        return truth_figure(truth_summary.truth_summary(arm, linearize(arm))).get_suptitle()
+
+    assert title().endswith("nominal conditions")
+    said = title(oil_temperature=15.0, supply_pressure=18.0, friction_level=2.0, process_noise=0.001)
+    for part in ("oil at 15 °C", "supply pressure 18 MPa", "friction 2 times", "process noise 0.001"):
+        assert part.lower() in said.lower()
+    assert "nominal conditions" not in said
+
+
+def test_measured_bandwidths_bear_their_intervals() -> None:
+    arm = load_arm()
+    found = best_linear(MultisineExperiment("elbow", ("elbow_pitch",)), Multisines(rms=0.02, realisations=2))
+    summary = replace(truth_summary.truth_summary(arm, linearize(arm)), best_linear={"elbow_pitch": found})
+    (bars,) = truth_figure(summary).axes[0].containers
+    (segment,) = bars.lines[2][0].get_segments()
+    low, high = (float(end[0, 0]) for end in found.bandwidth.ci95)
+    assert segment[:, 0] == pytest.approx((low, high))
+
+
 @pytest.mark.parametrize("ending", ["svg", "png", "pdf"])
 def test_figure(capsys: pytest.CaptureFixture[str], tmp_path: Path, ending: str) -> None:
     path = tmp_path / "deep" / f"truth.{ending}"
@@ -117,6 +183,7 @@ def test_best_linear_columns(
     out = run(capsys, *words)
     assert "best linear" in out
     assert "0.02 rad rms" in out
+    assert "Dry friction is not in these numbers but for the best linear ones" in out
 
 
 def test_attainable_on_a_log(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
@@ -126,7 +193,13 @@ def test_attainable_on_a_log(capsys: pytest.CaptureFixture[str], tmp_path: Path)
     found = result(capsys, "--data", log)["attainable"]["elbow_pitch"]
     floors = found["simulation"]
     assert floors["any_model"]["fit"] >= floors["best_linear"]["fit"] >= floors["small_signal"]["fit"] > 50.0
-    assert "Attainable on siso-5-elbow_pitch" in run(capsys, "--data", log)
+    out = run(capsys, "--data", log, "--out", tmp_path / "floors.svg")
+    assert "Attainable on siso-5-elbow_pitch" in out
+    assert "Chance: on 1500 samples" in out
+    with_floors, without = tmp_path / "floors.svg", tmp_path / "plain.svg"
+    run(capsys, "--out", without)
+    assert "attainable on siso-5-elbow_pitch" in drawn_words(with_floors)
+    assert "attainable" not in drawn_words(without)
     assert "leave out the options" in complaint(capsys, "--data", log, "--payload", "none")
     assert "expected a log" in complaint(capsys, "--data", tmp_path / "log.csv")
     assert "missing.nc" in complaint(capsys, "--data", tmp_path / "missing.nc")
