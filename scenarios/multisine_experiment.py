@@ -107,8 +107,8 @@ def multisine_experiments(setting: Experiment, multisines: Multisines) -> tuple[
         ),
         (
             multisines.rms < least,
-            f"an amplitude of {multisines.rms:g} rad given, expected {least:.3g} rad or more: below half a count of the "
-            "converters the noise of the wires, not the multisine, moves the command",
+            f"an amplitude of {multisines.rms:g} rad given, expected {least:.3g} rad or more: below half a count of "
+            "the converters the noise of the wires, not the multisine, moves the command",
         ),
     ]
     for fails, message in wrong:
