@@ -107,14 +107,17 @@ def valve_parameters(
         Parameters (PARAMETERS,), in MPa, cm^3 and s.
     """
     oil, friction = actuator.hydraulics, actuator.friction
-    # The valve's size and the amplifier's scaling are those of the rating, whatever the supply is at.
+    # The valve's size is that of the rating, whatever the supply is at.
     rated_flow = actuator.displacement * actuator.no_load_speed
     p = np.zeros(eq.PARAMETERS)
     p[eq.COUNT] = joints
     p[eq.DISPLACEMENT] = actuator.displacement
     p[eq.CHAMBER] = 2.0 * actuator.compliance
     p[eq.LEAKAGE] = actuator.leakage
-    p[eq.RATED] = rated_flow
+    # The amplifier knows the set pressure: with the flow of the rating a supply above it would feed velocity forward
+    # by more than the joint takes. A supply that sags errs to the safe side.
+    p[eq.RATED] = actuator.rated_flow
+    p[eq.COMPENSATED] = valve.compensated
     # Two lands in series share the pressure at no load.
     p[eq.LAND] = rated_flow / eq.root(RATED_PRESSURE / 2.0, valve.transition_pressure)
     p[eq.FREQUENCY], p[eq.DAMPING] = valve.angular_frequency, valve.damping

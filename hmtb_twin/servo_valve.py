@@ -5,6 +5,7 @@ from math import pi
 
 import numpy as np
 
+from hmtb_twin.oil import relative_viscosity
 from hmtb_twin.parameters import Actuator
 from hmtb_twin.quantity import quantity
 
@@ -33,6 +34,9 @@ class ServoValve:
     washout_time: float = quantity(
         0.01, "s", "derived", "of the dynamic pressure feedback; best damping of the coupled arm"
     )
+    compensated: float = quantity(
+        0.99, "1", "derived", "part of the load flow fed forward; wrist roll as fast as with linear actuators"
+    )
 
     @property
     def angular_frequency(self) -> float:
@@ -44,18 +48,23 @@ class ServoValve:
 
         With K = D^2 / kd the oil itself damps the joint as the servo should, at once instead of through the spool's
         lag: in K (T/D - P) + D w the servo's - kd w and the flow that the moving joint takes cancel. The whole loop
-        gain is the limit, where the servo damps less than the oil would.
+        gain is the limit, where the servo damps less than the oil would. What hot oil leaks beyond the rating damps
+        the joint as well, and is taken off K: else the amplifier, which also feeds the leakage forward, would damp
+        twice through a lagging spool.
 
         Args:
             actuator: The joint's actuator.
             kd: The servo's damping, N m s/rad.
 
         Returns:
-            The gain K / compliance, at most `loop_gain`.
+            The gain K / compliance, from 0 to `loop_gain`.
         """
         if kd <= 0.0:
             return self.loop_gain
-        return min(self.loop_gain, actuator.displacement**2 / (kd * actuator.compliance))
+        # Leakage goes with the inverse of viscosity.
+        beyond_rating = actuator.leakage * (1.0 - relative_viscosity(actuator.hydraulics.oil_temperature))
+        gain = (actuator.displacement**2 / kd - beyond_rating) / actuator.compliance
+        return min(self.loop_gain, max(gain, 0.0))
 
     def loop(self, frequency: np.ndarray, static: float) -> np.ndarray:
         """Return the response of the opened load-pressure loop, joint held.

@@ -43,6 +43,7 @@ else:
     DAMPER,
     PRESSURE_GAIN,
     DYNAMIC_GAIN,
+    COMPENSATED,
     WASHOUT,
     OPEN,
     RETURN,
@@ -58,10 +59,10 @@ else:
     DROOP,
     PUMP,
     CAPACITY,
-) = range(30)
+) = range(31)
 """Places of a valve's parameters in its `user` array."""
 
-PARAMETERS = 30
+PARAMETERS = 31
 """Length of that array."""
 
 MARK = 418.75
@@ -110,11 +111,13 @@ def check_flow(p: np.ndarray, pressure: float) -> float:
 def spool_command(p: np.ndarray, torque: float, load: float, filtered: float, velocity: float) -> float:
     """What the amplifier asks of the spool: flow to reach the load pressure wanted, to leak and to move the joint.
 
-    K (T/D - P) + C T/D + D w - K' (P - P_filtered): the last term, dynamic pressure feedback, fades within the washout
-    time and damps the oil's resonance without letting a standing load move the joint [Merritt1967].
+    K (T/D - P) + C T/D + c D w - K' (P - P_filtered), c the part of the load flow that is compensated: the last term,
+    dynamic pressure feedback, fades within the washout time and damps the oil's resonance without letting a standing
+    load move the joint [Merritt1967].
     """
     wanted = torque / p[DISPLACEMENT]
-    flow = p[PRESSURE_GAIN] * (wanted - load) + p[LEAKAGE] * wanted + p[DISPLACEMENT] * velocity
+    flow = p[PRESSURE_GAIN] * (wanted - load) + p[LEAKAGE] * wanted
+    flow += p[COMPENSATED] * p[DISPLACEMENT] * velocity
     flow -= p[DYNAMIC_GAIN] * (load - filtered)
     return min(max(p[OPEN] * flow / p[RATED], -1.0), 1.0)
 

@@ -2,9 +2,9 @@
 
     PYTHONPATH=. python tests/benchmarks/servo_valve.py
 
-It takes some seconds and writes Markdown tables: margins of each load-pressure loop; damping of the whole arm with
-other amplifiers and spools; bandwidths beside those of linear actuators; the tangent's error by amplitude; the cost of
-the compiler, in a process of its own, with an empty cache and a full one.
+It takes a minute and writes Markdown tables: margins of each load-pressure loop; damping of the whole arm with
+other amplifiers and spools, and over supply pressures; bandwidths beside those of linear actuators; the tangent's
+error by amplitude; the cost of the compiler, in a process of its own, with an empty cache and a full one.
 """
 
 import os
@@ -13,13 +13,15 @@ import sys
 import tempfile
 from copy import copy
 from dataclasses import replace
+from itertools import product
 
 import numpy as np
 
-from hmtb_twin import JOINTS, Arm, Plant, linearize, load_arm
+from hmtb_twin import JOINTS, Arm, OverloadError, Plant, linearize, load_arm
 from hmtb_twin import valve_equations as eq
 from hmtb_twin.orifice import with_valve
 from hmtb_twin.parameters import INDEXED_JOINTS, OPERATING_POSE
+from hmtb_twin.payloads import PAYLOADS
 from hmtb_twin.sample_map import sample_map
 from hmtb_twin.servo_valve import SERVO_VALVE
 
@@ -31,6 +33,10 @@ VALVES = {
     "spool 40 Hz": replace(SERVO_VALVE, frequency=40.0),
     "spool 100 Hz": replace(SERVO_VALVE, frequency=100.0),
 }
+PRESSURES = (10.0, 12.0, 16.0, 20.7, 24.0, 30.0, 35.0)
+TEMPERATURES = (0.0, 40.0, 100.0)
+OIL = 80.0
+"""Frequency above which only light joints on their oil ring, Hz."""
 START = """
 import time
 start = time.perf_counter()
@@ -41,12 +47,39 @@ print(imported - start, time.perf_counter() - imported)
 """
 
 
+def natural_poles(arm: Arm, pose: str) -> np.ndarray:
+    """Poles of the arm at rest, rad/s, from the map of one physics step."""
+    period = arm.model.opt.timestep
+    step = sample_map(arm.model, arm.rest(arm.pose(pose)), period=period)[0]
+    return np.log(np.linalg.eigvals(step) + 0j) / period
+
+
+def oscillations(poles: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Damping ratios of those poles that swing, and one of each pair."""
+    swinging = poles[poles.imag > 1.0]
+    return -swinging.real / np.abs(swinging), swinging
+
+
+def over_pressure(pressure: float) -> tuple[object, ...]:
+    """Whether the arms are stable and damped on a supply: the worst of all variants, payloads, poses, temperatures."""
+    held, slowest, damping, oil = 0, -np.inf, np.inf, np.inf
+    cases = list(product(("nominal", "published"), PAYLOADS, POSES, TEMPERATURES))
+    for variant, payload, pose, temperature in cases:
+        plant = Plant("orifice", "viscous", supply_pressure=pressure, oil_temperature=temperature)
+        try:
+            poles = natural_poles(load_arm(variant, payload, plant=plant), pose)
+        except OverloadError:
+            continue
+        ratios, swinging = oscillations(poles)
+        ringing = np.abs(swinging) > 2.0 * np.pi * OIL
+        held, slowest = held + 1, max(slowest, poles.real.max())
+        damping, oil = min([damping, *ratios[~ringing]]), min([oil, *ratios[ringing]])
+    return f"{pressure:g}", f"{held} of {len(cases)}", f"{slowest:.2f}", f"{damping:.2f}", f"{oil:.2f}"
+
+
 def least_damped(arm: Arm, pose: str) -> str:
     """Frequency and damping of the arm's two least damped oscillations."""
-    period = arm.model.opt.timestep
-    poles = np.log(np.linalg.eigvals(sample_map(arm.model, arm.rest(arm.pose(pose)), period=period)[0]) + 0j) / period
-    swinging = poles[poles.imag > 1.0]
-    damping = -swinging.real / np.abs(swinging)
+    damping, swinging = oscillations(natural_poles(arm, pose))
     order = np.argsort(damping)[:2]
     return ", ".join(f"{damping[k]:+.2f} at {abs(swinging[k]) / (2 * np.pi):.1f} Hz" for k in order)
 
@@ -91,6 +124,11 @@ def main() -> None:
     arms |= {f"{gain:.0f} rad/s for standing loads too": plain_loop(arm, gain) for gain in (120.0, 180.0)}
     rows = [(what, *(least_damped(one, pose) for pose in POSES)) for what, one in arms.items()]
     table(("valve", *(f"least damped, {pose}" for pose in POSES)), *rows)
+
+    table(
+        ("supply, MPa", "cases held", "slowest pole, rad/s", f"least damping below {OIL:g} Hz", "above"),
+        *map(over_pressure, PRESSURES),
+    )
 
     truths = [linearize(arm, pose, amplitudes=AMPLITUDES) for pose in POSES]
     straight = [linearize(plain, pose, amplitudes=()) for pose in POSES]

@@ -24,6 +24,7 @@ from hmtb_twin.orifice import (
 )
 from hmtb_twin.orifice_balances import orifice_balances
 from hmtb_twin.parameters import ACTUATORS, INDEXED_JOINTS, OPERATING_POSE, SAMPLE_TIME
+from hmtb_twin.sample_map import sample_map
 from hmtb_twin.servo_valve import POWER_UNIT, SERVO_VALVE
 
 ORIFICE = Plant(actuator="orifice")
@@ -87,7 +88,7 @@ def test_bench_follows_the_equations_written_down_again(name):
         load = pa - pb
         static, total = valve.static_gain(actuator, 0.0), valve.loop_gain
         assert static == total
-        ask = total * chamber / 2 * (torque / D - load) + C * torque / D + D * w
+        ask = total * chamber / 2 * (torque / D - load) + C * torque / D + valve.compensated * D * w
         x_dot_dot = omega**2 * (np.clip(ask / rated, -1, 1) - x) - 2 * valve.damping * omega * v
         to_a, from_a = land(x, ps - pa), land(-x, pa - pr)
         to_b, from_b = land(-x, ps - pb), land(x, pb - pr)
@@ -302,6 +303,51 @@ def test_bandwidths_stay_near_one_hertz_and_the_arm_is_well_damped(valve_truth, 
         poles = np.concatenate([truth.joint(name).dominant_poles for name in STUDIED_JOINTS])
         assert (-poles.real / np.abs(poles)).min() > 0.35
         assert np.abs(truth.model.poles()).max() < 0.98
+
+
+def natural_poles(arm, pose):
+    period = arm.model.opt.timestep
+    step = sample_map(arm.model, arm.rest(arm.pose(pose)), period=period)[0]
+    return np.log(np.linalg.eigvals(step) + 0j) / period
+
+
+@pytest.mark.parametrize("supply", [10.0, 20.7, 24.0, 35.0])
+@pytest.mark.parametrize(
+    ("variant", "payload", "pose"),
+    [
+        ("nominal", "rpcm", "home"),
+        ("nominal", "none", "home"),
+        ("nominal", "none", OPERATING_POSE),
+        ("published", "rpcm", OPERATING_POSE),
+    ],
+)
+def test_arm_is_stable_and_damped_over_pressure_and_temperature(supply, variant, payload, pose):
+    for temperature in (0.0, 40.0, 100.0):
+        plant = replace(ORIFICE, friction="viscous", supply_pressure=supply, oil_temperature=temperature)
+        poles = natural_poles(load_arm(variant, payload, plant=plant), pose)
+        assert poles.real.max() < -0.5
+        # Above 80 Hz light joints ring on their oil.
+        swinging = poles[(poles.imag > 1.0) & (np.abs(poles) < 2.0 * np.pi * 80.0)]
+        assert (-swinging.real / np.abs(swinging)).min() > 0.15
+
+
+def test_load_flow_is_compensated_short_of_instability():
+    arm = load_arm(plant=replace(ORIFICE, friction="viscous"))
+    for more, stable in ((1.03, True), (1.06, False)):
+        valve = replace(SERVO_VALVE, compensated=more * SERVO_VALVE.compensated)
+        poles = natural_poles(with_valve(arm, valve=valve), OPERATING_POSE)
+        assert bool(poles.real.max() < 0.0) is stable
+
+
+def test_oil_that_leaks_more_takes_the_place_of_the_amplifiers_slope(valve_arm):
+    actuator, kd = valve_arm.actuators["elbow_pitch"], valve_arm.gains["elbow_pitch"][1]
+    slopes = []
+    for temperature in (20.0, 40.0, 60.0):
+        one = replace(actuator, hydraulics=replace(actuator.hydraulics, oil_temperature=temperature))
+        slopes.append(SERVO_VALVE.static_gain(one, kd) * one.compliance + one.leakage)
+    np.testing.assert_allclose(slopes, actuator.displacement**2 / kd + actuator.leakage)
+    hot = replace(actuator, hydraulics=replace(actuator.hydraulics, oil_temperature=100.0))
+    assert SERVO_VALVE.static_gain(hot, 4.0 * kd) == 0.0
 
 
 def test_tangent_holds_in_proportion_to_amplitude(valve_truth):
