@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from copy import copy
+from numbers import Real
 
 import mujoco
 import numpy as np
@@ -19,6 +20,9 @@ from sysid import StateSpace
 
 AMPLITUDES = (1e-5, 1e-4, 1e-3, 1e-2)
 """Command amplitudes at which the linear model is tried against simulation, rad."""
+
+LARGEST_AMPLITUDE = 2.0 * np.pi
+"""A whole turn: no command of the arm is larger, and few are as small signals."""
 
 STEP = 1e-5
 """Step of the centred finite differences: truncation and rounding errors are near 1e-9 here."""
@@ -48,14 +52,16 @@ def linearize(arm: Arm, pose: str | np.ndarray = OPERATING_POSE, *, amplitudes: 
             hundreds of times faster: milliseconds, for maps of many poses.
 
     Returns:
-        The truth, with its error against simulation.
+        The truth, with its error against simulation. The arm may be unstable there: `Truth.spectral_radius`.
 
     Raises:
-        TwinError: There is no such pose, the angles are not seven finite numbers, a joint is out of its range or less
-            than `joint_range.CLEARANCE` from a stop, or an indexed joint is not at its index: there the stop or the pin
-            would be linearised with the servo.
+        TwinError: An amplitude is not above 0 and up to `LARGEST_AMPLITUDE`, there is no such pose, the angles are not
+            seven finite numbers, a joint is out of its range or less than `joint_range.CLEARANCE` from a stop, or an
+            indexed joint is not at its index: there the stop or the pin would be linearised with the servo.
         OverloadError: The drives cannot hold the arm there, or servo valves under load let a joint sink onto its stop.
     """
+    if isinstance(amplitudes, str) or not isinstance(amplitudes, Sequence | np.ndarray):
+        raise TwinError(f"amplitudes = {amplitudes!r} given, expected a sequence of numbers in rad")
     smooth = sliding(arm)
     angles = smooth.pose(pose) if isinstance(pose, str) else _angles(pose)
     check_range(angles)
@@ -167,8 +173,17 @@ def small_signal_error(arm: Arm, model: StateSpace, angles: np.ndarray, amplitud
 
     Returns:
         Root mean square of the difference over that of the response, largest over the studied joints, each excited
-        alone for 4 s.
+        alone for 4 s. NaN where there is nothing to compare: the linear model is unstable, or either response is none
+        or not finite.
+
+    Raises:
+        TwinError: The amplitude is not a number above 0 and up to `LARGEST_AMPLITUDE`.
     """
+    number = isinstance(amplitude, Real) and not isinstance(amplitude, bool)
+    if not (number and 0.0 < amplitude <= LARGEST_AMPLITUDE):
+        raise TwinError(f"amplitude {amplitude!r} given, expected above 0 and up to {LARGEST_AMPLITUDE:.4g} rad")
+    if model.order and not np.abs(np.linalg.eigvals(model.A)).max() < 1.0:
+        return np.nan
     bits = np.random.default_rng(0).choice([-amplitude, amplitude], 40)
     offsets = np.repeat(bits, 5)
     worst = 0.0
@@ -178,7 +193,11 @@ def small_signal_error(arm: Arm, model: StateSpace, angles: np.ndarray, amplitud
         command[:, j] += offsets
         response = linear(model, command - angles)[:, j]
         difference = simulated(arm, angles, command)[:, j] - response
-        worst = max(worst, float(np.linalg.norm(difference) / np.linalg.norm(response)))
+        with np.errstate(invalid="ignore", divide="ignore"):
+            error = np.linalg.norm(difference) / np.linalg.norm(response)
+        if not np.isfinite(error):
+            return np.nan
+        worst = max(worst, float(error))
     return worst
 
 

@@ -76,7 +76,8 @@ class Truth:
         pose: Operating point, by name.
         angles: Operating point (7,), rad.
         small_signal_error: By amplitude in rad, the relative error of the linear model against simulation: root mean
-            square of the difference over that of the response, largest over the studied joints.
+            square of the difference over that of the response, largest over the studied joints; NaN where the arm is
+            unstable.
         provenance: How it was obtained and with which software.
     """
 
@@ -102,6 +103,11 @@ class Truth:
         """Sampling time, s."""
         return self.model.dt
 
+    @property
+    def spectral_radius(self) -> float:
+        """Largest modulus of the poles in the z plane; the arm is stable where it is below 1."""
+        return float(np.abs(np.linalg.eigvals(self.model.A)).max())
+
     def joint(self, name: str) -> JointTruth:
         """Return the truth about one joint.
 
@@ -112,9 +118,15 @@ class Truth:
             Its single-input single-output model, poles, zeros, gain, bandwidth and delay.
 
         Raises:
-            TwinError: There is no such joint.
+            TwinError: There is no such joint, or the arm is unstable: it has no gain at 0 Hz, and no bandwidth.
         """
         whole = self.channel(name, name)
+        if not self.spectral_radius < 1.0:
+            conditions = ", ".join(f"{key} = {value!r}" for key, value in vars(self.plant).items())
+            raise TwinError(
+                f"the arm is unstable at {self.pose} under {conditions}: spectral radius {self.spectral_radius:.6g} at "
+                f"{1.0 / self.dt:g} Hz, expected below 1"
+            )
         path = replace(whole, K=None).minimal(MINIMAL)
         pulse = np.abs(path.markov(100)[:, 0, 0])
         delay = int(np.argmax(pulse > DELAY * pulse.max()))

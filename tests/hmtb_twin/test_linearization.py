@@ -1,9 +1,11 @@
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
-from hmtb_twin import JOINTS, STUDIED_JOINTS, TwinError, linearize, load_arm
+from hmtb_twin import JOINTS, STUDIED_JOINTS, Plant, TwinError, linearization, linearize, load_arm
 from hmtb_twin.joint_range import CLEARANCE
-from hmtb_twin.linearization import STEP, linear, simulated
+from hmtb_twin.linearization import STEP, linear, simulated, small_signal_error
 from hmtb_twin.parameters import MOTIONS, OPERATING_POSE, POSES
 
 
@@ -120,3 +122,46 @@ def test_the_pin_is_where_the_poses_are(arm):
 def test_a_pose_is_seven_finite_numbers(pose):
     with pytest.raises(TwinError, match="expected a name or 7 finite joint angles"):
         linearize(load_arm(), pose)
+
+
+@pytest.mark.parametrize("amplitude", [0.0, -1e-3, float("nan"), float("inf"), 1e3, True, None, "1e-3", 1e-3j])
+def test_amplitudes_are_small_positive_numbers(arm, amplitude):
+    with pytest.raises(TwinError, match=r"expected above 0 and up to 6\.283 rad"):
+        linearize(arm, amplitudes=(amplitude,))
+
+
+def test_comparison_that_diverges_shows(arm, truth, monkeypatch):
+    def diverged(*given):
+        response = simulated(*given)
+        response[-1, JOINTS.index("elbow_pitch")] = np.nan
+        return response
+
+    smooth = load_arm(friction=False)
+    assert np.isfinite(small_signal_error(smooth, truth.model, truth.angles, 1e-3))
+    monkeypatch.setattr(linearization, "simulated", diverged)
+    # The elbow's is neither the first nor the last of the comparisons.
+    assert np.isnan(small_signal_error(smooth, truth.model, truth.angles, 1e-3))
+
+
+@pytest.mark.filterwarnings("error")
+def test_unstable_arm_has_a_linear_model_but_no_joint_truths(truth, monkeypatch):
+    sampled = linearization._sampled_model
+
+    def unstable(*given):
+        path, disturbances = sampled(*given)
+        return replace(path, A=path.A * 1.2 / np.abs(np.linalg.eigvals(path.A)).max()), disturbances
+
+    monkeypatch.setattr(linearization, "_sampled_model", unstable)
+    found = linearize(load_arm(plant=Plant(supply_pressure=50.0)))
+    assert found.spectral_radius == pytest.approx(1.2)
+    assert all(np.isnan(error) for error in found.small_signal_error.values())
+    conditions = r"at rpcm_holster_out_approach under .*supply_pressure = 50\.0"
+    with pytest.raises(TwinError, match=rf"^the arm is unstable {conditions}.*: spectral radius 1\.2 at 50 Hz"):
+        found.joint("elbow_pitch")
+    assert truth.spectral_radius < 1.0
+
+
+@pytest.mark.parametrize("amplitudes", [1e-3, "1", None])
+def test_amplitudes_come_in_a_sequence(arm, amplitudes):
+    with pytest.raises(TwinError, match=r"amplitudes = .* given, expected a sequence of numbers in rad"):
+        linearize(arm, amplitudes=amplitudes)
