@@ -1,8 +1,20 @@
 """Where the oil and the energy of a run went: the two books that must balance, whatever the actuator's form."""
 
 from dataclasses import dataclass, fields
+from numbers import Integral
 
+import mujoco
 import numpy as np
+
+from hmtb_twin.arm import Arm
+from hmtb_twin.errors import TwinError
+from hmtb_twin.parameters import JOINTS
+
+FINEST = 1000
+"""Physics steps in place of one, at most: with more a run of seconds takes hours."""
+
+FARTHEST = 2.0 * np.pi
+"""Largest commanded angle, rad: a whole turn, and more than any joint can."""
 
 
 @dataclass(frozen=True)
@@ -86,3 +98,61 @@ class EnergyBalance:
     def closure(self) -> float:
         """Magnitude of the residual over the energy supplied."""
         return abs(self.residual) / self.supplied
+
+
+def checked_run(arm: Arm, actuator: str, command: np.ndarray, refined: int) -> np.ndarray:
+    """Check what a run whose books are drawn up is asked for.
+
+    Args:
+        arm: The arm.
+        actuator: The form of its actuators that the books are for.
+        command: Commanded angles (N, 7) at 50 Hz, rad.
+        refined: Physics steps in place of one.
+
+    Returns:
+        The commanded angles as floats.
+
+    Raises:
+        TwinError: Actuators of another form, an arm at its worksite, commands that are not finite angles of seven
+            joints within a turn, or no whole number of steps from 1 to `FINEST`.
+    """
+    if arm.plant.actuator != actuator or arm.worksite:
+        where = "at the worksite" if arm.worksite else "in free space"
+        raise TwinError(
+            f"balances of {arm.plant.actuator} actuators {where} asked, expected {actuator} ones in free space"
+        )
+    if not isinstance(refined, Integral) or isinstance(refined, bool) or not 1 <= refined <= FINEST:
+        raise TwinError(f"refined = {refined!r} given, expected a whole number from 1 to {FINEST}")
+    try:
+        angles = np.asarray(command)
+    except ValueError as error:
+        raise TwinError(f"command given that is no array of angles ({error}), expected (N, {len(JOINTS)})") from error
+    if angles.dtype.kind not in "iuf":
+        raise TwinError(f"command of type {angles.dtype} given, expected angles in rad, (N, {len(JOINTS)})")
+    if angles.ndim != 2 or angles.shape[1] != len(JOINTS) or not len(angles):
+        raise TwinError(f"command of shape {angles.shape} given, expected (N, {len(JOINTS)}), N at least 1")
+    angles = angles.astype(float)
+    wrong = ~(np.abs(angles) <= FARTHEST)
+    if wrong.any():
+        tick, joint = np.argwhere(wrong)[0]
+        raise TwinError(
+            f"command of {angles[tick, joint]:g} rad given to the {JOINTS[joint].replace('_', ' ')} at tick {tick}, "
+            f"expected finite angles within {FARTHEST:.4g} rad"
+        )
+    return angles
+
+
+def check_course(data: mujoco.MjData) -> None:
+    """Refuse to draw up the books of a run in which the physics engine had to start anew.
+
+    Args:
+        data: The state at the run's end.
+
+    Raises:
+        TwinError: The engine warned.
+    """
+    raised = [
+        str(mujoco.mjtWarning(i)).rsplit("mjWARN_", 1)[-1] for i, stat in enumerate(data.warning) if stat.number > 0
+    ]
+    if raised:
+        raise TwinError(f"the physics engine warned of {', '.join(raised)} in this run: there are no books to draw up")

@@ -7,8 +7,7 @@ import mujoco
 import numpy as np
 
 from hmtb_twin.arm import Arm
-from hmtb_twin.balances import EnergyBalance, OilBalance
-from hmtb_twin.errors import TwinError
+from hmtb_twin.balances import EnergyBalance, OilBalance, check_course, checked_run
 from hmtb_twin.parameters import JOINTS, SAMPLE_TIME
 
 
@@ -42,20 +41,16 @@ def linear_balances(arm: Arm, command: np.ndarray, *, refined: int = 1) -> tuple
     Args:
         arm: The arm, with linear actuators, in free space.
         command: Commanded angles (N, 7) at 50 Hz, rad; the run starts at rest at the first.
-        refined: Physics steps in place of one.
+        refined: Physics steps in place of one, 1 to `FINEST`.
 
     Returns:
         The balances of oil and of energy.
 
     Raises:
-        TwinError: The actuators are not linear, the arm stands at its worksite, or the command has the wrong shape.
+        TwinError: The actuators are not linear, the arm stands at its worksite, or `command` or `refined` is not what
+            it should be; the physics diverged.
     """
-    command = np.asarray(command, dtype=float)
-    if arm.plant.actuator != "linear" or arm.worksite:
-        where = "at the worksite" if arm.worksite else "in free space"
-        raise TwinError(f"balances of {arm.plant.actuator} actuators {where} asked, expected linear ones in free space")
-    if command.ndim != 2 or command.shape[1] != len(JOINTS) or not len(command):
-        raise TwinError(f"command of shape {command.shape} given, expected (N, {len(JOINTS)}), N at least 1")
+    command = checked_run(arm, "linear", command, refined)
     model = copy(arm.model)
     model.opt.timestep /= refined
     run = _run(model, arm, command)
@@ -124,6 +119,7 @@ def _run(model: mujoco.MjModel, arm: Arm, command: np.ndarray) -> _Run:
         dry = _dry_friction(data) if rubs else 0.0
         for torque, now in zip(torques, (data.actuator_force, data.qfrc_constraint, dry), strict=True):
             torque[k] = now
+    check_course(data)
     return _Run(model.opt.timestep, np.repeat(controls, substeps, axis=0), *states, *torques)
 
 

@@ -8,8 +8,7 @@ import numpy as np
 
 from hmtb_twin import valve_equations as eq
 from hmtb_twin.arm import Arm
-from hmtb_twin.balances import EnergyBalance, OilBalance
-from hmtb_twin.errors import TwinError
+from hmtb_twin.balances import EnergyBalance, OilBalance, check_course, checked_run
 from hmtb_twin.orifice import arm_parameters
 from hmtb_twin.parameters import JOINTS, SAMPLE_TIME
 
@@ -43,7 +42,7 @@ def orifice_balances(arm: Arm, command: np.ndarray, *, refined: int = 4) -> tupl
     Args:
         arm: The arm, with servo valves, in free space.
         command: Commanded angles (N, 7) at 50 Hz, rad; the run starts at rest at the first.
-        refined: Physics steps in place of one.
+        refined: Physics steps in place of one, 1 to `FINEST`.
 
     Returns:
         The balance of oil of chambers A and B of each joint in turn and of the supply, where swept is what the valves
@@ -51,17 +50,10 @@ def orifice_balances(arm: Arm, command: np.ndarray, *, refined: int = 4) -> tupl
         accumulator's oil too.
 
     Raises:
-        TwinError: The actuators are not servo valves, the arm stands at its worksite, or the command has the wrong
-            shape.
+        TwinError: The actuators are not servo valves, the arm stands at its worksite, or `command` or `refined` is not
+            what it should be; the physics diverged.
     """
-    command = np.asarray(command, dtype=float)
-    if arm.plant.actuator != "orifice" or arm.worksite:
-        where = "at the worksite" if arm.worksite else "in free space"
-        raise TwinError(
-            f"balances of {arm.plant.actuator} actuators {where} asked, expected orifice ones in free space"
-        )
-    if command.ndim != 2 or command.shape[1] != len(JOINTS) or not len(command):
-        raise TwinError(f"command of shape {command.shape} given, expected (N, {len(JOINTS)}), N at least 1")
+    command = checked_run(arm, "orifice", command, refined)
     model = copy(arm.model)
     model.opt.timestep /= refined
     run = _run(model, arm, command)
@@ -124,6 +116,7 @@ def _run(model: mujoco.MjModel, arm: Arm, command: np.ndarray) -> _Run:
             constraint[k, i] = data.qfrc_constraint
             if i < substeps:
                 mujoco.mj_step(model, data)
+    check_course(data)
     ends.append(_energy(model, data))
     return _Run(model.opt.timestep, angles, velocities, states, constraint, np.array(ends))
 
