@@ -26,6 +26,11 @@ class DcMotor:
     brake: float = 0.0
 
     @property
+    def holding_torque(self) -> float:
+        """Largest torque that it holds at rest, N m: largest input less what the resistance takes, if not saturated."""
+        return min(self.maximum_torque, self.constant * self.largest_input / self.resistance)
+
+    @property
     def lag(self) -> float:
         """Time constant from commanded to delivered torque, s."""
         return self.inductance / self.resistance
