@@ -235,7 +235,7 @@ def complaint(capsys: pytest.CaptureFixture[str], *words: object) -> str:
         ("--supply-pressure 2", "supply_pressure = 2.0 given"),
         (
             "--supply-pressure 6",
-            "at 6 MPa the drives cannot hold the arm at this pose: shoulder pitch needs 296 N m and has 156",
+            "at 6 MPa the drives cannot hold the arm at this pose: shoulder pitch needs 296 N m and has 155",
         ),
         ("--oil-temperature 120", "oil_temperature = 120.0 given"),
         ("--process-noise nan", "process_noise = nan given"),
