@@ -148,10 +148,12 @@ def _condition(maps: Maps, varied: Conditions) -> str:
     studied = max(part for part, joint, *_ in changes if joint in STUDIED_JOINTS)
     unit = f" {varied.unit}" if varied.unit else ""
     shown = [_value(value) for value in (values[0], values[-1])]
-    lost = [value for value, fine in zip(varied.values, works, strict=True) if not fine]
-    fails = (
-        f" At {', '.join(f'{_value(value)}{unit}' for value in lost)} the drives cannot hold the arm." if lost else ""
-    )
+    held = np.isfinite(varied.dynamics.gain).all(axis=1)
+    fails = ""
+    for lost, what in ((~held, "the drives cannot hold the arm"), (held & ~works, "a joint has no stable bandwidth")):
+        if lost.any():
+            at = ", ".join(f"{_value(value)}{unit}" for value, so in zip(varied.values, lost, strict=True) if so)
+            fails += f" At {at} {what}."
     if most < SLIGHT:
         slightly = f"no bandwidth changes by more than {100 * most:.1f} %."
         return f"{varied.name.capitalize()} from {shown[0]} to {shown[1]}{unit}: {slightly}{fails}"

@@ -55,6 +55,14 @@ def test_sentences_tell_a_quiet_neighbourhood(found: Maps) -> None:
     assert "no studied bandwidth differs by more than 10 %" in findings(replace(found, near=still))[0]
 
 
+def test_what_is_unstable_is_not_called_too_heavy(found: Maps) -> None:
+    _, pressures, _ = found.conditions
+    stable = pressures.dynamics.stable & [True, True, False]
+    unstable = replace(pressures, dynamics=replace(pressures.dynamics, stable=stable))
+    text = "\n".join(findings(replace(found, conditions=(unstable,))))
+    assert "At 7 MPa the drives cannot hold the arm. At 35 MPa a joint has no stable bandwidth." in text
+
+
 def test_linear_range_is_the_longest_run() -> None:
     points = [point("elbow_pitch", a, 1.0, hz) for a, hz in ((1e-3, 1.0), (2e-3, 0.5), (3e-3, 0.95), (4e-3, 1.0))]
     assert linear_range(points, 1.0) == (3e-3, 4e-3)
