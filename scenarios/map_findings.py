@@ -157,10 +157,16 @@ def _condition(maps: Maps, varied: Conditions) -> str:
     if most < SLIGHT:
         slightly = f"no bandwidth changes by more than {100 * most:.1f} %."
         return f"{varied.name.capitalize()} from {shown[0]} to {shown[1]}{unit}: {slightly}{fails}"
+    most_studied = name in STUDIED_JOINTS
+    rest = (
+        f", the {words(name)}'s most, from {first:.2f} to {last:.2f} Hz"
+        if most_studied
+        else f"; of the other joints the {words(name)}'s changes most, from {first:.2f} to {last:.2f} Hz "
+        f"({100 * most:.0f} % of {maps.here.of(name)[0]:.3f} Hz)"
+    )
     return (
         f"{varied.name.capitalize()} from {shown[0]} to {shown[1]}{unit}: studied bandwidths change by up to "
-        f"{100 * studied:.1f} %, the {words(name)}'s most of all, from {first:.2f} to {last:.2f} Hz "
-        f"({100 * most:.0f} % of {maps.here.of(name)[0]:.3f} Hz).{fails}"
+        f"{100 * studied:.1f} %{rest}.{fails}"
     )
 
 
@@ -176,7 +182,12 @@ def _amplitude(maps: Maps, large: LargeSignals) -> str:
     for joint in STUDIED_JOINTS:
         points = [point for point in large.over_amplitude if point.joint == joint]
         found = linear_range(points, float(maps.here.of(joint)[0]))
-        span = f"from {found[0]:g} to {found[1]:g} rad" if found else "nowhere"
+        if found is None:
+            span = "nowhere"
+        elif found[0] == found[1]:
+            span = f"at {found[0]:g} rad alone"
+        else:
+            span = f"from {found[0]:g} to {found[1]:g} rad"
         parts.append(f"{words(joint)} {span}")
     smallest, largest = large.over_amplitude[0], large.over_amplitude[-1]
     last = large.over_amplitude[-1]
@@ -194,11 +205,11 @@ def _level(maps: Maps, large: LargeSignals) -> str:
     parts = []
     for joint in STUDIED_JOINTS:
         points = [point for point in large.over_level if point.joint == joint]
-        rows = [f"{_hz(point.hz)} at {point.level:g}" for point in (points[0], points[-1])]
+        rows = [f"{_hz(point.hz)}{_interval(point)} at {point.level:g}" for point in (points[0], points[-1])]
         parts.append(f"{words(joint)} {rows[0]}, {rows[1]}")
     return (
-        f"Dry friction in multiples of the arm's, at {LEVEL_AMPLITUDE:g} rad: bandwidths {'; '.join(parts)}. The "
-        "small-signal truth knows nothing of it."
+        f"Dry friction in multiples of the arm's, at {LEVEL_AMPLITUDE:g} rad: bandwidths (95 %) {'; '.join(parts)}. "
+        "The small-signal truth knows nothing of it."
     )
 
 
@@ -208,3 +219,9 @@ def _value(value: object) -> str:
 
 def _hz(value: float) -> str:
     return f"{value:.2f} Hz" if np.isfinite(value) else "no bandwidth that shows"
+
+
+def _interval(point: LargeSignal) -> str:
+    """The interval where it is wider than the rounding of the bandwidth."""
+    low, high = (f"{end:.2f}" for end in point.ci95)
+    return f" ({low} to {high})" if np.isfinite(point.hz) and low != high else ""

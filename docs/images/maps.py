@@ -1,4 +1,4 @@
-"""Make the maps of docs/maps.md anew, figures and sentences: `PYTHONPATH=. python docs/images/maps.py`, a minute."""
+"""Make the maps of docs/maps.md anew, figures and sentences: `PYTHONPATH=. python docs/images/maps.py`."""
 
 import re
 from pathlib import Path

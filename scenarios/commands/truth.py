@@ -75,7 +75,7 @@ def truth(
         bla: Amplitude of the best linear approximation, rad, root mean square; of the studied joints.
         data: A log of hmtb simulate (.nc); its arm, conditions and pose are taken.
         maps: Make the maps.
-        density: Poses of the maps, in multiples of the default grid; 0.1 is a preview in some twenty seconds.
+        density: Poses of the maps, in multiples of the default grid; 0.1 is a preview in half a minute.
         seed: Of the phases and noise of --bla, and of the random poses of --maps.
         threads: Threads for the physics of --bla and --maps; all processors when not given.
         out: One figure of all this (.svg, .png or .pdf); with --maps the folder, "maps" when not given.

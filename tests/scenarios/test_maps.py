@@ -45,14 +45,30 @@ def test_sentences_hold_computed_numbers(found: Maps) -> None:
     assert f"damping ratios go down to {lowest:.2f}" in text or "stay real" in text
     assert "At 7 MPa the drives cannot hold the arm." in text
     assert "shoulder yaw from 0.01 to 0.1 rad" in text
-    assert "1.03 Hz at 0, no bandwidth that shows at 8" in text
+    assert "1.03 Hz (0.93 to 1.13) at 0, no bandwidth that shows at 8" in text
     hz = float(found.here.of("shoulder_yaw")[0])
     assert f"of its {hz:.3f} Hz" in text
+
+
+def test_a_joint_that_is_not_studied_is_told_apart(found: Maps) -> None:
+    (payload,) = (text for text in findings(found) if text.startswith("Payload"))
+    assert "; of the other joints the wrist yaw's changes most" in payload
 
 
 def test_sentences_tell_a_quiet_neighbourhood(found: Maps) -> None:
     still = replace(found.near, dynamics=replace(found.near.dynamics, bandwidth=np.repeat(found.here.bandwidth, 12, 0)))
     assert "no studied bandwidth differs by more than 10 %" in findings(replace(found, near=still))[0]
+
+
+def test_poses_that_the_drives_cannot_hold_are_gaps(tmp_path: Path) -> None:
+    weak = load_arm(plant=Plant(supply_pressure=9.0))
+    found = maps(weak, OPERATING_POSE, COARSE)
+    assert not found.plane.dynamics.stable.all()
+    assert found.anywhere.dynamics.stable.any()
+    text = "\n".join(findings(found))
+    assert "too heavy for its drives" in text
+    assert "nan" not in text
+    assert write_maps(found, tmp_path)
 
 
 def test_what_is_unstable_is_not_called_too_heavy(found: Maps) -> None:
@@ -68,16 +84,12 @@ def test_linear_range_is_the_longest_run() -> None:
     assert linear_range(points, 1.0) == (3e-3, 4e-3)
     assert linear_range([point("elbow_pitch", 1e-3, 1.0, np.nan)], 1.0) is None
 
-def test_poses_that_the_drives_cannot_hold_are_gaps(tmp_path: Path) -> None:
-    weak = load_arm(plant=Plant(supply_pressure=9.0))
-    found = maps(weak, OPERATING_POSE, COARSE)
-    assert not found.plane.dynamics.stable.all()
-    assert found.anywhere.dynamics.stable.any()
-    text = "\n".join(findings(found))
-    assert "too heavy for its drives" in text
-    assert "nan" not in text
-    assert write_maps(found, tmp_path)
 
+def test_one_amplitude_is_no_range(found: Maps) -> None:
+    assert found.large is not None
+    only = tuple(one for one in found.large.over_amplitude if one.amplitude != 1e-2)
+    text = "\n".join(findings(replace(found, large=replace(found.large, over_amplitude=only))))
+    assert "elbow pitch at 0.1 rad alone" in text
 
 
 def test_tables_are_complete(found: Maps) -> None:
