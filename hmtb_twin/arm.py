@@ -324,6 +324,7 @@ def _spec(variant: Variant, payload: str, scene: mujoco.MjSpec | None) -> mujoco
         # Its activations would not fit an arm without friction, and `Arm.rest` computes the same state.
         spec.delete(key)
     write_bodies(spec, variant, payload)
+    spec.option.timestep = variant.step
     return spec
 
 

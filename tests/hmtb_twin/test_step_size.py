@@ -1,6 +1,7 @@
 """The default physics step of each form of the actuator: halved or doubled, the bandwidths stay."""
 
 from importlib.util import find_spec
+from itertools import product
 
 import mujoco
 import numpy as np
@@ -8,10 +9,14 @@ import pytest
 
 from hmtb_twin import NOMINAL_PLANT, VARIANTS, Arm, Plant, TwinError, linearize, load_arm
 from hmtb_twin.parameters import SAMPLE_TIME
+from hmtb_twin.payloads import PAYLOADS
 from hmtb_twin.step_size import at_step, bandwidths
 
 COMPILED = pytest.mark.skipif(not find_spec("numba"), reason="orifice actuators need Numba")
-ARMS = [*(("linear", variant) for variant in VARIANTS), pytest.param("orifice", "nominal", marks=COMPILED)]
+ARMS = [
+    *(("linear", *one) for one in product(VARIANTS, PAYLOADS)),
+    *(pytest.param("orifice", "nominal", payload, marks=COMPILED) for payload in ("rpcm", "none")),
+]
 DOUBLED = 1e-3
 """Largest change of a bandwidth that a doubled step may make."""
 
@@ -23,10 +28,10 @@ def change(arm: Arm, factor: float) -> float:
     return max(abs(other[name] / hz - 1.0) for name, hz in ours.items())
 
 
-@pytest.mark.parametrize(("form", "variant"), ARMS)
-def test_doubled_step_keeps_every_bandwidth(form, variant):
+@pytest.mark.parametrize(("form", "variant", "payload"), ARMS)
+def test_doubled_step_keeps_every_bandwidth(form, variant, payload):
     # The orifice form is integrated to the fourth order: there the step has converged.
-    assert change(load_arm(variant, plant=Plant(actuator=form)), 2.0) < (DOUBLED if form == "linear" else 1e-5)
+    assert change(load_arm(variant, payload, plant=Plant(actuator=form)), 2.0) < (DOUBLED if form == "linear" else 1e-5)
 
 
 def test_step_of_the_linear_form_is_small_enough_and_not_only_at_a_turn_of_the_error():
@@ -46,7 +51,8 @@ def test_integrator_and_step_are_those_asked_for():
     other = at_step(arm, 0.004, mujoco.mjtIntegrator.mjINT_EULER)
     assert (other.model.opt.timestep, other.model.opt.integrator) == (0.004, mujoco.mjtIntegrator.mjINT_EULER)
     assert at_step(arm, 0.004).model.opt.integrator == arm.model.opt.integrator
-    assert arm.model.opt.timestep == 0.0005
+    assert arm.model.opt.timestep == VARIANTS["nominal"].step == 0.0005
+    assert load_arm("flight").model.opt.timestep == VARIANTS["flight"].step == 0.000125
     assert bandwidths(other)["elbow_pitch"] != pytest.approx(bandwidths(arm)["elbow_pitch"], rel=1e-3)
 
 
