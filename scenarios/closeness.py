@@ -20,12 +20,14 @@ class PoleMatch:
         printed: The printed pole in the z plane.
         share: Part of the printed gain at 0 Hz that it carries.
         found: The arm's nearest pole in the s plane, rad/s.
+        found_share: Part of the arm's gain at 0 Hz that that one carries.
         error: Distance over the printed pole's modulus, both in the s plane.
     """
 
     printed: complex
     share: float
     found: complex
+    found_share: float
     error: float
 
     @property
@@ -77,16 +79,23 @@ def _relative(model: StateSpace) -> np.ndarray:
 
 
 def _matches(model: StateSpace, truth: JointTruth) -> Iterator[PoleMatch]:
-    z, vectors = np.linalg.eig(model.A.astype(complex))
-    residues = (model.C @ vectors)[0] * np.linalg.solve(vectors, model.B.astype(complex))[:, 0]
-    shares = np.abs(residues / (1.0 - z)) / abs(model.dc_gain()[0, 0])
+    z, shares = _shares(model)
+    arm, arm_shares = _shares(truth.model)
     found = truth.natural_poles
     for i in np.argsort(-np.abs(z)):
         if abs(z[i]) > 1e-6:
             natural = np.log(z[i]) / model.dt
             nearest = int(np.argmin(np.abs(found - natural)))
             error = float(abs(found[nearest] / natural - 1.0))
-            yield PoleMatch(complex(z[i]), float(shares[i]), complex(found[nearest]), error)
+            own = float(arm_shares[np.argmin(np.abs(arm - np.exp(found[nearest] * model.dt)))])
+            yield PoleMatch(complex(z[i]), float(shares[i]), complex(found[nearest]), own, error)
+
+
+def _shares(model: StateSpace) -> tuple[np.ndarray, np.ndarray]:
+    """Poles in the z plane, and the part of the gain at 0 Hz that each carries."""
+    z, vectors = np.linalg.eig(model.A.astype(complex))
+    residues = (model.C @ vectors)[0] * np.linalg.solve(vectors, model.B.astype(complex))[:, 0]
+    return z, np.abs(residues / (1.0 - z)) / abs(model.dc_gain()[0, 0])
 
 
 def tables(truth: Truth) -> str:
@@ -105,16 +114,19 @@ def tables(truth: Truth) -> str:
         )
     lines += [
         "",
-        "| joint | printed model | pole, z | pole, rad/s | part of the DC gain | arm's nearest, rad/s | off by |",
-        "|---|---|---:|---:|---:|---:|---:|",
+        "| joint | printed model | pole, z | pole, rad/s | part of the DC gain "
+        "| arm's nearest, rad/s | off by | part of the arm's |",
+        "|---|---|---:|---:|---:|---:|---:|---:|",
     ]
     for entry in compared:
         for pole in entry.poles:
             if pole.printed.imag < -1e-9:
                 continue
             # A negative real pole is the image of no pole that an arm without delay could have.
-            nearest = f"{_complex(pole.found, 2)} | {100 * pole.error:.1f} %" if pole.printed.real > 0.0 else "none | "
-            natural = _complex(pole.natural, 2) if pole.printed.real > 0.0 else "none"
+            natural, nearest = "none", "none | |"
+            if pole.printed.real > 0.0:
+                natural = _complex(pole.natural, 2)
+                nearest = f"{_complex(pole.found, 2)} | {100 * pole.error:.1f} % | {100 * pole.found_share:.1f} %"
             lines.append(
                 f"| {_joint(entry)} | {_label(entry)} | {_complex(pole.printed, 3)} | {natural} "
                 f"| {100 * pole.share:.1f} % | {nearest} |"

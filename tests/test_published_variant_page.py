@@ -49,6 +49,18 @@ def test_every_dominant_pole_of_the_targets_is_as_close_as_the_page_says() -> No
     assert np.sort(missed)[-2] < 0.002
 
 
+def test_shoulder_pitch_shares_its_gain_with_its_neighbours_as_the_page_says() -> None:
+    joint = linearize(load_arm("published"), amplitudes=()).joint("shoulder_pitch")
+    z, vectors = np.linalg.eig(joint.model.A.astype(complex))
+    # What each mode adds to the final value of a step response.
+    start = np.linalg.solve(vectors, joint.model.B[:, 0].astype(complex)) / (1.0 - z)
+    shares = np.abs(joint.model.C[0] @ vectors * start) / joint.dc_gain
+    said = {-5.91: 38.6, -5.64: 46.9, -8.46: 35.5, -22.00: 17.1, -118.04: 4.5}
+    for pole, percent in said.items():
+        assert 100.0 * shares[np.argmin(np.abs(np.log(z) / 0.02 - pole))] == pytest.approx(percent, abs=0.1)
+        assert f"{percent} %" in PAGE
+
+
 def test_servos_gains_and_seals_are_those_of_the_arm() -> None:
     arm = load_arm("published")
     rows = re.findall(r"^\| (\w+ \w+) \| (-[\d., -]+) \| (\d+) \| (\d+) \| ([\d.]+) \| ([\d.]+) \|$", PAGE, re.M)
