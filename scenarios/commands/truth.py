@@ -8,9 +8,12 @@ import tyro
 from scenarios.commands.output import output_folder, print_json, print_table, progress, say
 
 if TYPE_CHECKING:
+    from collections.abc import Mapping
+
     import numpy as np
 
     from hmtb_twin import Arm, JointLog
+    from scenarios.maps import Density
     from scenarios.truth_summary import TruthSummary
 
 FIGURES = (".svg", ".png", ".pdf")
@@ -22,19 +25,19 @@ PLACE = Path("maps")
 
 def truth(
     *,
-    variant: str = "nominal",
-    payload: str = "rpcm",
-    pose: Annotated[str, tyro.conf.arg(metavar="NAME|DEG,DEG,...")] = "rpcm_holster_out_approach",
-    actuator: Annotated[str, tyro.conf.arg(metavar="linear|orifice")] = "linear",
-    friction: Annotated[str, tyro.conf.arg(metavar="none|viscous|coulomb|lugre")] = "lugre",
-    friction_level: float = 1.0,
-    supply_pressure: float = 20.7,
-    oil_temperature: float = 40.0,
-    process_noise: float = 0.0,
+    variant: Annotated[str | None, tyro.conf.arg(metavar="NAME")] = None,
+    payload: Annotated[str | None, tyro.conf.arg(metavar="NAME")] = None,
+    pose: Annotated[str | None, tyro.conf.arg(metavar="NAME|DEG,DEG,...")] = None,
+    actuator: Annotated[str | None, tyro.conf.arg(metavar="linear|orifice")] = None,
+    friction: Annotated[str | None, tyro.conf.arg(metavar="none|viscous|coulomb|lugre")] = None,
+    friction_level: Annotated[float | None, tyro.conf.arg(metavar="FLOAT")] = None,
+    supply_pressure: Annotated[float | None, tyro.conf.arg(metavar="MPA")] = None,
+    oil_temperature: Annotated[float | None, tyro.conf.arg(metavar="DEGC")] = None,
+    process_noise: Annotated[float | None, tyro.conf.arg(metavar="FLOAT")] = None,
     bla: Annotated[float | None, tyro.conf.arg(metavar="RAD")] = None,
     data: Annotated[Path | None, tyro.conf.arg(metavar="LOG")] = None,
     maps: bool = False,
-    density: float = 1.0,
+    density: Annotated[float | None, tyro.conf.arg(metavar="FLOAT")] = None,
     seed: int = 0,
     threads: int | None = None,
     out: Path | None = None,
@@ -63,19 +66,22 @@ def truth(
       hmtb truth --maps --out maps
 
     Args:
-        variant: Which arm: nominal, published or flight.
-        payload: What the end effector holds: rpcm (the module), none, ballast or mdm.
-        pose: Operating point: home or rpcm_holster_out_approach, or the seven joint angles in degrees, with commas.
-        actuator: A linear load-flow law, or servo valves with square-root orifices (needs numba).
-        friction: What the joints rub with; the small-signal truth keeps the oil's drag (viscous) alone.
-        friction_level: Dry friction, in multiples of the variant's.
-        supply_pressure: Pressure of the supply, MPa.
-        oil_temperature: Temperature of the oil, degrees Celsius.
-        process_noise: Noise in the valve drives, a part of each joint's rated torque; the true noise model with it.
+        variant: Which arm: nominal (when not given), published or flight.
+        payload: What the end effector holds: rpcm (the module, when not given), none, ballast or mdm.
+        pose: Operating point: rpcm_holster_out_approach (when not given) or home, or the seven joint angles in degrees,
+            with commas.
+        actuator: A linear load-flow law (when not given), or servo valves with square-root orifices (needs numba).
+        friction: What the joints rub with, lugre when not given; the small-signal truth keeps the oil's drag (viscous)
+            alone.
+        friction_level: Dry friction, in multiples of the variant's; 1 when not given.
+        supply_pressure: Pressure of the supply, MPa; 20.7 when not given.
+        oil_temperature: Temperature of the oil, degrees Celsius; 40 when not given.
+        process_noise: Noise in the valve drives, a part of each joint's rated torque, 0 when not given; the true noise
+            model with it.
         bla: Amplitude of the best linear approximation, rad, root mean square; of the studied joints.
-        data: A log of hmtb simulate (.nc); its arm, conditions and pose are taken.
+        data: A log of hmtb simulate (.nc); its arm, conditions and pose are taken, and no option may contradict them.
         maps: Make the maps.
-        density: Poses of the maps, in multiples of the default grid; 0.1 is a preview in half a minute.
+        density: Poses of the maps, in multiples of the default grid (1); 0.1 is a preview in half a minute.
         seed: Of the phases and noise of --bla, and of the random poses of --maps.
         threads: Threads for the physics of --bla and --maps; all processors when not given.
         out: One figure of all this (.svg, .png or .pdf); with --maps the folder, "maps" when not given.
@@ -83,30 +89,41 @@ def truth(
     """
     from dataclasses import replace
 
-    from hmtb_twin import Plant, linearize, load_arm
+    from hmtb_twin import NOMINAL_PLANT, linearize, load_arm
+    from hmtb_twin.parameters import OPERATING_POSE
     from scenarios.errors import ScenarioError
+    from scenarios.maps import Density
     from scenarios.truth_summary import attainable_on, measured_best_linear, truth_summary
     from scenarios.waveform import check_seed
+    from scenarios.whole_file import check_place
 
     check_seed(seed)
-    plant = Plant(
-        actuator=actuator,
-        friction=friction,
-        friction_level=friction_level,
-        supply_pressure=supply_pressure,
-        oil_temperature=oil_temperature,
-        process_noise=process_noise,
-    )
-    point = _point(pose)
+    _check_threads(threads, used=bla is not None or maps)
+    if density is not None and not maps:
+        raise ScenarioError(f"--density {density:g} given without --maps, whose poses it counts")
+    grid = Density.scaled(1.0 if density is None else density)
+    conditions = {
+        "actuator": actuator,
+        "friction": friction,
+        "friction_level": friction_level,
+        "supply_pressure": supply_pressure,
+        "oil_temperature": oil_temperature,
+        "process_noise": process_noise,
+    }
+    said_of_plant = {name: value for name, value in conditions.items() if value is not None}
+    plant = replace(NOMINAL_PLANT, **said_of_plant)  # type: ignore[arg-type]
+    point = _point(pose or OPERATING_POSE)
     log = None
     if data is not None:
-        arm, point, log = _logged(data, (variant, payload, pose, plant))
+        arm, point, log = _logged(data, {"variant": variant, "payload": payload, "pose": pose, **said_of_plant})
     else:
-        arm = load_arm(variant, payload, plant=plant)
+        arm = load_arm(variant or "nominal", payload or "rpcm", plant=plant)
     if (bla is not None or maps) and not isinstance(point, str):
         raise ScenarioError("--bla and --maps start from a pose of the model; give --pose a name, not angles")
     if out is not None and not maps and out.suffix not in FIGURES:
         raise ScenarioError(f"--out {out} given, expected a figure: {', '.join(FIGURES)} (a folder goes with --maps)")
+    if out is not None and not maps:
+        check_place(out)
     summary = truth_summary(arm, linearize(arm, point))
     if bla is not None and isinstance(point, str):
         with progress("best linear approximation") as step:
@@ -116,7 +133,7 @@ def truth(
         summary = replace(summary, attainable=attainable_on(log, summary.truth))
     said: tuple[str, ...] = ()
     if maps:
-        files, said = _maps(arm, summary, density, seed, threads, out)
+        files, said = _maps(arm, summary, grid, seed, threads, out)
     else:
         files = _figure(summary, out)
     if json:
@@ -153,10 +170,22 @@ def _point(pose: str) -> "str | np.ndarray":
     return angles
 
 
-def _logged(data: Path, given: tuple[object, ...]) -> "tuple[Arm, str, JointLog]":
+def _check_threads(threads: int | None, *, used: bool) -> None:
+    """Refuse before any work a number of threads that nothing would use, or that no machine has."""
+    from hmtb_twin.simulation import MOST_THREADS
+    from scenarios.errors import ScenarioError
+
+    if threads is None:
+        return
+    if not 1 <= threads <= MOST_THREADS:
+        raise ScenarioError(f"threads = {threads} given, expected a whole number from 1 to {MOST_THREADS}")
+    if not used:
+        raise ScenarioError(f"--threads {threads} given without --bla or --maps, which alone use threads")
+
+
+def _logged(data: Path, given: "Mapping[str, object]") -> "tuple[Arm, str, JointLog]":
     """The arm and pose of a log, which the other options must not contradict."""
-    from hmtb_twin import NOMINAL_PLANT, JointLog
-    from hmtb_twin.parameters import OPERATING_POSE
+    from hmtb_twin import JointLog
     from scenarios.errors import ScenarioError
     from scenarios.logged_arm import logged_arm
 
@@ -166,11 +195,14 @@ def _logged(data: Path, given: tuple[object, ...]) -> "tuple[Arm, str, JointLog]
         )
     log = JointLog.load(data)
     arm, pose = logged_arm(log), log.provenance["pose"]
-    of_log = (arm.variant, arm.payload, pose, arm.plant)
-    if given not in (of_log, ("nominal", "rpcm", OPERATING_POSE, NOMINAL_PLANT)):
+    of_log = {"variant": arm.variant, "payload": arm.payload, "pose": pose, **vars(arm.plant)}
+    others = [name for name, value in given.items() if value is not None and value != of_log[name]]
+    if others:
+        options = ", ".join(f"--{name.replace('_', '-')} {given[name]}" for name in others)
+        has = ", ".join(f"{name} = {of_log[name]}" for name in others)
         raise ScenarioError(
-            f"--data takes arm, conditions and pose from the log ({arm.variant}, {arm.payload}, {pose}); leave out the "
-            "options that say otherwise"
+            f"--data takes arm, conditions and pose from the log: leave out the options that say otherwise: {options} "
+            f"given, the log has {has}"
         )
     return arm, pose, log
 
@@ -189,14 +221,12 @@ def _figure(summary: "TruthSummary", out: Path | None) -> list[Path]:
 
 
 def _maps(
-    arm: "Arm", summary: "TruthSummary", density: float, seed: int, threads: int | None, out: Path | None
+    arm: "Arm", summary: "TruthSummary", grid: "Density", seed: int, threads: int | None, out: Path | None
 ) -> tuple[list[Path], tuple[str, ...]]:
     from scenarios.map_findings import findings
     from scenarios.map_page import write_maps
-    from scenarios.maps import Density
     from scenarios.maps import maps as made
 
-    grid = Density.scaled(density)
     with output_folder(out or PLACE) as folder:
         found = made(arm, summary.truth.pose, grid, seed=seed, threads=threads, stage=progress)
         return [*write_maps(found, folder), *_figure(summary, folder / "truth.svg")], findings(found)

@@ -9,9 +9,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from hmtb_twin import NOMINAL_PLANT, STUDIED_JOINTS, Plant, linearize, load_arm
+from hmtb_twin import NOMINAL_PLANT, STUDIED_JOINTS, Plant, linearize, load_arm, simulate
 from hmtb_twin.parameters import Actuator
-from scenarios import truth_summary
+from scenarios import load, truth_summary
 from scenarios.bandwidth_caution import cautions
 from scenarios.best_linear import best_linear
 from scenarios.cli import main
@@ -201,8 +201,26 @@ def test_attainable_on_a_log(capsys: pytest.CaptureFixture[str], tmp_path: Path)
     assert "attainable on siso-5-elbow_pitch" in drawn_words(with_floors)
     assert "attainable" not in drawn_words(without)
     assert "leave out the options" in complaint(capsys, "--data", log, "--payload", "none")
+    for option, value, logged in (
+        ("variant", "flight", "nominal"),
+        ("friction-level", "2.0", "1.0"),
+        ("pose", "home", "rpcm_holster_out_approach"),
+    ):
+        said = complaint(capsys, "--data", log, f"--{option}", value)
+        assert f"--{option} {value} given, the log has {option.replace('-', '_')} = {logged}" in said
+    run(capsys, "--data", log, "--variant", "nominal", "--supply-pressure", "20.7")
     assert "expected a log" in complaint(capsys, "--data", tmp_path / "log.csv")
     assert "missing.nc" in complaint(capsys, "--data", tmp_path / "missing.nc")
+
+
+def test_the_nominal_default_does_not_pass_for_an_option(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
+    """A log of another arm needs no option; naming the nominal arm contradicts it."""
+    log = tmp_path / "published.nc"
+    experiment = replace(load("siso-5-elbow_pitch"), name="published", variant="published", duration=30.0)
+    simulate([experiment])[0].save(log)
+    assert result(capsys, "--data", log)["variant"] == "published"
+    said = complaint(capsys, "--data", log, "--variant", "nominal")
+    assert "--variant nominal given, the log has variant = published" in said
 
 
 def test_maps_by_one_command(
@@ -253,6 +271,11 @@ def complaint(capsys: pytest.CaptureFixture[str], *words: object) -> str:
         ("--maps --density 0", "density of the maps: 0 given"),
         ("--seed -1", "seed"),
         ("--bla 0.01 --threads 0", "threads = 0 given"),
+        ("--threads 0", "threads = 0 given"),
+        ("--threads 2", "--threads 2 given without --bla or --maps"),
+        ("--maps --threads 0", "threads = 0 given"),
+        ("--density 0", "--density 0 given without --maps"),
+        ("--density 1", "--density 1 given without --maps"),
         (
             "--variant flight --supply-pressure 15",
             "supply_pressure = 15.0 given, but the drives of this arm are electric",
