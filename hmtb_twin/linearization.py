@@ -83,6 +83,9 @@ def linearize(arm: Arm, pose: str | np.ndarray = OPERATING_POSE, *, amplitudes: 
 
 def sliding(arm: Arm) -> Arm:
     """Return the arm in free space without dry friction: the moving arm of small signals."""
+    if not arm.worksite and not arm.friction:
+        # It may have other valves or another step than `load_arm` gives.
+        return arm
     return load_arm(arm.variant, arm.payload, plant=arm.plant, friction=False)
 
 

@@ -339,6 +339,12 @@ def test_load_flow_is_compensated_short_of_instability():
         assert bool(poles.real.max() < 0.0) is stable
 
 
+def test_valves_of_ones_own_are_linearised(valve_arm, valve_truth):
+    slower = with_valve(valve_arm, valve=replace(SERVO_VALVE, compensated=0.98))
+    truth = linearize(slower, amplitudes=())
+    assert truth.joint("wrist_roll").bandwidth_hz < 0.8 * valve_truth.joint("wrist_roll").bandwidth_hz
+
+
 def test_oil_that_leaks_more_takes_the_place_of_the_amplifiers_slope(valve_arm):
     actuator, kd = valve_arm.actuators["elbow_pitch"], valve_arm.gains["elbow_pitch"][1]
     slopes = []
