@@ -8,15 +8,17 @@ from math import ceil, log, sqrt
 from types import MappingProxyType
 
 import numpy as np
+from scipy.linalg import lstsq
 from scipy.stats import chi2
 
 from hmtb_twin import JOINTS, Arm, JointLog, Status, Truth, linearize, load_arm
 from hmtb_twin.linearization import simulated
 from hmtb_twin.modes import joint_index
 from hmtb_twin.recorder import delayed
+from scenarios.conditional_mean import ConditionalMean, conditional_mean
 from scenarios.errors import ScenarioError
-from scenarios.logged_arm import logged_arm
-from sysid import IOData, StateSpace, SysidError, SysidWarning, oe, pem_ss, predict
+from scenarios.logged_arm import check_truth, logged_arm
+from sysid import IOData, StateSpace, SysidError, SysidWarning, arx, oe, pem_ss, predict
 from sysid.arrays import FloatArray
 
 MATTERS = 1e-4
@@ -24,6 +26,9 @@ MATTERS = 1e-4
 
 FADED = 1e-6
 """A pulse response has died out where its slowest mode is down to this part."""
+
+DRAWS = 8
+"""Draws of process noise behind the mean response of an arm that is not linear."""
 
 
 @dataclass(frozen=True)
@@ -44,12 +49,18 @@ class Horizon:
     """What is attainable over one horizon, in simulation or one step ahead.
 
     Attributes:
-        any_model: By any model whatever, with the right initial state: what is left is noise that nothing foretells.
-        best_linear: By the linear time-invariant system that does best on this very record; the operating point is
-            free. In simulation the best of two families: pulse responses of any shape as long as the arm takes to
-            settle, and systems of the truth's order; one step ahead, regressions on as many past commands and angles.
-            Where the command repeats within that time, such a system takes most distortion along, for it shows at
-            excited lines only.
+        any_model: In simulation, by the mean of the angle given the commands, the start at rest included; what is left
+            is noise that commands do not foretell. Where process noise meets dry friction or servo valves this mean
+            is an average over draws, known to `Attainable.mean_error`; the floor is corrected for it. One step
+            ahead, by one that knows the noise-free angle: only noise of the recorder is left. No model can attain
+            that where there is process noise.
+        best_linear: In simulation, the least of these, each fitted to the noise-free angle of this very record with
+            the initial state and a constant free: pulse responses of any shape of `Attainable.memory` samples, which
+            are the best of their class; ARX models of order `settling` and of order `memory`, and output-error models
+            of the truth's order, each the best that was found. A system outside these classes, or a better one of
+            a high order, may go below. One step ahead, the regression on `settling` past commands and angles.
+            A free initial state is worth whatever a pulse response or regression cannot see of its past: no
+            distortion counts in its first `memory` or `settling` samples.
         small_signal: By the small-signal truth; the operating point is free.
     """
 
@@ -71,8 +82,12 @@ class Attainable:
         right_order: In simulation, by the linear system of the truth's order that does best on this very record: the
             best that several searches found.
         order: That order: states of the small-signal truth that matter.
-        distortion: Root mean square of what the best linear system leaves of the noise-free angle, rad.
-        memory: Samples in which the arm settles, and so the length of pulse responses and regressions.
+        distortion: Root mean square of what the best linear system leaves of the noise-free angle, rad; where that is
+            an average over draws, what is left of their scatter included.
+        mean_error: Standard error of the noise-free angle, root mean square over the samples scored, rad; 0 where it
+            is exact.
+        settling: Samples in which the small-signal arm settles, the length of the regression.
+        memory: Length of the pulse responses: twice that, or less where the record is short.
         parameters: Coefficients of the pulse responses and of the regression, constant included.
         provenance: The record, and how the floors were obtained.
     """
@@ -85,6 +100,8 @@ class Attainable:
     right_order: Floor
     order: int
     distortion: float
+    mean_error: float
+    settling: int
     memory: int
     parameters: tuple[int, int]
     provenance: Mapping[str, str]
@@ -118,7 +135,7 @@ def attainable(
     Args:
         record: A log of the twin: it knows the noise-free angles, the arm and its conditions.
         joint: The joint; the excited one by default.
-        truth: The small-signal truth; by default that of the log's arm at its pose.
+        truth: The small-signal truth of the log's arm at its pose; linearised here by default.
         window: Samples at the start that are not scored.
 
     Returns:
@@ -126,7 +143,8 @@ def attainable(
 
     Raises:
         ScenarioError: No joint named where several are excited, a log that does not tell of its arm, that holds a
-            shutdown or work in contact, or that is too short for the linear systems; a joint that does not move.
+            shutdown or work in contact, or that is too short for the linear systems; a joint that does not move; a
+            truth of another arm, of other conditions or of another pose.
         TwinError: Unknown joint.
     """
     if joint is None:
@@ -139,10 +157,14 @@ def attainable(
     if not 0 <= window < len(record):
         raise ScenarioError(f"window = {window} given, expected 0 to {len(record) - 1} samples")
     arm = logged_arm(record)
-    truth = truth or linearize(arm, record.provenance["pose"], amplitudes=())
+    if truth is None:
+        truth = linearize(arm, record.provenance["pose"], amplitudes=())
+    check_truth(record, arm, truth)
     measured = record.measured[:, column]
-    true = delayed(record.true_angles, arm.delays)[:, column]
-    quiet = _without_process_noise(record, arm, truth)[:, column] if arm.plant.process_noise else true
+    delayed_angles = delayed(record.true_angles, arm.delays)
+    true = delayed_angles[:, column]
+    mean, origin = _noise_free(record, arm, truth, delayed_angles)
+    quiet, uncertain = mean.angles[:, column], mean.variance[window:, column].mean()
     # Servo valves under load stand a little off the commanded pose; the linear model counts from where they stand.
     start = arm.rest(truth.angles).qpos[column]
 
@@ -152,19 +174,29 @@ def attainable(
     model = truth.subset(moved, (joint,))
     rest = np.zeros(model.order)
     simulation, one_step = (predict(model, offsets, steps=steps, x0=rest)[:, 0] + start for steps in (None, 1))
-    memory = _memory(truth, joint)
-    lags = [_lagged(signal, memory, first=0) for signal in offsets.u.T]
-    past = _lagged(offsets.y[:, 0], memory, first=1)
-    commands = np.hstack([*lags, np.ones((len(record), 1))])
-    both = np.hstack([commands, past])
-    if len(record) - window < 2 * both.shape[1]:
+    settling = _settling(truth, joint)
+    first = max(window, settling)
+    coefficients = (len(moved) + 1) * settling + len(moved) + 1
+    if len(record) - window < 2 * coefficients:
         raise ScenarioError(
-            f"{record.name} has {len(record) - window} samples to score, expected {2 * both.shape[1]} or more: the "
-            f"linear systems that it is compared with have {both.shape[1]} coefficients"
+            f"{record.name} has {len(record) - window} samples to score, expected {2 * coefficients} or more: the "
+            f"linear systems that it is compared with have {coefficients} coefficients"
         )
-    order, fitted = _right_order(truth.subset(moved, (joint,)), offsets, quiet, window)
-    linear = _fitted(commands, quiet, window)
-    foretold = _fitted(both, measured, window)
+    memory = max(settling, min(2 * settling, (len(record) - window) // (2 * len(moved) + 2)))
+    constant = np.ones((len(record), 1))
+    commands = np.hstack([*(_lagged(signal, memory, first=0) for signal in offsets.u.T), constant])
+    both = [*(_lagged(signal, settling, first=0) for signal in offsets.u.T), constant]
+    both.append(_lagged(offsets.y[:, 0], settling, first=1))
+    order, fitted = _right_order(model, offsets, quiet, window)
+    high = _high_orders(offsets, quiet, window, (settling, memory))
+    linear = _fitted(commands, quiet, max(window, memory))
+    foretold = _fitted(np.hstack(both), measured, first)
+    # What is fitted to the noise itself lowers its own errors; those before the regression begins are not fitted.
+    foretold = np.where(
+        np.arange(len(record)) < first,
+        true,
+        measured - (measured - foretold) * sqrt((len(record) - first) / (len(record) - first - coefficients)),
+    )
     scored = measured[window:]
     spread = float(np.std(scored))
     if spread <= 1e-14 * float(np.abs(scored).max()):
@@ -173,38 +205,65 @@ def attainable(
     def rms(error: FloatArray) -> float:
         return float(np.sqrt(np.mean(error[window:] ** 2)))
 
-    def floor(prediction: FloatArray, *, centred: bool = False, coefficients: int = 0) -> Floor:
+    def floor(prediction: FloatArray, *, centred: bool = False, variance: float = 0.0) -> Floor:
         error = (measured - prediction)[window:]
-        rmse = float(np.sqrt(np.mean((error - error.mean() if centred else error) ** 2)))
-        rmse *= sqrt(len(error) / (len(error) - coefficients))
+        square = np.mean((error - error.mean() if centred else error) ** 2)
+        rmse = sqrt(max(float(square) - variance, 0.0))
         return Floor(rmse, 100.0 * (1.0 - rmse / spread))
 
     right_order = min((floor(one, centred=True) for one in (simulation, *fitted)), key=lambda one: one.rmse)
-    best = min((linear, *(one - np.mean((one - quiet)[window:]) for one in fitted)), key=lambda one: rms(quiet - one))
+    centred = (one - np.mean((one - quiet)[window:]) for one in (*fitted, *high))
+    best = min((linear, *centred), key=lambda one: rms(quiet - one))
     return Attainable(
         joint=joint,
         samples=len(scored),
         spread=spread,
-        simulation=Horizon(floor(quiet), floor(best), floor(simulation, centred=True)),
-        one_step=Horizon(floor(true), floor(foretold, coefficients=both.shape[1]), floor(one_step, centred=True)),
+        simulation=Horizon(floor(quiet, variance=uncertain), floor(best), floor(simulation, centred=True)),
+        one_step=Horizon(floor(true), floor(foretold), floor(one_step, centred=True)),
         right_order=right_order,
         order=order,
         distortion=rms(quiet - best),
+        mean_error=sqrt(uncertain),
+        settling=settling,
         memory=memory,
-        parameters=(commands.shape[1], both.shape[1]),
+        parameters=(commands.shape[1], coefficients),
         provenance={
             "record": record.name,
             "seed": str(record.seed),
-            "noise-free angles": "simulated anew without process noise" if arm.plant.process_noise else "of the record",
+            "noise-free angles": origin,
             **record.provenance,
         },
     )
 
 
-def _without_process_noise(record: JointLog, arm: Arm, truth: Truth) -> FloatArray:
-    """Noise-free angles (N, 7) as they reach the record, under the same commands and without process noise, rad."""
+def _noise_free(record: JointLog, arm: Arm, truth: Truth, true: FloatArray) -> tuple[ConditionalMean, str]:
+    """Mean of the angles (N, 7) given the commands, as they reach the record, and where it comes from."""
+    if not arm.plant.process_noise:
+        return ConditionalMean(true, np.zeros_like(true), 0), "of the record"
+    if arm.friction or arm.plant.actuator == "orifice":
+        # Noise dithers what is not smooth: the mean is not the motion without noise.
+        mean = conditional_mean(arm, truth.angles, record.commanded, draws=DRAWS, seed=record.seed)
+        return mean, f"mean of {DRAWS} draws of process noise"
     quiet = load_arm(arm.variant, arm.payload, plant=replace(arm.plant, process_noise=0.0))
-    return simulated(quiet, truth.angles, record.commanded) + quiet.rest(truth.angles).qpos[: len(JOINTS)]
+    angles = simulated(quiet, truth.angles, record.commanded) + quiet.rest(truth.angles).qpos[: len(JOINTS)]
+    return ConditionalMean(angles, np.zeros_like(angles), 0), "simulated anew without process noise"
+
+
+def _high_orders(record: IOData, quiet: FloatArray, window: int, orders: tuple[int, ...]) -> tuple[FloatArray, ...]:
+    """What ARX models that are fitted to noise-free angles simulate, their initial state fitted too.
+
+    They remember longer than pulse responses of as many coefficients, and a least-squares fit needs no search.
+    """
+    exact = replace(record, y=quiet[:, None], window=0)[window:].detrend()
+    found: list[FloatArray] = []
+    with warnings.catch_warnings(), np.errstate(all="ignore"):
+        warnings.simplefilter("ignore", SysidWarning)
+        for order in orders:
+            with contextlib.suppress(SysidError):
+                hat = predict(arx(exact, order, order, 1), exact, steps=None)[:, 0]
+                if np.isfinite(hat).all():
+                    found.append(np.concatenate([quiet[:window], hat + quiet[window:].mean()]))
+    return tuple(found)
 
 
 def _right_order(
@@ -228,20 +287,20 @@ def _right_order(
     return start.order, tuple(found)
 
 
-def _memory(truth: Truth, joint: str) -> int:
+def _settling(truth: Truth, joint: str) -> int:
     """Samples after which a pulse has died out, bus delay included."""
     slowest = float(np.abs(truth.joint(joint).poles).max())
     return ceil(log(FADED) / log(slowest)) + truth.joint(joint).delay_samples
 
 
 def _lagged(signal: FloatArray, memory: int, *, first: int) -> FloatArray:
-    """Columns signal(t - first), ..., signal(t - memory); zero before the record, which starts at rest at its pose."""
+    """Columns signal(t - first), ..., signal(t - memory); zero before the record."""
     padded = np.concatenate([np.zeros(memory), signal])
     windows = np.lib.stride_tricks.sliding_window_view(padded, memory + 1)[:, ::-1]
     return windows[:, first:]
 
 
-def _fitted(regressors: FloatArray, target: FloatArray, window: int) -> FloatArray:
-    """Least squares over the scored samples; the prediction of all."""
-    solution, *_ = np.linalg.lstsq(regressors[window:], target[window:], rcond=None)
-    return regressors @ solution
+def _fitted(regressors: FloatArray, target: FloatArray, first: int) -> FloatArray:
+    """Least squares from a sample on; the prediction of all, before that sample the target itself."""
+    solution, *_ = lstsq(regressors[first:], target[first:], cond=1e-12, lapack_driver="gelsy")
+    return np.concatenate([target[:first], regressors[first:] @ solution])

@@ -260,6 +260,7 @@ def _attainable(found: Attainable) -> dict[str, object]:
         "samples": found.samples,
         "chance_takes_off": 1.0 - found.by_chance(1.0),
         "spread_rad": found.spread,
+        "mean_error_rad": found.mean_error,
         "simulation": {**horizon("simulation"), "right_order": vars(found.right_order)},
         "one_step": horizon("one_step"),
         "order": found.order,
