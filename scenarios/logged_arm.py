@@ -1,9 +1,11 @@
 """The arm that a log was recorded from, from what the log tells of itself."""
 
-from dataclasses import fields
+from dataclasses import fields, replace
 from typing import Any, get_type_hints
 
-from hmtb_twin import Arm, JointLog, Plant, load_arm
+import numpy as np
+
+from hmtb_twin import Arm, JointLog, Plant, Truth, load_arm
 from scenarios.errors import ScenarioError
 
 NEEDED = ("variant", "payload", "pose", "friction")
@@ -52,3 +54,32 @@ def logged_plant(log: JointLog) -> Plant:
                 f"{log.name}: plant_{entry.name} = {text!r} in its provenance, expected a number"
             ) from error
     return Plant(**values)
+
+
+def check_truth(log: JointLog, arm: Arm, truth: Truth) -> None:
+    """Refuse a truth that is not of a log's arm, conditions and pose; dry friction, which no truth knows, may differ.
+
+    Args:
+        log: The log.
+        arm: Its arm, from `logged_arm`.
+        truth: The truth.
+
+    Raises:
+        ScenarioError: It is of another arm, of other conditions, or of another pose.
+    """
+    given, logged = vars(_sliding(truth.plant)), vars(_sliding(arm.plant))
+    pairs = {
+        "variant": (truth.variant, arm.variant),
+        "payload": (truth.payload, arm.payload),
+        **{name: (given[name], logged[name]) for name in given},
+    }
+    wrong = [f"{name} = {of_truth}, not {of_log}" for name, (of_truth, of_log) in pairs.items() if of_truth != of_log]
+    pose = log.provenance["pose"]
+    if not np.allclose(truth.angles, arm.pose(pose), rtol=0.0, atol=1e-9):
+        wrong.append(f"pose = {truth.pose}, not {pose}")
+    if wrong:
+        raise ScenarioError(f"{log.name}: a truth given of {'; '.join(wrong)}; expected that of the log's own arm")
+
+
+def _sliding(plant: Plant) -> Plant:
+    return replace(plant, friction="none" if plant.friction == "none" else "viscous", friction_level=1.0)
