@@ -67,6 +67,11 @@ class LocalDynamics:
         return len(self.angles)
 
     @property
+    def held(self) -> np.ndarray:
+        """Whether the drives hold the arm (n,)."""
+        return np.asarray(np.isfinite(self.gain).all(axis=1))
+
+    @property
     def interaction(self) -> np.ndarray:
         """Distance of the relative gain from one at each joint's bandwidth (n, m)."""
         return np.abs(self.relative_gain - 1.0)

@@ -100,7 +100,9 @@ def _everywhere(maps: Maps) -> str:
             f"{words(joint)} {low:.2f} to {high:.2f} Hz ({100 * within.mean():.0f} % of poses within {PERCENT} of its "
             f"{maps.here.of(joint)[0]:.3f} Hz)"
         )
-    return f"Anywhere, 90 % of {len(dynamics)} random poses: {', '.join(parts)}."
+    heavy = 1.0 - float(dynamics.held.mean())
+    lost = f"; at {100 * heavy:.1f} % of poses the drives cannot hold the arm" if heavy else ""
+    return f"Anywhere, 90 % of {len(dynamics)} random poses: {', '.join(parts)}{lost}."
 
 
 def _shape(maps: Maps) -> str:
@@ -108,12 +110,18 @@ def _shape(maps: Maps) -> str:
     everything += [cut.dynamics for cut in maps.cuts]
     damping = min(float(np.nanmin(part.damping[:, STUDIED], initial=1.0)) for part in everything)
     gain = max(float(np.abs(part.gain[part.stable] - 1.0).max(initial=0.0)) for part in everything)
-    unstable = sum(int((~part.stable).sum()) for part in everything)
+    heavy = sum(int((~part.held).sum()) for part in everything)
+    unstable = sum(int((part.held & ~part.stable).sum()) for part in everything)
     count = sum(map(len, everything))
     real = "the dominant poles stay real" if damping >= 1.0 else f"damping ratios go down to {damping:.2f}"
-    fails = f"the arm is unstable, or too heavy for its drives, at {unstable} of them"
-    stays = "the arm is stable" if not unstable else fails
-    return f"At all {count} poses {stays}, {real}, and the gain at 0 Hz differs from one by at most {gain:.1g}."
+    stays = "the arm is stable" if not unstable else f"the arm is unstable at {unstable} of them"
+    said = f"{stays}, {real}, and the gain at 0 Hz differs from one by at most {gain:.1g}."
+    if not heavy:
+        return f"At all {count} poses {said}"
+    return (
+        f"At {heavy} of all {count} poses ({100 * heavy / count:.1f} %) the drives cannot hold the arm; at the others "
+        f"{said}"
+    )
 
 
 def _coupling(maps: Maps) -> str:
@@ -148,7 +156,7 @@ def _condition(maps: Maps, varied: Conditions) -> str:
     studied = max(part for part, joint, *_ in changes if joint in STUDIED_JOINTS)
     unit = f" {varied.unit}" if varied.unit else ""
     shown = [_value(value) for value in (values[0], values[-1])]
-    held = np.isfinite(varied.dynamics.gain).all(axis=1)
+    held = varied.dynamics.held
     fails = ""
     for lost, what in ((~held, "the drives cannot hold the arm"), (held & ~works, "a joint has no stable bandwidth")):
         if lost.any():

@@ -66,7 +66,14 @@ def test_poses_that_the_drives_cannot_hold_are_gaps(tmp_path: Path) -> None:
     assert not found.plane.dynamics.stable.all()
     assert found.anywhere.dynamics.stable.any()
     text = "\n".join(findings(found))
-    assert "too heavy for its drives" in text
+    parts = [found.here, found.plane.dynamics, found.anywhere.dynamics, found.near.dynamics]
+    parts += [cut.dynamics for cut in found.cuts]
+    heavy, count = sum(int((~part.held).sum()) for part in parts), sum(map(len, parts))
+    assert f"At {heavy} of all {count} poses ({100 * heavy / count:.1f} %) the drives cannot hold the arm" in text
+    assert "at the others the arm is stable" in text
+    lost = 100 * np.mean(~found.anywhere.dynamics.held)
+    assert f"; at {lost:.1f} % of poses the drives cannot hold the arm." in text
+    assert np.isnan(found.plane.dynamics.bandwidth[~found.plane.dynamics.held]).all()
     assert "nan" not in text
     assert write_maps(found, tmp_path)
 
