@@ -322,6 +322,14 @@ def _print_attainable(summary: "TruthSummary") -> None:
         f"Chance: on {first.samples} samples the RMSE of a model as good as a floor is more than "
         f"{100 * (1 - first.by_chance(1.0)):.2g} % below it once in twenty at most (if fitted to this record: further)"
     )
+    say(
+        "Best linear: the least of pulse responses, ARX models and models of the truth's order that are fitted to this "
+        "record's noise-free angles, the initial state free; linear systems of other classes may do better"
+    )
+    averaged = [(name, one.mean_error) for name, one in summary.attainable.items() if one.mean_error]
+    if averaged:
+        errors = ", ".join(f"{name} {1e3 * error:.3f}" for name, error in averaged)
+        say(f"Noise-free angles are means over draws of process noise; standard error / mrad: {errors}")
 
 
 def _poles(poles: "np.ndarray", fastest: float, count: int = 4) -> str:
