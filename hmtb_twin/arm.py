@@ -180,7 +180,7 @@ class Arm:
             data.qpos[len(JOINTS) : len(JOINTS) + 3] = position
             mujoco.mju_mat2Quat(data.qpos[len(JOINTS) + 3 :], rotation.ravel())
         if self.plant.actuator == "orifice":
-            from hmtb_twin.orifice import lean_on_pins
+            from hmtb_twin.oil_rest import lean_on_pins
 
             lean_on_pins(self.model, self.controller, command, data)
         mujoco.mj_forward(self.model, data)
@@ -205,7 +205,7 @@ class Arm:
     def _settled(self, command: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Return angles (7,) and activations at which the commanded arm rests."""
         if self.plant.actuator == "orifice":
-            from hmtb_twin.orifice import settled_arm
+            from hmtb_twin.oil_rest import settled_arm
 
             return settled_arm(self.model, self.controller, command)
         act = np.zeros(self.model.na)

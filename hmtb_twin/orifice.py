@@ -1,23 +1,17 @@
-"""The `orifice` actuator: servo valves on one supply as MuJoCo user dynamics, compiled by Numba, and their rest."""
+"""The `orifice` actuator: servo valves on one supply as MuJoCo user dynamics, compiled by Numba."""
 
-from collections.abc import Callable, Mapping
-from copy import copy
-from dataclasses import replace
+from collections.abc import Mapping
 from functools import cache
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import mujoco
 import numpy as np
 
 from hmtb_twin import valve_equations as eq
-from hmtb_twin.controller_model import ControllerModel
-from hmtb_twin.errors import OverloadError, TwinError
-from hmtb_twin.parameters import INDEXED_JOINTS, JOINTS, RATED_PRESSURE, Actuator
+from hmtb_twin.errors import TwinError
+from hmtb_twin.parameters import RATED_PRESSURE, Actuator
 from hmtb_twin.servo_valve import POWER_UNIT, SERVO_VALVE, PowerUnit, ServoValve
 from hmtb_twin.struct_offsets import struct_offsets
-
-if TYPE_CHECKING:
-    from hmtb_twin.arm import Arm
 
 STEP = 0.001
 """Physics step of an arm with orifice actuators, s, by the Runge-Kutta method of fourth order.
@@ -142,30 +136,6 @@ def valve_parameters(
     return p
 
 
-def with_valve(arm: "Arm", *, valve: ServoValve = SERVO_VALVE, power_unit: PowerUnit = POWER_UNIT) -> "Arm":
-    """Return an arm with other servo valves, or another supply.
-
-    Args:
-        arm: An arm with orifice actuators.
-        valve: The servo valve of every joint.
-        power_unit: The supply that they share.
-
-    Raises:
-        TwinError: The arm has no servo valves.
-    """
-    if arm.plant.actuator != "orifice":
-        raise TwinError(
-            f'other servo valves for an arm with actuator = "{arm.plant.actuator}" asked, expected "orifice"'
-        )
-    model = copy(arm.model)
-    for j, name in enumerate(JOINTS):
-        parameters = valve_parameters(arm.actuators[name], arm.gains[name], valve, power_unit, joints=len(JOINTS))
-        kept = [eq.BRISTLE, eq.BRISTLE_DAMPING]
-        parameters[kept] = model.actuator_user[2 * j, kept]
-        model.actuator_user[2 * j] = parameters
-    return replace(arm, model=model)
-
-
 def arm_parameters(model: mujoco.MjModel) -> np.ndarray:
     """Return the parameters of every valve of a model with orifice actuators (n, PARAMETERS)."""
     return np.array(model.actuator_user[0::2, : eq.PARAMETERS])
@@ -214,132 +184,3 @@ def _compiled() -> tuple[Any, Any]:
     except RuntimeError:
         # Neither the package's own folder nor the user's can be written.
         return eq.compiled_callbacks(offsets, cached=False)
-
-
-def settled_oil(
-    parameters: np.ndarray,
-    command: np.ndarray,
-    feedforward: np.ndarray,
-    pins: np.ndarray,
-    load: Callable[[np.ndarray], np.ndarray],
-) -> tuple[np.ndarray, np.ndarray]:
-    """Find the equilibrium of an arm under constant commands: every joint at rest, every pressure steady.
-
-    The null leakage of a valve that carries a load costs it a little opening, and so the servo a small offset of the
-    joint; a joint that a pin holds stays where it is.
-
-    Args:
-        parameters: Parameters of each joint's valve (n, PARAMETERS).
-        command: Commanded angles (n,), rad.
-        feedforward: Feedforward torques (n,), N m.
-        pins: Angle (n,) at which a pin holds each joint, rad; NaN for a joint without.
-        load: Torques (n,) in N m that hold the arm at angles (n,) in rad.
-
-    Returns:
-        Joint angles (n,) in rad and states (1 + n STATES,).
-
-    Raises:
-        OverloadError: No equilibrium: the load is more than the valves can carry.
-    """
-    n, oil = len(parameters), parameters[0]
-    controls = np.column_stack([command, feedforward]).ravel()
-    steady = np.array([eq.SPOOL_VELOCITY, eq.MEAN, eq.LOAD])
-
-    def states(unknown: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        joints = np.zeros((n, eq.STATES))
-        joints[:, eq.SPOOL], joints[:, eq.MEAN], joints[:, eq.LOAD] = unknown[1:].reshape(4, n)[:3]
-        joints[:, eq.FILTERED] = joints[:, eq.LOAD]
-        return command + unknown[1 + 3 * n :], np.concatenate([unknown[:1], joints.ravel()])
-
-    def imbalance(unknown: np.ndarray) -> np.ndarray:
-        angles, act = states(unknown)
-        rates = eq.arm_rates(parameters, act, controls, angles, np.zeros(n))
-        joints = rates[1:].reshape(n, eq.STATES)[:, steady] / [oil[eq.FREQUENCY] ** 2, 1e3, 1e3]
-        missing = act[1:].reshape(n, eq.STATES)[:, eq.LOAD] - load(angles) / parameters[:, eq.DISPLACEMENT]
-        return np.concatenate([rates[:1], joints.ravel(), np.where(np.isnan(pins), missing, 1e3 * (angles - pins))])
-
-    start = np.concatenate(
-        [
-            [oil[eq.SET]],
-            np.zeros(n),
-            np.full(n, 0.5 * (oil[eq.SET] + oil[eq.RETURN])),
-            feedforward / parameters[:, eq.DISPLACEMENT],
-            np.zeros(n),
-        ]
-    )
-    found = _newton(imbalance, start)
-    if not np.abs(imbalance(found)).max() < 1e-9:
-        stall = parameters[:, eq.DISPLACEMENT] * (oil[eq.SET] - oil[eq.RETURN])
-        most = np.max(np.abs(load(command) / stall), where=np.isnan(pins), initial=0.0)
-        raise OverloadError(
-            f"at {oil[eq.SET]:g} MPa the servo valves cannot hold the arm at this pose: the weight takes "
-            f"{100.0 * most:.0f} % of a drive's largest torque, and what leaks through the valves leaves less than that"
-        )
-    return states(found)
-
-
-def settled_arm(
-    model: mujoco.MjModel, controller: ControllerModel, command: np.ndarray, pinned: np.ndarray | None = None
-) -> tuple[np.ndarray, np.ndarray]:
-    """Find where an arm with orifice actuators rests under a commanded pose.
-
-    Args:
-        model: The arm's model.
-        controller: The rigid-body model that tells the torque of gravity.
-        command: Commanded joint angles (7,), rad.
-        pinned: Angles (7,) of which those of the indexed joints hold, rad; the commanded ones by default.
-
-    Returns:
-        Joint angles (7,) in rad and activations (na,).
-
-    Raises:
-        OverloadError: The valves cannot carry the load.
-    """
-
-    def gravity(angles: np.ndarray) -> np.ndarray:
-        return controller.gravity_torque(angles[None])[0]
-
-    pins = np.where([name in INDEXED_JOINTS for name in JOINTS], command if pinned is None else pinned, np.nan)
-    return settled_oil(arm_parameters(model), command, gravity(command), pins, gravity)
-
-
-def lean_on_pins(model: mujoco.MjModel, controller: ControllerModel, command: np.ndarray, data: mujoco.MjData) -> None:
-    """Let indexed joints lean on their pins, some 1e-8 rad, until these carry what the valves leave.
-
-    Args:
-        model: The arm's model.
-        controller: The rigid-body model that tells the torque of gravity.
-        command: Commanded joint angles (7,), rad.
-        data: The arm at rest, settled but for the pins; it is changed.
-    """
-    install_valve_equations()
-    lean, n = 1e-8, len(JOINTS)
-    for name in INDEXED_JOINTS:
-        joint = model.joint(name)
-        angle, speed = joint.qposadr[0], joint.dofadr[0]
-        mujoco.mj_forward(model, data)
-        before = data.qacc[speed]
-        data.qpos[angle] += lean
-        mujoco.mj_forward(model, data)
-        # A pin's force is linear in how far it is pushed aside.
-        data.qpos[angle] -= lean * (1.0 + before / (data.qacc[speed] - before))
-    data.qpos[:n], data.act[:] = settled_arm(model, controller, command, data.qpos[:n].copy())
-
-
-def _newton(function: Callable[[np.ndarray], np.ndarray], start: np.ndarray) -> np.ndarray:
-    """Solve by Newton's method with centred differences, halving steps that make matters worse."""
-    point, value = start, function(start)
-    for _ in range(50):
-        if np.abs(value).max() < 1e-12:
-            break
-        columns = [(function(point + e) - function(point - e)) / 2e-6 for e in 1e-6 * np.eye(len(point))]
-        step = np.linalg.solve(np.column_stack(columns), -value)
-        for _ in range(20):
-            trial = function(point + step)
-            if np.linalg.norm(trial) < np.linalg.norm(value):
-                break
-            step = 0.5 * step
-        else:
-            break
-        point, value = point + step, trial
-    return point

@@ -19,7 +19,7 @@ import numpy as np
 
 from hmtb_twin import JOINTS, Arm, OverloadError, Plant, linearize, load_arm
 from hmtb_twin import valve_equations as eq
-from hmtb_twin.orifice import with_valve
+from hmtb_twin.other_valves import with_valve
 from hmtb_twin.parameters import INDEXED_JOINTS, OPERATING_POSE
 from hmtb_twin.payloads import PAYLOADS
 from hmtb_twin.sample_map import sample_map

@@ -20,9 +20,9 @@ from hmtb_twin.orifice import (
     arm_parameters,
     install_valve_equations,
     valve_parameters,
-    with_valve,
 )
 from hmtb_twin.orifice_balances import orifice_balances
+from hmtb_twin.other_valves import with_valve
 from hmtb_twin.parameters import ACTUATORS, INDEXED_JOINTS, OPERATING_POSE, SAMPLE_TIME
 from hmtb_twin.sample_map import sample_map
 from hmtb_twin.servo_valve import POWER_UNIT, SERVO_VALVE
