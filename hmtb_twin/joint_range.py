@@ -5,7 +5,7 @@ import numpy as np
 from hmtb_twin.errors import TwinError
 from hmtb_twin.parameters import INDEXED_JOINTS, JOINTS, MOTIONS
 
-CLEARANCE = 1e-4
+CLEARANCE = 1e-3
 """Nearest that a joint may come to its stop, rad: ten steps of the finite differences, which must not touch it."""
 
 INDEX = 0.0
