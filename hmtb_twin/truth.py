@@ -8,6 +8,7 @@ import numpy as np
 
 from hmtb_twin.errors import TwinError
 from hmtb_twin.innovations import Disturbances, innovations_form, minimal_innovations_form
+from hmtb_twin.modal import modal
 from hmtb_twin.modes import joint_index
 from hmtb_twin.parameters import INDEXED_JOINTS, JOINTS
 from hmtb_twin.plant import Plant
@@ -31,8 +32,10 @@ class JointTruth:
         bandwidth_hz: First frequency at which the gain is 3.01 dB below its value at 0 Hz, Hz; NaN if it never is,
             and for an indexed joint, which a pin holds.
         dc_gain: Gain at 0 Hz.
-        poles: Poles of the path from command to measurement in the z plane, largest modulus first.
-        zeros: Its zeros in the z plane.
+        poles: Poles of the path from command to measurement in the z plane, largest modulus first: modes of the whole
+            arm, and zero for every sample of delay beyond one.
+        shares: Part of the gain at 0 Hz that each pole carries, as a modulus; 0 for delays.
+        zeros: Zeros of that path in the z plane.
         delay_samples: Samples from a command to the first measurement that shows it; the analyst's nk.
     """
 
@@ -41,6 +44,7 @@ class JointTruth:
     bandwidth_hz: float
     dc_gain: float
     poles: np.ndarray
+    shares: np.ndarray
     zeros: np.ndarray
     delay_samples: int
 
@@ -52,13 +56,14 @@ class JointTruth:
 
     @property
     def dominant_poles(self) -> np.ndarray:
-        """Poles in the s plane that carry more than 5 % of the gain at 0 Hz each, rad/s, slowest first."""
-        poles, vectors = np.linalg.eig(self.model.A)
-        residues = (self.model.C @ vectors)[0] * np.linalg.solve(vectors, self.model.B.astype(complex))[:, 0]
-        share = np.abs(residues / (1.0 - poles)) / abs(self.dc_gain)
-        moving = np.abs(poles) > 1e-6
-        dominant = np.log(poles[moving & (share > 0.05)].astype(complex)) / self.model.dt
-        return dominant[np.argsort(-dominant.real)]
+        """Poles in the s plane that carry more than 5 % of the gain at 0 Hz each, rad/s, slowest first.
+
+        Those that fall below a twentieth within a sample are left out: they stand so close together that their shares,
+        large and of opposite sign, say nothing.
+        """
+        dominant = self.poles[(self.shares > 0.05) & (np.abs(self.poles) > 0.05)].astype(complex)
+        natural = np.log(dominant) / self.model.dt
+        return natural[np.argsort(-natural.real, kind="stable")]
 
 
 @dataclass(frozen=True)
@@ -130,13 +135,16 @@ class Truth:
         path = replace(whole, K=None).minimal(MINIMAL)
         pulse = np.abs(path.markov(100)[:, 0, 0])
         delay = int(np.argmax(pulse > DELAY * pulse.max()))
+        modes = modal(replace(whole, K=None))
+        late = np.zeros(max(0, delay - len(modes.poles) + len(modes.zeros)))
         return JointTruth(
             name=name,
             model=minimal_innovations_form(whole, MINIMAL),
             bandwidth_hz=np.nan if name in INDEXED_JOINTS else float(path.bandwidth()[0, 0]),
             dc_gain=float(path.dc_gain()[0, 0]),
-            poles=path.poles(),
-            zeros=path.zeros(),
+            poles=np.concatenate([modes.poles, late]),
+            shares=np.concatenate([modes.shares, late]),
+            zeros=modes.zeros,
             delay_samples=delay,
         )
 

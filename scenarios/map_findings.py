@@ -114,7 +114,7 @@ def _shape(maps: Maps) -> str:
     unstable = sum(int((part.held & ~part.stable).sum()) for part in everything)
     count = sum(map(len, everything))
     real = "the dominant poles stay real" if damping >= 1.0 else f"damping ratios go down to {damping:.2f}"
-    stays = "the arm is stable" if not unstable else f"the arm is unstable at {unstable} of them"
+    stays = "the arm is stable" if not unstable else f"the arm is stable but for {unstable} of them, where it is not"
     said = f"{stays}, {real}, and the gain at 0 Hz differs from one by at most {gain:.1g}."
     if not heavy:
         return f"At all {count} poses {said}"

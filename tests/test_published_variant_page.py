@@ -45,7 +45,7 @@ def test_every_dominant_pole_of_the_targets_is_as_close_as_the_page_says() -> No
         for pole in dominant_poles(model)
     ]
     assert len(missed) == 5
-    assert max(missed) < 0.024
+    assert max(missed) < 0.025
     assert np.sort(missed)[-2] < 0.002
 
 
@@ -55,7 +55,7 @@ def test_shoulder_pitch_shares_its_gain_with_its_neighbours_as_the_page_says() -
     # What each mode adds to the final value of a step response.
     start = np.linalg.solve(vectors, joint.model.B[:, 0].astype(complex)) / (1.0 - z)
     shares = np.abs(joint.model.C[0] @ vectors * start) / joint.dc_gain
-    said = {-5.91: 38.6, -5.64: 46.9, -8.46: 35.5, -22.00: 17.1, -118.04: 4.5}
+    said = {-5.91: 38.6, -5.64: 46.9, -8.46: 35.5, -22.00: 17.1, -117.95: 4.5}
     for pole, percent in said.items():
         assert 100.0 * shares[np.argmin(np.abs(np.log(z) / 0.02 - pole))] == pytest.approx(percent, abs=0.1)
         assert f"{percent} %" in PAGE

@@ -59,7 +59,8 @@ def truth(
 
     How far all this reaches is what --maps answers: over the workspace, over payload, supply pressure, oil temperature,
     amplitude and friction. It writes a page, figures and tables into a folder, in about a minute and a half of one
-    core. Both --bla and --maps need a pose by name.
+    core for the nominal arm with linear actuators, several times that for others. Both --bla and --maps need a pose by
+    name.
 
       hmtb truth --out truth.svg
       hmtb truth --pose 0,20,50,30,-50,0,0 --oil-temperature 15
@@ -120,6 +121,10 @@ def truth(
         arm = load_arm(variant or "nominal", payload or "rpcm", plant=plant)
     if (bla is not None or maps) and not isinstance(point, str):
         raise ScenarioError("--bla and --maps start from a pose of the model; give --pose a name, not angles")
+    if out is not None and maps and out.suffix in FIGURES:
+        raise ScenarioError(
+            f"--out {out} given with --maps, expected a folder: maps are several figures, tables and a page"
+        )
     if out is not None and not maps and out.suffix not in FIGURES:
         raise ScenarioError(f"--out {out} given, expected a figure: {', '.join(FIGURES)} (a folder goes with --maps)")
     if out is not None and not maps:

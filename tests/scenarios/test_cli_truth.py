@@ -228,6 +228,8 @@ def test_maps_by_one_command(
 ) -> None:
     coarse = Density(plane=(3, 3), cut=3, sample=5, condition=3, amplitudes=())
     monkeypatch.setattr(Density, "scaled", classmethod(lambda cls, factor: coarse))
+    assert main(["truth", "--maps", "--out", str(tmp_path / "here.svg")]) == 2
+    assert "expected a folder" in capsys.readouterr().err
     out = run(capsys, "--maps", "--out", tmp_path / "here")
     assert f"maps: {tmp_path / 'here' / 'maps.html'}" in out
     files = {path.name for path in (tmp_path / "here").iterdir()}
