@@ -16,8 +16,8 @@ from sysid.palette import BOUND, GRID, INK, PALETTE
 LOWEST = 0.05
 """Lowest frequency shown, Hz: that of the experiments' excitation."""
 
-SLOWEST, FASTEST = 3.0, 400.0
-"""Roots that the strip shows, rad/s."""
+SLOWEST, FASTEST = 0.7, 160.0
+"""Ends of the strip of roots, rad/s; what falls below a twentieth within a sample is faster."""
 
 APART = 0.22
 """How far a complex pair stands off its joint's line in the strip."""
@@ -144,7 +144,7 @@ def _strip(axes: Axes, summary: TruthSummary, name: str, number: int) -> None:
     for roots, style in styles:
         inside = (np.abs(roots) > 1e-6) & ((np.abs(roots.imag) > 1e-9) | (roots.real > 0.0))
         s = np.log(roots[inside].astype(complex)) / summary.truth.dt
-        s = s[s.real < 0.0]
+        s = s[(s.real < 0.0) & (np.abs(s) < FASTEST / 1.05)]
         off = APART * np.sign(np.where(np.abs(s.imag) > 1e-6 * np.abs(s), s.imag, 0.0))
         axes.plot(np.abs(s), -number + off, ls="", color=colour, **style)
 
@@ -231,10 +231,10 @@ def _finish_strip(axes: Axes, joints: list[str]) -> None:
     axes.set(
         xscale="log", xlim=(SLOWEST, FASTEST), ylim=(0.6 - len(joints), 0.6), xlabel="modulus in the s plane / (rad/s)"
     )
-    axes.set_xticks((5, 10, 20, 50, 100, 200), ("5", "10", "20", "50", "100", "200"))
+    axes.set_xticks((1, 2, 5, 10, 20, 50, 100), ("1", "2", "5", "10", "20", "50", "100"))
     axes.minorticks_off()
     axes.set_yticks(range(0, -len(joints), -1), [name.replace("_", " ") for name in joints])
-    axes.set_title("joint by joint; complex pairs stand off their line", fontsize=9, color=INK)
+    axes.set_title(f"by joint, up to {FASTEST:g} rad/s; complex pairs off their line", fontsize=9, color=INK)
 
 
 def _amplitude(summary: TruthSummary) -> float:
