@@ -289,8 +289,10 @@ def _right_order(
 
 def _settling(truth: Truth, joint: str) -> int:
     """Samples after which a pulse has died out, bus delay included."""
-    slowest = float(np.abs(truth.joint(joint).poles).max())
-    return ceil(log(FADED) / log(slowest)) + truth.joint(joint).delay_samples
+    known = truth.joint(joint)
+    # A mode that carries less than what counts as faded never shows.
+    slowest = float(np.abs(known.poles[known.shares > FADED]).max())
+    return ceil(log(FADED) / log(slowest)) + known.delay_samples
 
 
 def _lagged(signal: FloatArray, memory: int, *, first: int) -> FloatArray:
