@@ -1,7 +1,7 @@
 """The arm as MuJoCo runs it: the MJCF of `models/hmtb` with the actuators and servos of one variant."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property, lru_cache
 from types import MappingProxyType
 
@@ -241,8 +241,8 @@ def load_arm(
             which the worksite has no place.
     """
     check_arm(variant, payload, plant, worksite=bool(worksite))
-    if not friction and plant.friction != "none":
-        plant = replace(plant, friction="viscous")
+    if not friction:
+        plant = plant.sliding
     if plant.actuator == "orifice":
         from hmtb_twin.orifice import install_valve_equations
 

@@ -7,6 +7,7 @@ import mujoco
 import numpy as np
 
 from hmtb_twin.arm import Arm
+from hmtb_twin.engine_warnings import warned_of
 from hmtb_twin.errors import TwinError
 from hmtb_twin.parameters import JOINTS
 
@@ -151,8 +152,13 @@ def check_course(data: mujoco.MjData) -> None:
     Raises:
         TwinError: The engine warned.
     """
-    raised = [
-        str(mujoco.mjtWarning(i)).rsplit("mjWARN_", 1)[-1] for i, stat in enumerate(data.warning) if stat.number > 0
-    ]
+    raised = warned_of(np.array([stat.number for stat in data.warning]))
     if raised:
-        raise TwinError(f"the physics engine warned of {', '.join(raised)} in this run: there are no books to draw up")
+        raise TwinError(f"the physics engine warned of {raised} in this run: there are no books to draw up")
+
+
+def link_energy(model: mujoco.MjModel, data: mujoco.MjData) -> tuple[float, float]:
+    """Return the potential and the kinetic energy of the links, J, at a state whose positions are worked out."""
+    mujoco.mj_energyPos(model, data)
+    mujoco.mj_energyVel(model, data)
+    return float(data.energy[0]), float(data.energy[1])

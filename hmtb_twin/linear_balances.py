@@ -7,7 +7,7 @@ import mujoco
 import numpy as np
 
 from hmtb_twin.arm import Arm
-from hmtb_twin.balances import EnergyBalance, OilBalance, check_course, checked_run
+from hmtb_twin.balances import EnergyBalance, OilBalance, check_course, checked_run, link_energy
 from hmtb_twin.parameters import JOINTS, SAMPLE_TIME
 
 
@@ -150,6 +150,4 @@ def _energy(model: mujoco.MjModel, run: _Run, k: int) -> tuple[float, float]:
     data.qvel[:] = run.velocities[k]
     data.qpos[:] = run.angles[k] - 0.5 * run.step * run.velocities[k]
     mujoco.mj_fwdPosition(model, data)
-    mujoco.mj_energyPos(model, data)
-    mujoco.mj_energyVel(model, data)
-    return float(data.energy[0]), float(data.energy[1])
+    return link_energy(model, data)

@@ -8,7 +8,7 @@ import numpy as np
 
 from hmtb_twin import valve_equations as eq
 from hmtb_twin.arm import Arm
-from hmtb_twin.balances import EnergyBalance, OilBalance, check_course, checked_run
+from hmtb_twin.balances import EnergyBalance, OilBalance, check_course, checked_run, link_energy
 from hmtb_twin.orifice import arm_parameters
 from hmtb_twin.parameters import JOINTS, SAMPLE_TIME
 
@@ -107,7 +107,7 @@ def _run(model: mujoco.MjModel, arm: Arm, command: np.ndarray) -> _Run:
     angles, velocities, constraint = (np.empty((*shape, n)) for _ in range(3))
     states = np.empty((*shape, model.na))
     data = arm.rest(command[0])
-    ends = [_energy(model, data)]
+    ends = [link_energy(model, data)]
     for k, control in enumerate(arm.controls(command)):
         data.ctrl[:] = control
         for i in range(substeps + 1):
@@ -117,15 +117,8 @@ def _run(model: mujoco.MjModel, arm: Arm, command: np.ndarray) -> _Run:
             if i < substeps:
                 mujoco.mj_step(model, data)
     check_course(data)
-    ends.append(_energy(model, data))
+    ends.append(link_energy(model, data))
     return _Run(model.opt.timestep, angles, velocities, states, constraint, np.array(ends))
-
-
-def _energy(model: mujoco.MjModel, data: mujoco.MjData) -> tuple[float, float]:
-    """Potential and kinetic energy of the links, J."""
-    mujoco.mj_energyPos(model, data)
-    mujoco.mj_energyVel(model, data)
-    return float(data.energy[0]), float(data.energy[1])
 
 
 def _flows(

@@ -59,6 +59,11 @@ class Plant:
                 raise TwinError(f"plant: {name} = {value} given, expected {expected}")
             object.__setattr__(self, name, float(value))
 
+    @property
+    def sliding(self) -> "Plant":
+        """The plant without dry friction: the oil's drag, where there is any, is left."""
+        return self if self.friction == "none" else replace(self, friction="viscous")
+
     def applied(self, drive: Drive) -> Drive:
         """Return a drive of the arm as it is under these conditions.
 

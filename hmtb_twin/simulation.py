@@ -14,6 +14,7 @@ from mujoco import batch
 
 from hmtb_twin.arm import Arm, load_arm
 from hmtb_twin.control_station import ControlStation
+from hmtb_twin.engine_warnings import warned_of
 from hmtb_twin.errors import OverloadError, TwinError
 from hmtb_twin.experiment import Experiment, Operator, View
 from hmtb_twin.joint_log import WRENCH, JointLog, software_versions
@@ -290,8 +291,7 @@ def _switch_models(
 
 
 def _reason(counts: np.ndarray, tick: int) -> str:
-    raised = [str(mujoco.mjtWarning(i)).rsplit("mjWARN_", 1)[-1] for i in np.flatnonzero(counts)]
-    return f"the physics engine warned of {', '.join(raised)} at {tick * SAMPLE_TIME:.2f} s"
+    return f"the physics engine warned of {warned_of(counts)} at {tick * SAMPLE_TIME:.2f} s"
 
 
 def _log(row: _Row) -> JointLog:

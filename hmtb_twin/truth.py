@@ -132,10 +132,10 @@ class Truth:
                 f"the arm is unstable at {self.pose} under {conditions}: spectral radius {self.spectral_radius:.6g} at "
                 f"{1.0 / self.dt:g} Hz, expected below 1"
             )
-        path = replace(whole, K=None).minimal(MINIMAL)
+        commanded = replace(whole, K=None)
+        path, modes = commanded.minimal(MINIMAL), modal(commanded)
         pulse = np.abs(path.markov(100)[:, 0, 0])
         delay = int(np.argmax(pulse > DELAY * pulse.max()))
-        modes = modal(replace(whole, K=None))
         late = np.zeros(max(0, delay - len(modes.poles) + len(modes.zeros)))
         return JointTruth(
             name=name,

@@ -239,14 +239,14 @@ def attainable(
 def _noise_free(record: JointLog, arm: Arm, truth: Truth, true: FloatArray) -> tuple[ConditionalMean, str]:
     """Mean of the angles (N, 7) given the commands, as they reach the record, and where it comes from."""
     if not arm.plant.process_noise:
-        return ConditionalMean(true, np.zeros_like(true), 0), "of the record"
+        return ConditionalMean(true, np.zeros_like(true)), "of the record"
     if arm.friction or arm.plant.actuator == "orifice":
         # Noise dithers what is not smooth: the mean is not the motion without noise.
         mean = conditional_mean(arm, truth.angles, record.commanded, draws=DRAWS, seed=record.seed)
         return mean, f"mean of {DRAWS} draws of process noise"
     quiet = load_arm(arm.variant, arm.payload, plant=replace(arm.plant, process_noise=0.0))
     angles = simulated(quiet, truth.angles, record.commanded) + quiet.rest(truth.angles).qpos[: len(JOINTS)]
-    return ConditionalMean(angles, np.zeros_like(angles), 0), "simulated anew without process noise"
+    return ConditionalMean(angles, np.zeros_like(angles)), "simulated anew without process noise"
 
 
 def _high_orders(record: IOData, quiet: FloatArray, window: int, orders: tuple[int, ...]) -> tuple[FloatArray, ...]:

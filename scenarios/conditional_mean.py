@@ -18,12 +18,10 @@ class ConditionalMean:
     Attributes:
         angles: The average of the draws as it reaches the record (N, 7), rad.
         variance: Square of its standard error at each sample (N, 7), rad^2; zero where the mean is exact.
-        draws: Draws of process noise; none where the arm was run without it.
     """
 
     angles: FloatArray
     variance: FloatArray
-    draws: int
 
 
 def conditional_mean(
@@ -56,4 +54,4 @@ def conditional_mean(
         control[:] = now
         control[:, 1::2] += arm.process_noise * rng.standard_normal((draws, len(JOINTS)))
         simulations.step(nstep=substeps)
-    return ConditionalMean(delayed(total, arm.delays) + angles, delayed(squares, arm.delays), draws)
+    return ConditionalMean(delayed(total, arm.delays) + angles, delayed(squares, arm.delays))

@@ -5,9 +5,11 @@ from pathlib import Path
 
 import numpy as np
 
-from hmtb_twin import JointLog, load_arm
+from hmtb_twin import JointLog
 from hmtb_twin.rendering import Stage
 from scenarios.errors import ScenarioError
+from scenarios.logged_arm import pictured_arm
+from scenarios.whole_file import replacing
 
 ENDINGS = (".mp4", ".gif", ".png")
 """Files that can be written: a film, an animated picture, one picture."""
@@ -40,11 +42,7 @@ def frames(
     Yields:
         Pictures (height, width, 3), 8-bit RGB.
     """
-    arm = load_arm(
-        log.provenance.get("variant", "nominal"),
-        log.provenance.get("payload", "rpcm"),
-        worksite=log.unit_pose is not None,
-    )
+    arm = pictured_arm(log)
     first, last = span
     count = int((last - first) / speed * rate + 1e-9) + 1
     if count > MOST_FRAMES:
@@ -78,15 +76,11 @@ def write_film(pictures: Iterator[np.ndarray], path: Path, *, rate: float) -> Pa
         raise ScenarioError(
             f"cannot write a film as {path.suffix or 'a file without ending'!r}; there are: {', '.join(ENDINGS)}"
         )
-    partial = path.with_name(path.name + ".partial")
-    try:
+    with replacing(path) as partial:
         if path.suffix == ".mp4":
             _write_mp4(pictures, partial, rate)
         else:
             _write_picture(pictures, partial, rate, path.suffix)
-        partial.replace(path)
-    finally:
-        partial.unlink(missing_ok=True)
     return path
 
 

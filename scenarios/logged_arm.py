@@ -35,6 +35,15 @@ def logged_arm(log: JointLog) -> Arm:
     )
 
 
+def pictured_arm(log: JointLog) -> Arm:
+    """Return an arm that looks like that of a log; what moved it does not matter, nor whether the log tells of it."""
+    return load_arm(
+        log.provenance.get("variant", "nominal"),
+        log.provenance.get("payload", "rpcm"),
+        worksite=log.unit_pose is not None,
+    )
+
+
 def logged_plant(log: JointLog) -> Plant:
     """Return the conditions of the record.
 
@@ -48,7 +57,7 @@ def logged_plant(log: JointLog) -> Plant:
         if text is None:
             continue
         try:
-            values[entry.name] = text == "True" if hints[entry.name] is bool else hints[entry.name](text)
+            values[entry.name] = hints[entry.name](text)
         except ValueError as error:
             raise ScenarioError(
                 f"{log.name}: plant_{entry.name} = {text!r} in its provenance, expected a number"
@@ -67,7 +76,7 @@ def check_truth(log: JointLog, arm: Arm, truth: Truth) -> None:
     Raises:
         ScenarioError: It is of another arm, of other conditions, or of another pose.
     """
-    given, logged = vars(_sliding(truth.plant)), vars(_sliding(arm.plant))
+    given, logged = (vars(replace(plant.sliding, friction_level=1.0)) for plant in (truth.plant, arm.plant))
     pairs = {
         "variant": (truth.variant, arm.variant),
         "payload": (truth.payload, arm.payload),
@@ -79,7 +88,3 @@ def check_truth(log: JointLog, arm: Arm, truth: Truth) -> None:
         wrong.append(f"pose = {truth.pose}, not {pose}")
     if wrong:
         raise ScenarioError(f"{log.name}: a truth given of {'; '.join(wrong)}; expected that of the log's own arm")
-
-
-def _sliding(plant: Plant) -> Plant:
-    return replace(plant, friction="none" if plant.friction == "none" else "viscous", friction_level=1.0)

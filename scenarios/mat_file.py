@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from scenarios.errors import ScenarioError
+from scenarios.whole_file import replacing
 
 if TYPE_CHECKING:
     from hmtb_twin.bus_record import BusRecord
@@ -43,13 +44,8 @@ def write_mat(record: "BusRecord", path: Path) -> Path:
         "names": {"time": "time", **{c: np.array(names, dtype=object) for c, (names, _) in CHANNELS.items()}},
         "units": {"time": "s", "dt": "s", **{c: np.array(units, dtype=object) for c, (_, units) in CHANNELS.items()}},
     }
-    partial = path.with_name(path.name + ".partial")
-    try:
-        with partial.open("wb") as file:
-            savemat(file, variables, oned_as="column")
-        partial.replace(path)
-    finally:
-        partial.unlink(missing_ok=True)
+    with replacing(path) as partial, partial.open("wb") as file:
+        savemat(file, variables, oned_as="column")
     return path
 
 

@@ -12,6 +12,7 @@ from hmtb_twin import JointLog, load_arm
 from hmtb_twin.parameters import JOINTS, OPERATING_POSE
 from hmtb_twin.rendering import scene_model
 from scenarios.errors import ScenarioError
+from scenarios.logged_arm import pictured_arm
 
 REFRESH = 1.0 / 60.0
 """Shortest time between two pictures, s."""
@@ -42,11 +43,7 @@ def play(log: JointLog, *, speed: float = 1.0, loop: bool = False) -> None:
         ScenarioError: No display.
     """
     viewer = _viewer()
-    arm = load_arm(
-        log.provenance.get("variant", "nominal"),
-        log.provenance.get("payload", "rpcm"),
-        worksite=log.unit_pose is not None,
-    )
+    arm = pictured_arm(log)
     model = scene_model(arm)
     data = mujoco.MjData(model)
     with viewer.launch_passive(model, data, show_left_ui=False, show_right_ui=False) as window:
