@@ -1,7 +1,7 @@
 """What the 1553 bus recorded of one experiment, and beside it what only a simulation knows."""
 
 import warnings
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cache
 from importlib.metadata import PackageNotFoundError, version
@@ -124,31 +124,34 @@ class JointLog:
         """Sampling instants (N,), s."""
         return np.arange(len(self)) * self.dt
 
-    def iodata(self, joint: str | None = None) -> IOData:
-        """Hand one joint's command and measurement to the analyst.
+    def iodata(self, joints: str | Sequence[str] | None = None) -> IOData:
+        """Hand commands and measurements of one joint, or of several, to the analyst.
 
         Args:
-            joint: The joint; the excited one by default.
+            joints: The joint, or several; the excited one by default.
 
         Returns:
-            Commanded angle as input, measured angle as output, rad.
+            Commanded angles as inputs, measured angles as outputs, rad, in the order of the joints.
 
         Raises:
-            TwinError: Unknown joint, or none named where several are excited.
+            TwinError: Unknown joint, one named twice, or none named where several are excited.
         """
-        if joint is None:
+        if joints is None:
             if len(self.axes) != 1:
                 raise TwinError(f"{self.name} excites {', '.join(self.axes)}: name the joint")
-            joint = self.axes[0]
-        column = joint_index(joint)
+            joints = self.axes[0]
+        chosen = (joints,) if isinstance(joints, str) else tuple(joints)
+        columns = [joint_index(joint) for joint in chosen]
+        if not columns or len(set(columns)) < len(columns):
+            raise TwinError(f"joints = {chosen} given, expected one or more of {', '.join(JOINTS)}, each once")
         return IOData(
-            self.commanded[:, column],
-            self.measured[:, column],
+            self.commanded[:, columns],
+            self.measured[:, columns],
             self.dt,
-            input_names=(f"{joint} commanded",),
-            output_names=(f"{joint} measured",),
-            input_units=("rad",),
-            output_units=("rad",),
+            input_names=tuple(f"{joint} commanded" for joint in chosen),
+            output_names=tuple(f"{joint} measured" for joint in chosen),
+            input_units=("rad",) * len(chosen),
+            output_units=("rad",) * len(chosen),
         )
 
     def save(self, path: str | Path) -> Path:

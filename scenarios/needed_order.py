@@ -23,7 +23,7 @@ NEEDED: Mapping[str, Callable[[tuple[int, ...]], int]] = MappingProxyType(
 @cache
 def needed_orders() -> Mapping[str, int]:
     """Order of excitation that each model of the study needs, by estimator and orders, the undemanding first."""
-    from scenarios.study import STRUCTURES
+    from scenarios.thesis.structures import STRUCTURES
 
     entries = {entry for structures in STRUCTURES.values() for entry in structures}
     needed = {

@@ -1,5 +1,6 @@
 """From a log to what an estimator gets: the settled part, without its mean."""
 
+from collections.abc import Sequence
 from dataclasses import replace
 
 from hmtb_twin import JointLog
@@ -14,29 +15,29 @@ thesis too let each excitation reach steady state [Morris1996, sec. II.2B].
 """
 
 
-def settled(log: JointLog, joint: str) -> IOData:
+def settled(log: JointLog, joints: str | Sequence[str]) -> IOData:
     """Cut off the start; the means stay.
 
     Args:
         log: The log of an experiment.
-        joint: The joint to look at.
+        joints: The joint to look at, or several.
 
     Returns:
-        Commanded and measured angle of the joint, rad, named after the experiment.
+        Commanded and measured angle of each joint, rad, named after the experiment.
     """
-    data = log.iodata(joint)
+    data = log.iodata(joints)
     start = round(SETTLING / data.dt)
     return replace(data[start:] if len(data) > 2 * start else data, name=log.name)
 
 
-def prepared(log: JointLog, joint: str) -> IOData:
+def prepared(log: JointLog, joints: str | Sequence[str]) -> IOData:
     """Cut off the start, then remove the means.
 
     Args:
         log: The log of an experiment.
-        joint: The joint to look at.
+        joints: The joint to look at, or several.
 
     Returns:
-        Commanded and measured angle of the joint, rad, named after the experiment.
+        Commanded and measured angle of each joint, rad, named after the experiment.
     """
-    return settled(log, joint).detrend()
+    return settled(log, joints).detrend()

@@ -10,9 +10,9 @@ from scipy.signal import max_len_seq
 import sysid
 from hmtb_twin import IDEAL, JOINTS, STUDIED_JOINTS, Chain, HandController, Plant, linearize, load_arm, simulate
 from scenarios import load
-from scenarios.attribution import conditions
 from scenarios.preparation import prepared
-from scenarios.study import SUFFICIENT
+from scenarios.thesis.attribution import conditions
+from scenarios.thesis.structures import SUFFICIENT
 
 SEEDS = range(1, 21)
 

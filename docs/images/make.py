@@ -6,8 +6,8 @@ import matplotlib
 import matplotlib.image
 
 from hmtb_twin import load_arm, render
-from scenarios.report_figures import bandwidths
-from scenarios.study import run_study
+from scenarios.thesis.figures_answer import bandwidths
+from scenarios.thesis.study import run_study
 
 FOLDER = Path(__file__).parent
 

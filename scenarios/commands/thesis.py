@@ -36,10 +36,10 @@ def thesis(
     if seed is not None and seed < 0:
         raise ScenarioError(f"seed must be 0 or more, given {seed}")
     with output_folder(out) as folder:
-        from scenarios.findings import findings
-        from scenarios.report import write_report
-        from scenarios.results import answer, results
-        from scenarios.study import run_study
+        from scenarios.thesis.findings import findings
+        from scenarios.thesis.report import write_report
+        from scenarios.thesis.results import answer, results
+        from scenarios.thesis.study import run_study
         from scenarios.whole_file import check_place, write_whole
 
         for name in ("report.html", "results.json"):

@@ -314,7 +314,7 @@ def test_interrupt_is_130_and_leaves_nothing(
 
     monkeypatch.setattr("hmtb_twin.linearize", interrupted)
     monkeypatch.setattr("hmtb_twin.simulate", interrupted)
-    monkeypatch.setattr("scenarios.study.run_study", interrupted)
+    monkeypatch.setattr("scenarios.thesis.study.run_study", interrupted)
     inside = tmp_path / "deep" / "er"
     for words in (
         ("truth",),

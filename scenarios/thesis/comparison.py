@@ -6,9 +6,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from hmtb_twin import JointLog, JointTruth, Truth
-from scenarios.attribution import Attribution
 from scenarios.published import PublishedModel
-from scenarios.sensitivity import OrderEffect
+from scenarios.thesis.attribution import Attribution
+from scenarios.thesis.campaign import Campaign
+from scenarios.thesis.sensitivity import OrderEffect
 from sysid import Estimate, FrequencyResponse, IOData, ResidualTest, StateSpace
 
 
@@ -131,32 +132,58 @@ class Comparison:
     """The study's result: what the report draws.
 
     Attributes:
-        truth: The laboratory's truth.
+        campaigns: What was played: the arm that the study is about, whole, first; the same without friction; others.
         joints: By joint.
         three_joint: The thesis' three-joint models, re-identified.
-        logs: Logs of all tests by scenario name.
-        failed: Scenarios that failed, with the reason.
         attribution: Why intervals miss the truth, by joint.
         orders: What the choice of order does to the bandwidth, by joint.
         cost: Time spent.
         estimation_test: Number of the test that models were identified from.
-        seed: Seed of the study, None for the scenarios' own seeds.
-        duration: Length of every record where it was shortened, s; None for the thesis' 240 s.
         provenance: Versions of what was used.
     """
 
-    truth: Truth
+    campaigns: tuple[Campaign, ...]
     joints: Mapping[str, JointResult]
     three_joint: tuple[ThreeJointModel, ...]
-    logs: Mapping[str, JointLog]
-    failed: Mapping[str, str]
     attribution: Mapping[str, tuple[Attribution, ...]]
     orders: Mapping[str, tuple[OrderEffect, ...]]
     cost: Cost
     estimation_test: int
-    seed: int | None
-    duration: float | None
     provenance: Mapping[str, str]
+
+    @property
+    def campaign(self) -> Campaign:
+        """The campaign on the arm that the study is about."""
+        return self.campaigns[0]
+
+    @property
+    def truth(self) -> Truth:
+        """The small-signal truth of the arm that the study is about."""
+        return self.campaign.truth
+
+    @property
+    def logs(self) -> Mapping[str, JointLog]:
+        """Logs of all its tests by scenario name."""
+        return self.campaign.logs
+
+    @property
+    def failed(self) -> Mapping[str, str]:
+        """Experiments that failed, with the reason, those on other arms with the arm."""
+        return {
+            name if entry is self.campaign else f"{name} ({entry.condition})": why
+            for entry in self.campaigns
+            for name, why in entry.failed.items()
+        }
+
+    @property
+    def seed(self) -> int | None:
+        """Seed of the study, None for the scenarios' own seeds."""
+        return self.campaign.seed
+
+    @property
+    def duration(self) -> float | None:
+        """Length of every record where it was shortened, s; None for the thesis' 240 s."""
+        return self.campaign.duration
 
 
 def relative_error(model: StateSpace, truth: StateSpace, *, diagonal: bool = False) -> float:

@@ -1,15 +1,15 @@
 """Why an interval misses the truth: the same experiment again, with what is not linear or not known switched off."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import cast
 
 import sysid
-from hmtb_twin import JointLog
 from scenarios.crossing import half_power_hz
 from scenarios.excitation_computer import Excitation
 from scenarios.preparation import prepared
 from scenarios.scenario import Scenario
+from scenarios.thesis.campaign import Campaign
 
 
 @dataclass(frozen=True)
@@ -39,6 +39,9 @@ CONDITIONS = (
 """What is switched off, one thing more each time: friction, then the arm's geometry, its inertia and gravity load that
 change with the pose; their share falls with the square of the amplitude. Noise and rounding stay on."""
 
+SMALL = 0.3
+"""The smaller amplitude, as a part of the test's own."""
+
 COVERAGE = (
     ((0, 0.8386), (0, 0.9058), (0, 1.0236)),
     ((18, 1.0259), (0, 1.0287), (5, 1.0865)),
@@ -60,10 +63,16 @@ def conditions(scenario: Scenario) -> tuple[Scenario, ...]:
         Scenarios in the order of `CONDITIONS[1:]`, with the noise of the original.
     """
     smooth = replace(scenario, name=f"{scenario.name}-no-friction", chain=replace(scenario.chain, friction=False))
-    small = replace(
-        smooth, name=f"{scenario.name}-small", excitation=tuple(_scaled(entry, 0.3) for entry in scenario.excitation)
+    return smooth, scaled(smooth)
+
+
+def scaled(scenario: Scenario) -> Scenario:
+    """The experiment at three tenths of its amplitude, with its noise."""
+    return replace(
+        scenario,
+        name=f"{scenario.name}-small",
+        excitation=tuple(_scaled(entry, SMALL) for entry in scenario.excitation),
     )
-    return smooth, small
 
 
 def _scaled(excitation: Excitation, factor: float) -> Excitation:
@@ -72,25 +81,26 @@ def _scaled(excitation: Excitation, factor: float) -> Excitation:
 
 
 def attribute(
-    scenario: Scenario, joint: str, logs: Mapping[str, JointLog], true_hz: float, orders: Sequence[int]
+    name: str, joint: str, campaign: Campaign, smooth: Campaign, true_hz: float, orders: Sequence[int]
 ) -> tuple[Attribution, ...]:
     """Recover the bandwidth under every condition.
 
     Args:
-        scenario: The experiment itself.
+        name: Of the experiment that models are identified from.
         joint: The joint.
-        logs: Logs by scenario name; conditions without a log are left out.
+        campaign: Holds its record.
+        smooth: Holds those of the arm without friction: the same, and at three tenths of the amplitude.
         true_hz: Small-signal bandwidth, Hz.
         orders: nb, nf, nk of the output-error model.
 
     Returns:
-        One record for each condition.
+        One record for each condition whose experiment did not fail.
     """
-    names = [scenario.name, *(entry.name for entry in conditions(scenario))]
+    logs = (campaign.logs.get(name), smooth.logs.get(name), smooth.logs.get(f"{name}-small"))
     found = []
-    for condition, name in zip(CONDITIONS, names, strict=True):
-        if name in logs:
-            model = sysid.oe(prepared(logs[name], joint), orders[0], orders[1], orders[2])
+    for condition, log in zip(CONDITIONS, logs, strict=True):
+        if log is not None:
+            model = sysid.oe(prepared(log, joint), orders[0], orders[1], orders[2])
             band = model.bandwidth()
             hz, ci95 = float(band.hz[0, 0]), (float(band.ci95[0][0, 0]), float(band.ci95[1][0, 0]))
             covers = bool(band.covers(true_hz)[0, 0])

@@ -3,12 +3,11 @@
 from collections.abc import Iterable, Sequence
 from pathlib import Path
 
-from scenarios.comparison import Comparison
 from scenarios.crossing import half_power_hz
-from scenarios.finding import Finding
-from scenarios.findings import untried
-from scenarios.findings_models import ABOUT_1_HZ
-from scenarios.sensitivity import half_power_spread, spread
+from scenarios.thesis.about_1_hz import ABOUT_1_HZ, near_1_hz
+from scenarios.thesis.comparison import Comparison
+from scenarios.thesis.finding import Finding
+from scenarios.thesis.sensitivity import half_power_spread, spread
 
 
 def results(study: Comparison, findings: Sequence[Finding], report: Path) -> dict[str, object]:
@@ -54,7 +53,6 @@ def results(study: Comparison, findings: Sequence[Finding], report: Path) -> dic
             }
             for entry in findings
         },
-        "findings_not_tried": {entry.key: entry.why for entry in untried(findings)},
         "velocity_limited_share": {
             name: {str(number): share for number, share in entry.slewing.items()}
             for name, entry in study.joints.items()
@@ -114,12 +112,6 @@ def results(study: Comparison, findings: Sequence[Finding], report: Path) -> dic
         "duration": study.duration,
         "versions": dict(study.provenance),
     }
-
-
-def near_1_hz(hz: float) -> bool:
-    """Whether a bandwidth is about 1 Hz."""
-    low, high = ABOUT_1_HZ
-    return low <= hz <= high
 
 
 def stands(study: Comparison) -> bool:

@@ -4,7 +4,9 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Literal
 
-Verdict = Literal["reproduced", "partly", "not reproduced", "cannot be told", "not tried"]
+from scenarios.thesis.claims import CLAIMS
+
+Verdict = Literal["reproduced", "partly", "not reproduced", "cannot be told"]
 
 
 @dataclass(frozen=True)
@@ -16,7 +18,7 @@ class Finding:
         claim: What the thesis says.
         where: Where it says so.
         verdict: Whether the twin shows the same.
-        value: The number, or one per joint; nothing where it is not tried.
+        value: The number, or several by name (joints, as a rule); nothing where it cannot be told.
         unit: Its unit and meaning in a few words.
         thesis: The thesis' number or word.
         why: One sentence: what the verdict rests on and the most likely reason.
@@ -30,6 +32,28 @@ class Finding:
     unit: str
     thesis: str
     why: str
+
+
+def decided(key: str, verdict: Verdict, value: float | Mapping[str, float], unit: str, why: str) -> Finding:
+    """A finding on the claim of that key.
+
+    Args:
+        key: F1 to F26.
+        verdict: Whether the twin shows the same.
+        value: The number, or several by name.
+        unit: Its unit and meaning.
+        why: What the verdict rests on.
+
+    Returns:
+        The finding.
+    """
+    claim = CLAIMS[key]
+    return Finding(key, claim.text, claim.where, verdict, value, unit, claim.thesis, why)
+
+
+def undecided(key: str, why: str) -> Finding:
+    """A finding whose record is missing."""
+    return decided(key, "cannot be told", {}, "", why)
 
 
 def verdict(passed: int, total: int) -> Verdict:

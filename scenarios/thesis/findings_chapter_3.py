@@ -4,11 +4,11 @@ import numpy as np
 
 import sysid
 from hmtb_twin import JOINTS
-from scenarios.comparison import Comparison, JointResult
 from scenarios.crossing import HALF_POWER, crossing
-from scenarios.finding import Finding, verdict
-from scenarios.period_spectra import period_spectra
 from scenarios.published import BREAK_FREQUENCY
+from scenarios.thesis.comparison import Comparison, JointResult
+from scenarios.thesis.finding import Finding, decided, verdict
+from scenarios.thesis.period_spectra import period_spectra
 from scenarios.waveform import POINTS
 from sysid import IOData
 
@@ -21,14 +21,11 @@ def gain_and_cutoff(study: Comparison) -> Finding:
     cutoff = {name: 2 * np.pi * crossing(entry.spa, HALF_POWER) for name, entry in study.joints.items()}
     near = sum(abs(cutoff[name] / BREAK_FREQUENCY[name] - 1) <= NEAR for name in cutoff)
     peak = max(float(entry.spa.magnitude[entry.spa.frequencies <= 10.0].max()) for entry in study.joints.values())
-    return Finding(
+    return decided(
         "F1",
-        "gain below one over the band, low-frequency cutoff near 6 rad/s (yaw) and 7 rad/s (pitches)",
-        "III.2A, III.3",
         verdict(near + (peak < 1.0), len(cutoff) + 1),
         cutoff,
         "rad/s, where the spectral estimate falls 3.01 dB below one (not below its gain at 0 Hz)",
-        "6 (yaw), 7 and 7 (pitches)",
         f"the largest gain on the excited lines up to 10 Hz is {peak:.3f}, and {near} of {len(cutoff)} cutoffs lie "
         f"within {100 * NEAR:.0f} % of the thesis' figures; so by construction: the servo poles of the twin were "
         "placed after the published models",
@@ -44,14 +41,11 @@ def slope(study: Comparison) -> Finding:
         decibel = 20 * np.interp(np.log10(ends), np.log10(f), np.log10(gain))
         found[name] = float((decibel[1] - decibel[0]) / (np.log10(ends[1]) - np.log10(ends[0])))
     steep = sum(value <= -30.0 for value in found.values())
-    return Finding(
+    return decided(
         "F2",
-        "second-order slope from the break to about 10 rad/s",
-        "III.2A",
         verdict(steep, len(found)),
         found,
         "dB per decade between the cutoff and 10 rad/s",
-        "second order, -40 dB per decade far above the break",
         "so close above its break even a second-order servo has not reached -40 dB per decade; -30 or steeper is asked "
         "for here",
     )
@@ -68,14 +62,11 @@ def delay(study: Comparison) -> Finding:
     found = {name: float(apparent_delay(entry.data[study.estimation_test])) for name, entry in study.joints.items()}
     inside = sum(2 <= value <= 5 for value in found.values())
     true = ", ".join(str(entry.truth.delay_samples) for entry in study.joints.values())
-    return Finding(
+    return decided(
         "F3",
-        "two to five samples of delay from input to output",
-        "III.3",
         verdict(inside, len(found)),
         found,
         "samples to the first impulse-response value above 5 % of the largest",
-        "2 to 5",
         f"so by construction: the twin's own delays are {true} samples, one for the hold and one on the bus where the "
         "published models have it (nk - 1); tried is whether the data show them again",
     )
@@ -92,14 +83,11 @@ def prbs_looks_white(study: Comparison) -> Finding:
         peak[name] = float(r[POINTS])
         rest = max(rest, float(np.sqrt(np.mean(r[10 : POINTS - 9] ** 2))))
     whole = sum(value > 0.9 for value in peak.values()) + (rest < 0.2)
-    return Finding(
+    return decided(
         "F4",
-        "the PRBS input looks white with periodic side peaks",
-        "III.2B",
         verdict(whole, len(peak) + 1),
         peak,
         "autocorrelation of the command one file later (100 samples)",
-        "white, with small periodic peaks",
         f"between the peaks the correlation is {rest:.2f} (root mean square, lags 10 to 90), so the command is "
         "not white; the peaks are as high as the centre because a 100-point file repeats exactly. The command moves at "
         f"its velocity limit in up to {100 * max(limited):.0f} % of the samples: ramps between "
@@ -111,24 +99,20 @@ def prbs_looks_white(study: Comparison) -> Finding:
 def pulse_spectra(study: Comparison) -> Finding:
     """F5: with the bipolar ramping pulse the disturbance lies around and below 1 Hz."""
     low, band, repeated = {}, {}, []
-    for name, entry in study.joints.items():
-        spectrum = sysid.spa(entry.data[7])
+    for name in study.joints:
+        spectrum = sysid.spa(study.campaign.single(7, name))
         f, noise, output = spectrum.frequencies, _power(spectrum.noise_spectrum), _power(spectrum.output_spectrum)
         low[name] = float(100 * noise[f <= 1.5].sum() / noise.sum())
-        again = period_spectra(entry.data[7])
+        again = period_spectra(study.campaign.single(7, name))
         repeated.append(100 * again.disturbance[again.frequencies <= 1.5].sum() / again.disturbance.sum())
         band[name] = float(100 * output[(f >= 0.75) & (f <= 5.25)].sum() / output.sum())
     passed = sum(value > 50 for value in low.values()) + sum(value > 50 for value in band.values())
     shares = ", ".join(f"{value:.0f} %" for value in band.values())
-    return Finding(
+    return decided(
         "F5",
-        "with the bipolar ramping pulse the disturbance spectrum concentrates around and below 1 Hz, the output's "
-        "in 1-5 Hz",
-        "III.2C",
         verdict(passed, 2 * len(low)),
         low,
         "percent of the disturbance power up to 1.5 Hz (above 50: concentrated)",
-        "predominantly around 1 Hz",
         f"{shares} of the output power lies from 0.75 to 5.25 Hz, so that the lines at 1 and 5 Hz count whole (yaw, "
         "shoulder, elbow; above 50 is asked for); told apart by repetition instead, "
         f"{min(repeated):.0f} to {max(repeated):.0f} % of the disturbance lies up to 1.5 Hz",
@@ -138,25 +122,21 @@ def pulse_spectra(study: Comparison) -> Finding:
 def sinusoid_disturbance(study: Comparison) -> Finding:
     """F6: with two sines up to 10 Hz the disturbance lies orders below the output."""
     found, repeated = {}, []
-    for name, entry in study.joints.items():
-        spectrum = sysid.spa(entry.data[4])
+    for name in study.joints:
+        spectrum = sysid.spa(study.campaign.single(4, name))
         keep = spectrum.frequencies <= 10.5
         noise, output = _power(spectrum.noise_spectrum)[keep].sum(), _power(spectrum.output_spectrum)[keep].sum()
         found[name] = float(np.log10(output / noise))
-        again = period_spectra(entry.data[4])
+        again = period_spectra(study.campaign.single(4, name))
         near = again.frequencies <= 10.5
         repeated.append(float(np.log10(again.output[near].sum() / again.disturbance[near].sum())))
     wanted = {"shoulder_yaw": 2.0, "shoulder_pitch": 1.0, "elbow_pitch": 1.0}
     passed = sum(found[name] >= wanted[name] for name in found)
-    return Finding(
+    return decided(
         "F6",
-        "with two sines at 2.5 and 10 Hz the disturbance lies two orders (yaw) and one order (pitches) below the "
-        "output",
-        "III.2C, III.3",
         verdict(passed, len(found)),
         found,
         "orders of magnitude between output and disturbance power up to 10.5 Hz, so that the line at 10 Hz is whole",
-        "2 (yaw), 1 (pitches)",
         "the verdict rests on the thesis' own estimator, output less what correlates with the input; its lag window "
         "leaks where the input has no power. Told apart by repetition from period to period the disturbance lies "
         f"{min(repeated):.1f} to {max(repeated):.1f} orders below the output: the method decides this finding",
@@ -166,14 +146,11 @@ def sinusoid_disturbance(study: Comparison) -> Finding:
 def measurement_against_process(study: Comparison) -> Finding:
     """F7: measurement disturbances exceed process disturbances; here both are known."""
     ratio = {name: _disturbance_ratio(study, entry) for name, entry in study.joints.items()}
-    return Finding(
+    return decided(
         "F7",
-        "measurement disturbances exceed process disturbances",
-        "III.4",
         verdict(sum(value > 1.0 for value in ratio.values()), len(ratio)),
         ratio,
         "measurement over process disturbance, root mean square, PRBS test",
-        "above one, judged from spectra",
         "on the twin both are known: resolver noise and rounding against what the true angle departs from the linear "
         "truth; the latter holds seal friction and what is not linear, which a spectrum cannot tell from noise",
     )
@@ -189,34 +166,6 @@ def _disturbance_ratio(study: Comparison, entry: JointResult) -> float:
     expected = sysid.simulate(entry.truth.model, log.commanded[:, column] - log.commanded[0, column])[:, 0]
     process = np.std((seen - expected)[POINTS:])
     return float(np.std((measured - seen)[POINTS:]) / process)
-
-
-def coupling(study: Comparison) -> Finding:
-    """F26: little coupling between the joints."""
-    found = {}
-    for name, entry in study.joints.items():
-        log = study.logs[entry.data[study.estimation_test].name]
-        spread = {other: float(np.std(log.true_angles[:, JOINTS.index(other)])) for other in study.joints}
-        found[name] = 100 * max(value for other, value in spread.items() if other != name) / spread[name]
-    return Finding(
-        "F26",
-        "little coupling between the joints near the operating point",
-        "VI.6",
-        verdict(sum(value < 10.0 for value in found.values()), len(found)),
-        found,
-        "percent: largest motion of another studied joint over that of the excited one, PRBS test",
-        "little",
-        "a tenth is taken as little; the true coupled model gives "
-        f"{100 * _off_diagonal(study):.1f} % of the response off the diagonal, 0.1 to 10 Hz",
-    )
-
-
-def _off_diagonal(study: Comparison) -> float:
-    f = np.geomspace(0.1, 10.0, 200)
-    chosen = [JOINTS.index(name) for name in study.joints]
-    response = study.truth.model.frequency_response(f)[:, chosen][:, :, chosen]
-    apart = response * ~np.eye(len(chosen), dtype=bool)
-    return float(np.linalg.norm(apart) / np.linalg.norm(response))
 
 
 def _power(spectrum: np.ndarray | None) -> np.ndarray:

@@ -1,16 +1,31 @@
 """The study: excite, record, identify, compare with the truth [Morris1996]."""
 
 import warnings
-from collections.abc import Callable, Mapping
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
 from time import perf_counter
 
 import numpy as np
 
 import sysid
-from hmtb_twin import STUDIED_JOINTS, JointLog, JointTruth, Truth, linearize, load_arm, simulate
-from scenarios.attribution import attribute, conditions
-from scenarios.comparison import (
+from hmtb_twin import STUDIED_JOINTS, JointTruth, Truth
+from scenarios.crossing import half_power_hz
+from scenarios.estimators import estimate
+from scenarios.provenance import versions
+from scenarios.published import published
+from scenarios.saturation import swing, velocity_limited_share
+from scenarios.thesis.attribution import attribute, scaled
+from scenarios.thesis.campaign import (
+    CONDITIONS,
+    EVERY_TEST,
+    FAIRNESS_TESTS,
+    Campaign,
+    Condition,
+    planned,
+    run_campaign,
+    single_joint_test,
+)
+from scenarios.thesis.comparison import (
     Comparison,
     Cost,
     Fit,
@@ -19,83 +34,13 @@ from scenarios.comparison import (
     ThreeJointModel,
     relative_error,
 )
-from scenarios.crossing import half_power_hz
-from scenarios.errors import ScenarioError
-from scenarios.estimators import estimate
-from scenarios.preparation import prepared
-from scenarios.provenance import versions
-from scenarios.published import published
-from scenarios.registry import load
-from scenarios.saturation import swing, velocity_limited_share
-from scenarios.scenario import Scenario
-from scenarios.sensitivity import order_effects
+from scenarios.thesis.sensitivity import order_effects
+from scenarios.thesis.structures import STRUCTURES, SUFFICIENT, Structure
 from scenarios.waveform import POINTS, RATE
 from sysid import FrequencyResponse, IOData, StateSpace, SysidWarning, block_diagonal
 
-TESTS = tuple(range(1, 9))
-"""Numbers of the single-joint tests [Morris1996, table 1]."""
-
 ESTIMATION_TEST = 5
 """Models are identified from the PRBS of 1 V and validated on the other seven tests [Morris1996, ch. IV and V]."""
-
-
-@dataclass(frozen=True)
-class Structure:
-    """A model structure to identify.
-
-    Attributes:
-        method: Key of the method in tables and figures.
-        estimator: Name of the estimator.
-        orders: Its orders.
-        chosen: Whether the thesis takes it into a three-joint model.
-        label: Text for tables and legends.
-    """
-
-    method: str
-    estimator: str
-    orders: tuple[int, ...]
-    chosen: bool
-    label: str
-
-
-SUFFICIENT = {"shoulder_yaw": (4, 3, 2), "shoulder_pitch": (5, 3, 1), "elbow_pitch": (4, 3, 2)}
-"""nb, nf, nk of the output-error model whose order suffices without friction; on the arm as it is, none does.
-
-The Bayesian information criterion [Schwarz1978] chose them, summed over five frictionless records of small amplitude
-with seeds that nothing else here uses, nb up to 6, nf up to 5, nk as published; `tests/benchmarks/test_order.py`
-chooses again.
-"""
-
-
-def _sufficient(joint: str) -> "Structure":
-    nb, nf, nk = SUFFICIENT[joint]
-    return Structure("oe_high", "oe", (nb, nf, nk), False, f"OE {nb}/{nf}, delay {nk}, sufficient without friction")
-
-
-_OKID = Structure("okid", "okid", (2, 5), True, "OKID order 2, p = 5")
-
-STRUCTURES: Mapping[str, tuple[Structure, ...]] = {
-    "shoulder_yaw": (
-        Structure("armax", "armax", (5, 3, 5, 2), True, "ARMAX 5/3/5, delay 2"),
-        Structure("oe", "oe", (2, 2, 2), False, "OE 2/2, delay 2"),
-        _OKID,
-        _sufficient("shoulder_yaw"),
-    ),
-    "shoulder_pitch": (
-        Structure("armax", "armax", (2, 2, 2, 1), False, "ARMAX 2/2/2, delay 1"),
-        Structure("oe", "oe", (2, 2, 1), True, "OE 2/2, delay 1"),
-        _OKID,
-        _sufficient("shoulder_pitch"),
-    ),
-    "elbow_pitch": (
-        Structure("armax", "armax", (2, 2, 2, 2), True, "ARMAX 2/2/2, delay 2"),
-        Structure("oe", "oe", (2, 2, 2), False, "OE 2/2, delay 2"),
-        _OKID,
-        _sufficient("elbow_pitch"),
-    ),
-}
-"""What is identified: the thesis' structures, those it does not use filled in so that the table is complete, and one
-of sufficient order beside them."""
 
 Progress = Callable[[str, int, int], None]
 """Called with the name of the step, what is done and what there is in all."""
@@ -105,14 +50,16 @@ def run_study(
     *,
     seed: int | None = None,
     duration: float | None = None,
+    conditions: Sequence[Condition] = CONDITIONS,
     threads: int | None = None,
     progress: Progress | None = None,
 ) -> Comparison:
     """Run the whole study.
 
     Args:
-        seed: Draws the noise of every experiment; the scenarios' own seeds when not given.
+        seed: Draws the noise of every experiment and the binary sequences; the scenarios' own seeds when not given.
         duration: Length of every record instead of 240 s, s.
+        conditions: The arms that are laid side by side, the one that the study is about first.
         threads: Threads of the simulation.
         progress: Told of every step.
 
@@ -124,60 +71,101 @@ def run_study(
     """
     begin = perf_counter()
     report = progress or (lambda step, done, total: None)
-    campaign = {
-        (number, joint): _planned(number, joint, seed, duration) for number in TESTS for joint in STUDIED_JOINTS
+    campaigns = _campaigns(conditions, seed, duration, threads, report)
+    study = concluded(campaigns, progress=report)
+    return replace(study, cost=replace(study.cost, total_s=perf_counter() - begin))
+
+
+def _campaigns(
+    conditions: Sequence[Condition],
+    seed: int | None,
+    duration: float | None,
+    threads: int | None,
+    report: Progress,
+) -> tuple[Campaign, ...]:
+    """Play everything: the first arm's campaign whole, the others' tests that are laid beside it."""
+    first = conditions[0]
+    smooth = replace(first, friction=False)
+    estimation = [single_joint_test(ESTIMATION_TEST, joint) for joint in STUDIED_JOINTS]
+    small = [scaled(planned(name, seed=seed, duration=duration)) for name in estimation]
+    plan = {
+        first: list(EVERY_TEST),
+        smooth: estimation,
+        **{condition: list(FAIRNESS_TESTS) for condition in conditions[1:]},
     }
-    extra = [entry for joint in STUDIED_JOINTS for entry in conditions(campaign[ESTIMATION_TEST, joint])]
-    truth = linearize(load_arm())
-    started = perf_counter()
-    result = simulate(
-        [*campaign.values(), *extra], threads=threads, progress=lambda done, total: report("simulate", done, total)
-    )
-    simulation_s = perf_counter() - started
-    logs = {log.name: log for log in result.logs}
+    campaigns: list[Campaign] = []
+
+    def told(part: int, whole: int) -> None:
+        report("simulate", len(campaigns) * whole + part, len(plan) * whole)
+
+    for condition, tests in plan.items():
+        extra = small if condition == smooth else ()
+        campaigns.append(
+            run_campaign(condition, tests, extra=extra, seed=seed, duration=duration, threads=threads, progress=told)
+        )
+    return tuple(campaigns)
+
+
+def concluded(campaigns: Sequence[Campaign], *, progress: Progress | None = None) -> Comparison:
+    """Draw the study's conclusions from records that are there.
+
+    Args:
+        campaigns: The arm that the study is about, whole, first; then the same arm without friction, and others.
+        progress: Told of every step.
+
+    Returns:
+        Models beside the truth and beside held-out data.
+
+    Raises:
+        ScenarioError: A record that models are identified from is missing.
+    """
+    begin = perf_counter()
+    report = progress or (lambda step, done, total: None)
+    main, smooth = campaigns[0], campaigns[1]
     joints, attribution, orders = {}, {}, {}
     steps = len(STUDIED_JOINTS)
     for number, joint in enumerate(STUDIED_JOINTS):
         report("identify", number, steps)
-        scenario = campaign[ESTIMATION_TEST, joint]
-        if scenario.name not in logs:
-            raise ScenarioError(f"{scenario.name} failed, nothing to identify from: {result.failed[scenario.name]}")
-        by_test = {n: logs[campaign[n, joint].name] for n in TESTS if campaign[n, joint].name in logs}
-        joints[joint] = study_joint(joint, by_test, truth.joint(joint))
+        truth = main.truth.joint(joint)
+        joints[joint] = study_joint(joint, main)
         with warnings.catch_warnings():
             warnings.simplefilter("ignore", SysidWarning)
-            attribution[joint] = attribute(scenario, joint, logs, truth.joint(joint).bandwidth_hz, SUFFICIENT[joint])
+            attribution[joint] = attribute(
+                single_joint_test(ESTIMATION_TEST, joint), joint, main, smooth, truth.bandwidth_hz, SUFFICIENT[joint]
+            )
         orders[joint] = order_effects(joints[joint].data[ESTIMATION_TEST], SUFFICIENT[joint][2])
     report("identify", steps, steps)
     return Comparison(
-        truth=truth,
+        campaigns=tuple(campaigns),
         joints=joints,
-        three_joint=_three_joint_models(joints, truth),
-        logs=logs,
-        failed=dict(result.failed),
+        three_joint=_three_joint_models(joints, main.truth),
         attribution=attribution,
         orders=orders,
-        cost=Cost(result.physics_seconds, simulation_s, perf_counter() - begin),
+        cost=Cost(
+            sum(entry.physics_s for entry in campaigns),
+            sum(entry.simulation_s for entry in campaigns),
+            perf_counter() - begin,
+        ),
         estimation_test=ESTIMATION_TEST,
-        seed=seed,
-        duration=duration,
         provenance=versions(),
     )
 
 
-def study_joint(joint: str, logs: Mapping[int, JointLog], truth: JointTruth) -> JointResult:
+def study_joint(joint: str, campaign: Campaign) -> JointResult:
     """Identify one joint from the estimation test and validate on all others.
 
     Args:
         joint: Name of the joint.
-        logs: Logs by number of the test.
-        truth: Its small-signal truth.
+        campaign: The records.
 
     Returns:
         Models, spectra and fits.
+
+    Raises:
+        MissingRecordError: The record of the estimation test.
     """
-    data = {number: prepared(log, joint) for number, log in logs.items()}
-    own = data[ESTIMATION_TEST]
+    own, data, truth = campaign.single(ESTIMATION_TEST, joint), campaign.singles(joint), campaign.truth.joint(joint)
+    logs = {number: campaign.log(single_joint_test(number, joint)) for number in data}
     models = {entry.method: _identify(entry, data, truth) for entry in STRUCTURES[joint]}
     spa, etfe = _nonparametric(own)
     return JointResult(
@@ -191,13 +179,6 @@ def study_joint(joint: str, logs: Mapping[int, JointLog], truth: JointTruth) -> 
         slewing={number: velocity_limited_share(log) for number, log in logs.items()},
         swing={number: swing(log, joint) for number, log in logs.items()},
     )
-
-
-def _planned(number: int, joint: str, seed: int | None, duration: float | None) -> Scenario:
-    scenario = load(f"siso-{number}-{joint}")
-    if seed is not None:
-        scenario = scenario.reseeded(seed)
-    return scenario if duration is None else replace(scenario, duration=duration)
 
 
 def _identify(structure: Structure, data: Mapping[int, IOData], truth: JointTruth) -> ModelResult:

@@ -10,11 +10,11 @@ import pytest
 from matplotlib.figure import Figure
 
 from hmtb_twin import TwinError
-from scenarios.comparison import Comparison
 from scenarios.drawing import png, svg
 from scenarios.errors import ScenarioError
-from scenarios.findings import findings
-from scenarios.report import root, write_report
+from scenarios.thesis.comparison import Comparison
+from scenarios.thesis.findings import findings
+from scenarios.thesis.report import root, write_report
 
 VOID = {"meta", "img", "br", "link", "hr", "input"}
 
@@ -128,8 +128,8 @@ def test_without_opengl_a_line_says_what_to_install(
     def no_opengl(*_: object, **__: object) -> None:
         raise TwinError("no OpenGL here, install libegl1")
 
-    monkeypatch.setattr("scenarios.report.render", no_opengl)
-    monkeypatch.setattr("scenarios.report.svg", lambda figure, description, mark: "<svg></svg>")
+    monkeypatch.setattr("scenarios.thesis.report.render", no_opengl)
+    monkeypatch.setattr("scenarios.thesis.report.svg", lambda figure, description, mark: "<svg></svg>")
     page = write_report(study, findings(study), tmp_path / "report.html").read_text(encoding="utf-8")
     assert "No OpenGL here, install libegl1" in page
     assert not Page(page).of("img")
@@ -160,7 +160,7 @@ def test_roots_as_text() -> None:
 
 
 def test_whole_records_are_not_marked(study: Comparison, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("scenarios.report.svg", lambda figure, description, mark: "<svg></svg>")
+    monkeypatch.setattr("scenarios.thesis.report.svg", lambda figure, description, mark: "<svg></svg>")
     whole = replace(study, duration=None)
     page = write_report(whole, findings(study), tmp_path / "report.html").read_text(encoding="utf-8")
     Page(page)

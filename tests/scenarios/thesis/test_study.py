@@ -7,14 +7,16 @@ import pytest
 
 from hmtb_twin import JOINTS, STUDIED_JOINTS, load_arm
 from hmtb_twin.parameters import HAND_CONTROLLER, MOTIONS
-from scenarios.attribution import CONDITIONS, conditions
-from scenarios.comparison import Comparison, relative_error
-from scenarios.period_spectra import period_spectra
 from scenarios.preparation import SETTLING, prepared
 from scenarios.registry import load
 from scenarios.saturation import swing, velocity_limited_share
-from scenarios.sensitivity import half_power_spread
-from scenarios.study import ESTIMATION_TEST, STRUCTURES, TESTS
+from scenarios.thesis.attribution import CONDITIONS, conditions
+from scenarios.thesis.campaign import SINGLE_JOINT, planned, single_joint_test
+from scenarios.thesis.comparison import Comparison, relative_error
+from scenarios.thesis.period_spectra import period_spectra
+from scenarios.thesis.sensitivity import half_power_spread
+from scenarios.thesis.structures import STRUCTURES
+from scenarios.thesis.study import ESTIMATION_TEST
 from sysid import IOData, StateSpace
 
 METHODS = {"armax", "oe", "okid", "oe_high"}
@@ -25,10 +27,10 @@ def test_every_joint_has_every_method_and_every_fit(study: Comparison) -> None:
     assert not study.failed
     for entry in study.joints.values():
         assert set(entry.models) == METHODS
-        assert set(entry.data) == set(TESTS)
+        assert set(entry.data) == set(SINGLE_JOINT)
         for model in entry.models.values():
-            assert set(model.fits) == set(TESTS)
-            assert {fit.test for fit in model.held_out(ESTIMATION_TEST)} == set(TESTS) - {ESTIMATION_TEST}
+            assert set(model.fits) == set(SINGLE_JOINT)
+            assert {fit.test for fit in model.held_out(ESTIMATION_TEST)} == set(SINGLE_JOINT) - {ESTIMATION_TEST}
 
 
 def test_structures_are_the_thesis_own() -> None:
@@ -76,11 +78,10 @@ def test_three_joint_models_are_near_the_true_coupled_response(study: Comparison
 
 
 def test_same_seed_same_result(study: Comparison) -> None:
-    from scenarios.study import _planned
-
-    again = _planned(ESTIMATION_TEST, "elbow_pitch", 11, 24.0)
-    assert study.logs[again.name].seed == again.seed
-    assert _planned(ESTIMATION_TEST, "elbow_pitch", 12, 24.0).seed != again.seed
+    name = single_joint_test(ESTIMATION_TEST, "elbow_pitch")
+    again, other = (planned(name, seed=seed, duration=24.0) for seed in (11, 12))
+    assert study.logs[name].seed == again.seed != other.seed
+    assert again.excitation[0].parameters["seed"] == 11
 
 
 def test_conditions_switch_off_one_thing_more_each_time() -> None:
@@ -106,7 +107,7 @@ def test_preparation_leaves_whole_settled_periods_without_mean(study: Comparison
 
 def test_slewing_counts_steps_at_the_velocity_limit(study: Comparison) -> None:
     for name, entry in study.joints.items():
-        assert set(entry.slewing) == set(TESTS)
+        assert set(entry.slewing) == set(SINGLE_JOINT)
         assert 0.85 < entry.slewing[ESTIMATION_TEST] < 0.95
         assert entry.slewing[7] < 0.5
         log = study.logs[f"siso-{ESTIMATION_TEST}-{name}"]
@@ -144,7 +145,7 @@ def test_period_spectra_tell_the_disturbance_apart() -> None:
 
 
 def test_the_effect_of_the_order_is_reported(study: Comparison) -> None:
-    from scenarios.sensitivity import ORDERS, spread
+    from scenarios.thesis.sensitivity import ORDERS, spread
 
     for name, effects in study.orders.items():
         assert tuple(entry.orders[:2] for entry in effects) == ORDERS

@@ -1,0 +1,189 @@
+"""A campaign: the tests of the thesis played on one arm, and the records that came of them."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from time import perf_counter
+from types import MappingProxyType
+
+from hmtb_twin import STUDIED_JOINTS, Arm, JointLog, Truth, linearize, load_arm, simulate
+from hmtb_twin.simulation import Progress
+from scenarios.errors import MissingRecordError
+from scenarios.preparation import prepared
+from scenarios.registry import load, names
+from scenarios.scenario import Scenario
+from sysid import IOData
+
+SINGLE_JOINT = tuple(range(1, 9))
+"""Numbers of the single-joint tests [Morris1996, table 1]."""
+
+SEVERAL_JOINTS = tuple(range(1, 14))
+"""Numbers of the tests of several joints [Morris1996, table 2]."""
+
+RPCM = "rpcm"
+"""Name of the exchange of the replacement unit."""
+
+
+@dataclass(frozen=True)
+class Condition:
+    """On which arm a campaign is played.
+
+    Attributes:
+        variant: Arm variant.
+        friction: Whether its joints have dry friction.
+    """
+
+    variant: str = "nominal"
+    friction: bool = True
+
+    def __str__(self) -> str:
+        return f"{self.variant}, {'with' if self.friction else 'without'} friction"
+
+    def arm(self) -> Arm:
+        """The arm with its payload, away from the worksite."""
+        return load_arm(self.variant, friction=self.friction)
+
+    def applied(self, scenario: Scenario) -> Scenario:
+        """The same experiment on this arm."""
+        return replace(scenario, variant=self.variant, chain=replace(scenario.chain, friction=self.friction))
+
+
+NOMINAL = Condition()
+
+CONDITIONS = (NOMINAL, Condition(friction=False), Condition("published"), Condition("published", friction=False))
+"""The arms that the study lays side by side; the first is the one that it is about."""
+
+EVERY_TEST = (*names("thesis"), *names("mimo"), RPCM)
+"""Every record of the thesis: both tables, the independent waveforms and the exchange of the replacement unit."""
+
+FAIRNESS_TESTS = (*names("thesis"), "mimo-10", "mimo-12", RPCM)
+"""What is played on the other arms: table 1, the slow and the fast chirp of table 2 and the exchange."""
+
+
+@dataclass(frozen=True, eq=False)
+class Campaign:
+    """What was played on one arm, and what is known of the arm.
+
+    Attributes:
+        condition: The arm.
+        truth: Its small-signal truth at the operating point, payload in hand.
+        logs: Logs by name of the scenario, in the order in which they were asked for.
+        failed: Names of those that failed, with the reason.
+        seed: What other noise and binary sequences were drawn from; None for the scenarios' own.
+        duration: Length of the tests where it was shortened, s; None for the thesis' 240 s.
+        physics_s: Wall time inside the physics engine, s.
+        simulation_s: Wall time of the simulation as a whole, s.
+    """
+
+    condition: Condition
+    truth: Truth
+    logs: Mapping[str, JointLog]
+    failed: Mapping[str, str]
+    seed: int | None = None
+    duration: float | None = None
+    physics_s: float = 0.0
+    simulation_s: float = 0.0
+
+    def log(self, name: str) -> JointLog:
+        """The log of a scenario.
+
+        Raises:
+            MissingRecordError: It failed, or was not asked for.
+        """
+        if name not in self.logs:
+            why = self.failed.get(name, "it was not played in this campaign")
+            raise MissingRecordError(f"there is no record of {name}: {why}")
+        return self.logs[name]
+
+    def single(self, number: int, joint: str) -> IOData:
+        """Settled record of a single-joint test without its means, rad; see `prepared`.
+
+        Args:
+            number: Of the test, 1 to 8.
+            joint: The joint excited.
+
+        Raises:
+            MissingRecordError: There is no such record.
+        """
+        return prepared(self.log(single_joint_test(number, joint)), joint)
+
+    def singles(self, joint: str) -> dict[int, IOData]:
+        """Records of all single-joint tests of a joint that did not fail, by number."""
+        return {n: self.single(n, joint) for n in SINGLE_JOINT if single_joint_test(n, joint) in self.logs}
+
+    def several(self, name: str, joints: Sequence[str] = STUDIED_JOINTS) -> IOData:
+        """Settled record of several joints without its means: commands in, measurements out, rad.
+
+        Args:
+            name: Of the scenario: `mimo-1` to `mimo-13`, `mimo-7-independent`, `rpcm`.
+            joints: The joints, of which there is one input and one output each.
+
+        Raises:
+            MissingRecordError: There is no such record.
+        """
+        return prepared(self.log(name), joints)
+
+
+def single_joint_test(number: int, joint: str) -> str:
+    """Name of the scenario of a single-joint test."""
+    return f"siso-{number}-{joint}"
+
+
+def planned(name: str, *, seed: int | None = None, duration: float | None = None) -> Scenario:
+    """A registered scenario as a campaign plays it.
+
+    Args:
+        name: Its name.
+        seed: Draws other noise, and another binary sequence where the waveform file holds one: nothing is known of the
+            thesis' own sequence. Sequences of several axes at once keep their seeds, which keep them apart.
+        duration: Length, s; the exchange of the replacement unit keeps its own.
+
+    Returns:
+        The scenario.
+    """
+    scenario = load(name)
+    if seed is not None:
+        scenario = scenario.reseeded(seed)
+        if len(scenario.excitation) == 1 and scenario.excitation[0].kind == "prbs":
+            (entry,) = scenario.excitation
+            scenario = replace(scenario, excitation=(replace(entry, parameters={**entry.parameters, "seed": seed}),))
+    return scenario if duration is None or name == RPCM else replace(scenario, duration=duration)
+
+
+def run_campaign(
+    condition: Condition = NOMINAL,
+    tests: Sequence[str] = EVERY_TEST,
+    *,
+    extra: Sequence[Scenario] = (),
+    seed: int | None = None,
+    duration: float | None = None,
+    threads: int | None = None,
+    progress: Progress | None = None,
+) -> Campaign:
+    """Play tests on one arm, all side by side.
+
+    Args:
+        condition: The arm.
+        tests: Names of registered scenarios.
+        extra: Further scenarios, played as they are but on this arm.
+        seed: See `planned`.
+        duration: See `planned`.
+        threads: Threads for the physics.
+        progress: Told of the ticks done and of those there are.
+
+    Returns:
+        The records, in the order of the tests.
+    """
+    scenarios = [*(planned(name, seed=seed, duration=duration) for name in tests), *extra]
+    started = perf_counter()
+    result = simulate([condition.applied(entry) for entry in scenarios], threads=threads, progress=progress)
+    taken = perf_counter() - started
+    return Campaign(
+        condition=condition,
+        truth=linearize(condition.arm()),
+        logs=MappingProxyType({log.name: log for log in result.logs}),
+        failed=result.failed,
+        seed=seed,
+        duration=duration,
+        physics_s=result.physics_seconds,
+        simulation_s=taken,
+    )

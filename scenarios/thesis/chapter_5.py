@@ -1,0 +1,17 @@
+"""Chapter V in the report: OKID."""
+
+from scenarios.thesis.comparison import Comparison
+from scenarios.thesis.gallery import Gallery
+
+
+def chapter_5(study: Comparison, gallery: Gallery) -> dict[str, object]:
+    """Figures and numbers of the section.
+
+    Args:
+        study: The study.
+        gallery: Takes the figures, in the order of the page.
+
+    Returns:
+        What the template shows.
+    """
+    return {}

@@ -1,0 +1,43 @@
+"""The figure that answers: bandwidths recovered, true and published."""
+
+from matplotlib.figure import Figure
+
+from scenarios.crossing import half_power_hz
+from scenarios.thesis.about_1_hz import ABOUT_1_HZ
+from scenarios.thesis.comparison import Comparison
+from scenarios.thesis.figure_style import NOT_EXCITED, WIDTH, dress, short, style_of
+from sysid.plots import (
+    BOUND,
+    PALETTE,
+)
+
+
+def bandwidths(study: Comparison) -> Figure:
+    """Recovered bandwidths with their intervals, the truth as a line, the published models as stars."""
+    figure = Figure(figsize=(WIDTH, 6.2), layout="constrained")
+    panels = figure.subplots(len(study.joints), 1, sharex=True)
+    for axes, (name, entry) in zip(panels, study.joints.items(), strict=True):
+        labels: list[str] = []
+        for model in entry.models.values():
+            style, hz = style_of(model), model.bandwidth_hz
+            reach = [[hz - model.ci95[0]], [model.ci95[1] - hz]]
+            axes.errorbar(hz, len(labels), xerr=reach, fmt=style.marker, color=style.colour, ms=6, capsize=4, lw=1.8)
+            axes.plot(model.half_power_hz, len(labels), "|", color=style.colour, ms=13, mew=2.0)
+            labels.append(model.label.replace(", sufficient", ",\nsufficient"))
+        for printed in entry.published:
+            axes.plot(
+                printed.bandwidth_hz, len(labels), PALETTE["published"].marker, color=PALETTE["published"].colour, ms=9
+            )
+            level = half_power_hz(printed.model)
+            axes.plot(level, len(labels), "|", color=PALETTE["published"].colour, ms=13, mew=2.0)
+            labels.append(f"published {printed.label}")
+        axes.axvspan(*ABOUT_1_HZ, color=NOT_EXCITED, lw=0, zorder=0)
+        axes.axvline(entry.truth.bandwidth_hz, color=PALETTE["truth"].colour, lw=1.8)
+        axes.axvline(1.0, color=BOUND.colour, ls=":", lw=1.2)
+        axes.set_yticks(range(len(labels)), labels, fontsize=8)
+        axes.set_ylim(len(labels) - 0.4, -0.6)
+        axes.set_title(f"{short(name)}: truth {entry.truth.bandwidth_hz:.3f} Hz (black line)", loc="left", fontsize=9)
+        dress([axes])
+    panels[-1].set_xlim(0.0, 1.55)
+    panels[-1].set_xlabel("frequency / Hz")
+    return figure

@@ -1,0 +1,62 @@
+"""The thesis' 26 findings, each tried on the twin [Morris1996]."""
+
+from collections.abc import Callable, Mapping
+from types import MappingProxyType
+
+from scenarios.errors import MissingRecordError
+from scenarios.thesis import findings_chapter_3 as chapter_3
+from scenarios.thesis import findings_chapter_4 as chapter_4
+from scenarios.thesis import findings_chapter_5 as chapter_5
+from scenarios.thesis import findings_chapter_6 as chapter_6
+from scenarios.thesis import findings_robustness as robustness
+from scenarios.thesis.claims import CLAIMS
+from scenarios.thesis.comparison import Comparison
+from scenarios.thesis.finding import Finding, undecided
+
+FINDINGS: Mapping[str, Callable[[Comparison], Finding]] = MappingProxyType(
+    {
+        "F1": chapter_3.gain_and_cutoff,
+        "F2": chapter_3.slope,
+        "F3": chapter_3.delay,
+        "F4": chapter_3.prbs_looks_white,
+        "F5": chapter_3.pulse_spectra,
+        "F6": chapter_3.sinusoid_disturbance,
+        "F7": chapter_3.measurement_against_process,
+        "F9": chapter_4.yaw_armax,
+        "F10": chapter_4.yaw_oe,
+        "F11": chapter_4.shoulder_oe,
+        "F12": chapter_4.elbow_armax,
+        "F13": chapter_4.stable,
+        "F14": chapter_5.percent_described,
+        "F15": chapter_5.without_detrending,
+        "F16": chapter_6.real_poles,
+        "F17": chapter_6.bode_agrees,
+        "F22": chapter_6.follows_5_hz,
+        "F23": chapter_6.above_5_hz,
+        "F24": chapter_6.parsimony,
+        "F25": robustness.bias_and_outliers,
+        "F26": chapter_6.coupling,
+    }
+)
+"""How each finding is decided."""
+
+
+def findings(study: Comparison) -> tuple[Finding, ...]:
+    """Try every finding of the thesis.
+
+    Args:
+        study: The study's result.
+
+    Returns:
+        All 26 in order; one whose record is missing cannot be told, and says which.
+    """
+    return tuple(_tried(key, study) for key in CLAIMS)
+
+
+def _tried(key: str, study: Comparison) -> Finding:
+    if key not in FINDINGS:
+        return undecided(key, "no analysis of the study decides it")
+    try:
+        return FINDINGS[key](study)
+    except MissingRecordError as error:
+        return undecided(key, str(error))

@@ -1,0 +1,72 @@
+"""The figures of the report: numbered as they come, each with the figures of the thesis that it answers."""
+
+import re
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from matplotlib.figure import Figure
+
+from scenarios.drawing import save_figure, svg
+
+
+@dataclass(frozen=True)
+class Picture:
+    """A figure on the page.
+
+    Attributes:
+        number: Its number; the page links to `#figure-<number>`.
+        name: Its name as a file, without suffix: lower case, words apart by hyphens.
+        svg: The element.
+        caption: What it shows and how to read it.
+        thesis: Figures of the thesis whose counterpart it is, e.g. ``("22", "A2", "A17")``.
+    """
+
+    number: int
+    name: str
+    svg: str
+    caption: str
+    thesis: tuple[str, ...]
+
+
+class Gallery:
+    """Takes figures in the order in which the page shows them.
+
+    Args:
+        folder: Where every figure is written as SVG and PNG too; nowhere if None.
+    """
+
+    def __init__(self, folder: Path | None = None) -> None:
+        self.folder = folder
+        self.pictures: list[Picture] = []
+
+    def add(self, figure: Figure, caption: str, *, name: str, thesis: Sequence[str] = ()) -> Picture:
+        """Take a figure.
+
+        Args:
+            figure: The figure.
+            caption: What it shows and how to read it: also its description for those who cannot see it.
+            name: Its name as a file; each once.
+            thesis: Figures of the thesis whose counterpart it is.
+
+        Returns:
+            The figure as the page holds it.
+        """
+        if not re.fullmatch(r"[a-z0-9]+(-[a-z0-9]+)*", name) or any(entry.name == name for entry in self.pictures):
+            raise ValueError(f"figure name {name!r}: expected words of a-z and 0-9 apart by hyphens, each name once")
+        number = len(self.pictures) + 1
+        if self.folder is not None:
+            for kind in ("svg", "png"):
+                save_figure(figure, self.folder / f"{name}.{kind}", dpi=200)
+        text = caption[:1].upper() + caption[1:]
+        picture = Picture(number, name, svg(figure, text, f"f{number}"), text, tuple(thesis))
+        self.pictures.append(picture)
+        return picture
+
+    def counterparts(self) -> Mapping[str, tuple[Picture, ...]]:
+        """Pictures by figure of the thesis."""
+        found: dict[str, tuple[Picture, ...]] = {}
+        for picture in self.pictures:
+            for entry in picture.thesis:
+                found[entry] = (*found.get(entry, ()), picture)
+        return found
