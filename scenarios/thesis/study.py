@@ -51,6 +51,7 @@ def run_study(
     seed: int | None = None,
     duration: float | None = None,
     conditions: Sequence[Condition] = CONDITIONS,
+    thorough: bool = True,
     threads: int | None = None,
     progress: Progress | None = None,
 ) -> Comparison:
@@ -60,6 +61,7 @@ def run_study(
         seed: Draws the noise of every experiment and the binary sequences; the scenarios' own seeds when not given.
         duration: Length of every record instead of 240 s, s.
         conditions: The arms that are laid side by side, the one that the study is about first.
+        thorough: See `concluded`.
         threads: Threads of the simulation.
         progress: Told of every step.
 
@@ -72,7 +74,7 @@ def run_study(
     begin = perf_counter()
     report = progress or (lambda step, done, total: None)
     campaigns = _campaigns(conditions, seed, duration, threads, report)
-    study = concluded(campaigns, progress=report)
+    study = concluded(campaigns, thorough=thorough, progress=report)
     return replace(study, cost=replace(study.cost, total_s=perf_counter() - begin))
 
 
@@ -106,11 +108,12 @@ def _campaigns(
     return tuple(campaigns)
 
 
-def concluded(campaigns: Sequence[Campaign], *, progress: Progress | None = None) -> Comparison:
+def concluded(campaigns: Sequence[Campaign], *, thorough: bool = True, progress: Progress | None = None) -> Comparison:
     """Draw the study's conclusions from records that are there.
 
     Args:
         campaigns: The arm that the study is about, whole, first; then the same arm without friction, and others.
+        thorough: Whether to analyse too what no finding rests on and only the report shows; one seed of many does not.
         progress: Told of every step.
 
     Returns:
