@@ -32,7 +32,7 @@ def test_a_long_record_is_a_band_in_the_unit_of_the_axis() -> None:
     envelope(axes, np.linspace(-0.01, 0.03, 12_000), 0.02, STYLE, scale=1000.0, start=4.0, label="measured")
     assert not axes.lines
     (band,) = axes.collections
-    x, y = band.get_paths()[0].vertices.T
+    x, y = np.asarray(band.get_paths()[0].vertices).T
     assert (x.min(), x.max()) == (pytest.approx(4.0), pytest.approx(4.0 + 11_999 * 0.02))
     assert (y.min(), y.max()) == (pytest.approx(-10.0), pytest.approx(30.0))
     assert len(x) < 2.1 * COLUMNS
