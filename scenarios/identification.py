@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 
 import sysid
-from scenarios.commands.bandwidth import Claim, claim
+from scenarios.bandwidth_claim import Claim, claim
 from scenarios.datafile import excited
 from scenarios.errors import ScenarioError
 from scenarios.estimators import ESTIMATORS, SHORTEST, estimate

@@ -1,4 +1,4 @@
-"""What `hmtb identify` says of a bandwidth that the record does not bear."""
+"""What is said of a bandwidth that the record does not bear, also by `hmtb identify`."""
 
 import json
 from dataclasses import replace
@@ -9,7 +9,7 @@ import pytest
 from scipy.signal import lfilter
 
 from scenarios.cli import main
-from scenarios.commands.bandwidth import claim, lowest_excited
+from scenarios.bandwidth_claim import claim, lowest_excited
 from sysid import IOData, oe
 
 DT = 0.02
