@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 from scipy.signal import lfilter
 
-from scenarios.cli import main
 from scenarios.bandwidth_claim import claim, lowest_excited
+from scenarios.cli import main
 from sysid import IOData, oe
 
 DT = 0.02
