@@ -3,14 +3,17 @@
 from collections.abc import Mapping
 from dataclasses import dataclass
 
-import numpy as np
-
 from hmtb_twin import JointLog, JointTruth, Truth
 from scenarios.published import PublishedModel
 from scenarios.thesis.attribution import Attribution
 from scenarios.thesis.campaign import Campaign
+from scenarios.thesis.every_data_set import DataSets
+from scenarios.thesis.multivariable import Multivariable, ThreeJointModel
+from scenarios.thesis.nonparametric import Nonparametric
+from scenarios.thesis.order_search import Searches
+from scenarios.thesis.prediction_errors import PredictionErrors
 from scenarios.thesis.sensitivity import OrderEffect
-from sysid import Estimate, FrequencyResponse, IOData, ResidualTest, StateSpace
+from sysid import Estimate, FrequencyResponse, IOData, ResidualTest
 
 
 @dataclass(frozen=True)
@@ -95,23 +98,6 @@ class JointResult:
         return next(entry for entry in self.models.values() if entry.chosen and entry.method != "okid")
 
 
-@dataclass(frozen=True, eq=False)
-class ThreeJointModel:
-    """A block-diagonal model of the three joints.
-
-    Attributes:
-        name: `SysID model`, `OKID model` or `hybrid model`.
-        model: The model, 3 inputs and 3 outputs.
-        error: Relative error of its response against the true coupled 3 x 3 response, 0.1 to 10 Hz.
-        diagonal_error: The same of the diagonal alone.
-    """
-
-    name: str
-    model: StateSpace
-    error: float
-    diagonal_error: float
-
-
 @dataclass(frozen=True)
 class Cost:
     """Where the time went.
@@ -134,9 +120,11 @@ class Comparison:
     Attributes:
         campaigns: What was played: the arm that the study is about, whole, first; the same without friction; others.
         joints: By joint.
-        three_joint: The thesis' three-joint models, re-identified.
+        multivariable: The thesis' three-joint models, re-identified and as printed, on records of several joints.
         attribution: Why intervals miss the truth, by joint.
         orders: What the choice of order does to the bandwidth, by joint.
+        nonparametric: What the records say without a model, by joint.
+        prediction_errors: Other data sets, orders and the arm without friction, by joint.
         cost: Time spent.
         estimation_test: Number of the test that models were identified from.
         provenance: Versions of what was used.
@@ -144,9 +132,11 @@ class Comparison:
 
     campaigns: tuple[Campaign, ...]
     joints: Mapping[str, JointResult]
-    three_joint: tuple[ThreeJointModel, ...]
+    multivariable: Multivariable
     attribution: Mapping[str, tuple[Attribution, ...]]
     orders: Mapping[str, tuple[OrderEffect, ...]]
+    nonparametric: Mapping[str, Nonparametric]
+    prediction_errors: Mapping[str, PredictionErrors]
     cost: Cost
     estimation_test: int
     provenance: Mapping[str, str]
@@ -155,6 +145,21 @@ class Comparison:
     def campaign(self) -> Campaign:
         """The campaign on the arm that the study is about."""
         return self.campaigns[0]
+
+    @property
+    def three_joint(self) -> tuple[ThreeJointModel, ...]:
+        """The thesis' three-joint models, re-identified."""
+        return tuple(entry for entry in self.multivariable.models if not entry.printed)
+
+    @property
+    def data_sets(self) -> Mapping[str, DataSets]:
+        """The thesis' structures identified from every data set, by joint."""
+        return {joint: entry.data_sets for joint, entry in self.prediction_errors.items()}
+
+    @property
+    def searches(self) -> Mapping[str, Searches]:
+        """Searches for orders by joint; empty where the study is not thorough."""
+        return {joint: entry.searches for joint, entry in self.prediction_errors.items() if entry.searches}
 
     @property
     def truth(self) -> Truth:
@@ -184,21 +189,3 @@ class Comparison:
     def duration(self) -> float | None:
         """Length of every record where it was shortened, s; None for the thesis' 240 s."""
         return self.campaign.duration
-
-
-def relative_error(model: StateSpace, truth: StateSpace, *, diagonal: bool = False) -> float:
-    """Root-mean-square error of a frequency response over that of the truth, log-spaced 0.1 to 10 Hz.
-
-    Args:
-        model: The model.
-        truth: The truth, of the same size.
-        diagonal: Compare only channels from each input to its own output.
-
-    Returns:
-        The ratio.
-    """
-    f = np.geomspace(0.1, 10.0, 200)
-    found, true = model.frequency_response(f), truth.frequency_response(f)
-    if diagonal:
-        found, true = (np.diagonal(response, axis1=1, axis2=2) for response in (found, true))
-    return float(np.linalg.norm(found - true) / np.linalg.norm(true))

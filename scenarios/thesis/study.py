@@ -8,7 +8,7 @@ from time import perf_counter
 import numpy as np
 
 import sysid
-from hmtb_twin import STUDIED_JOINTS, JointTruth, Truth
+from hmtb_twin import STUDIED_JOINTS, JointTruth
 from scenarios.crossing import half_power_hz
 from scenarios.estimators import estimate
 from scenarios.provenance import versions
@@ -31,13 +31,14 @@ from scenarios.thesis.comparison import (
     Fit,
     JointResult,
     ModelResult,
-    ThreeJointModel,
-    relative_error,
 )
+from scenarios.thesis.multivariable import multivariable
+from scenarios.thesis.nonparametric import nonparametric
+from scenarios.thesis.prediction_errors import prediction_errors
 from scenarios.thesis.sensitivity import order_effects
 from scenarios.thesis.structures import STRUCTURES, SUFFICIENT, Structure
 from scenarios.waveform import POINTS, RATE
-from sysid import FrequencyResponse, IOData, StateSpace, SysidWarning, block_diagonal
+from sysid import FrequencyResponse, IOData, SysidWarning
 
 ESTIMATION_TEST = 5
 """Models are identified from the PRBS of 1 V and validated on the other seven tests [Morris1996, ch. IV and V]."""
@@ -141,9 +142,26 @@ def concluded(campaigns: Sequence[Campaign], *, thorough: bool = True, progress:
     return Comparison(
         campaigns=tuple(campaigns),
         joints=joints,
-        three_joint=_three_joint_models(joints, main.truth),
+        multivariable=multivariable(
+            {name: entry.chosen.estimate.model for name, entry in joints.items()},
+            {name: entry.models["okid"].estimate.model for name, entry in joints.items()},
+            main,
+        ),
         attribution=attribution,
         orders=orders,
+        nonparametric={joint: nonparametric(joint, main, summaries=thorough) for joint in joints},
+        prediction_errors={
+            joint: prediction_errors(
+                joint,
+                entry.data,
+                ESTIMATION_TEST,
+                {name: model.estimate for name, model in entry.models.items()},
+                main,
+                smooth,
+                thorough=thorough,
+            )
+            for joint, entry in joints.items()
+        },
         cost=Cost(
             sum(entry.physics_s for entry in campaigns),
             sum(entry.simulation_s for entry in campaigns),
@@ -220,27 +238,3 @@ def _nonparametric(own: IOData) -> tuple[FrequencyResponse, FrequencyResponse]:
     lines = np.arange(1, POINTS // 2) * RATE / POINTS
     periods = [own[start : start + POINTS] for start in range(0, len(own) - POINTS + 1, POINTS)]
     return sysid.spa(own, frequencies=lines), sysid.etfe(periods)
-
-
-def _three_joint_models(joints: Mapping[str, JointResult], truth: Truth) -> tuple[ThreeJointModel, ...]:
-    """The SysID model, the OKID model and the hybrid of both [Morris1996, eq. 4.14, 5.11 and sec. VI.6]."""
-    columns = [list(truth.model.input_names or ()).index(f"{joint} commanded") for joint in joints]
-    true = StateSpace(
-        truth.model.A,
-        truth.model.B[:, columns],
-        truth.model.C[columns],
-        truth.model.D[np.ix_(columns, columns)],
-        None,
-        truth.dt,
-    )
-    sysid_models = [entry.chosen.estimate.model for entry in joints.values()]
-    okid_models = [entry.models["okid"].estimate.model for entry in joints.values()]
-    assembled = {
-        "SysID model": block_diagonal(sysid_models),
-        "OKID model": block_diagonal(okid_models),
-        "hybrid model": block_diagonal([sysid_models[0], *okid_models[1:]]),
-    }
-    return tuple(
-        ThreeJointModel(name, model, relative_error(model, true), relative_error(model, true, diagonal=True))
-        for name, model in assembled.items()
-    )

@@ -12,7 +12,8 @@ from scenarios.registry import load
 from scenarios.saturation import swing, velocity_limited_share
 from scenarios.thesis.attribution import CONDITIONS, conditions
 from scenarios.thesis.campaign import SINGLE_JOINT, planned, single_joint_test
-from scenarios.thesis.comparison import Comparison, relative_error
+from scenarios.thesis.comparison import Comparison
+from scenarios.thesis.coupled_response import relative_error
 from scenarios.thesis.period_spectra import period_spectra
 from scenarios.thesis.sensitivity import half_power_spread
 from scenarios.thesis.structures import STRUCTURES

@@ -1,0 +1,239 @@
+"""The models of three joints on every record of several joints [Morris1996, ch. VI]."""
+
+import warnings
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Literal, TypeVar
+
+import numpy as np
+
+import sysid
+from hmtb_twin import STUDIED_JOINTS
+from scenarios.errors import MissingRecordError
+from scenarios.published import PUBLISHED
+from scenarios.registry import names
+from scenarios.thesis.campaign import RPCM, Campaign
+from scenarios.thesis.coupled_response import off_diagonal, relative_error, three_joint_truth
+from scenarios.thesis.exchange_fits import Exchange, exchange
+from scenarios.thesis.multi_input import INDEPENDENT, SHARED, FullModel, full_models
+from sysid import IOData, ResidualTest, StateSpace, SysidWarning, block_diagonal
+
+T = TypeVar("T")
+
+Kind = Literal["SysID", "OKID", "hybrid"]
+
+Way = Literal["simulation", "one_step"]
+
+WAYS: tuple[Way, ...] = ("simulation", "one_step")
+"""Every fit is given both ways: a model without a noise model cannot predict, one with it can."""
+
+RECORDS = (*names("mimo"), RPCM)
+"""Every record of several joints: table 2, the independent waveforms, the exchange."""
+
+FAST_CHIRP = "mimo-12"
+"""The sweep from 5 to 10 Hz [Morris1996, sec. VI.5]."""
+
+TESTED = (RPCM, FAST_CHIRP)
+"""Records whose residuals the thesis tests [Morris1996, sec. VI.4 and VI.5]."""
+
+LEVEL = 0.99
+"""Level of the tests of residuals [Morris1996, ch. IV]."""
+
+LAGS = 25
+"""Largest lag of the tests of residuals, samples."""
+
+
+@dataclass(frozen=True)
+class JointFits:
+    """How well a model follows one record, joint by joint, always both ways.
+
+    Attributes:
+        simulation: 100 (1 - |y - yhat| / |y - mean y|) of the simulated output by joint, percent.
+        one_step: The same of the one-step prediction; where K = 0 it is the simulation again.
+    """
+
+    simulation: Mapping[str, float]
+    one_step: Mapping[str, float]
+
+    def of(self, way: Way) -> Mapping[str, float]:
+        """By joint, one way, percent."""
+        return self.simulation if way == "simulation" else self.one_step
+
+    def mean(self, way: Way) -> float:
+        """Mean over the joints, percent."""
+        return float(np.mean(list(self.of(way).values())))
+
+
+@dataclass(frozen=True, eq=False)
+class ThreeJointModel:
+    """A block-diagonal model of the three joints.
+
+    Attributes:
+        name: As people call it, e.g. `SysID model` or `printed OKID model`.
+        kind: Prediction error, OKID, or OKID with the yaw joint of prediction error.
+        printed: Whether it has the thesis' own digits; otherwise it was identified from the twin's records.
+        blocks: Its models by joint.
+        model: All of them side by side, 3 inputs and 3 outputs.
+        error: Relative error of its response against the true coupled 3 x 3 response, 0.1 to 10 Hz.
+        diagonal_error: The same of the diagonal alone.
+        fits: By record.
+        residual_tests: Of the one-step residuals, by record of `TESTED`.
+    """
+
+    name: str
+    kind: Kind
+    printed: bool
+    blocks: Mapping[str, StateSpace]
+    model: StateSpace
+    error: float
+    diagonal_error: float
+    fits: Mapping[str, JointFits]
+    residual_tests: Mapping[str, ResidualTest]
+
+    @property
+    def largest_pole(self) -> float:
+        """Largest modulus of a pole; the model is stable below one, and one less this is its margin."""
+        return float(np.abs(self.model.poles()).max())
+
+    def predicts(self, joint: str) -> bool:
+        """Whether a noise model (K other than zero) lets it predict; without one, a prediction is a simulation."""
+        return bool(np.any(self.blocks[joint].gain))
+
+    def fit(self, record: str) -> JointFits:
+        """Its fits to a record.
+
+        Raises:
+            MissingRecordError: There is no such record.
+        """
+        return _there(self.fits, record)
+
+    def residual_test(self, record: str) -> ResidualTest:
+        """The test of its residuals on a record.
+
+        Raises:
+            MissingRecordError: There is no such record.
+        """
+        return _there(self.residual_tests, record)
+
+
+@dataclass(frozen=True, eq=False)
+class Multivariable:
+    """Chapter VI: the thesis' models of three joints, from the twin and as printed, on every record of several joints.
+
+    Attributes:
+        models: SysID, OKID and hybrid model, identified from the twin's records, then as printed.
+        records: Records that are there, in the order of `RECORDS`.
+        full: Models with every input on every output, from a shared and from independent waveforms.
+        truth: The true response of the three joints.
+        coupling: What lies off its diagonal, relative to all of it, 0.1 to 10 Hz.
+        exchange: Fits by phase of the exchange; None where its record is missing.
+    """
+
+    models: tuple[ThreeJointModel, ...]
+    records: tuple[str, ...]
+    full: tuple[FullModel, ...]
+    truth: StateSpace
+    coupling: float
+    exchange: Exchange | None
+
+    def model(self, kind: Kind, *, printed: bool = False) -> ThreeJointModel:
+        """One of the models."""
+        return next(entry for entry in self.models if entry.kind == kind and entry.printed == printed)
+
+    def pair(self, *, printed: bool = False) -> tuple[ThreeJointModel, ThreeJointModel]:
+        """The SysID and the OKID model."""
+        return self.model("SysID", printed=printed), self.model("OKID", printed=printed)
+
+
+def multivariable(own: Mapping[str, StateSpace], okid: Mapping[str, StateSpace], campaign: Campaign) -> Multivariable:
+    """Put the joints' models together and lay them beside every record of several joints.
+
+    The hybrid model has the SysID model's yaw and the OKID model's pitches [Morris1996, sec. VI.6].
+
+    Args:
+        own: The chosen prediction-error models by joint.
+        okid: The OKID models by joint.
+        campaign: Truth and records.
+
+    Returns:
+        All models with their fits and tests.
+    """
+    truth = three_joint_truth(campaign.truth)
+    data = {name: campaign.several(name) for name in RECORDS if name in campaign.logs}
+    printed = [entry for entry in PUBLISHED if entry.chosen]
+    sources = {
+        False: (own, okid),
+        True: (
+            {entry.joint: entry.model for entry in printed if entry.method != "okid"},
+            {entry.joint: entry.model for entry in printed if entry.method == "okid"},
+        ),
+    }
+    models: list[ThreeJointModel] = []
+    with warnings.catch_warnings():
+        # an unstable predictor shows in its fits, shared waveforms in the models that they are here to show
+        warnings.simplefilter("ignore", SysidWarning)
+        for as_printed, (first, second) in sources.items():
+            fits = [_fits(blocks, data) for blocks in (first, second)]
+            models += [
+                _laid_beside("SysID", as_printed, first, fits[0], truth, data),
+                _laid_beside("OKID", as_printed, second, fits[1], truth, data),
+                _laid_beside("hybrid", as_printed, _mixed(first, second), _mixed_fits(*fits), truth, data),
+            ]
+        full = tuple(
+            model for name in (SHARED, INDEPENDENT) if name in data for model in full_models(name, campaign, truth)
+        )
+        phases = exchange(campaign, {entry.name: entry.model for entry in models}) if RPCM in data else None
+    return Multivariable(tuple(models), tuple(data), full, truth, off_diagonal(truth), phases)
+
+
+def _laid_beside(
+    kind: Kind,
+    printed: bool,
+    blocks: Mapping[str, StateSpace],
+    fits: Mapping[str, JointFits],
+    truth: StateSpace,
+    data: Mapping[str, IOData],
+) -> ThreeJointModel:
+    model = block_diagonal([blocks[joint] for joint in STUDIED_JOINTS])
+    return ThreeJointModel(
+        f"printed {kind} model" if printed else f"{kind} model",
+        kind,
+        printed,
+        {joint: blocks[joint] for joint in STUDIED_JOINTS},
+        model,
+        relative_error(model, truth),
+        relative_error(model, truth, diagonal=True),
+        fits,
+        {name: sysid.resid(model, data[name], lags=LAGS, level=LEVEL) for name in TESTED if name in data},
+    )
+
+
+def _fits(blocks: Mapping[str, StateSpace], data: Mapping[str, IOData]) -> dict[str, JointFits]:
+    """Fits to every record: a block-diagonal model follows each joint as that joint's block does."""
+    found = {}
+    for name, record in data.items():
+        scores = {
+            joint: sysid.compare(blocks[joint], IOData(record.u[:, i], record.y[:, i], record.dt))[0]
+            for i, joint in enumerate(STUDIED_JOINTS)
+        }
+        found[name] = JointFits(
+            {joint: float(score.simulation[0]) for joint, score in scores.items()},
+            {joint: float(score.one_step[0]) for joint, score in scores.items()},
+        )
+    return found
+
+
+def _mixed(own: Mapping[str, T], okid: Mapping[str, T]) -> dict[str, T]:
+    """The yaw joint of the SysID model, the pitches of the OKID model."""
+    yaw, *pitches = STUDIED_JOINTS
+    return {yaw: own[yaw], **{joint: okid[joint] for joint in pitches}}
+
+
+def _mixed_fits(own: Mapping[str, JointFits], okid: Mapping[str, JointFits]) -> dict[str, JointFits]:
+    return {name: JointFits(*(_mixed(own[name].of(way), okid[name].of(way)) for way in WAYS)) for name in own}
+
+
+def _there(found: Mapping[str, T], record: str) -> T:
+    if record not in found:
+        raise MissingRecordError(f"there is no record of {record}: it failed, or was not played")
+    return found[record]
