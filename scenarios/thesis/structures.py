@@ -61,3 +61,17 @@ STRUCTURES: Mapping[str, tuple[Structure, ...]] = {
 }
 """What is identified: the thesis' structures, those it does not use filled in so that the table is complete, and one
 of sufficient order beside them."""
+
+
+def every_structure(joint: str) -> tuple[Structure, ...]:
+    """ARX, ARMAX, IV4 and OE with the thesis' orders of a joint, and OKID beside them [Morris1996, ch. IV and V].
+
+    The thesis gives no orders for ARX and IV4: they get those that they share with its ARMAX.
+    """
+    own = {entry.method: entry for entry in STRUCTURES[joint]}
+    na, nb, _, nk = own["armax"].orders
+    equation_error = {
+        name: Structure(name, name, (na, nb, nk), False, f"{name.upper()} {na}/{nb}, delay {nk}")
+        for name in ("arx", "iv4")
+    }
+    return equation_error["arx"], own["armax"], equation_error["iv4"], own["oe"], own["okid"]

@@ -1,0 +1,275 @@
+"""The thesis' structures identified from every data set, not from one: does each set tell the same?"""
+
+import warnings
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from types import MappingProxyType
+
+import numpy as np
+
+import sysid
+from scenarios.crossing import half_power_hz
+from scenarios.estimators import estimate
+from scenarios.preparation import prepared
+from scenarios.registry import names
+from scenarios.thesis.campaign import RPCM, SINGLE_JOINT, Campaign, planned, single_joint_test
+from scenarios.thesis.structures import Structure, every_structure
+from sysid import Estimate, IOData, StateSpace, SysidError, SysidWarning
+
+AUDIBLE = 0.01
+"""What excites, as a part of the strongest: 40 dB below, where rounding and noise of the command have their share."""
+
+LARGEST_ORDER = 50
+"""Where counting the order of excitation stops: it means "at least"."""
+
+BAND = np.geomspace(0.5, 10.0, 60)
+"""Where responses are laid beside each other, Hz: from the lowest line of a waveform file to the highest of a test."""
+
+
+@dataclass(frozen=True)
+class Follow:
+    """How well a model follows a record.
+
+    Attributes:
+        simulation: 100 (1 - |y - yhat| / |y - mean y|) of the simulated output, percent.
+        one_step: The same of the one-step prediction, percent.
+    """
+
+    simulation: float
+    one_step: float
+
+
+@dataclass(frozen=True)
+class Excited:
+    """What the input of a record excites.
+
+    Attributes:
+        file: Order of excitation of the waveform file [Morris1996, sec. II.2]; None where no file was played.
+        command: That of the commanded angle, components above `AUDIBLE` counted, `LARGEST_ORDER` at most.
+    """
+
+    file: int | None
+    command: int
+
+
+@dataclass(frozen=True, eq=False)
+class DataSetModel:
+    """One structure identified from one record.
+
+    Attributes:
+        record: Name of the scenario.
+        structure: What was asked for.
+        model: The model.
+        needed: Order of excitation that its parameters need.
+        enough: Whether the record's command excites as much.
+        bandwidth_hz: Recovered bandwidth, Hz; NaN where the gain does not fall by 3 dB below Nyquist.
+        ci95: Its 95 % interval, Hz.
+        half_power_hz: Frequency at which the gain is 0.707, whatever it is at 0 Hz, Hz.
+        dc_gain: Gain at 0 Hz.
+        poles: Poles from input to output, largest modulus first.
+        whiteness_p: p-value of the whiteness of its residuals on its own record.
+        independence_p: p-value of their independence of the input.
+        fits: How it follows records, its own among them, by name.
+        warnings: What the estimator had to say.
+    """
+
+    record: str
+    structure: Structure
+    model: StateSpace
+    needed: int
+    enough: bool
+    bandwidth_hz: float
+    ci95: tuple[float, float]
+    half_power_hz: float
+    dc_gain: float
+    poles: tuple[complex, ...]
+    whiteness_p: float
+    independence_p: float
+    fits: Mapping[str, Follow]
+    warnings: tuple[str, ...]
+
+    @property
+    def radius(self) -> float:
+        """Largest modulus of a pole."""
+        return max((abs(pole) for pole in self.poles), default=0.0)
+
+    @property
+    def stable(self) -> bool:
+        """Whether every pole lies inside the unit circle."""
+        return self.radius < 1.0
+
+    @property
+    def own(self) -> Follow:
+        """How it follows its own record."""
+        return self.fits[self.record]
+
+    @property
+    def others(self) -> Mapping[str, Follow]:
+        """How it follows the records that it has not seen."""
+        return {name: fit for name, fit in self.fits.items() if name != self.record}
+
+
+@dataclass(frozen=True)
+class Refusal:
+    """A structure that could not be identified from a record.
+
+    Attributes:
+        record: Name of the scenario.
+        structure: What was asked for.
+        reason: Why not.
+    """
+
+    record: str
+    structure: Structure
+    reason: str
+
+
+@dataclass(frozen=True, eq=False)
+class DataSets:
+    """One joint, every record of it.
+
+    Attributes:
+        joint: Name of the joint.
+        excited: What each record excites, by name, in the order of the thesis' tables.
+        models: Record by record, structure by structure.
+        refused: What could not be identified.
+        missing: Records that are not there, with the reason.
+    """
+
+    joint: str
+    excited: Mapping[str, Excited]
+    models: tuple[DataSetModel, ...]
+    refused: tuple[Refusal, ...] = ()
+    missing: Mapping[str, str] = field(default_factory=dict)
+
+    def of(self, method: str, *, enough: bool = False) -> tuple[DataSetModel, ...]:
+        """Models of one method.
+
+        Args:
+            method: Key of the method.
+            enough: Only those from records that excite as much as the model needs.
+        """
+        return tuple(m for m in self.models if m.structure.method == method and (m.enough or not enough))
+
+    def find(self, record: str, method: str) -> DataSetModel | None:
+        """The model of one method from one record, where there is one."""
+        return next((m for m in self.of(method) if m.record == record), None)
+
+
+def every_data_set(
+    joint: str, campaign: Campaign, *, known: Mapping[tuple[str, str], Estimate] | None = None, thorough: bool = False
+) -> DataSets:
+    """Identify a joint from every record.
+
+    Args:
+        joint: Name of the joint.
+        campaign: The records.
+        known: Estimates that are there already, by record and method.
+        thorough: Whether to take the joint's own channel of the tests of several joints too, and to lay every model
+            beside every single-joint record. Otherwise only those from records in `known` are laid beside others.
+
+    Returns:
+        Models, and what could not be identified with the reason.
+    """
+    known = known or {}
+    single = [single_joint_test(number, joint) for number in SINGLE_JOINT]
+    asked = [*single, *(names("mimo") if thorough else ()), *([RPCM] if thorough else ())]
+    data = {name: prepared(campaign.logs[name], joint) for name in asked if name in campaign.logs}
+    judges = {name: data[name] for name in single if name in data}
+    compared = {record for record, _ in known}
+    excited = {name: _excited(name, record, campaign) for name, record in data.items()}
+    models, refused = [], []
+    for name, record in data.items():
+        for structure in every_structure(joint):
+            others = judges if thorough or name in compared else {}
+            try:
+                models.append(
+                    _identified(
+                        name,
+                        record,
+                        structure,
+                        excited[name],
+                        {**others, name: record},
+                        known.get((name, structure.method)),
+                    )
+                )
+            except SysidError as error:
+                refused.append(Refusal(name, structure, str(error)))
+    missing = {name: campaign.failed.get(name, "it was not played") for name in asked if name not in data}
+    return DataSets(joint, MappingProxyType(excited), tuple(models), tuple(refused), MappingProxyType(missing))
+
+
+def _excited(name: str, record: IOData, campaign: Campaign) -> Excited:
+    scenario = planned(name, seed=campaign.seed, duration=campaign.duration)
+    files = [entry.waveform().order_of_excitation() for entry in scenario.excitation]
+    command = sysid.order_of_excitation(
+        record.u[:, 0], max_order=min(LARGEST_ORDER, len(record) // 2), tolerance=AUDIBLE
+    )
+    return Excited(max(files) if files else None, command)
+
+
+def _identified(
+    name: str,
+    record: IOData,
+    structure: Structure,
+    excited: Excited,
+    judges: Mapping[str, IOData],
+    known: Estimate | None,
+) -> DataSetModel:
+    with warnings.catch_warnings():
+        # They stand in the record.
+        warnings.simplefilter("ignore", SysidWarning)
+        found = known or estimate(record, structure.estimator, structure.orders)[0]
+        band = found.bandwidth()
+        test = sysid.resid(found, record)
+        fits = {other: _follow(found, data) for other, data in judges.items()}
+    needed = excitation_needed(structure)
+    return DataSetModel(
+        record=name,
+        structure=structure,
+        model=found.model,
+        needed=needed,
+        enough=excited.command >= needed,
+        bandwidth_hz=float(band.hz[0, 0]),
+        ci95=(float(band.ci95[0][0, 0]), float(band.ci95[1][0, 0])),
+        half_power_hz=half_power_hz(found.model),
+        dc_gain=float(found.dc_gain()[0, 0]),
+        poles=tuple(complex(pole) for pole in found.poles()),
+        whiteness_p=float(test.whiteness_p[0]),
+        independence_p=float(test.independence_p[0, 0]),
+        fits=MappingProxyType(fits),
+        warnings=tuple(found.diagnostics["warnings"]),
+    )
+
+
+def _follow(found: Estimate, data: IOData) -> Follow:
+    (score,) = sysid.compare(found, data)
+    return Follow(float(score.simulation[0]), float(score.one_step[0]))
+
+
+def excitation_needed(structure: Structure) -> int:
+    """Order of excitation that the path from input to output needs: as many as it has parameters [Ljung1999, ch. 13].
+
+    OKID estimates p + 1 coefficients of the input in one least squares, whatever order is realised from them.
+    """
+    if structure.estimator == "okid":
+        return structure.orders[1] + 1
+    # A or F, and B: the first two orders of every polynomial structure here
+    return structure.orders[0] + structure.orders[1]
+
+
+def distances(models: tuple[DataSetModel, ...]) -> np.ndarray:
+    """How far apart the responses of models are, pair by pair.
+
+    Args:
+        models: Models of one method, from one record each.
+
+    Returns:
+        |G_i - G_j| / |G_median| over `BAND`, root mean square `(pairs,)`; empty for fewer than two models.
+    """
+    responses = np.array([m.model.frequency_response(BAND)[:, 0, 0] for m in models])
+    if len(responses) < 2:
+        return np.zeros(0)
+    centre = np.median(responses.real, axis=0) + 1j * np.median(responses.imag, axis=0)
+    first, second = np.triu_indices(len(responses), 1)
+    return np.linalg.norm(responses[first] - responses[second], axis=1) / np.linalg.norm(centre)

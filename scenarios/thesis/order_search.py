@@ -1,0 +1,200 @@
+"""The thesis' iterations as an algorithm: orders from low to high until residuals and cross-validation are content.
+
+The thesis varies orders by hand, tests residuals, stability and the fit to other data sets, and prefers the simplest
+structure that passes [Morris1996, sec. IV.3A]. Here a step adds a pole; within a step zeros and, while the model is
+small, delays are varied. A structure passes when it is stable, its residuals are independent of the input and, where it
+has a model of the disturbance, white (an output-error model has none: the thesis accepts its coloured residuals). The
+search ends at the first step that passes and that the next does not improve on in cross-validation.
+"""
+
+import warnings
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from statistics import median
+
+import numpy as np
+
+import sysid
+from scenarios.estimators import estimate
+from sysid import IOData, StructureTable, SysidError, SysidWarning
+
+POLES = (1, 2, 3, 4, 5)
+"""Steps of the search: numbers of poles. The thesis' largest has five."""
+
+DELAYS = (1, 2, 3)
+"""Delays tried, samples, while there are no more than `DELAYS_UP_TO` poles; then the best of them stays."""
+
+DELAYS_UP_TO = 2
+
+FEWER_ZEROS = 2
+"""By how much the numerator may have fewer coefficients than there are poles."""
+
+IMPROVES = 0.1
+"""Gain of the median fit to other data sets that speaks for a step more, percentage points."""
+
+MINUTE = 60.0
+"""How much of every other data set is simulated, s: they repeat every two seconds."""
+
+ARX_GRID = (range(1, 9), range(1, 7), range(1, 6))
+"""na, nb, nk that `selstruc` ranks."""
+
+
+@dataclass(frozen=True)
+class Iteration:
+    """One structure tried.
+
+    Attributes:
+        orders: na, nb, nc, nk of ARMAX; nb, nf, nk of OE.
+        poles: Number of poles.
+        zeros: Number of zeros, those at the origin aside.
+        delay: Samples.
+        radius: Largest modulus of a pole.
+        whiteness_p: p-value of whiteness.
+        independence_p: p-value of independence of the input.
+        outside: Lags out of 25 at which the autocorrelation is outside its 99 % bounds.
+        held_out: Median fit in simulation to the other data sets, percent.
+        passes: Whether it passes the tests that its kind must pass.
+        reason: Why it could not be identified; empty where it could.
+    """
+
+    orders: tuple[int, ...]
+    poles: int
+    zeros: int
+    delay: int
+    radius: float = np.nan
+    whiteness_p: float = np.nan
+    independence_p: float = np.nan
+    outside: int = 0
+    held_out: float = -np.inf
+    passes: bool = False
+    reason: str = ""
+
+
+@dataclass(frozen=True)
+class Search:
+    """The iterations of one kind of structure on one joint.
+
+    Attributes:
+        method: `armax` or `oe`.
+        iterations: Every structure tried, in sequence.
+        chosen: The accepted one; where none passes, the simplest that cross-validation finds no better than `IMPROVES`
+            below its best.
+        accepted: Whether it passes.
+        thesis: Orders of the thesis.
+    """
+
+    method: str
+    iterations: tuple[Iteration, ...]
+    chosen: Iteration
+    accepted: bool
+    thesis: tuple[int, ...]
+
+
+@dataclass(frozen=True)
+class Searches:
+    """What searches would choose for one joint.
+
+    Attributes:
+        joint: Name of the joint.
+        armax: The iterations of ARMAX.
+        oe: Those of OE.
+        arx: Every ARX structure of a grid with its criteria, validated on the other data sets.
+    """
+
+    joint: str
+    armax: Search
+    oe: Search
+    arx: StructureTable
+
+
+def search_orders(joint: str, data: Mapping[int, IOData], own: int, thesis: Mapping[str, tuple[int, ...]]) -> Searches:
+    """Search for the orders of a joint's models.
+
+    Args:
+        joint: Name of the joint.
+        data: Prepared records by number of the test.
+        own: Number of the test that models are identified from; the others judge.
+        thesis: Orders of the thesis' ARMAX and OE, by method.
+
+    Returns:
+        The searches.
+
+    Raises:
+        SysidError: Nothing to judge on, or nothing could be identified.
+    """
+    others = [record[: round(MINUTE / record.dt)] for number, record in data.items() if number != own]
+    if not others:
+        raise SysidError("a search for orders needs other data sets to judge on, got none")
+    with warnings.catch_warnings():
+        # of orders that are far too large there is much to say
+        warnings.simplefilter("ignore", SysidWarning)
+        table = sysid.selstruc(data[own], *ARX_GRID, validation=others)
+        armax, oe = (search(method, data[own], others, thesis[method]) for method in ("armax", "oe"))
+    return Searches(joint, armax, oe, table)
+
+
+def search(method: str, data: IOData, others: Sequence[IOData], thesis: tuple[int, ...]) -> Search:
+    """Iterate over the structures of one kind.
+
+    Args:
+        method: `armax` or `oe`.
+        data: Where models are identified and their residuals tested.
+        others: What judges them.
+        thesis: Orders of the thesis.
+
+    Returns:
+        Every iteration, and the choice.
+
+    Raises:
+        SysidError: Nothing could be identified.
+    """
+    tried: list[Iteration] = []
+    best: list[Iteration] = []
+    delays: tuple[int, ...] = DELAYS
+    for poles in POLES:
+        step = [
+            _iteration(method, poles, zeros, delay, data, others)
+            for zeros in range(max(poles - 1 - FEWER_ZEROS, 0), poles)
+            for delay in delays
+        ]
+        tried += step
+        best.append(max(step, key=lambda entry: (entry.passes, entry.held_out)))
+        if poles >= DELAYS_UP_TO:
+            delays = (max(tried, key=lambda entry: entry.held_out).delay,)
+        if len(best) > 1 and best[-2].passes and best[-1].held_out < best[-2].held_out + IMPROVES:
+            return Search(method, tuple(tried), best[-2], True, thesis)
+    if best[-1].passes:
+        return Search(method, tuple(tried), best[-1], True, thesis)
+    top = max(entry.held_out for entry in tried)
+    if not np.isfinite(top):
+        raise SysidError(f"no {method} structure could be identified: {tried[0].reason}")
+    near = [entry for entry in tried if entry.held_out >= top - IMPROVES]
+    return Search(method, tuple(tried), min(near, key=lambda entry: entry.poles + entry.zeros), False, thesis)
+
+
+def _iteration(method: str, poles: int, zeros: int, delay: int, data: IOData, others: Sequence[IOData]) -> Iteration:
+    orders = (poles, zeros + 1, poles, delay) if method == "armax" else (zeros + 1, poles, delay)
+    try:
+        found, _ = estimate(data, method, orders)
+        test = sysid.resid(found, data)
+    except SysidError as error:
+        return Iteration(orders, poles, zeros, delay, reason=str(error))
+    radius = float(np.abs(found.poles()).max())
+    white, independent = bool(test.white[0]), bool(test.independent[0, 0])
+    return Iteration(
+        orders,
+        poles,
+        zeros,
+        delay,
+        radius=radius,
+        whiteness_p=float(test.whiteness_p[0]),
+        independence_p=float(test.independence_p[0, 0]),
+        outside=int(test.outside_whiteness[0]),
+        # What an unstable model simulates grows beyond all numbers.
+        held_out=median(_fit(found, other) for other in others) if radius < 1.0 else -np.inf,
+        passes=radius < 1.0 and independent and (white or method == "oe"),
+    )
+
+
+def _fit(found: sysid.Estimate, other: IOData) -> float:
+    return float(sysid.fit_percent(other.y, sysid.predict(found, other, steps=None))[0])
