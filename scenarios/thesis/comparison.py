@@ -12,6 +12,7 @@ from scenarios.thesis.multivariable import Multivariable, ThreeJointModel
 from scenarios.thesis.nonparametric import Nonparametric
 from scenarios.thesis.order_search import Searches
 from scenarios.thesis.prediction_errors import PredictionErrors
+from scenarios.thesis.observer_analysis import Observers
 from scenarios.thesis.sensitivity import OrderEffect
 from sysid import Estimate, FrequencyResponse, IOData, ResidualTest
 
@@ -125,6 +126,7 @@ class Comparison:
         orders: What the choice of order does to the bandwidth, by joint.
         nonparametric: What the records say without a model, by joint.
         prediction_errors: Other data sets, orders and the arm without friction, by joint.
+        observers: OKID's observers [Morris1996, ch. V].
         cost: Time spent.
         estimation_test: Number of the test that models were identified from.
         provenance: Versions of what was used.
@@ -137,6 +139,7 @@ class Comparison:
     orders: Mapping[str, tuple[OrderEffect, ...]]
     nonparametric: Mapping[str, Nonparametric]
     prediction_errors: Mapping[str, PredictionErrors]
+    observers: Observers
     cost: Cost
     estimation_test: int
     provenance: Mapping[str, str]

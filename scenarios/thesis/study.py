@@ -35,6 +35,7 @@ from scenarios.thesis.comparison import (
 from scenarios.thesis.multivariable import multivariable
 from scenarios.thesis.nonparametric import nonparametric
 from scenarios.thesis.prediction_errors import prediction_errors
+from scenarios.thesis.observer_analysis import observers
 from scenarios.thesis.sensitivity import order_effects
 from scenarios.thesis.structures import STRUCTURES, SUFFICIENT, Structure
 from scenarios.waveform import POINTS, RATE
