@@ -10,9 +10,9 @@ from scenarios.thesis.campaign import Campaign
 from scenarios.thesis.every_data_set import DataSets
 from scenarios.thesis.multivariable import Multivariable, ThreeJointModel
 from scenarios.thesis.nonparametric import Nonparametric
+from scenarios.thesis.observer_analysis import Observers
 from scenarios.thesis.order_search import Searches
 from scenarios.thesis.prediction_errors import PredictionErrors
-from scenarios.thesis.observer_analysis import Observers
 from scenarios.thesis.sensitivity import OrderEffect
 from sysid import Estimate, FrequencyResponse, IOData, ResidualTest
 

@@ -36,7 +36,7 @@ SEVERAL = ("mimo-7", "mimo-7-independent")
 
 
 @dataclass(frozen=True)
-class PredictionError:
+class ObserverError:
     """Standard deviation of what an observer leaves of the output, in parts of the output's own.
 
     Attributes:
@@ -89,7 +89,7 @@ class JointObserver:
     true_markov: NDArray[np.float64]
     live: tuple[int, int]
     shares: tuple[Share, ...]
-    errors: tuple[PredictionError, ...]
+    errors: tuple[ObserverError, ...]
     own: ModelFit
     chirp: ModelFit | None
 
@@ -197,7 +197,7 @@ def observers(campaign: Campaign, estimates: Mapping[str, Estimate], number: int
         return Observers(joints, records, _several(campaign))
 
 
-def prediction_errors(data: IOData, numbers: tuple[int, ...] = NUMBERS) -> tuple[PredictionError, ...]:
+def observer_errors(data: IOData, numbers: tuple[int, ...] = NUMBERS) -> tuple[ObserverError, ...]:
     """Prediction and smoothing errors of observers, in parts of the output's standard deviation.
 
     The thesis does not say what its smoothing error is; it is read as that of the best linear estimate of a sample from
@@ -212,7 +212,7 @@ def prediction_errors(data: IOData, numbers: tuple[int, ...] = NUMBERS) -> tuple
     """
     spread = float(np.std(data.y))
     return tuple(
-        PredictionError(
+        ObserverError(
             p, float(np.sqrt(observer(data, 1, p).noise_variance[0, 0])) / spread, _smoothed(data, p) / spread
         )
         for p in numbers
@@ -249,7 +249,7 @@ def _joint(campaign: Campaign, joint: str, found: Estimate, number: int, thoroug
         true_markov=campaign.truth.joint(joint).model.markov(len(system))[:, 0, 0],
         live=(live(system), live(np.concatenate(parts, axis=2))),
         shares=tuple(_share(own, order) for order in range(1, P + 1)),
-        errors=prediction_errors(own) if thorough else (),
+        errors=observer_errors(own) if thorough else (),
         own=sysid.compare({"OKID": found}, own)[0],
         chirp=None if chirp is None else sysid.compare({"OKID": found}, chirp)[0],
     )

@@ -34,8 +34,8 @@ from scenarios.thesis.comparison import (
 )
 from scenarios.thesis.multivariable import multivariable
 from scenarios.thesis.nonparametric import nonparametric
-from scenarios.thesis.prediction_errors import prediction_errors
 from scenarios.thesis.observer_analysis import observers
+from scenarios.thesis.prediction_errors import prediction_errors
 from scenarios.thesis.sensitivity import order_effects
 from scenarios.thesis.structures import STRUCTURES, SUFFICIENT, Structure
 from scenarios.waveform import POINTS, RATE
@@ -163,6 +163,12 @@ def concluded(campaigns: Sequence[Campaign], *, thorough: bool = True, progress:
             )
             for joint, entry in joints.items()
         },
+        observers=observers(
+            main,
+            {joint: entry.models["okid"].estimate for joint, entry in joints.items()},
+            ESTIMATION_TEST,
+            thorough=thorough,
+        ),
         cost=Cost(
             sum(entry.physics_s for entry in campaigns),
             sum(entry.simulation_s for entry in campaigns),
