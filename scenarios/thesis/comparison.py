@@ -1,7 +1,7 @@
 """What the study concludes from: models beside the truth and beside held-out data."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from hmtb_twin import JointLog, JointTruth, Truth
 from scenarios.published import PublishedModel
@@ -106,12 +106,28 @@ class Cost:
     Attributes:
         physics_s: Inside the physics engine, s.
         simulation_s: Simulation as a whole, s.
-        total_s: The study, s.
+        total_s: The study, with what was added to it by `later`, s.
+        report_s: Of that, drawing and writing the report, s.
     """
 
     physics_s: float
     simulation_s: float
     total_s: float
+    report_s: float = 0.0
+
+    def later(self, seconds: float, *, report: bool = False) -> "Cost":
+        """The cost with that of what came after: findings, or the report.
+
+        Args:
+            seconds: What it took, s.
+            report: Whether it was the report.
+        """
+        return replace(self, total_s=self.total_s + seconds, report_s=self.report_s + (seconds if report else 0.0))
+
+    @property
+    def times_physics(self) -> float:
+        """All of it over the physics alone; infinite where there was none."""
+        return self.total_s / self.physics_s if self.physics_s else float("inf")
 
 
 @dataclass(frozen=True, eq=False)

@@ -1,7 +1,7 @@
 """The figures of the report: numbered as they come, each with the figures of the thesis that it answers."""
 
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -20,6 +20,7 @@ class Picture:
         svg: The element.
         caption: What it shows and how to read it.
         thesis: Figures of the thesis whose counterpart it is, e.g. ``("22", "A2", "A17")``.
+        shape: Width over height: what the page keeps free until the figure comes into view.
     """
 
     number: int
@@ -27,6 +28,7 @@ class Picture:
     svg: str
     caption: str
     thesis: tuple[str, ...]
+    shape: float
 
 
 class Gallery:
@@ -34,10 +36,12 @@ class Gallery:
 
     Args:
         folder: Where every figure is written as SVG and PNG too; nowhere if None.
+        drawn: Called with the number of figures drawn after each.
     """
 
-    def __init__(self, folder: Path | None = None) -> None:
+    def __init__(self, folder: Path | None = None, drawn: Callable[[int], None] | None = None) -> None:
         self.folder = folder
+        self._drawn = drawn or (lambda number: None)
         self.pictures: list[Picture] = []
 
     def add(self, figure: Figure, caption: str, *, name: str, thesis: Sequence[str] = ()) -> Picture:
@@ -55,12 +59,15 @@ class Gallery:
         if not re.fullmatch(r"[a-z0-9]+(-[a-z0-9]+)*", name) or any(entry.name == name for entry in self.pictures):
             raise ValueError(f"figure name {name!r}: expected words of a-z and 0-9 apart by hyphens, each name once")
         number = len(self.pictures) + 1
+        _lay_out(figure)
         if self.folder is not None:
             for kind in ("svg", "png"):
                 save_figure(figure, self.folder / f"{name}.{kind}", dpi=200)
         text = caption[:1].upper() + caption[1:]
-        picture = Picture(number, name, svg(figure, text, f"f{number}"), text, tuple(thesis))
+        width, height = figure.get_size_inches()
+        picture = Picture(number, name, svg(figure, text, f"f{number}"), text, tuple(thesis), width / height)
         self.pictures.append(picture)
+        self._drawn(number)
         return picture
 
     def counterparts(self) -> Mapping[str, tuple[Picture, ...]]:
@@ -70,3 +77,11 @@ class Gallery:
             for entry in picture.thesis:
                 found[entry] = (*found.get(entry, ()), picture)
         return found
+
+
+def _lay_out(figure: Figure) -> None:
+    """Place the axes once for all files made of a figure: finding the places takes longer than drawing."""
+    engine = figure.get_layout_engine()
+    if engine is not None:
+        engine.execute(figure)
+        figure.set_layout_engine("none")

@@ -98,9 +98,15 @@ def _campaigns(
         **{condition: list(FAIRNESS_TESTS) for condition in conditions[1:]},
     }
     campaigns: list[Campaign] = []
+    lengths = [
+        _ticks(tests, duration) + (_ticks(estimation, duration) if condition == smooth else 0)
+        for condition, tests in plan.items()
+    ]
 
     def told(part: int, whole: int) -> None:
-        report("simulate", len(campaigns) * whole + part, len(plan) * whole)
+        # A campaign counts by the length of its records: they cost what they are long.
+        now = len(campaigns)
+        report("simulate", sum(lengths[:now]) + round(lengths[now] * part / whole), sum(lengths))
 
     for condition, tests in plan.items():
         extra = small if condition == smooth else ()
@@ -108,6 +114,11 @@ def _campaigns(
             run_campaign(condition, tests, extra=extra, seed=seed, duration=duration, threads=threads, progress=told)
         )
     return tuple(campaigns)
+
+
+def _ticks(tests: Sequence[str], duration: float | None) -> int:
+    """Samples of these tests together."""
+    return sum(round(planned(name, duration=duration).duration * RATE) for name in tests)
 
 
 def concluded(campaigns: Sequence[Campaign], *, thorough: bool = True, progress: Progress | None = None) -> Comparison:
