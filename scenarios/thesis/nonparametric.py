@@ -1,0 +1,195 @@
+"""Nonparametric analysis of one joint: what its records say without a model [Morris1996, ch. III].
+
+Three analyses with the settings of the thesis: the transfer function from the two sines at 2.5 and 10 Hz, correlations
+from the PRBS, and spectra from the bipolar ramping pulse and from the two sines. Windowed estimates say something only
+where the input has power; beside each stands what repetition tells, which no window blurs.
+"""
+
+import warnings
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+import sysid
+from scenarios.crossing import HALF_POWER
+from scenarios.errors import MissingRecordError
+from scenarios.registry import load
+from scenarios.thesis.campaign import RPCM, Campaign, single_joint_test
+from scenarios.thesis.period_spectra import PeriodSpectra, period_spectra
+from scenarios.waveform import POINTS, RATE
+from sysid import CovarianceFunction, DelayEstimate, FrequencyResponse, ImpulseResponse, IOData, SysidWarning
+
+SINES, PRBS, PULSE = 4, 5, 7
+"""Numbers of the single-joint tests that chapter III rests on [Morris1996, table 1]."""
+
+GRID = 0.05 * np.arange(1, 501)
+"""Where windowed spectra are computed, Hz: the lines of every waveform lie on it."""
+
+LAGS = 125
+"""Largest lag of the correlations, samples: beyond the 100 after which a waveform repeats."""
+
+PULSE_LAGS = 40
+"""Largest lag of the pulse response, samples: long enough for it to fade, well below the period of the input, beyond
+which responses to this pulse and to the next cannot be told apart."""
+
+WHITENING = 10
+"""Coefficients of the filter that makes the PRBS white: the default of the toolbox that the thesis used."""
+
+SIDE_LOBES = 10 ** (-42.7 / 20)
+"""Highest side lobe of the Hamming window over its peak: with less power than this, an estimate is leakage."""
+
+OCTAVE = 2.0
+"""Widest gap between two known gains, as a ratio of frequencies, that a crossing is interpolated over."""
+
+
+@dataclass(frozen=True)
+class RecordSummary:
+    """One record of one joint in a row of a table.
+
+    Attributes:
+        told: Lines on which the gain is known to a fifth.
+        half_power_hz: Where the gain on them falls below 0.707, Hz; None where the lines do not reach from above it to
+            below it.
+        peak_lag: First lag at which the cross-correlation is largest, samples: delay and dynamics together.
+        disturbance_percent: Power of what does not follow the input from period to period, percent of the output's.
+    """
+
+    told: int
+    half_power_hz: float | None
+    peak_lag: int
+    disturbance_percent: float
+
+
+@dataclass(frozen=True, eq=False)
+class Nonparametric:
+    """What the records of one joint say without a model.
+
+    Attributes:
+        joint: Name.
+        spectra: Windowed spectra by number of the test, with the response that is their ratio: Hamming window, lag a
+            tenth of the samples.
+        lags: Their lags, samples.
+        repeated: Spectra by repetition, by number of the test.
+        covariances: Covariance functions of the PRBS record.
+        pulse: Pulse response from its correlations, the input made white.
+        delay: First significant lag of those correlations.
+        tests: Every record of the joint by name of the scenario; empty where only findings are asked for.
+    """
+
+    joint: str
+    spectra: Mapping[int, FrequencyResponse]
+    lags: Mapping[int, int]
+    repeated: Mapping[int, PeriodSpectra]
+    covariances: CovarianceFunction
+    pulse: ImpulseResponse
+    delay: DelayEstimate
+    tests: Mapping[str, RecordSummary]
+
+    def resolution_hz(self, test: int) -> float:
+        """How far the window of a test's spectra reaches to either side of a line, Hz: to its first zero."""
+        return RATE / self.lags[test]
+
+
+def nonparametric(joint: str, campaign: Campaign, *, summaries: bool = True) -> Nonparametric:
+    """Analyse the records of one joint.
+
+    Args:
+        joint: Name.
+        campaign: The records.
+        summaries: Whether every record gets its row, beside the three analyses of the thesis.
+
+    Returns:
+        What they say; a test whose record is missing is left out.
+
+    Raises:
+        MissingRecordError: There is no record of the PRBS.
+    """
+    binary = campaign.single(PRBS, joint)
+    data = {n: campaign.single(n, joint) for n in (SINES, PULSE) if single_joint_test(n, joint) in campaign.logs}
+    with warnings.catch_warnings():
+        # Two tones do not excite all that is estimated from them: the page says where.
+        warnings.simplefilter("ignore", SysidWarning)
+        spectra = {n: sysid.spa(record, frequencies=GRID) for n, record in data.items()}
+        pulse = sysid.cra(binary, lags=PULSE_LAGS, whitening=WHITENING)
+        delay = sysid.delayest(binary, whitening=WHITENING)
+    return Nonparametric(
+        joint=joint,
+        spectra=spectra,
+        lags={n: len(record) // 10 for n, record in data.items()},
+        repeated={n: period_spectra(record) for n, record in {PRBS: binary, **data}.items()},
+        covariances=sysid.covf(binary, lags=LAGS),
+        pulse=pulse,
+        delay=delay,
+        tests=_summaries(joint, campaign) if summaries else {},
+    )
+
+
+def excited(found: FrequencyResponse) -> np.ndarray:
+    """Where the input has more power than the window leaks from its strongest line (nf,)."""
+    if found.input_spectrum is None:
+        raise MissingRecordError(f"the response by {found.method} has no input spectrum")
+    power = found.input_spectrum[:, 0, 0].real
+    return np.asarray(power > SIDE_LOBES * power.max())
+
+
+def half_power(told: FrequencyResponse) -> float | None:
+    """Where the gain on known lines falls below 0.707, interpolated on logarithmic axes.
+
+    Args:
+        told: Response on the lines that are known, one input and one output.
+
+    Returns:
+        Frequency, Hz; None where the lines do not bracket it within an octave.
+    """
+    f, gain = told.frequencies, told.magnitude[:, 0, 0]
+    below = np.flatnonzero(gain < HALF_POWER)
+    if not len(below) or below[0] == 0:
+        return None
+    k = int(below[0])
+    if f[k] > OCTAVE * f[k - 1]:
+        return None
+    return float(np.exp(np.interp(-np.log(HALF_POWER), -np.log(gain[[k - 1, k]]), np.log(f[[k - 1, k]]))))
+
+
+def period_of(name: str) -> int:
+    """Samples after which all waveforms of a registered scenario repeat."""
+    return int(np.lcm.reduce([round(RATE * entry.waveform().period) for entry in load(name).excitation]))
+
+
+def _summaries(joint: str, campaign: Campaign) -> dict[str, RecordSummary]:
+    """All records that move the joint and repeat: its own tests and those of several joints."""
+    found = {}
+    for name in campaign.logs:
+        own = name.startswith("siso-")
+        if name == RPCM or (own and not name.endswith(f"-{joint}")):
+            continue
+        found[name] = summary(campaign.several(name, [joint]), period_of(name))
+    return found
+
+
+def summary(data: IOData, period: int = POINTS) -> RecordSummary:
+    """A record in one row.
+
+    Args:
+        data: One input, one output, settled, without means.
+        period: Samples after which its input repeats.
+
+    Returns:
+        The row.
+    """
+    spectra = period_spectra(data, period)
+    told = spectra.told()
+    # Circular over the whole periods: the lag by which the output follows, up to one period.
+    whole = len(data) // period * period
+    mean_u, mean_y = (x[:whole, 0].reshape(-1, period).mean(axis=0) for x in (data.u, data.y))
+    correlation = np.fft.irfft(np.fft.rfft(mean_y) * np.fft.rfft(mean_u).conj(), period)
+    peaks = (correlation >= np.roll(correlation, 1)) & (correlation > np.roll(correlation, -1))
+    # A tone comes as close again every cycle: the first of those that chance alone tells apart.
+    nearest = int(np.argmax(peaks & (correlation > 0.99 * correlation.max())))
+    return RecordSummary(
+        told=len(told.frequencies),
+        half_power_hz=half_power(told),
+        peak_lag=nearest,
+        disturbance_percent=100.0 * spectra.disturbance_share,
+    )

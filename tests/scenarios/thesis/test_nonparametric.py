@@ -1,0 +1,133 @@
+"""What the records say without a model is what is known of the twin."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from scenarios.errors import MissingRecordError, ScenarioError
+from scenarios.thesis.comparison import Comparison
+from scenarios.thesis.nonparametric import (
+    GRID,
+    PULSE,
+    SINES,
+    excited,
+    half_power,
+    nonparametric,
+    period_of,
+    summary,
+)
+from scenarios.thesis.period_spectra import period_spectra
+from sysid import FrequencyResponse, IOData, StateSpace, simulate
+
+SERVO = StateSpace(
+    np.array([[0.9, 0.1], [0.0, 0.0]]), np.array([[0.0], [1.0]]), np.array([[1.0, 0.0]]), np.zeros((1, 1)), None, 0.02
+)
+"""One pole and two samples of delay."""
+
+
+def _record(tones: tuple[float, ...], noise: float = 1e-4, wires: float = 1e-3) -> IOData:
+    rng = np.random.default_rng(5)
+    time = 0.02 * np.arange(6000)
+    u = sum(np.sin(2 * np.pi * f * time + k) for k, f in enumerate(tones)) + wires * rng.standard_normal(6000)
+    y = simulate(SERVO, u)[:, 0] + noise * rng.standard_normal(6000)
+    return IOData(u, y, 0.02)[200:].detrend()
+
+
+def test_the_gain_between_the_tones_is_told_by_the_noise_of_the_wires() -> None:
+    told = period_spectra(_record((2.5, 10.0), wires=0.03)).told()
+    assert len(told.frequencies) > 20
+    true = np.abs(SERVO.frequency_response(told.frequencies)[:, 0, 0])
+    np.testing.assert_allclose(told.magnitude[:, 0, 0], true, rtol=0.2)
+    silent = period_spectra(_record((2.5, 10.0), wires=0.0)).told()
+    np.testing.assert_allclose(silent.frequencies, [2.5, 10.0])
+
+
+def test_intervals_of_the_told_gain_hold_the_truth_as_often_as_they_say() -> None:
+    rng = np.random.default_rng(8)
+    u = np.tile(rng.standard_normal(100), 60)
+    held = []
+    for _ in range(20):
+        y = simulate(SERVO, u)[:, 0] + 0.3 * rng.standard_normal(6000)
+        told = period_spectra(IOData(u, y, 0.02)[200:]).told()
+        low, high = told.magnitude_ci95()
+        true = np.abs(SERVO.frequency_response(told.frequencies)[:, 0, 0])
+        held.append(np.mean((low[:, 0, 0] < true) & (true < high[:, 0, 0])))
+    assert 0.90 < np.mean(held) < 0.99
+
+
+def test_power_is_where_the_tones_are(study: Comparison) -> None:
+    for found in study.nonparametric.values():
+        near = np.min(np.abs(GRID[:, None] - 2.5 * np.arange(1, 11)), axis=1) <= found.resolution_hz(SINES)
+        power = excited(found.spectra[SINES])
+        assert power[np.isclose(GRID, 2.5) | np.isclose(GRID, 10.0)].all()
+        assert not power[~near].any(), (
+            "beside the tones and what the velocity limit makes of them there is only leakage"
+        )
+
+
+def test_correlations_find_the_true_delay(study: Comparison) -> None:
+    for joint, found in study.nonparametric.items():
+        assert int(found.delay.correlation[0, 0]) == study.joints[joint].truth.delay_samples
+
+
+def test_pulse_response_is_that_of_the_truth(study: Comparison) -> None:
+    for joint, found in study.nonparametric.items():
+        true = study.joints[joint].truth.model.markov(20)[:, 0, 0]
+        error = found.pulse.response[:20, 0, 0] - true
+        assert np.sqrt(np.mean(error**2)) < 0.15 * true.max()
+
+
+def test_every_record_that_repeats_has_a_row(study: Comparison) -> None:
+    names = {name for name in study.logs if name.startswith("mimo-")}
+    assert len(names) == 15
+    for joint, found in study.nonparametric.items():
+        own = {f"siso-{n}-{joint}" for n in range(1, 9)}
+        assert set(found.tests) == names | own
+        row = found.tests[f"siso-5-{joint}"]
+        assert row.half_power_hz is not None
+        assert row.half_power_hz == pytest.approx(1.0, abs=0.25)
+        assert 0.0 < row.disturbance_percent < 1.0
+
+
+def test_periods_are_those_of_the_waveforms() -> None:
+    assert period_of("siso-5-shoulder_yaw") == 100
+    assert period_of("siso-2-shoulder_yaw") == 200, "1.25 Hz completes five cycles in 4 s"
+
+
+def test_a_row_says_what_was_put_in() -> None:
+    row = summary(_record((0.5, 1.0, 1.5, 2.0, 3.0), noise=0.01, wires=0.0))
+    true = SERVO.bandwidth()[0, 0]
+    assert row.half_power_hz is not None
+    assert row.half_power_hz == pytest.approx(true, rel=0.1)
+    assert row.told == 5
+    tone = summary(_record((5.0,), wires=0.0))
+    turn = -np.angle(SERVO.frequency_response(np.array([5.0]))[0, 0, 0]) / (2 * np.pi * 5.0 * 0.02)
+    assert tone.peak_lag == round(turn % 10)
+    assert tone.half_power_hz is None
+
+
+def test_a_crossing_needs_known_lines_close_by() -> None:
+    def response(f: list[float], gain: list[float]) -> FrequencyResponse:
+        return FrequencyResponse(np.array(f), np.array(gain, dtype=complex)[:, None, None], 0.02, "etfe")
+
+    assert half_power(response([0.5, 1.0, 2.0], [0.9, 0.8, 0.5])) == pytest.approx(1.2, abs=0.1)
+    assert half_power(response([0.5, 5.0], [0.9, 0.1])) is None
+    assert half_power(response([2.5, 10.0], [0.4, 0.1])) is None
+    assert half_power(response([0.5, 1.0], [0.9, 0.8])) is None
+
+
+def test_a_missing_record_is_left_out_and_only_the_prbs_is_needed(study: Comparison) -> None:
+    joint = "elbow_pitch"
+    kept = {name: log for name, log in study.logs.items() if name in (f"siso-5-{joint}", f"siso-4-{joint}")}
+    found = nonparametric(joint, replace(study.campaign, logs=kept), summaries=False)
+    assert set(found.spectra) == {SINES}
+    assert PULSE not in found.repeated
+    assert not found.tests
+    with pytest.raises(MissingRecordError, match="siso-5-elbow_pitch"):
+        nonparametric(joint, replace(study.campaign, logs={}))
+
+
+def test_period_spectra_refuse_several_channels() -> None:
+    with pytest.raises(ScenarioError, match="given 2 and 1"):
+        period_spectra(IOData(np.zeros((600, 2)), np.zeros(600), 0.02))
