@@ -8,6 +8,7 @@ from scenarios.thesis import findings_chapter_3 as chapter_3
 from scenarios.thesis import findings_chapter_4 as chapter_4
 from scenarios.thesis import findings_chapter_5 as chapter_5
 from scenarios.thesis import findings_chapter_6 as chapter_6
+from scenarios.thesis import findings_fits as fits
 from scenarios.thesis import findings_robustness as robustness
 from scenarios.thesis.claims import CLAIMS
 from scenarios.thesis.comparison import Comparison
@@ -31,8 +32,12 @@ FINDINGS: Mapping[str, Callable[[Comparison], Finding]] = MappingProxyType(
         "F15": chapter_5.without_detrending,
         "F16": chapter_6.real_poles,
         "F17": chapter_6.bode_agrees,
-        "F22": chapter_6.follows_5_hz,
-        "F23": chapter_6.above_5_hz,
+        "F18": fits.exchange_fit,
+        "F19": fits.exchange_residuals,
+        "F20": fits.fast_chirp,
+        "F21": fits.slow_data,
+        "F22": fits.follows_5_hz,
+        "F23": fits.above_5_hz,
         "F24": chapter_6.parsimony,
         "F25": robustness.bias_and_outliers,
         "F26": chapter_6.coupling,
