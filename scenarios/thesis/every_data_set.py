@@ -130,6 +130,7 @@ class DataSets:
 
     Attributes:
         joint: Name of the joint.
+        single: Names of its single-joint tests that are there.
         excited: What each record excites, by name, in the order of the thesis' tables.
         models: Record by record, structure by structure.
         refused: What could not be identified.
@@ -137,23 +138,28 @@ class DataSets:
     """
 
     joint: str
+    single: tuple[str, ...]
     excited: Mapping[str, Excited]
     models: tuple[DataSetModel, ...]
     refused: tuple[Refusal, ...] = ()
     missing: Mapping[str, str] = field(default_factory=dict)
 
-    def of(self, method: str, *, enough: bool = False) -> tuple[DataSetModel, ...]:
-        """Models of one method.
+    def singles(self, method: str | None = None, *, enough: bool = False) -> tuple[DataSetModel, ...]:
+        """Models from single-joint tests, which are the same in every study.
 
         Args:
-            method: Key of the method.
+            method: Key of the method; all when None.
             enough: Only those from records that excite as much as the model needs.
         """
-        return tuple(m for m in self.models if m.structure.method == method and (m.enough or not enough))
+        return tuple(
+            m
+            for m in self.models
+            if m.record in self.single and method in (None, m.structure.method) and (m.enough or not enough)
+        )
 
     def find(self, record: str, method: str) -> DataSetModel | None:
         """The model of one method from one record, where there is one."""
-        return next((m for m in self.of(method) if m.record == record), None)
+        return next((m for m in self.models if (m.record, m.structure.method) == (record, method)), None)
 
 
 def every_data_set(
@@ -196,7 +202,9 @@ def every_data_set(
             except SysidError as error:
                 refused.append(Refusal(name, structure, str(error)))
     missing = {name: campaign.failed.get(name, "it was not played") for name in asked if name not in data}
-    return DataSets(joint, MappingProxyType(excited), tuple(models), tuple(refused), MappingProxyType(missing))
+    return DataSets(
+        joint, tuple(judges), MappingProxyType(excited), tuple(models), tuple(refused), MappingProxyType(missing)
+    )
 
 
 def _excited(name: str, record: IOData, campaign: Campaign) -> Excited:
@@ -243,7 +251,9 @@ def _identified(
 
 
 def _follow(found: Estimate, data: IOData) -> Follow:
-    (score,) = sysid.compare(found, data)
+    # What an unstable model simulates grows beyond all numbers; its fit is minus infinity then.
+    with np.errstate(over="ignore", invalid="ignore"):
+        (score,) = sysid.compare(found, data)
     return Follow(float(score.simulation[0]), float(score.one_step[0]))
 
 

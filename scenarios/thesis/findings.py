@@ -23,6 +23,7 @@ FINDINGS: Mapping[str, Callable[[Comparison], Finding]] = MappingProxyType(
         "F5": chapter_3.pulse_spectra,
         "F6": chapter_3.sinusoid_disturbance,
         "F7": chapter_3.measurement_against_process,
+        "F8": chapter_4.consistency,
         "F9": chapter_4.yaw_armax,
         "F10": chapter_4.yaw_oe,
         "F11": chapter_4.shoulder_oe,
