@@ -106,9 +106,10 @@ CLAIMS: Mapping[str, Claim] = MappingProxyType(
             ),
             Claim(
                 "F15",
-                "without detrending, OKID needs order 4 for yaw and its residuals are poor",
+                "without detrending, OKID needs order 4 for yaw, with extremely poor residuals but fewer observer "
+                "parameters",
                 "V.2",
-                "4; poor",
+                "4; extremely poor; fewer",
             ),
             Claim(
                 "F16",
