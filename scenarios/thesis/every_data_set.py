@@ -22,6 +22,9 @@ AUDIBLE = 0.01
 LARGEST_ORDER = 50
 """Where counting the order of excitation stops: it means "at least"."""
 
+MINUTE = 60.0
+"""How much of the records of others a model is laid beside where there are many models, s: they repeat every two."""
+
 BAND = np.geomspace(0.5, 10.0, 60)
 """Where responses are laid beside each other, Hz: from the lowest line of a waveform file to the highest of a test."""
 
@@ -69,7 +72,8 @@ class DataSetModel:
         poles: Poles from input to output, largest modulus first.
         whiteness_p: p-value of the whiteness of its residuals on its own record.
         independence_p: p-value of their independence of the input.
-        fits: How it follows records, its own among them, by name.
+        fits: How it follows records, its own among them, by name: all of a record where the estimate was known, else
+            all of its own and a minute of others.
         warnings: What the estimator had to say.
     """
 
@@ -182,12 +186,13 @@ def every_data_set(
     asked = [*single, *(names("mimo") if thorough else ()), *([RPCM] if thorough else ())]
     data = {name: prepared(campaign.logs[name], joint) for name in asked if name in campaign.logs}
     judges = {name: data[name] for name in single if name in data}
+    minutes = {name: record[: round(MINUTE / record.dt)] for name, record in judges.items()} if thorough else {}
     compared = {record for record, _ in known}
     excited = {name: _excited(name, record, campaign) for name, record in data.items()}
     models, refused = [], []
     for name, record in data.items():
         for structure in every_structure(joint):
-            others = judges if thorough or name in compared else {}
+            others = judges if name in compared else minutes
             try:
                 models.append(
                     _identified(

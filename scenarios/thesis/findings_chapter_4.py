@@ -128,9 +128,9 @@ def shoulder_oe(study: Comparison) -> Finding:
         "F11",
         verdict(int(fits["OE"] > fits["ARMAX"]) + int(independent), 2),
         fits | {"independence p": p},
-        "percent, median simulation fit of the models from the PRBS to the seven tests not seen (OE above ARMAX expected; "
-        "the thesis had dismissed ARX and IV4); p-value of the OE residuals' independence of the input at lags 0 to 25 "
-        "(below 0.01: rejected)",
+        "percent, median simulation fit of the models from the PRBS to the seven tests not seen (OE above ARMAX "
+        "expected; the thesis had dismissed ARX and IV4); p-value of the OE residuals' independence of the input at "
+        "lags 0 to 25 (below 0.01: rejected)",
         f"OE follows the tests not seen {abs(fits['OE'] - fits['ARMAX']):.2f} points "
         f"{'better' if fits['OE'] > fits['ARMAX'] else 'worse'} than ARMAX; its residuals are "
         f"{'' if independent else 'not '}independent of the input{without}: two poles leave "
@@ -180,10 +180,10 @@ def stable(study: Comparison) -> Finding:
             "of as many as": float(len(aside)),
         },
         "largest modulus of a pole over the models of the estimation test, by joint; number of unstable ones among the "
-        "models from every single-joint data set (ARX and IV4, which the thesis does not show, stand beside the verdict)",
-        "OE keeps its F stable by construction; the A of ARX, ARMAX and IV4 is left free, and a pole and a zero outside "
-        "the circle that all but cancel cost a one-step criterion nothing, so stability is to be looked at, as the "
-        "thesis does",
+        "models from every single-joint data set (ARX and IV4, which the thesis does not show, beside the verdict)",
+        "OE keeps its F stable by construction; the A of ARX, ARMAX and IV4 is left free, and a pole and a zero "
+        "outside the circle that all but cancel cost a one-step criterion nothing, so stability is to be looked at, "
+        "as the thesis does",
     )
 
 

@@ -21,7 +21,7 @@ class PredictionErrors:
     Attributes:
         data_sets: The thesis' structures identified from every data set.
         frictionless: The same from the estimation test played on the arm without friction.
-        more_poles: Output-error models with more poles; of the other joints only where the study is thorough.
+        more_poles: Output-error models with more poles, of the joint of which the thesis speaks; else nothing.
         searches: Searches for orders; None where the study is not thorough.
     """
 
@@ -62,7 +62,7 @@ def prediction_errors(
             joint, main, known={(test, method): found for method, found in known.items()}, thorough=thorough
         ),
         frictionless=every_data_set(joint, smooth),
-        more_poles=more_poles(data[own], asked["oe"].orders[2]) if thorough or joint == LARGE else (),
+        more_poles=more_poles(data[own], asked["oe"].orders[2]) if joint == LARGE else (),
         searches=search_orders(joint, data, own, {name: asked[name].orders for name in ("armax", "oe")})
         if thorough
         else None,
