@@ -7,9 +7,10 @@ where the input has power; beside each stands what repetition tells, which no wi
 
 import warnings
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
+from scipy.signal.windows import parzen
 
 import sysid
 from scenarios.crossing import HALF_POWER
@@ -19,11 +20,12 @@ from scenarios.thesis.campaign import RPCM, Campaign, single_joint_test
 from scenarios.thesis.period_spectra import PeriodSpectra, period_spectra
 from scenarios.waveform import POINTS, RATE
 from sysid import CovarianceFunction, DelayEstimate, FrequencyResponse, ImpulseResponse, IOData, SysidWarning
+from sysid.prewhitening import prewhitened
 
 SINES, PRBS, PULSE = 4, 5, 7
 """Numbers of the single-joint tests that chapter III rests on [Morris1996, table 1]."""
 
-GRID = 0.05 * np.arange(1, 501)
+GRID = np.linspace(0.05, 25.0, 500)
 """Where windowed spectra are computed, Hz: the lines of every waveform lie on it."""
 
 LAGS = 125
@@ -71,7 +73,10 @@ class Nonparametric:
             tenth of the samples.
         lags: Their lags, samples.
         repeated: Spectra by repetition, by number of the test.
+        positive: Response from the two sines by the Parzen window of the same lag, whose side lobes are 53 dB down, not
+            43.
         covariances: Covariance functions of the PRBS record.
+        whitened: The same, both signals filtered so that the input is white.
         pulse: Pulse response from its correlations, the input made white.
         delay: First significant lag of those correlations.
         tests: Every record of the joint by name of the scenario; empty where only findings are asked for.
@@ -81,7 +86,9 @@ class Nonparametric:
     spectra: Mapping[int, FrequencyResponse]
     lags: Mapping[int, int]
     repeated: Mapping[int, PeriodSpectra]
+    positive: FrequencyResponse | None
     covariances: CovarianceFunction
+    whitened: CovarianceFunction
     pulse: ImpulseResponse
     delay: DelayEstimate
     tests: Mapping[str, RecordSummary]
@@ -111,6 +118,7 @@ def nonparametric(joint: str, campaign: Campaign, *, summaries: bool = True) -> 
         # Two tones do not excite all that is estimated from them: the page says where.
         warnings.simplefilter("ignore", SysidWarning)
         spectra = {n: sysid.spa(record, frequencies=GRID) for n, record in data.items()}
+        positive = sysid.spa(data[SINES], window=parzen, frequencies=GRID) if SINES in data else None
         pulse = sysid.cra(binary, lags=PULSE_LAGS, whitening=WHITENING)
         delay = sysid.delayest(binary, whitening=WHITENING)
     return Nonparametric(
@@ -118,11 +126,19 @@ def nonparametric(joint: str, campaign: Campaign, *, summaries: bool = True) -> 
         spectra=spectra,
         lags={n: len(record) // 10 for n, record in data.items()},
         repeated={n: period_spectra(record) for n, record in {PRBS: binary, **data}.items()},
+        positive=positive,
         covariances=sysid.covf(binary, lags=LAGS),
+        whitened=sysid.covf(_white(binary), lags=LAGS),
         pulse=pulse,
         delay=delay,
         tests=_summaries(joint, campaign) if summaries else {},
     )
+
+
+def _white(data: IOData) -> IOData:
+    """The record filtered so that its input is white, without the start-up of the filter."""
+    ((u, y),) = prewhitened([data], 0, WHITENING)
+    return replace(data, u=u, y=y)[WHITENING:]
 
 
 def excited(found: FrequencyResponse) -> np.ndarray:

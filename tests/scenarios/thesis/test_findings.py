@@ -11,10 +11,9 @@ from scenarios.thesis.about_1_hz import near_1_hz
 from scenarios.thesis.comparison import Comparison
 from scenarios.thesis.finding import verdict
 from scenarios.thesis.findings import findings
-from scenarios.thesis.findings_chapter_3 import apparent_delay
 from scenarios.thesis.probability import p_value
 from scenarios.thesis.results import answer, headline, results, stands
-from sysid import FrequencyResponse, IOData, StateSpace, simulate
+from sysid import FrequencyResponse, StateSpace
 
 VERDICTS = {"reproduced", "partly", "not reproduced", "cannot be told"}
 
@@ -43,11 +42,14 @@ def test_what_the_twin_is_known_to_do(study: Comparison) -> None:
         "the delay seen in the data is the true one"
     )
     assert found["F13"].verdict == "reproduced"
-    assert found["F7"].verdict == "not reproduced", "friction exceeds resolver noise on this arm"
+    ratio = found["F7"].value
+    assert isinstance(ratio, dict)
+    for name in study.joints:
+        assert ratio[f"{name}, all that is not linear"] < 1.0, "friction exceeds resolver noise on this arm"
     cutoff = found["F1"].value
     assert isinstance(cutoff, dict)
     for name, entry in study.joints.items():
-        assert cutoff[name] == pytest.approx(2 * np.pi * entry.truth.bandwidth_hz, rel=0.15)
+        assert cutoff[f"{name}, PRBS lines"] == pytest.approx(2 * np.pi * entry.truth.bandwidth_hz, rel=0.15)
 
 
 def test_crossing_interpolates_between_lines() -> None:
@@ -56,17 +58,6 @@ def test_crossing_interpolates_between_lines() -> None:
     assert crossing(response, 0.8) == pytest.approx(1.25)
     assert np.isnan(crossing(response, 3.0))
     assert np.isnan(crossing(response, 1e-3))
-
-
-@pytest.mark.parametrize("delay", [1, 2, 4])
-def test_apparent_delay(delay: int) -> None:
-    A = np.zeros((delay, delay))
-    A[0, 0] = 0.8
-    A[1:, :-1] += np.eye(delay - 1)
-    model = StateSpace(A, np.eye(delay, 1), np.eye(delay)[[-1]], np.zeros((1, 1)), None, 0.02)
-    u = np.random.default_rng(1).standard_normal(2000)
-    y = simulate(model, u)[:, 0] + 1e-3 * np.random.default_rng(2).standard_normal(2000)
-    assert apparent_delay(IOData(u, y, 0.02)) == delay
 
 
 def test_results_have_the_promised_keys(study: Comparison, tmp_path: object) -> None:
