@@ -13,6 +13,7 @@ from scenarios.thesis.nonparametric import Nonparametric
 from scenarios.thesis.observer_analysis import Observers
 from scenarios.thesis.order_search import Searches
 from scenarios.thesis.prediction_errors import PredictionErrors
+from scenarios.thesis.robustness_outcome import Robustness
 from scenarios.thesis.sensitivity import OrderEffect
 from sysid import Estimate, FrequencyResponse, IOData, ResidualTest
 
@@ -143,6 +144,7 @@ class Comparison:
         nonparametric: What the records say without a model, by joint.
         prediction_errors: Other data sets, orders and the arm without friction, by joint.
         observers: OKID's observers [Morris1996, ch. V].
+        robustness: Models from spoilt records; all of it only when thorough.
         cost: Time spent.
         estimation_test: Number of the test that models were identified from.
         provenance: Versions of what was used.
@@ -156,6 +158,7 @@ class Comparison:
     nonparametric: Mapping[str, Nonparametric]
     prediction_errors: Mapping[str, PredictionErrors]
     observers: Observers
+    robustness: Robustness
     cost: Cost
     estimation_test: int
     provenance: Mapping[str, str]

@@ -36,6 +36,7 @@ from scenarios.thesis.multivariable import multivariable
 from scenarios.thesis.nonparametric import nonparametric
 from scenarios.thesis.observer_analysis import observers
 from scenarios.thesis.prediction_errors import prediction_errors
+from scenarios.thesis.robustness import robustness
 from scenarios.thesis.sensitivity import order_effects
 from scenarios.thesis.structures import STRUCTURES, SUFFICIENT, Structure
 from scenarios.waveform import POINTS, RATE
@@ -180,6 +181,7 @@ def concluded(campaigns: Sequence[Campaign], *, thorough: bool = True, progress:
             ESTIMATION_TEST,
             thorough=thorough,
         ),
+        robustness=robustness(main, ESTIMATION_TEST, thorough=thorough),
         cost=Cost(
             sum(entry.physics_s for entry in campaigns),
             sum(entry.simulation_s for entry in campaigns),

@@ -1,0 +1,257 @@
+"""What spoils a record, by degree, and what an analyst may take off it before identifying."""
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, replace
+from types import MappingProxyType
+
+import numpy as np
+from scipy.signal import lfilter
+
+from scenarios.waveform import POINTS
+from sysid import IOData
+
+Spoil = Callable[[IOData, float, np.random.Generator], IOData]
+"""The record, the degree and what chance is drawn from; the record spoilt."""
+
+OUTLIER_SIZE = 5.0
+"""How far an outlier lies off, up or down by chance, where their share is varied, standard deviations of the output."""
+
+OUTLIER_SHARE = 1.0
+"""Share of samples that are outliers where their size is varied, percent."""
+
+BURST = 5
+"""Samples that are lost in a row: a tenth of a second."""
+
+SLOW_SINE = 1 / 60
+"""Frequency of the slow sine, Hz: far below everything that a waveform file excites."""
+
+POLE = 0.9
+"""Of the first-order filter that colours noise."""
+
+LOSSY = 1000
+"""Samples of the parts from which samples are lost, 20 s: what is not known of a long record takes long to bridge."""
+
+
+def biased(data: IOData, degree: float, _: np.random.Generator) -> IOData:
+    """Add a constant to the output, standard deviations of the output."""
+    return replace(data, y=data.y + degree * np.std(data.y))
+
+
+def drifting(data: IOData, degree: float, _: np.random.Generator) -> IOData:
+    """Let the output rise evenly, by so many of its standard deviations from the first sample to the last."""
+    ramp = np.linspace(-0.5, 0.5, len(data))[:, None]
+    return replace(data, y=data.y + degree * np.std(data.y) * ramp)
+
+
+def swaying(data: IOData, degree: float, _: np.random.Generator) -> IOData:
+    """Add a slow sine to the output, its amplitude in standard deviations of the output."""
+    sine = np.sin(2 * np.pi * SLOW_SINE * data.dt * np.arange(len(data)))[:, None]
+    return replace(data, y=data.y + degree * np.std(data.y) * sine)
+
+
+def frequent_outliers(data: IOData, degree: float, rng: np.random.Generator) -> IOData:
+    """Move a share of the output's samples, percent, by `OUTLIER_SIZE`."""
+    return _outliers(data, degree, OUTLIER_SIZE, rng)
+
+
+def large_outliers(data: IOData, degree: float, rng: np.random.Generator) -> IOData:
+    """Move `OUTLIER_SHARE` of the output's samples by so many standard deviations."""
+    return _outliers(data, OUTLIER_SHARE, degree, rng)
+
+
+def _outliers(data: IOData, percent: float, size: float, rng: np.random.Generator) -> IOData:
+    hit = rng.random(data.y.shape) < percent / 100
+    return replace(data, y=data.y + hit * rng.choice([-1.0, 1.0], data.y.shape) * size * np.std(data.y))
+
+
+def held_dropouts(data: IOData, degree: float, rng: np.random.Generator) -> IOData:
+    """Lose a share of the output's samples, percent, in bursts; the last one before a burst stands in."""
+    part, lost = _lossy(data, degree, rng)
+    latest = np.maximum.accumulate(np.where(lost, 0, np.arange(len(part))))
+    return replace(part, y=part.y[latest])
+
+
+def marked_dropouts(data: IOData, degree: float, rng: np.random.Generator) -> IOData:
+    """Lose the same samples and say so: what was lost is marked as missing."""
+    part, lost = _lossy(data, degree, rng)
+    return replace(part, y=np.where(lost[:, None], np.nan, part.y), missing=True) if lost.any() else part
+
+
+def _lossy(data: IOData, percent: float, rng: np.random.Generator) -> tuple[IOData, np.ndarray]:
+    """A part of the record and which of its samples are lost; the first one never is."""
+    part = _part(data, LOSSY, rng)
+    bursts = round(percent / 100 * len(part) / BURST)
+    # Bursts do not overlap: every one has a slot of its own.
+    slots = rng.choice(np.arange(1, len(part) // BURST), size=bursts, replace=False)
+    lost = np.zeros(len(part), dtype=bool)
+    lost[(BURST * slots[:, None] + np.arange(BURST)).ravel()] = True
+    return part, lost
+
+
+def shortened(data: IOData, degree: float, rng: np.random.Generator) -> IOData:
+    """A part of the record of so many seconds, without its own mean; all of it where it is no longer."""
+    return _part(data, round(degree / data.dt), rng)
+
+
+def _part(data: IOData, length: int, rng: np.random.Generator) -> IOData:
+    """A part that begins where a period of the waveform does."""
+    if length >= len(data):
+        return data
+    start = POINTS * int(rng.integers(0, (len(data) - length) // POINTS + 1))
+    return data[start : start + length].detrend()
+
+
+def white_noise(data: IOData, degree: float, rng: np.random.Generator) -> IOData:
+    """Add white noise to the output, `degree` dB below it."""
+    return _noisy(data, degree, rng.standard_normal(data.y.shape))
+
+
+def coloured_noise(data: IOData, degree: float, rng: np.random.Generator) -> IOData:
+    """Add noise of first order, its pole at `POLE`, to the output, `degree` dB below it."""
+    white = rng.standard_normal((len(data) + 200, data.ny))
+    return _noisy(data, degree, np.asarray(lfilter([1.0], [1.0, -POLE], white, axis=0))[200:])
+
+
+def _noisy(data: IOData, decibel: float, noise: np.ndarray) -> IOData:
+    scale = 10 ** (-decibel / 20) * np.std(data.y) / np.std(noise)
+    return replace(data, y=data.y + scale * noise)
+
+
+TREATMENTS: Mapping[str, Callable[[IOData], IOData]] = MappingProxyType(
+    {
+        "nothing removed": lambda data: data,
+        "mean removed": lambda data: data.detrend(),
+        "line removed": lambda data: data.detrend(1),
+    }
+)
+"""What is taken off input and output before a model is identified."""
+
+AS_IT_IS = ("nothing removed",)
+
+
+@dataclass(frozen=True)
+class Disturbance:
+    """One way to spoil a record.
+
+    Attributes:
+        key: Name in results.
+        label: Name for people.
+        unit: Of the degree.
+        degrees: How much, from nothing or little to a lot.
+        spoil: Does it.
+        treatments: What is taken off before identifying, each in turn.
+        draws: How often chance is drawn; 1 where there is none.
+        log: Whether degrees are drawn on a logarithmic axis.
+        other_structures: Whether structures that the thesis did not choose are tried too.
+        whole: Whether it takes the whole record, to cut parts from it, or the part that all others are laid on.
+    """
+
+    key: str
+    label: str
+    unit: str
+    degrees: tuple[float, ...]
+    spoil: Spoil
+    treatments: tuple[str, ...] = AS_IT_IS
+    draws: int = 1
+    log: bool = False
+    other_structures: bool = False
+    whole: bool = False
+
+
+DISTURBANCES: Mapping[str, Disturbance] = MappingProxyType(
+    {
+        entry.key: entry
+        for entry in (
+            Disturbance(
+                "bias",
+                "constant added to the output",
+                "standard deviations",
+                (0.0, 0.02, 0.1, 0.2, 0.5, 1.0, 2.0),
+                biased,
+                tuple(TREATMENTS),
+                other_structures=True,
+            ),
+            Disturbance(
+                "drift",
+                "even rise of the output over the record",
+                "standard deviations",
+                (0.2, 0.5, 1.0, 2.0),
+                drifting,
+                tuple(TREATMENTS),
+            ),
+            Disturbance(
+                "sway",
+                "slow sine, 60 s long, added to the output",
+                "standard deviations",
+                (0.1, 0.2, 0.5, 1.0),
+                swaying,
+                tuple(TREATMENTS),
+            ),
+            Disturbance(
+                "outliers",
+                f"outliers of {OUTLIER_SIZE:g} standard deviations",
+                "percent of samples",
+                (0.2, 0.5, 1.0, 2.0, 5.0),
+                frequent_outliers,
+                draws=3,
+                other_structures=True,
+            ),
+            Disturbance(
+                "outlier size",
+                f"outliers, {OUTLIER_SHARE:g} % of the samples",
+                "size, standard deviations",
+                (1.0, 2.0, 5.0, 10.0, 20.0),
+                large_outliers,
+                draws=3,
+                log=True,
+            ),
+            Disturbance(
+                "held drop-outs",
+                "samples lost in bursts, the last one held",
+                "percent of samples",
+                (0.0, 1.0, 2.0, 5.0, 10.0),
+                held_dropouts,
+                draws=3,
+                whole=True,
+            ),
+            Disturbance(
+                "marked drop-outs",
+                "samples lost in bursts, marked missing",
+                "percent of samples",
+                (0.0, 1.0, 2.0, 5.0, 10.0),
+                marked_dropouts,
+                draws=3,
+                whole=True,
+            ),
+            Disturbance(
+                "length",
+                "length of the record",
+                "s",
+                (10.0, 20.0, 40.0, 80.0, 160.0, 236.0),
+                shortened,
+                draws=4,
+                log=True,
+                whole=True,
+            ),
+            Disturbance(
+                "white noise",
+                "white noise added to the output",
+                "signal over noise, dB",
+                (40.0, 30.0, 20.0, 10.0, 0.0),
+                white_noise,
+                draws=3,
+                other_structures=True,
+            ),
+            Disturbance(
+                "coloured noise",
+                f"noise with a pole at {POLE:g} added to the output",
+                "signal over noise, dB",
+                (40.0, 30.0, 20.0, 10.0, 0.0),
+                coloured_noise,
+                draws=3,
+                other_structures=True,
+            ),
+        )
+    }
+)
+"""Every way to spoil a record, by key."""

@@ -1,0 +1,160 @@
+"""How models fare on records that are spoilt by degree: an experiment beside the thesis' own [Morris1996, sec. VI.6].
+
+Every model is identified from a record of the PRBS test, spoilt; its bandwidth is laid beside the truth and its
+simulation beside a record of another test, not spoilt, that no model has seen.
+"""
+
+import warnings
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from hmtb_twin import STUDIED_JOINTS, JointTruth
+from scenarios.crossing import half_power_hz
+from scenarios.estimators import estimate
+from scenarios.thesis.campaign import Campaign
+from scenarios.thesis.disturbances import AS_IT_IS, DISTURBANCES, TREATMENTS, Disturbance
+from scenarios.thesis.orders_needed import OrderNeeded, orders_needed, simulated_fit
+from scenarios.thesis.robustness_outcome import Failure, Outcome, Robustness
+from scenarios.thesis.structures import STRUCTURES, Structure
+from sysid import IOData, SysidError, SysidWarning
+
+HELD_OUT = (6, 8, 7, 4, 3, 2, 1)
+"""Tests that judge a model, the first that there is: the other PRBS, of twice the amplitude, comes first."""
+
+SEED = 25
+"""Of everything that chance decides here, beside the study's own seed."""
+
+PART = 3000
+"""Samples of the part that is spoilt, 60 s from the start: thirty periods of the waveform."""
+
+CORE: Mapping[str, tuple[float, ...]] = {"bias": (0.0, 0.1, 0.5), "outliers": (0.5, 2.0)}
+"""Degrees that finding F25 rests on, with the record as it is; the report shows more."""
+
+
+def sysid_method(joint: str) -> str:
+    """The prediction-error method that the thesis chose for a joint."""
+    return next(entry.method for entry in STRUCTURES[joint] if entry.chosen and entry.method != "okid")
+
+
+def other_structures(joint: str) -> tuple[Structure, ...]:
+    """What the thesis tried and did not choose: the other prediction-error structure, and ARX as large as ARMAX."""
+    armax = next(entry for entry in STRUCTURES[joint] if entry.method == "armax")
+    na, nb, _, nk = armax.orders
+    other = next(entry for entry in STRUCTURES[joint] if entry.method in ("armax", "oe") and not entry.chosen)
+    return other, Structure("arx", "arx", (na, nb, nk), False, f"ARX {na}/{nb}, delay {nk}")
+
+
+def robustness(campaign: Campaign, estimation_test: int, *, thorough: bool = True) -> Robustness:
+    """Spoil the records that models are identified from, and identify.
+
+    Args:
+        campaign: The records.
+        estimation_test: Number of the test that models are identified from.
+        thorough: Whether to try everything, or only what finding F25 rests on.
+
+    Returns:
+        What came of it; a joint of which a record is missing is left out.
+    """
+    outcomes: list[Outcome] = []
+    orders: list[OrderNeeded] = []
+    judged_by: dict[str, int] = {}
+    plan = DISTURBANCES if thorough else _core()
+    for joint in STUDIED_JOINTS:
+        data = campaign.singles(joint)
+        judge = next((number for number in HELD_OUT if number in data and number != estimation_test), None)
+        if judge is None or estimation_test not in data:
+            continue
+        judged_by[joint] = judge
+        chosen = tuple(entry for entry in STRUCTURES[joint] if entry.chosen)
+        with warnings.catch_warnings():
+            # Warnings are what this experiment provokes; failures are counted.
+            warnings.simplefilter("ignore", SysidWarning)
+            for disturbance in plan.values():
+                also = other_structures(joint) if thorough and disturbance.other_structures else ()
+                trial = _Trial(data[estimation_test], data[judge], campaign.truth.joint(joint), campaign.seed or 0)
+                outcomes += trial.outcomes(disturbance, (*chosen, *also))
+            orders += orders_needed(joint, campaign, data[estimation_test], data[judge])
+    return Robustness(tuple(outcomes), tuple(orders), judged_by)
+
+
+def _core() -> dict[str, Disturbance]:
+    return {key: replace(DISTURBANCES[key], degrees=CORE[key], treatments=AS_IT_IS) for key in CORE}
+
+
+@dataclass(frozen=True, eq=False)
+class _Trial:
+    """Records of one joint and what judges a model of it."""
+
+    data: IOData
+    judge: IOData
+    truth: JointTruth
+    seed: int
+
+    def outcomes(self, disturbance: Disturbance, structures: Sequence[Structure]) -> list[Outcome]:
+        found = []
+        clean = self.data if disturbance.whole else self.data[:PART].detrend()
+        for treatment in disturbance.treatments:
+            for degree in disturbance.degrees:
+                for draw in range(self._draws(disturbance, degree)):
+                    spoilt = TREATMENTS[treatment](
+                        disturbance.spoil(clean, degree, self._chance(disturbance, degree, draw))
+                    )
+                    for structure in structures:
+                        place = (disturbance.key, treatment, degree, draw)
+                        found.append(self._outcome(structure, spoilt, *place))
+        return found
+
+    def _draws(self, disturbance: Disturbance, degree: float) -> int:
+        """No draw of parts longer than the record, and one of the record as a whole."""
+        if disturbance.key != "length":
+            return disturbance.draws
+        asked, whole = round(degree / self.data.dt), len(self.data)
+        return disturbance.draws if asked < whole else int(asked == whole)
+
+    def _chance(self, disturbance: Disturbance, degree: float, draw: int) -> np.random.Generator:
+        """The same for every structure and treatment, whatever else is tried."""
+        joint, kind = STUDIED_JOINTS.index(self.truth.name), list(DISTURBANCES).index(disturbance.key)
+        if disturbance.key.endswith("drop-outs"):
+            # Held and marked lose the same samples.
+            kind = list(DISTURBANCES).index("held drop-outs")
+        step = DISTURBANCES[disturbance.key].degrees.index(degree)
+        return np.random.default_rng(np.random.SeedSequence((SEED, self.seed, joint, kind, step, draw)))
+
+    def _outcome(
+        self, structure: Structure, spoilt: IOData, key: str, treatment: str, degree: float, draw: int
+    ) -> Outcome:
+        hz = fit = level = slowest = float("nan")
+        failure: Failure = ""
+        covers = False
+        try:
+            found, _ = estimate(spoilt, structure.estimator, structure.orders)
+        except SysidError:
+            failure = "refused"
+        else:
+            band = found.bandwidth()
+            if not found.model.is_stable():
+                failure = "unstable"
+            elif np.isnan(band.hz[0, 0]):
+                failure = "no bandwidth"
+            else:
+                hz, covers = float(band.hz[0, 0]), bool(band.covers(self.truth.bandwidth_hz)[0, 0])
+            slowest = float(np.abs(found.poles()).max(initial=0.0))
+            fit, level = simulated_fit(found, self.judge), half_power_hz(found.model)
+        return Outcome(
+            joint=self.truth.name,
+            method=structure.method,
+            chosen=structure.chosen,
+            disturbance=key,
+            treatment=treatment,
+            degree=degree,
+            draw=draw,
+            failure=failure,
+            bandwidth_hz=hz,
+            error=100 * (hz / self.truth.bandwidth_hz - 1),
+            covers=covers,
+            fit=fit,
+            half_power_hz=level,
+            slowest=slowest,
+        )
