@@ -14,6 +14,7 @@ from typing import ParamSpec
 
 import tyro
 
+from scenarios.commands.bandwidth import bandwidth
 from scenarios.commands.convert import convert
 from scenarios.commands.identify import identify
 from scenarios.commands.output import reason
@@ -39,6 +40,7 @@ Start with:
   hmtb simulate siso-5-elbow_pitch                run it, to a file
   hmtb identify siso-5-elbow_pitch.nc --method oe --orders 2 2 1
   hmtb truth                                      what an estimator should have found
+  hmtb bandwidth                                  is every joint's bandwidth about 1 Hz?
 
 Every command has its own --help; hmtb --version says which release this is.
 Exit codes: 0 done, 1 a check found a difference, 2 bad input, 130 interrupted.
@@ -51,6 +53,7 @@ COMMANDS: dict[str, Callable[..., int]] = {
     "waveform": waveform,
     "preview": preview,
     "truth": truth,
+    "bandwidth": bandwidth,
     "identify": identify,
     "convert": convert,
     "view": view,

@@ -1,0 +1,280 @@
+"""`hmtb bandwidth`: recovered against true and published bandwidths, the 1 Hz finding."""
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import tyro
+
+from scenarios.commands.output import output_folder, print_json, print_table, progress, say
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from scenarios.thesis.bandwidth_study import BandwidthStudy
+    from scenarios.thesis.recovered_bandwidth import RecoveredBandwidth
+
+JOINTS = ("shoulder_yaw", "shoulder_pitch", "elbow_pitch")
+TESTS = (5,)
+METHODS = ("arx", "armax", "iv4", "oe", "okid", "oe_high", "spa", "etfe")
+
+FILES = ("bandwidth.csv", "bandwidth.png", "bandwidth.svg")
+"""What goes into the folder."""
+
+
+def bandwidth(
+    *,
+    joints: Annotated[tuple[str, ...] | None, tyro.conf.arg(metavar="NAME ...")] = None,
+    methods: Annotated[tuple[str, ...], tyro.conf.arg(metavar="NAME ...")] = METHODS,
+    tests: Annotated[tuple[int, ...] | None, tyro.conf.arg(metavar="1..8 ...")] = None,
+    seeds: int | None = None,
+    seed: int | None = None,
+    variant: Annotated[str | None, tyro.conf.arg(metavar="nominal|published|flight")] = None,
+    no_friction: bool = False,
+    duration: float | None = None,
+    data: Annotated[tuple[Path, ...] | None, tyro.conf.arg(metavar="LOG ...")] = None,
+    no_bla: bool = False,
+    threads: int | None = None,
+    out: Path | None = None,
+    json: bool = False,
+) -> int:
+    """Does the thesis' finding stand that every joint has a bandwidth of about 1 Hz?
+
+    For each joint, method, test and seed the recovered bandwidth with its 95 % interval, against what is true of the
+    arm in two senses, against the models that the thesis prints, and against 1 Hz; then the answer in words.
+
+    A bandwidth is where the gain has fallen by 3 dB from its value at 0 Hz. Small-signal truth: of the linearised arm,
+    no friction. Best linear truth: of the linear system that is nearest to the arm, friction, velocity limit and all,
+    when a random-phase multisine commands it as strongly as the test does, in the same band (four seconds of one core
+    for each joint and test; --no-bla leaves it out).
+
+    Two questions are kept apart: whether a bandwidth is near 1 Hz (0.8 to 1.25 Hz), and whether its interval holds the
+    truth. A bandwidth that the record does not bear, because nothing so slow is excited or the interval says nothing,
+    is not claimed but counts, as neither.
+
+    Methods: armax, oe, okid with the thesis' orders; arx, iv4 with those of its ARMAX; oe_high, an output-error model
+    whose order suffices without friction; spa and etfe, without a model: their lines, every 0.5 Hz on files of 2 s, are
+    too few to tell the gain at 0 Hz, so that only the frequency of the gain 0.707 is theirs.
+
+      hmtb bandwidth                                three joints, PRBS test, one record each
+      hmtb bandwidth --seeds 20 --tests 5 6 --out bandwidth
+      hmtb bandwidth --variant published --no-friction
+      hmtb bandwidth --data siso-5-elbow_pitch.nc --methods oe okid
+
+    Args:
+        joints: Joints: shoulder_yaw, shoulder_pitch, elbow_pitch (all when not given).
+        methods: Methods, of those above.
+        tests: Single-joint tests of the thesis by number; 5, the PRBS of 1 V, when not given.
+        seeds: How many records of each test, each with other noise and another binary sequence; 1 when not given.
+        seed: The first of the seeds. When not given: one record has the scenarios' own, several have 1, 2, 3, ...
+        variant: Which arm; nominal when not given.
+        no_friction: Leave dry friction out.
+        duration: Length of each test, s; 240, the thesis', when not given. Less is a look.
+        data: Logs of hmtb simulate (.nc) to take instead, of one joint each; the arm is theirs.
+        no_bla: Leave out the best linear truth.
+        threads: Threads for the physics; all processors when not given.
+        out: Folder for bandwidth.csv and the figure, bandwidth.png and .svg.
+        json: Print JSON.
+    """
+    from scenarios.errors import ScenarioError
+    from scenarios.whole_file import check_place
+
+    if threads is not None and threads < 1:
+        raise ScenarioError(f"threads must be 1 or more, given {threads}")
+    if data is not None:
+        given = {
+            "--joints": joints,
+            "--tests": tests,
+            "--seeds": seeds,
+            "--variant": variant,
+            "--no-friction": no_friction or None,
+            "--duration": duration,
+        }
+        if said := [name for name, value in given.items() if value is not None]:
+            raise ScenarioError(f"--data takes arm and tests from the logs; leave out {', '.join(said)}")
+        if not data:
+            raise ScenarioError("--data given without a log, expected one or more")
+    if out is not None:
+        for name in FILES:
+            check_place(out / name)
+    if data is not None:
+        study = _of_logs(data, methods, seed, threads, best_linear=not no_bla)
+    else:
+        from scenarios.thesis.bandwidth_study import from_simulation
+        from scenarios.thesis.campaign import Condition
+
+        study = from_simulation(
+            JOINTS if joints is None else joints,
+            methods,
+            TESTS if tests is None else tests,
+            seeds=_seeds(seeds, seed),
+            condition=Condition(variant or "nominal", not no_friction),
+            duration=duration,
+            best_linear=not no_bla,
+            threads=threads,
+            stage=progress,
+        )
+    files = [] if out is None else _write(study, out)
+    if json:
+        print_json({**study.record(), "files": files})
+    else:
+        _print(study)
+        for path in files:
+            say(f"written: {path}")
+    return 1 if study.failed else 0
+
+
+def _seeds(count: int | None, first: int | None) -> tuple[int | None, ...]:
+    from scenarios.errors import ScenarioError
+
+    count = 1 if count is None else count
+    if count < 1:
+        raise ScenarioError(f"seeds must be 1 or more, given {count}: that many records are made of each test")
+    if first is not None and first < 0:
+        raise ScenarioError(f"seed must be 0 or more, given {first}")
+    if first is None:
+        return (None,) if count == 1 else tuple(range(1, count + 1))
+    return tuple(range(first, first + count))
+
+
+def _of_logs(
+    paths: tuple[Path, ...], methods: tuple[str, ...], seed: int | None, threads: int | None, *, best_linear: bool
+) -> "BandwidthStudy":
+    from hmtb_twin import JointLog
+    from scenarios.errors import ScenarioError
+    from scenarios.thesis.bandwidth_study import from_logs
+
+    for path in paths:
+        if path.suffix != ".nc":
+            raise ScenarioError(f"--data {path} given, expected a log of hmtb simulate, .nc: it tells of its arm")
+    return from_logs(
+        [JointLog.load(path) for path in paths],
+        methods,
+        best_linear=best_linear,
+        seed=seed or 0,
+        threads=threads,
+        stage=progress,
+    )
+
+
+def _write(study: "BandwidthStudy", out: Path) -> list[Path]:
+    import csv
+    import io
+
+    import matplotlib
+
+    from scenarios.commands.output import plain
+    from scenarios.drawing import SETTINGS, save_figure
+    from scenarios.thesis.bandwidth_figure import bandwidth_figure
+    from scenarios.whole_file import write_whole
+
+    with output_folder(out) as folder:
+        table, picture, drawing = (folder / name for name in FILES)
+        records = []
+        for row in study.rows:
+            record = row.record()
+            record["orders"] = " ".join(f"{name}={value}" for name, value in row.orders.items())
+            bla = row.best_linear[1:] if row.best_linear else (None, None)
+            for key, ends in (("ci95", row.ci95), ("bla_ci95", bla), ("model_ci95", row.model_ci95)):
+                del record[key]
+                record |= {f"{key}_low": ends[0], f"{key}_high": ends[1]}
+            records.append({key: plain(value) for key, value in record.items()})
+        text = io.StringIO()
+        writer = csv.DictWriter(text, fieldnames=list(records[0]), lineterminator="\n")
+        writer.writeheader()
+        writer.writerows(records)
+        write_whole(table, text.getvalue())
+        with matplotlib.rc_context(SETTINGS):
+            figure = bandwidth_figure(study)
+            save_figure(figure, picture, dpi=150)
+            save_figure(figure, drawing)
+    return [table, picture, drawing]
+
+
+def _print(study: "BandwidthStudy") -> None:
+    import numpy as np
+
+    from scenarios.crossing import half_power_hz
+    from scenarios.published import published
+
+    single = len({row.seed for row in study.rows}) == 1
+    for joint in study.joints:
+        columns = [
+            "method",
+            "test",
+            "bandwidth\n/ Hz",
+            "95 % interval\n/ Hz",
+            "near\n1 Hz",
+            "holds small-\nsignal truth",
+        ]
+        columns += ["agrees with\nbest linear"] if study.best_linear else []
+        columns += ["gain 0.707\nat / Hz", "gain\nat 0 Hz"]
+        groups: dict[tuple[str, str], list[RecoveredBandwidth]] = {}
+        for row in study.rows:
+            if row.joint == joint:
+                groups.setdefault((row.label, row.test), []).append(row)
+        lines = [_line(found, best_linear=bool(study.best_linear)) for found in groups.values()]
+        blank = [""] * (len(columns) - 4)
+        blank = [""] * (len(columns) - 6)
+        truth = study.truth.joint(joint)
+        level = f"{half_power_hz(truth.model):.3f}"
+        lines.append(
+            [
+                "small-signal truth",
+                "",
+                f"{truth.bandwidth_hz:.3f}",
+                "",
+                "",
+                "",
+                *blank[2:],
+                level,
+                f"{truth.dc_gain:.3f}",
+            ]
+        )
+        for one in (one for one in study.best_linear.values() if one.joint == joint):
+            hz = f"{one.hz:.3f}" if np.isfinite(one.hz) else "none shows"
+            ends, level = f"{one.ci95[0]:.3f} to {one.ci95[1]:.3f}", f"{one.half_power_hz:.3f}"
+            lines.append(["best linear truth", one.test, hz, ends, "", "", *blank[2:], level, ""])
+        lines += [
+            [f"published {one.label}", "", f"{one.bandwidth_hz:.3f}", "", "", "", *blank] for one in published(joint)
+        ]
+        print_table(f"{joint}, {study.condition}", columns, lines)
+    if not single:
+        say("Of several seeds: the middle bandwidth with its own interval, the range in brackets, and how many of all")
+    for text in study.refusals():
+        say(f"not claimed: {text}")
+    for one in study.best_linear.values():
+        for text in one.cautions:
+            say(f"{one.joint}, test {one.test}: its best linear bandwidth says little: {text}")
+    if study.best_linear:
+        first = next(iter(study.best_linear.values()))
+        say(f"Best linear truth, e.g. {first.joint}, test {first.test}: {first.described}; friction as in the test")
+    for text in study.answers():
+        say(f"- {text}")
+    for name, why in study.failed.items():
+        say(f"failed: {name}: {why}")
+
+
+def _line(found: "Sequence[RecoveredBandwidth]", *, best_linear: bool) -> list[str]:
+    import numpy as np
+
+    claimed = sorted((row for row in found if np.isfinite(row.hz)), key=lambda row: row.hz)
+    several = len(found) > 1
+
+    def counted(values: "Sequence[bool | None]") -> str:
+        known = [value for value in values if value is not None]
+        if not known:
+            return "—"
+        return f"{sum(known)} of {len(known)}" if several else ("yes" if known[0] else "no")
+
+    levels = [row.half_power_hz for row in found if np.isfinite(row.half_power_hz)]
+    gains = [row.dc_gain for row in found if np.isfinite(row.dc_gain)]
+    hz = interval = "not claimed"
+    if claimed:
+        middle = claimed[(len(claimed) - 1) // 2]
+        hz = f"{middle.hz:.3f}" + (f" ({claimed[0].hz:.3f}..{claimed[-1].hz:.3f})" if several else "")
+        interval = f"{middle.ci95[0]:.3f} to {middle.ci95[1]:.3f}"
+    line = [found[0].label, found[0].test, hz, interval if claimed else "—"]
+    line += [counted([row.near for row in found]), counted([row.covers for row in found])]
+    line += [counted([row.covers_best_linear for row in found])] if best_linear else []
+    line += [f"{np.median(values):.3f}" if values else "—" for values in (levels, gains)]
+    return line
