@@ -103,9 +103,9 @@ def _figures(study: Comparison, joint: str, gallery: Gallery) -> list[object]:
     drawn: list[object] = [
         gallery.add(
             draw.markov_parameters(observer),
-            f"{name}: Markov parameters. Above those of the observer, {P} of the command and {P} of the measurement: "
-            f"{own} of them hold more than {100 * LIVE:g} % of the largest. Below those of the system that follow from "
-            f"them, of which {system} do, beside those of the truth.",
+            f"{name}: above the Markov parameters of the observer, {P} of the command and {P} of the measurement; the "
+            f"last one above {100 * LIVE:g} % of the largest comes {own} samples after the pulse. Below those of the "
+            f"system that follow from them, with the last one after {system - 1} samples, beside those of the truth.",
             name=f"markov-{mark}",
             thesis=(f"{letter}{first}",),
         )

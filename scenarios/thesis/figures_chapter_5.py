@@ -133,10 +133,9 @@ def predicted(data: IOData, fit: ModelFit, what: str, *, length: float) -> Figur
 
 def printed_outputs(data: IOData, fits: dict[PublishedModel, ModelFit], what: str, *, length: float) -> Figure:
     """Simulations of printed models on the twin's inputs against its measurement, a piece of the record `what`."""
-    looks = (PALETTE["armax"], PALETTE["oe"], PALETTE["okid"], PALETTE["published"], PALETTE["bj"])
     traces = [
-        Trace(f"{printed.label}: {fit.simulation[0]:.1f} %", fit.simulated[:, 0], look)
-        for (printed, fit), look in zip(fits.items(), looks, strict=False)
+        Trace(f"{printed.label}: {fit.simulation[0]:.1f} %", fit.simulated[:, 0], PALETTE[printed.method])
+        for printed, fit in fits.items()
     ]
     return _piece(data, traces, what, length)
 

@@ -9,7 +9,7 @@ import numpy as np
 import sysid
 from hmtb_twin import STUDIED_JOINTS
 from scenarios.errors import MissingRecordError
-from scenarios.published import PUBLISHED, SYSTEMS, YAW_ARMAX_BOTH, PublishedModel
+from scenarios.published import PUBLISHED, SYSTEMS, YAW_ARMAX_BOTH, YAW_ARMAX_STATE_SPACE, PublishedModel
 from scenarios.published_digits import DRAWS, DigitRange, digit_range
 from scenarios.thesis.about_1_hz import near_1_hz
 from scenarios.thesis.campaign import RPCM, SEVERAL_JOINTS
@@ -69,8 +69,9 @@ def published_section(study: Comparison, gallery: Gallery) -> dict[str, object]:
     """
     records = several_records(study)
     rows = [printed_row(study, entry, records) for entry in (*PUBLISHED, YAW_ARMAX_BOTH)]
-    order = {joint: k for k, joint in enumerate(STUDIED_JOINTS)}
-    rows.sort(key=lambda row: order[row.printed.joint])
+    rows.sort(key=lambda row: (STUDIED_JOINTS.index(row.printed.joint), row.printed.method))
+    # Second prints of one model lie on each other; the first is drawn.
+    drawn = [row.printed for row in rows if row.printed not in (YAW_ARMAX_STATE_SPACE, YAW_ARMAX_BOTH)]
     return {
         "rows": rows,
         "records": list(records),
@@ -81,9 +82,9 @@ def published_section(study: Comparison, gallery: Gallery) -> dict[str, object]:
                 printed_outputs(
                     study.joints[joint].data[number],
                     {
-                        row.printed: sysid.compare(row.printed.model, study.joints[joint].data[number])[0]
-                        for row in rows
-                        if row.printed.joint == joint
+                        printed: sysid.compare(printed.model, study.joints[joint].data[number])[0]
+                        for printed in drawn
+                        if printed.joint == joint
                     },
                     f"{short(joint)}, test {number}",
                     length=4.0 if number == SHOWN[0] else 2.0,

@@ -1,0 +1,48 @@
+"""Chapter V on the page: counterparts of its figures, the realisation beside the print, the printed models."""
+
+import matplotlib
+import pytest
+
+from scenarios.drawing import SETTINGS
+from scenarios.published import BY_NAME
+from scenarios.thesis.chapter_5 import chapter_5, realisation
+from scenarios.thesis.comparison import Comparison
+from scenarios.thesis.gallery import Gallery
+from scenarios.thesis.published_section import PrintedFit, printed_row, several_records
+
+
+def test_every_figure_of_the_chapter_has_its_counterpart(study: Comparison) -> None:
+    gallery = Gallery()
+    with matplotlib.rc_context(SETTINGS):
+        shown = chapter_5(study, gallery)
+    expected = {*(str(n) for n in range(50, 56)), *(f"A{n}" for n in range(52, 64))}
+    assert set(gallery.counterparts()) == expected
+    assert len(gallery.pictures) == len(expected)
+    assert shown["several"] == study.observers.several
+
+
+def test_realisation_is_laid_beside_the_print(study: Comparison) -> None:
+    for joint, entry in study.joints.items():
+        rows = {row.name: row for row in realisation(entry, study.observers.joints[joint])}
+        assert {"A", "B", "C", "D", "G", "poles", "zeros"} <= set(rows)
+        assert not rows["D"].coordinates
+    yaw = {row.name: row for row in realisation(study.joints["shoulder_yaw"], study.observers.joints["shoulder_yaw"])}
+    assert yaw["G"].printed == "-276.41 -123.2"
+    assert yaw["A"].printed == "0.99487 0.02896; -0.15355 0.55941"
+    assert yaw["described by two states, %"].printed == "99.8691"
+
+
+def test_printed_models_are_simulated_on_our_inputs(study: Comparison) -> None:
+    records = several_records(study, ("mimo-10", "mimo-99", "rpcm"))
+    assert list(records) == ["mimo-10", "rpcm"]
+    rows = {name: printed_row(study, BY_NAME[name], records) for name in ("4.10", "5.9", "4.7")}  # type: ignore[arg-type]
+    for name, row in rows.items():
+        assert set(row.singles) == set(range(1, 9))
+        assert set(row.several) == {"mimo-10", "rpcm"}
+        assert all(isinstance(fit, PrintedFit) for fit in row.singles.values())
+        assert row.near == (name == "4.10")
+        assert row.observer < 1.0
+    # Without an observer the prediction is the simulation; with one it is better whatever the dynamics.
+    oe, okid = rows["4.10"].singles[5], rows["5.9"].singles[5]
+    assert oe.one_step == pytest.approx(oe.simulation)
+    assert okid.one_step > okid.simulation + 5.0

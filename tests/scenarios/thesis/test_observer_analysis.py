@@ -1,0 +1,67 @@
+"""Observers of chapter V: what their numbers mean, on systems that are known and on the small study."""
+
+import numpy as np
+import pytest
+
+from hmtb_twin import STUDIED_JOINTS
+from scenarios.thesis.campaign import SINGLE_JOINT
+from scenarios.thesis.comparison import Comparison
+from scenarios.thesis.observer_analysis import ORDER, SEVERAL, P, described, live, observer, observer_errors
+from sysid import IOData, StateSpace, simulate
+
+SYSTEM = StateSpace([[1.5, -0.7], [1.0, 0.0]], [[1.0], [0.0]], [[0.1, 0.05]], [[0.0]], None, 0.02)
+
+
+def record(noise: float, samples: int = 4000, level: float = 0.0) -> IOData:
+    rng = np.random.default_rng(5)
+    u = np.repeat(rng.choice([-1.0, 1.0], samples // 2), 2)
+    return IOData(u + level, simulate(SYSTEM, u)[:, 0] + noise * rng.standard_normal(samples) + level, 0.02)
+
+
+def test_two_states_describe_a_system_of_two_states() -> None:
+    found = observer(record(1e-6))
+    assert described(found, 2) == pytest.approx(100.0, abs=1e-6)
+    assert described(found, 1) < 99.0
+    assert described(found, 1, power=1) < described(found, 1) < described(found, 2)
+
+
+def test_errors_fall_to_the_noise_and_smoothing_is_no_worse() -> None:
+    noise = 0.02
+    data = record(noise)
+    rows = {row.p: row for row in observer_errors(data, (1, 2, 4, 8))}
+    spread = float(np.std(data.y))
+    # Enough parameters leave little more than the noise; one does not suffice for two poles.
+    assert rows[8].prediction * spread == pytest.approx(noise, rel=0.15)
+    assert rows[1].prediction > 2 * rows[8].prediction
+    assert all(row.smoothing < row.prediction for row in rows.values())
+
+
+def test_live_counts_to_the_last_parameter_of_note() -> None:
+    assert live(np.array([0.0, 1.0, 0.01, 0.1, 0.04])[:, None, None]) == 4
+
+
+def test_every_joint_and_record_has_its_observer(study: Comparison) -> None:
+    found = study.observers
+    assert tuple(found.joints) == tuple(found.records) == STUDIED_JOINTS
+    for joint, entry in found.joints.items():
+        assert entry.estimate is study.joints[joint].models["okid"].estimate
+        assert [share.order for share in entry.shares] == list(range(1, P + 1))
+        shares = [share.squared for share in entry.shares]
+        assert shares == sorted(shares)
+        assert shares[-1] == pytest.approx(100.0), "five observer parameters make a recursion of order five"
+        assert entry.live[1] <= P < entry.live[0], "the observer's parameters end, the system's go on"
+        assert entry.chirp is not None
+        assert np.abs(entry.observer_poles).max() < 1.0
+        system = np.asarray(entry.estimate.diagnostics["system_markov"])[:, 0, 0]
+        assert np.abs(system - entry.true_markov).max() < 0.1 * np.abs(entry.true_markov).max()
+        assert [row.test for row in found.records[joint]] == list(SINGLE_JOINT)
+        own = next(row for row in found.records[joint] if row.test == study.estimation_test)
+        assert own.prbs == own.simulation == entry.shares[ORDER - 1].simulation
+
+
+def test_a_shared_waveform_leaves_the_inputs_apart_unknown(study: Comparison) -> None:
+    shared, independent = study.observers.several
+    assert (shared.name, independent.name) == SEVERAL
+    assert shared.estimate.model.order == independent.estimate.model.order == ORDER * len(STUDIED_JOINTS)
+    assert shared.error > 2 * independent.error
+    assert shared.other.min() < independent.other.min()
