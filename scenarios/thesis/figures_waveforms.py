@@ -50,8 +50,8 @@ def waveform_figures() -> Mapping[str, WaveformFigure]:
             "prbs": WaveformFigure(
                 {"PRBS, 1 V, two points per bit": binary},
                 ("14",),
-                "the pseudorandom binary sequence of test 5 (the thesis does not give its own): its lines scatter about "
-                "the envelope of the held bits, which falls to nothing at 25 Hz.",
+                "the pseudorandom binary sequence of test 5 (the thesis does not give its own): its lines scatter "
+                "about the envelope of the held bits, which falls to nothing at 25 Hz.",
             ),
             "chirp": WaveformFigure(
                 {
