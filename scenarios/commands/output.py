@@ -4,11 +4,19 @@ import json
 import math
 import os
 import sys
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
+from typing import Protocol
 
 from scenarios.errors import ScenarioError
+
+
+class Bar(Protocol):
+    """A bar that shows how far something is."""
+
+    def __call__(self, done: int, total: int | None, step: str = "") -> None:
+        """Show it: what is done, what there is in all if that is known, and the step that it counts."""
 
 
 def plain(value: object) -> object:
@@ -61,21 +69,30 @@ def print_table(title: str, columns: Sequence[str], rows: Sequence[Sequence[str]
 
 
 @contextmanager
-def progress(label: str) -> Iterator[Callable[[int, int], None]]:
+def progress(label: str) -> Iterator[Bar]:
     """A bar on stderr while something long runs; silent where stderr is no terminal.
 
     Yields:
-        A function to call with (done, total).
+        A function to call with (done, total), and with the name of the step where there are several; a total of None
+        where none is known.
     """
     if not sys.stderr.isatty():
-        yield lambda done, total: None
+        yield lambda done, total, step="": None
         return
     from rich.console import Console
     from rich.progress import Progress
 
     with Progress(console=Console(stderr=True), transient=True) as bar:
-        job = bar.add_task(label, total=None)
-        yield lambda done, total: bar.update(job, completed=done, total=total)
+        job, shown = bar.add_task(label, total=None), ""
+
+        def told(done: int, total: int | None, step: str = "") -> None:
+            nonlocal job, shown
+            if step != shown:  # a bar of its own: one that counted something else would jump back
+                bar.remove_task(job)
+                job, shown = bar.add_task(f"{label}: {step}", total=None), step
+            bar.update(job, completed=done, total=total)
+
+        yield told
 
 
 @contextmanager
