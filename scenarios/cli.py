@@ -15,6 +15,7 @@ from typing import ParamSpec
 import tyro
 
 from scenarios.commands.bandwidth import bandwidth
+from scenarios.commands.compare import compare
 from scenarios.commands.convert import convert
 from scenarios.commands.identify import identify
 from scenarios.commands.output import reason
@@ -39,6 +40,7 @@ Start with:
   hmtb preview siso-5-elbow_pitch                 what one of them will command, before anything moves
   hmtb simulate siso-5-elbow_pitch                run it, to a file
   hmtb identify siso-5-elbow_pitch.nc --method oe --orders 2 2 1
+  hmtb compare siso-8-elbow_pitch.nc --estimation siso-5-elbow_pitch.nc --models truth published oe:2/2/1
   hmtb truth                                      what an estimator should have found
   hmtb bandwidth                                  is every joint's bandwidth about 1 Hz?
 
@@ -55,6 +57,7 @@ COMMANDS: dict[str, Callable[..., int]] = {
     "truth": truth,
     "bandwidth": bandwidth,
     "identify": identify,
+    "compare": compare,
     "convert": convert,
     "view": view,
     "video": video,

@@ -210,6 +210,24 @@ def of_joint(record: IOData) -> str | None:
     return name if mark and name in JOINTS else None
 
 
+def joints_of(record: IOData) -> tuple[str, ...]:
+    """Which joints a record from one of our own files is of, input by input; none for records from elsewhere."""
+    from hmtb_twin import JOINTS
+
+    named = [name.partition(" commanded") for name in record.input_names or ()]
+    joints = tuple(name for name, mark, _ in named if mark and name in JOINTS)
+    return joints if len(joints) == record.nu else ()
+
+
+def log_of(path: Path) -> "JointLog | None":
+    """The log in a file of `hmtb simulate`; None for all other files."""
+    if path.suffix != ".nc" or not _is_log(path):
+        return None
+    from hmtb_twin import JointLog
+
+    return JointLog.load(path)
+
+
 def _agreeing(parts: tuple[IOData, ...], dt: float | None, path: Path) -> tuple[IOData, ...]:
     """The records of one of our files, unless --dt contradicts it."""
     if dt is not None and abs(dt - parts[0].dt) > SAME_INTERVAL * parts[0].dt:

@@ -92,9 +92,9 @@ def without_detrending(study: Comparison) -> Finding:
         f"{100 * (ENOUGH - 1):.0f} % of that with {MOST} (fewer expected); PRBS test",
         f"command and measurement have the same mean of {with_mean.y.mean():.3g} rad here and the gain at 0 Hz is one, "
         f"so little is left for further states to carry, though order {ORDER} leaves "
-        f"{_one_step(with_mean, ORDER) / best:.3g} times the residual. With the measurement {OFFSET:g} rad off the command, "
-        f"{_ordinal(bias_needs)} is needed and the residual of order {THESIS_ORDER} is {bias_ratio:.3g} times that "
-        f"with detrending: {explained}",
+        f"{_one_step(with_mean, ORDER) / best:.3g} times the residual. With the measurement {OFFSET:g} rad off the "
+        f"command, {_ordinal(bias_needs)} is needed and the residual of order {THESIS_ORDER} is {bias_ratio:.3g} times "
+        f"that with detrending: {explained}",
     )
 
 
