@@ -6,9 +6,10 @@ from statistics import median
 
 import numpy as np
 
+from scenarios.thesis.both_ways import WORDS
 from scenarios.thesis.campaign import RPCM
 from scenarios.thesis.comparison import Comparison
-from scenarios.thesis.fairness import WORDS
+from scenarios.thesis.disturbances import AS_IT_IS
 from scenarios.thesis.findings_fits import FAST, FOLLOWS
 from scenarios.thesis.multivariable import WAYS, ThreeJointModel, Way
 from sysid import IOData, residuals
@@ -37,6 +38,11 @@ class Measure:
     ahead: str
     printed_ahead: str = ""
     digits: int = 1
+
+    def text(self, name: str) -> str:
+        """The number of a model as text; a dash where it has none."""
+        value = self.values.get(name, float("nan"))
+        return f"{value:.{self.digits}f}" if np.isfinite(value) else "–"
 
 
 @dataclass(frozen=True)
@@ -223,11 +229,7 @@ def _mean_fit(entry: ThreeJointModel, way: Way) -> float:
 
 def _robustness(study: Comparison) -> tuple[Measure, ...]:
     """Share of spoilt records whose model has the bandwidth of that from the record as it is."""
-    found = getattr(study, "robustness", None)
-    if found is None:
-        return ()
-    from scenarios.thesis.disturbances import AS_IT_IS
-
+    found = study.robustness
     measures = []
     for disturbance in ("bias", "outliers"):
         counts = {}

@@ -22,6 +22,7 @@ def envelope(
     start: float = 0.0,
     label: str | None = None,
     held: bool = False,
+    count: int = COLUMNS,
 ) -> None:
     """Draw a record over time: a long one as the band between least and greatest of each column, a short one as it is.
 
@@ -36,6 +37,7 @@ def envelope(
         start: Time of the first sample, s.
         label: Text of the legend.
         held: Whether a short record is drawn as steps, as a held command is.
+        count: Columns; fewer make a figure of many panels lighter.
 
     Raises:
         ScenarioError: More than one channel, or none.
@@ -43,14 +45,14 @@ def envelope(
     values = np.asarray(values, dtype=float)
     if values.ndim != 1 or len(values) == 0:
         raise ScenarioError(f"expected the samples (N,) of one channel, given an array of shape {values.shape}")
-    if len(values) <= 2 * COLUMNS:
+    if len(values) <= 2 * count:
         time = start + dt * np.arange(len(values))
         drawing = "steps-post" if held else "default"
         axes.plot(
             time, scale * values, color=style.colour, ls=style.line, lw=style.width, drawstyle=drawing, label=label
         )
         return
-    time, low, high = columns(values, dt)
+    time, low, high = columns(values, dt, count)
     # The edge shows where a column is flat.
     axes.fill_between(start + time, scale * low, scale * high, color=style.colour, lw=0.4, label=label)
 

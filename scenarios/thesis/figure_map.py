@@ -88,9 +88,7 @@ KINDS: tuple[FigureKind, ...] = (
     _same("V", "OKID: Bode plot of the realization", "53", "A55", "A61"),
     _same("V", "OKID: predicted and measured output", "54", "A56", "A62"),
     _same("V", "OKID: output on the chirp", "55", "A57", "A63"),
-    FigureKind(
-        "VI", "block diagrams of ARMAX and output error", ("56", "57"), "no figure; docs/toolbox.md has the equations"
-    ),
+    _same("VI", "block diagrams of ARMAX and output error", "56", "57"),
     _same("VI", "SysID model: Bode plots", "58", "59", "60"),
     _same("VI", "OKID model: Bode plots", "61", "62", "63"),
     _same("VI", "SysID model: poles and transmission zeros", "64"),

@@ -1,40 +1,149 @@
-"""Figures of chapter VI: the three-joint models."""
+"""Figures of chapter VI: what the three-joint models are, and how they follow every record at a glance."""
+
+from collections.abc import Iterable
 
 import numpy as np
+from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from hmtb_twin import JOINTS
 from scenarios.thesis.comparison import Comparison
-from scenarios.thesis.figure_style import FREQUENCIES, WIDTH, dress, short
-from sysid.plots import (
-    PALETTE,
-)
+from scenarios.thesis.figure_style import FREQUENCIES, WIDTH, dress, mark_excited, model_response, short
+from scenarios.thesis.findings_chapter_6 import ROUNDING
+from scenarios.thesis.multi_input import FULL_OKID, INDEPENDENT
+from scenarios.thesis.multivariable import Kind, ThreeJointModel
+from sysid import StateSpace
+from sysid.plots import BOUND, PALETTE, Curve, Style, bode
+
+LOOKS = {
+    "SysID model": PALETTE["armax"],
+    "OKID model": PALETTE["okid"],
+    "hybrid model": PALETTE["pem_ss"],
+    "printed SysID model": Style("#b8860b", "--", 1.4, "*"),
+    "printed OKID model": Style("#6b4e00", ":", 1.6, "P"),
+}
+"""How the models look in every figure of the chapter."""
+
+KINDS: tuple[Kind, ...] = ("SysID", "OKID")
+
+REACH = 1.25
+"""What a map of roots shows of the z plane."""
+
+
+def joint_bode(study: Comparison, joint: str) -> Figure:
+    """Truth, and the SysID and the OKID model's responses of a joint, identified and as printed."""
+    curves = [Curve("truth of the twin", model_response(study.joints[joint].truth.model), PALETTE["truth"])]
+    for printed in (False, True):
+        curves += [
+            Curve(entry.name, model_response(entry.blocks[joint]), LOOKS[entry.name])
+            for entry in study.multivariable.pair(printed=printed)
+        ]
+    return mark_excited(bode(curves, mark_hz=1.0, limits_hz=(0.05, 25.0), size=(WIDTH, 5.6)))
+
+
+def root_maps(study: Comparison) -> Figure:
+    """Poles and transmission zeros of the SysID and of the OKID model, identified and as printed."""
+    figure = Figure(figsize=(WIDTH, 4.4), layout="constrained")
+    panels = figure.subplots(1, 2, sharey=True)
+    angle = np.linspace(0.0, 2.0 * np.pi, 181)
+    for axes, kind in zip(panels, KINDS, strict=True):
+        axes.plot(np.cos(angle), np.sin(angle), color=BOUND.colour, lw=0.9)
+        below = "real part of z (× pole, ○ zero)"
+        for printed, size in ((False, 8.0), (True, 5.0)):
+            entry = study.multivariable.model(kind, printed=printed)
+            label = "as printed" if printed else "from the twin"
+            _roots(axes, entry.model, LOOKS[entry.name].colour, size, label)
+            beyond = [value for value in entry.model.zeros() if max(abs(value.real), abs(value.imag)) > REACH]
+            below += f"\n\nzeros outside, {label}:\n{_listed(beyond)}"
+        axes.set(xlim=(-REACH, REACH), ylim=(-REACH, REACH), aspect="equal")
+        axes.set_title(f"{kind} model", loc="left", fontsize=9, pad=22)
+        axes.legend(
+            loc="lower left", bbox_to_anchor=(-0.03, 0.98), ncols=2, frameon=False, fontsize=8, handletextpad=0.1
+        )
+        axes.set_xlabel(below, fontsize=8)
+    panels[0].set_ylabel("imaginary part of z", fontsize=8)
+    dress(panels)
+    return figure
+
+
+def _roots(axes: Axes, model: StateSpace, colour: str, size: float, label: str) -> None:
+    poles, zeros = model.poles(), model.zeros()
+    axes.plot(poles.real, poles.imag, "x", color=colour, ms=size, mew=1.5, label=label)
+    axes.plot(zeros.real, zeros.imag, "o", color=colour, ms=size, mew=1.2, mfc="none")
+
+
+def _listed(roots: Iterable[complex]) -> str:
+    """Roots, one of a conjugate pair standing for both, three a line."""
+    shown = []
+    for value in roots:
+        if abs(value.imag) < ROUNDING:
+            shown.append(f"{value.real:.1f}")
+        elif value.imag > 0:
+            shown.append(f"{value.real:.1f} ± {value.imag:.1f}j")
+    lines = [", ".join(shown[k : k + 3]) for k in range(0, len(shown), 3)]
+    return "\n".join(lines).replace("-", "−") or "none"
 
 
 def coupled(study: Comparison) -> Figure:
-    """Gain of the true three-joint response, channel by channel, beside the block-diagonal models."""
+    """Gain of the true three-joint response, channel by channel, beside models with and without coupling."""
     names = list(study.joints)
-    chosen = [JOINTS.index(name) for name in names]
-    true = np.abs(study.truth.model.frequency_response(FREQUENCIES)[:, chosen][:, :, chosen])
-    figure = Figure(figsize=(WIDTH, 5.2), layout="constrained")
+    found = study.multivariable
+    lines = [
+        ("truth", found.truth, PALETTE["truth"], False),
+        ("OKID model", found.pair()[1].model, LOOKS["OKID model"], True),
+    ]
+    for entry in found.full:
+        if entry.method == FULL_OKID:
+            apart = entry.record == INDEPENDENT
+            label = f"all nine, {'a waveform each' if apart else 'shared waveform'}"
+            style = Style("#0072b2", "--", 1.3) if apart else Style("#d55e00", ":", 1.4)
+            lines.append((label, entry.model, style, False))
+    figure = Figure(figsize=(WIDTH, 5.4), layout="constrained")
     grid = figure.subplots(len(names), len(names), sharex=True, sharey=True)
-    looks = {"SysID model": PALETTE["armax"], "OKID model": PALETTE["okid"]}
+    for label, model, style, diagonal in lines:
+        gain = np.abs(model.frequency_response(FREQUENCIES))
+        for i, j in np.ndindex(grid.shape):
+            if i == j or not diagonal:
+                shown = np.maximum(gain[:, i, j], 1e-9)
+                grid[i, j].loglog(FREQUENCIES, shown, color=style.colour, ls=style.line, lw=style.width, label=label)
     for i, j in np.ndindex(grid.shape):
-        axes = grid[i, j]
-        axes.loglog(FREQUENCIES, np.maximum(true[:, i, j], 1e-9), color=PALETTE["truth"].colour, lw=2.0, label="truth")
-        for entry in study.three_joint:
-            if i == j and entry.name in looks:
-                gain = np.abs(entry.model.frequency_response(FREQUENCIES)[:, i, j])
-                style = looks[entry.name]
-                axes.loglog(FREQUENCIES, gain, color=style.colour, ls=style.line, lw=1.3, label=entry.name)
-        axes.set_ylim(1e-4, 3.0)
+        grid[i, j].set_ylim(1e-4, 5.0)
         if i == 0:
-            axes.set_title(f"from {short(names[j])}", fontsize=8)
+            grid[i, j].set_title(f"from {short(names[j])}", fontsize=8)
         if j == 0:
-            axes.set_ylabel(f"to {short(names[i])}", fontsize=8)
-        axes.xaxis.set_major_formatter(lambda value, _: f"{value:g}")
+            grid[i, j].set_ylabel(f"to {short(names[i])}", fontsize=8)
+        grid[i, j].xaxis.set_major_formatter(lambda value, _: f"{value:g}")
+        grid[i, j].minorticks_off()
     dress(grid.ravel())
     figure.supxlabel("frequency / Hz", fontsize=9)
     figure.supylabel("gain / (rad/rad)", fontsize=9)
-    figure.legend(*grid[0, 0].get_legend_handles_labels(), loc="outside upper left", ncols=3, frameon=False, fontsize=8)
+    figure.legend(*grid[0, 0].get_legend_handles_labels(), loc="outside upper left", ncols=2, frameon=False, fontsize=8)
     return figure
+
+
+def every_fit(study: Comparison) -> Figure:
+    """Fits of the SysID and the OKID model to every record of several joints, both ways."""
+    records = study.multivariable.records
+    figure = Figure(figsize=(WIDTH, 0.27 * len(records) + 1.4), layout="constrained")
+    panels = figure.subplots(1, len(study.joints), sharey=True)
+    place = np.arange(len(records), dtype=float)
+    for axes, joint in zip(panels, study.joints, strict=True):
+        for entry, shift in zip(study.multivariable.pair(), (-0.16, 0.16), strict=True):
+            _fits(axes, entry, joint, records, place + shift)
+        axes.set_title(short(joint), fontsize=8)
+        axes.set_xlim(left=max(axes.get_xlim()[0], -20.0), right=102.0)
+    panels[0].set_yticks(place, labels=list(records))
+    panels[0].invert_yaxis()
+    dress(panels)
+    figure.supxlabel("fit / %   (filled: simulation, open: one step ahead)", fontsize=8)
+    handles, labels = panels[0].get_legend_handles_labels()
+    figure.legend(handles, labels, loc="outside upper left", ncols=2, frameon=False, fontsize=8)
+    return figure
+
+
+def _fits(axes: Axes, entry: ThreeJointModel, joint: str, records: Iterable[str], place: np.ndarray) -> None:
+    style = LOOKS[entry.name]
+    simulated = [entry.fits[name].simulation[joint] for name in records]
+    ahead = [entry.fits[name].one_step[joint] for name in records]
+    axes.hlines(place, simulated, ahead, color=style.colour, lw=0.8)
+    axes.plot(ahead, place, ls="", marker=style.marker, ms=4.0, mfc="white", mec=style.colour, mew=0.9)
+    axes.plot(simulated, place, ls="", marker=style.marker, ms=4.0, color=style.colour, label=entry.name)

@@ -6,9 +6,9 @@ from statistics import median
 import numpy as np
 
 from hmtb_twin import JOINTS
+from scenarios.thesis.both_ways import both_ways
 from scenarios.thesis.comparison import Comparison
 from scenarios.thesis.coupled_response import off_diagonal
-from scenarios.thesis.fairness import both_ways
 from scenarios.thesis.finding import Finding, decided, verdict
 from scenarios.thesis.multi_input import EXCITED, FULL_OKID, INDEPENDENT
 from scenarios.thesis.multivariable import WAYS, Kind, Multivariable, ThreeJointModel, Way

@@ -8,11 +8,11 @@ import numpy as np
 import sysid
 from hmtb_twin import STUDIED_JOINTS
 from scenarios.thesis.about_1_hz import ABOUT_1_HZ
+from scenarios.thesis.both_ways import WORDS, both_ways, without_noise_model
 from scenarios.thesis.campaign import RPCM
 from scenarios.thesis.comparison import Comparison
-from scenarios.thesis.fairness import WORDS, both_ways, without_noise_model
 from scenarios.thesis.finding import Finding, decided, verdict
-from scenarios.thesis.multi_input import INDEPENDENT
+from scenarios.thesis.multi_input import EXCITED, FULL_OKID, INDEPENDENT
 from scenarios.thesis.multivariable import FAST_CHIRP, LAGS, WAYS, Kind, ThreeJointModel, Way
 from sysid import ResidualTest
 
@@ -124,7 +124,7 @@ def fast_chirp(study: Comparison) -> Finding:
         f"more than {100 * SLIGHT:g} % of the residual's variance. {said[0].upper()}{said[1:]}. The axes share a "
         f"waveform, so the commands are alike (correlation {alike:.3f} at least) and such a correlation may as well be "
         f"with yaw's own input: in truth the pitch commands make {coupled:.1f} % of yaw's motion "
-        f"there{_told_apart(own)}. The printed models: {_printed(study, FAST_CHIRP)}",
+        f"there{_told_apart(study)}. The printed models: {_printed(study, FAST_CHIRP)}",
     )
 
 
@@ -287,16 +287,14 @@ def _departure(study: Comparison) -> str:
     )
 
 
-def _told_apart(model: ThreeJointModel) -> str:
-    """What yaw's residual correlates with where every axis has a sequence of its own."""
-    if INDEPENDENT not in model.residual_tests:
+def _told_apart(study: Comparison) -> str:
+    """What a model of all nine responses has from the pitches to yaw, where every axis has a waveform of its own."""
+    found = [e for e in study.multivariable.full if (e.record, e.method) == (INDEPENDENT, FULL_OKID)]
+    if not found:
         return ""
-    test = model.residual_test(INDEPENDENT)
-    mine, *others = (peak(test, 0, j)[0] for j in range(len(STUDIED_JOINTS)))
-    return (
-        f"; where every axis has a sequence of its own, yaw's residual correlates by {mine:.2f} with its own input and "
-        f"by {max(others):.2f} at most with the pitches'"
-    )
+    rows = found[0].model.frequency_response(np.geomspace(*EXCITED, 200))[:, 0]
+    share = 100 * float(np.linalg.norm(rows[:, 1:]) / np.linalg.norm(rows))
+    return f"; identified where every axis has a waveform of its own, they have {share:.1f} % of yaw's response"
 
 
 def _gains(model: ThreeJointModel) -> str:
