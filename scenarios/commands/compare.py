@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 FIGURES = (".svg", ".png", ".pdf")
 """Endings of figures."""
 
-DRAWN = 10.0
+DRAWN = 5.0
 """Length of the piece that is drawn when none is named, s."""
 
 
@@ -73,7 +73,7 @@ def compare(
         skip: Leave out this much of the start of every record, s.
         keep_mean: Take the values as they are, without an operating point.
         steps: Horizon of a further prediction, samples.
-        piece: Start and length of the piece that is drawn, s; 10 s from the middle when not given.
+        piece: Start and length of the piece that is drawn, s; 5 s from the middle when not given.
         out: One figure of the outputs and errors (.svg, .png or .pdf).
         json: Print JSON.
     """
@@ -116,7 +116,7 @@ def compare(
         shown = ", ".join(one.text for one in estimates)
         texts.append(f"{shown}: identified from {data.name} itself, so that the fit is no validation (--estimation)")
     if out is not None:
-        _draw(found, out, piece)
+        _draw(found, data, out, piece)
     if json:
         print_json(_record(found, data, estimation, texts, out, estimates=bool(estimates)))
         return 0
@@ -257,7 +257,7 @@ def _print(found: "ComparedModels", data: Path, estimation: Path | None, texts: 
         say(f"warning: {text}")
 
 
-def _draw(found: "ComparedModels", out: Path, piece: tuple[float, float] | None) -> None:
+def _draw(found: "ComparedModels", data: Path, out: Path, piece: tuple[float, float] | None) -> None:
     import matplotlib
 
     from scenarios.drawing import SETTINGS, save_figure
@@ -270,13 +270,13 @@ def _draw(found: "ComparedModels", out: Path, piece: tuple[float, float] | None)
     start, length = piece or (max(0.5 * (whole - DRAWN), 0.0), min(DRAWN, whole))
     if not (0.0 <= start < whole and length > 0.0):
         raise ScenarioError(f"--piece {start:g} {length:g} given, expected a start from 0 to below {whole:g} s")
-    free = [style for name, style in PALETTE.items() if name not in ("measured", "etfe", "truth")]
+    # Each kind looks as it does everywhere; further ones of a kind take what no kind here has.
+    own = {entry.kind: PALETTE[entry.kind] for entry in found.models}
+    free = [look for name, look in PALETTE.items() if name not in (*own, "measured", "etfe", "truth")]
     traces = []
     for entry in found.models:
         fit = entry.fit.by_experiment[longest] if entry.fit.by_experiment else entry.fit
-        preferred = PALETTE[entry.kind]
-        style = preferred if preferred in (*free, PALETTE["truth"]) else (free or [preferred])[0]
-        free = [one for one in free if one is not style]
+        style = own.pop(entry.kind, None) or (free.pop(0) if free else PALETTE[entry.kind])
         percents = ", ".join(f"{value:.1f}" for value in fit.simulation)
         traces.append(Trace(f"{entry.label}: {percents} %", fit.simulated + entry.level, style))
     radians = all(unit == "rad" for unit in record.output_units or ("",))
@@ -289,5 +289,5 @@ def _draw(found: "ComparedModels", out: Path, piece: tuple[float, float] | None)
             scale=1000.0 if radians else 1.0,
             unit="mrad" if radians else None,
         )
-        figure.axes[0].set_title(f"{record.name or 'the record'}: simulated outputs", loc="left", fontsize=10)
+        figure.axes[0].set_title(f"{data.name}: simulated outputs", loc="left", fontsize=10)
         save_figure(figure, out, dpi=150)
