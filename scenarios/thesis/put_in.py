@@ -39,7 +39,7 @@ def put_in() -> tuple[PutIn, ...]:
             ("F1", "F16", "F22"),
         ),
         PutIn(
-            f"bus delays of {' or '.join(map(str, delays))} samples",
+            f"bus delays of {_span(delays)} samples",
             "nk - 1 of the printed models of each joint",
             ("F3",),
         ),

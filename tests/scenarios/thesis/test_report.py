@@ -3,18 +3,22 @@
 import re
 from dataclasses import replace
 from html.parser import HTMLParser
+from itertools import pairwise
 from pathlib import Path
 
+import matplotlib
 import numpy as np
 import pytest
 from matplotlib.figure import Figure
 
-from hmtb_twin import TwinError
-from scenarios.drawing import png, svg
+from scenarios.drawing import SETTINGS, photograph, png, svg
 from scenarios.errors import ScenarioError
 from scenarios.thesis.comparison import Comparison
 from scenarios.thesis.findings import findings
-from scenarios.thesis.report import root, write_report
+from scenarios.thesis.gallery import Gallery
+from scenarios.thesis.report import contents, page, write_report
+from scenarios.thesis.report_context import context
+from scenarios.thesis.results import answers, headline
 
 VOID = {"meta", "img", "br", "link", "hr", "input"}
 
@@ -46,20 +50,25 @@ class Page(HTMLParser):
 
 
 @pytest.fixture(scope="module")
-def text(study: Comparison, tmp_path_factory: pytest.TempPathFactory) -> str:
-    path = tmp_path_factory.mktemp("report") / "report.html"
-    assert write_report(study, findings(study), path) == path
-    return path.read_text(encoding="utf-8")
+def shown(study: Comparison) -> dict[str, object]:
+    """What the page shows: drawn once, because a hundred figures take their time."""
+    with matplotlib.rc_context(SETTINGS):
+        return context(study, findings(study), Gallery(), None)
+
+
+@pytest.fixture(scope="module")
+def text(shown: dict[str, object]) -> str:
+    return page(shown)
 
 
 def test_nothing_is_loaded_from_anywhere(text: str) -> None:
-    page = Page(text)
-    assert not page.of("script")
-    assert not page.of("link")
-    for _, attributes in page.tags:
+    parsed = Page(text)
+    assert not parsed.of("script")
+    assert not parsed.of("link")
+    for _, attributes in parsed.tags:
         for name in ("src", "href", "xlink:href", "srcset", "action"):
             target = attributes.get(name)
-            assert target is None or target.startswith(("#", "data:image/png;base64,")), target
+            assert target is None or target.startswith(("#", "data:image/jpeg;base64,")), target
     assert "@import" not in text
     assert all(target.startswith("#") for target in re.findall(r"url\(([^)]*)\)", text))
     allowed = {"http://www.w3.org/2000/svg", "http://www.w3.org/1999/xlink"}
@@ -67,12 +76,12 @@ def test_nothing_is_loaded_from_anywhere(text: str) -> None:
 
 
 def test_every_figure_has_words_and_every_mark_is_unique(text: str) -> None:
-    page = Page(text)
-    drawings = page.of("svg")
+    parsed = Page(text)
+    drawings = parsed.of("svg")
     assert len(drawings) > 30
     assert all(entry.get("role") == "img" and len(str(entry.get("aria-label"))) > 20 for entry in drawings)
-    assert all(len(str(entry.get("alt"))) > 20 for entry in page.of("img"))
-    marks = [attributes["id"] for _, attributes in page.tags if "id" in attributes]
+    assert all(len(str(entry.get("alt"))) > 20 for entry in parsed.of("img"))
+    marks = [attributes["id"] for _, attributes in parsed.tags if "id" in attributes]
     assert len(marks) == len(set(marks))
     used = set(re.findall(r"url\(#([^)]+)\)", text)) | set(re.findall(r'xlink:href="#([^"]+)"', text))
     assert used <= set(marks)
@@ -81,13 +90,53 @@ def test_every_figure_has_words_and_every_mark_is_unique(text: str) -> None:
 
 
 def test_contents_lead_to_sections_with_headings(text: str) -> None:
-    page = Page(text)
-    sections = [entry["id"] for entry in page.of("section")]
-    assert [entry["href"] for entry in page.of("a")] == [f"#{name}" for name in sections]
-    assert len(page.of("h1")) == 1
-    assert len(page.of("h2")) == len(sections)
-    assert sections[0] == "answer"
-    assert page.of("html")[0]["lang"] == "en"
+    parsed = Page(text)
+    sections = [entry["id"] for entry in parsed.of("section")]
+    marks = {attributes["id"] for _, attributes in parsed.tags if "id" in attributes}
+    links = [str(entry["href"]) for entry in parsed.of("a")]
+    assert {link.removeprefix("#") for link in links} <= marks
+    for menu in re.findall(r"<nav.*?</nav>", text, flags=re.S):
+        assert re.findall(r'href="#([^"]+)"', menu) == sections
+    assert text.count("<nav") == 2
+    assert len(parsed.of("h2")) == len(sections)
+    assert sections[:2] == ["answer", "findings"]
+    assert sections[-2:] == ["provenance", "reproduce"]
+    assert parsed.of("html")[0]["lang"] == "en"
+
+
+def test_headings_leave_no_level_out(text: str) -> None:
+    levels = [int(level) for level in re.findall(r"<h([1-6])[ >]", text)]
+    assert levels[0] == 1
+    assert levels.count(1) == 1
+    assert all(later - earlier <= 1 for earlier, later in pairwise(levels))
+
+
+def test_the_contents_are_read_from_the_page() -> None:
+    body = (
+        '<section id="a">\n<h2>First</h2></section>'
+        '<p class="part">Chapter &amp; verse</p><section id="b"><h2>B</h2></section>'
+        '<section id="c"><h2>C</h2></section>'
+        '<p class="part">Nothing in it</p>'
+    )
+    assert contents(body) == (("", (("a", "First"),)), ("Chapter &amp; verse", (("b", "B"), ("c", "C"))))
+
+
+def test_every_table_has_a_caption_and_cells_have_headers(text: str) -> None:
+    tables = re.findall(r"<table>.*?</table>", text, flags=re.S)
+    assert len(tables) > 8
+    bare = [re.sub("<[^>]+>", " ", table)[:80] for table in tables if "<caption>" not in table]
+    assert not bare
+    assert all(re.findall(r"<th(?![^>]*scope=)[^>]*>", table) == [] for table in tables)
+
+
+def test_every_figure_of_the_thesis_has_its_counterpart(text: str) -> None:
+    section = text[text.index('<section id="figure-map">') :]
+    without = re.findall(r'<span class="whole">(\w+): <strong>none', section)
+    assert not without, f"no counterpart of figures {', '.join(without)} of the thesis"
+    drawn = {f"#{mark}" for mark in re.findall(r'<figure id="(figure-\d+)"', text)}
+    linked = set(re.findall(r'href="(#figure-\d+)"', section))
+    assert linked <= drawn
+    assert len(linked) > 60
 
 
 def test_the_answer_stands_in_the_table(text: str, study: Comparison) -> None:
@@ -100,10 +149,12 @@ def test_the_answer_stands_in_the_table(text: str, study: Comparison) -> None:
     )
 
 
-def test_every_finding_is_listed_and_the_untried_have_no_number(text: str) -> None:
-    rows = re.findall(r"<tr><td class=\"nowrap\"><strong>(F\d+)</strong>.*?</tr>", text, flags=re.S)
-    assert rows == [f"F{number}" for number in range(1, 27)]
-    assert text.count(">not tried</span>") == 5
+def test_every_finding_is_listed_with_verdict_and_reason(text: str, study: Comparison) -> None:
+    rows = re.findall(r'<tr id="(F\d+)">(.*?)</tr>', text, flags=re.S)
+    assert [key for key, _ in rows] == [f"F{number}" for number in range(1, 27)]
+    for (_, row), finding in zip(rows, findings(study), strict=True):
+        assert f">{finding.verdict}</span>" in row
+        assert len(row[row.index('data-label="Why"') :]) > 30
 
 
 def test_short_records_are_marked(text: str) -> None:
@@ -122,22 +173,40 @@ def test_it_is_light(text: str) -> None:
     assert len(text.encode()) < 15e6
 
 
-def test_without_opengl_a_line_says_what_to_install(
-    study: Comparison, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+def test_the_report_is_written_whole_with_its_cost(
+    study: Comparison, shown: dict[str, object], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    def no_opengl(*_: object, **__: object) -> None:
-        raise TwinError("no OpenGL here, install libegl1")
+    given: list[object] = []
 
-    monkeypatch.setattr("scenarios.thesis.report.render", no_opengl)
-    monkeypatch.setattr("scenarios.thesis.report.svg", lambda figure, description, mark: "<svg></svg>")
-    page = write_report(study, findings(study), tmp_path / "report.html").read_text(encoding="utf-8")
-    assert "No OpenGL here, install libegl1" in page
-    assert not Page(page).of("img")
+    def drawn_already(*arguments: object) -> dict[str, object]:
+        given.extend(arguments)
+        return dict(shown)
+
+    monkeypatch.setattr("scenarios.thesis.report.context", drawn_already)
+    path = write_report(study, (), tmp_path / "report.html", figures=tmp_path)
+    assert path == tmp_path / "report.html"
+    gallery = given[2]
+    assert isinstance(gallery, Gallery)
+    assert gallery.folder == tmp_path
+    row = re.search(r"All of it</th><td>([\d.]+) s", path.read_text(encoding="utf-8"))
+    assert row is not None
+    assert float(row[1]) >= round(study.cost.total_s, 1)
 
 
-def test_an_unwritable_report_is_refused(study: Comparison, tmp_path: Path) -> None:
-    with pytest.raises(ScenarioError, match="cannot write the report"):
+def test_an_unwritable_report_is_refused_before_it_is_drawn(study: Comparison, tmp_path: Path) -> None:
+    with pytest.raises(ScenarioError, match="there is no folder"):
         write_report(study, (), tmp_path / "missing" / "report.html")
+    with pytest.raises(ScenarioError, match="is a folder"):
+        write_report(study, (), tmp_path)
+
+
+def test_whole_records_are_not_marked(study: Comparison, shown: dict[str, object]) -> None:
+    main, *rest = study.campaigns
+    whole = replace(study, campaigns=(replace(main, duration=None), *rest))
+    text = page({**shown, "study": whole, "headline": headline(whole), "answers": answers(whole)})
+    Page(text)
+    assert "quick run" not in text.lower()
+    assert "Interval holds the truth:" in text
 
 
 def test_svg_escapes_its_description_and_keeps_its_own_marks() -> None:
@@ -150,19 +219,7 @@ def test_svg_escapes_its_description_and_keeps_its_own_marks() -> None:
     assert svg(figure, "same", "m") == svg(figure, "same", "m")
 
 
-def test_png_is_embedded() -> None:
-    assert png(np.zeros((4, 5, 3), dtype=np.uint8)).startswith("data:image/png;base64,iVBOR")
-
-
-def test_roots_as_text() -> None:
-    assert root(0.5 + 0j) == "0.500"
-    assert root(0.5 - 0.25j) == "0.500 − 0.250j"
-
-
-def test_whole_records_are_not_marked(study: Comparison, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("scenarios.thesis.report.svg", lambda figure, description, mark: "<svg></svg>")
-    whole = replace(study, duration=None)
-    page = write_report(whole, findings(study), tmp_path / "report.html").read_text(encoding="utf-8")
-    Page(page)
-    assert "quick run" not in page.lower()
-    assert "Interval holds the truth:" in page
+def test_pictures_are_embedded() -> None:
+    picture = np.zeros((4, 5, 3), dtype=np.uint8)
+    assert png(picture).startswith("data:image/png;base64,iVBOR")
+    assert photograph(picture).startswith("data:image/jpeg;base64,/9j/")

@@ -1,0 +1,31 @@
+"""Every figure of the thesis is in the map once."""
+
+import pytest
+
+from scenarios.thesis.figure_map import KINDS, mapped
+from scenarios.thesis.gallery import Picture
+
+
+def test_all_figures_of_the_thesis_are_there_once() -> None:
+    numbers = [number for kind in KINDS for number in kind.numbers]
+    assert len(numbers) == len(set(numbers))
+    assert set(numbers) == {str(n) for n in range(1, 89)} | {f"A{n}" for n in range(1, 64)}
+
+
+def test_only_pictures_of_hardware_screens_and_diagrams_have_no_counterpart() -> None:
+    without = {int(number) for kind in KINDS if kind.instead for number in kind.numbers}
+    assert without == {*range(1, 11), *range(17, 20), 37, 38, 56, 57, 88}
+
+
+def test_counterparts_are_laid_beside_the_figures_and_gaps_are_told() -> None:
+    ours = Picture(7, "transfer-function", "<svg/>", "A transfer function.", ("22", "A2"), 1.2)
+    entries = {entry.kind.numbers: entry for entry in mapped({"22": (ours,), "A2": (ours,)})}
+    found = entries["22", "A2", "A17"]
+    assert found.pictures == {"22": (ours,), "A2": (ours,), "A17": ()}
+    assert found.missing == ("A17",)
+    assert entries["17",].missing == ()
+
+
+def test_a_figure_that_the_thesis_does_not_have_is_refused() -> None:
+    with pytest.raises(ValueError, match=r"figures A64 of the thesis: expected 1 to 88 and A1 to A63"):
+        mapped({"A64": ()})

@@ -1,0 +1,42 @@
+"""Figures are numbered, named once, and kept as files on request."""
+
+from pathlib import Path
+
+import pytest
+from matplotlib.figure import Figure
+
+from scenarios.thesis.gallery import Gallery
+
+
+def _figure() -> Figure:
+    figure = Figure(figsize=(4.0, 2.0), layout="constrained")
+    figure.subplots().plot([0.0, 1.0], [0.0, 2.0])
+    return figure
+
+
+def test_figures_are_numbered_as_they_come_and_lead_back_to_the_thesis() -> None:
+    drawn: list[int] = []
+    gallery = Gallery(drawn=drawn.append)
+    first = gallery.add(_figure(), "gain of the joint.", name="gain", thesis=("22", "A2"))
+    second = gallery.add(_figure(), "Phase.", name="phase-2", thesis=("22",))
+    assert (first.number, second.number) == (1, 2)
+    assert drawn == [1, 2]
+    assert first.caption == "Gain of the joint."
+    assert 'aria-label="Gain of the joint."' in first.svg
+    assert first.shape == pytest.approx(2.0)
+    assert gallery.counterparts() == {"22": (first, second), "A2": (first,)}
+
+
+@pytest.mark.parametrize("name", ["Gain", "gain curve", "", "gain"])
+def test_a_name_is_refused_that_is_no_file_or_taken(name: str) -> None:
+    gallery = Gallery()
+    gallery.add(_figure(), "Gain.", name="gain")
+    with pytest.raises(ValueError, match="each name once"):
+        gallery.add(_figure(), "Gain.", name=name)
+
+
+def test_figures_are_kept_as_files_on_request(tmp_path: Path) -> None:
+    Gallery(tmp_path).add(_figure(), "Gain.", name="gain")
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["gain.png", "gain.svg"]
+    assert (tmp_path / "gain.png").read_bytes().startswith(b"\x89PNG")
+    assert "<svg" in (tmp_path / "gain.svg").read_text(encoding="utf-8")

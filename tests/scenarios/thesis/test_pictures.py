@@ -1,0 +1,38 @@
+"""Pictures of the laboratory, and what is said where none can be drawn."""
+
+from dataclasses import replace
+
+import pytest
+
+from hmtb_twin import TwinError
+from scenarios.thesis.campaign import RPCM
+from scenarios.thesis.comparison import Comparison
+from scenarios.thesis.pictures import arm_picture, exchange
+
+
+def _no_opengl(*_: object, **__: object) -> None:
+    raise TwinError("no OpenGL here, install libegl1")
+
+
+def test_without_opengl_a_line_says_what_to_install(study: Comparison, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("scenarios.thesis.pictures.render", _no_opengl)
+    monkeypatch.setattr("scenarios.thesis.pictures.Stage", _no_opengl)
+    assert arm_picture() == ("", "No OpenGL here, install libegl1")
+    moments, outcome = exchange(study)
+    assert moments == ()
+    assert "inserted" in outcome
+
+
+def test_moments_are_shown_in_the_order_of_the_exchange(study: Comparison, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("scenarios.thesis.pictures.SIZE", (64, 48))
+    moments, _ = exchange(study, ("approach", "insert"))
+    assert [entry.phase for entry in moments] == ["approach", "insert"]
+    assert 0.0 < moments[0].time < moments[1].time
+    if moments:  # each is a picture of its own
+        assert len({entry.picture for entry in moments}) == 2
+
+
+def test_without_the_record_there_is_nothing_to_show(study: Comparison) -> None:
+    main, *rest = study.campaigns
+    logs = {name: log for name, log in main.logs.items() if name != RPCM}
+    assert exchange(replace(study, campaigns=(replace(main, logs=logs), *rest))) == ((), "")

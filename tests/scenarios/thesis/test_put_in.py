@@ -1,0 +1,24 @@
+"""What was put in from the thesis is told with the arm's own numbers."""
+
+from hmtb_twin.parameters import HAND_CONTROLLER, SERVOS
+from scenarios.thesis.claims import CLAIMS
+from scenarios.thesis.comparison import Comparison
+from scenarios.thesis.findings import findings
+from scenarios.thesis.put_in import marked, put_in
+
+
+def test_the_numbers_are_those_of_the_arm() -> None:
+    servos, delays, friction, gain = put_in()
+    slow = f"{SERVOS['shoulder_yaw'].slow_pole:g}".replace("-", "−")
+    assert f"a slow one at {slow} rad/s, fast ones at −36 to −80 rad/s" in servos.what
+    assert delays.what == "bus delays of 0 to 1 samples"
+    assert friction.what.startswith("seal friction: 1 %")
+    assert f"{HAND_CONTROLLER.gain:g} rad/V" in gain.what
+    assert "limit of 25 deg/s" in gain.why
+
+
+def test_findings_that_rest_on_it_are_marked(study: Comparison) -> None:
+    found = marked(findings(study))
+    assert set(found) == {key for entry in put_in() for key in entry.findings}
+    assert set(found) < set(CLAIMS)
+    assert [entry.what for entry in found["F3"]] == ["bus delays of 0 to 1 samples"]
