@@ -1,11 +1,66 @@
-"""Chapter III in the report: the records and what is seen in them without a model."""
+"""Chapters II and III in the report: waveforms, records, and what is seen in them without a model."""
 
+from collections.abc import Mapping
+from dataclasses import dataclass
+from types import MappingProxyType
+
+from scenarios.crossing import half_power_hz
 from scenarios.registry import load
+from scenarios.thesis import figures_chapter_3 as draw
 from scenarios.thesis.campaign import single_joint_test
-from scenarios.thesis.comparison import Comparison
+from scenarios.thesis.comparison import Comparison, JointResult
 from scenarios.thesis.figure_style import short
-from scenarios.thesis.figures_chapter_3 import data_spectra, tests
-from scenarios.thesis.gallery import Gallery
+from scenarios.thesis.figures_waveforms import waveform, waveform_figures
+from scenarios.thesis.gallery import Gallery, Picture
+from scenarios.thesis.nonparametric import PRBS, PULSE, SINES, RecordSummary
+
+THESIS: Mapping[str, Mapping[str, tuple[str, ...]]] = MappingProxyType(
+    {
+        "shoulder_yaw": {
+            "sines": ("20", "21", "31", "32"),
+            "transfer": ("22",),
+            "prbs": ("23", "24"),
+            "correlations": ("25",),
+            "pulse": ("26",),
+            "pulse spectra": ("27", "28", "29", "30"),
+            "sines spectra": ("33", "34", "35", "36"),
+        },
+        "shoulder_pitch": {
+            "sines": ("A1", "A11"),
+            "transfer": ("A2",),
+            "prbs": ("A3",),
+            "correlations": ("A4",),
+            "pulse": ("A5", "A6"),
+            "pulse spectra": ("A7", "A8", "A9", "A10"),
+            "sines spectra": ("A12", "A13", "A14", "A15"),
+        },
+        "elbow_pitch": {
+            "sines": ("A16", "A25"),
+            "transfer": ("A17",),
+            "prbs": ("A18",),
+            "correlations": ("A19",),
+            "pulse": ("A20",),
+            "pulse spectra": ("A21", "A22", "A23", "A24"),
+            "sines spectra": ("A26", "A27", "A28", "A29"),
+        },
+    }
+)
+"""Figures of the thesis by joint and what they show."""
+
+
+@dataclass(frozen=True)
+class Row:
+    """A test in the table of all records.
+
+    Attributes:
+        name: Number of the test or name of the scenario.
+        said: What is played.
+        cells: What its record of each joint says; None where there is none.
+    """
+
+    name: str
+    said: str
+    cells: tuple[RecordSummary | None, ...]
 
 
 def chapter_3(study: Comparison, gallery: Gallery) -> dict[str, object]:
@@ -18,29 +73,134 @@ def chapter_3(study: Comparison, gallery: Gallery) -> dict[str, object]:
     Returns:
         What the template shows.
     """
-    joints = []
-    for joint, entry in study.joints.items():
-        name, mark = short(joint), joint.replace("_", "-")
-        joints.append(
-            {
-                "result": entry,
-                "tests": gallery.add(
-                    tests(study, entry),
-                    f"{name}: two settled seconds of each test, commanded and measured angle about their means.",
-                    name=f"tests-{mark}",
-                ),
-                "spectra": gallery.add(
-                    data_spectra(study, entry),
-                    f"{name}: input, output and disturbance spectra on the lines of the PRBS; the disturbance is what "
-                    "differs between periods.",
-                    name=f"spectra-{mark}",
-                ),
-            }
+    waveforms = [
+        gallery.add(waveform(entry.files), entry.caption, name=f"waveform-{name}", thesis=entry.thesis)
+        for name, entry in waveform_figures().items()
+    ]
+    # Records first, what is made of them after: figures are numbered as they come on the page.
+    data = [_records(study, entry, gallery) for entry in study.joints.values()]
+    analyses = [_analyses(study, entry, gallery) for entry in study.joints.values()]
+    return {
+        "waveforms": waveforms,
+        "joints": data,
+        "analyses": analyses,
+        "numbered": _numbered(study),
+        "single": _single(study),
+        "several": _several(study),
+        "true": [half_power_hz(entry.truth.model) for entry in study.joints.values()],
+    }
+
+
+def _records(study: Comparison, entry: JointResult, gallery: Gallery) -> dict[str, object]:
+    name, mark, figures = short(entry.joint), entry.joint.replace("_", "-"), THESIS[entry.joint]
+    pictures = [
+        gallery.add(
+            draw.tests(study, entry),
+            f"{name}: two settled seconds of each test, commanded and measured angle about their means.",
+            name=f"tests-{mark}",
         )
-    return {"joints": joints, "numbered": _numbered(study)}
+    ]
+    said = {
+        SINES: ("sines", "the two sines at 2.5 and 10 Hz", 0.8),
+        PRBS: ("prbs", "the PRBS of 1 V", 2.0),
+        PULSE: ("pulse", "the bipolar ramping pulse", 2.0),
+    }
+    for number, (key, what, length) in said.items():
+        if number in entry.data:
+            pictures.append(
+                gallery.add(
+                    draw.record(study.campaign.log(single_joint_test(number, entry.joint)), entry.joint, length=length),
+                    f"{name}, {what}, angles from the operating point: the whole record as the band between least and "
+                    "greatest; magnified; below, what command and measurement read at one instant of each period, in "
+                    "the steps of the hand controller's converter and of the resolver.",
+                    name=f"record-{key}-{mark}",
+                    thesis=figures[key],
+                )
+            )
+    return {"result": entry, "figures": pictures}
+
+
+def _analyses(study: Comparison, entry: JointResult, gallery: Gallery) -> dict[str, object]:
+    name, mark, figures = short(entry.joint), entry.joint.replace("_", "-"), THESIS[entry.joint]
+    found = study.nonparametric[entry.joint]
+    pictures: list[Picture] = []
+    if SINES in found.spectra:
+        pictures.append(
+            gallery.add(
+                draw.transfer_function(entry, found),
+                f"{name}: the transfer function as the thesis estimates it, cross over input spectrum of the two "
+                f"sines, Hamming window, lag {found.lags[SINES]}. Only below the arrowheads does the input have more "
+                "power than the window leaks: its phase is drawn there alone, and gaps are where the windowed input spectrum "
+                "is negative. A Parzen window of the same lag leaks less. Beside them the lines on which repetition "
+                "tells the gain to a fifth, the excited lines of the PRBS, and the truth.",
+                name=f"transfer-function-{mark}",
+                thesis=figures["transfer"],
+            )
+        )
+    pictures.append(
+        gallery.add(
+            draw.correlation(study, entry, found),
+            f"{name}: correlations of the PRBS test, each divided by the sizes of its signals. Left as recorded, right "
+            "with both signals filtered so that the command is white. Below: where output and white input begin to "
+            "correlate, and the pulse response that follows.",
+            name=f"correlations-{mark}",
+            thesis=figures["correlations"],
+        )
+    )
+    for number, key, what in (
+        (PULSE, "pulse spectra", "the bipolar ramping pulse"),
+        (SINES, "sines spectra", "the two sines at 2.5 and 10 Hz"),
+    ):
+        if number in found.spectra:
+            pictures.append(
+                gallery.add(
+                    draw.four_spectra(study, entry, found, number),
+                    f"{name}, {what}: two-sided spectra of disturbance, output and input and between both, by the "
+                    "thesis' Hamming window (gaps: negative) and by repetition. Circles: what the truth answers to the "
+                    "input on its lines. Black: what is measured beyond that answer, noise at the floor, friction on "
+                    "the lines. Repetition counts as disturbance, too, what noise on the command did in the period "
+                    "before, below 3 Hz.",
+                    name=f"spectra-{key.split()[0]}-{mark}",
+                    thesis=figures[key],
+                )
+            )
+    pictures.append(
+        gallery.add(
+            draw.data_spectra(study, entry),
+            f"{name}: input, output and disturbance spectra on the lines of the PRBS; the disturbance is what "
+            "differs between periods.",
+            name=f"spectra-{mark}",
+        )
+    )
+    return {"result": entry, "figures": pictures}
 
 
 def _numbered(study: Comparison) -> list[tuple[int, str]]:
     """Numbers of the tests with what is played in them."""
     joint, entry = next(iter(study.joints.items()))
     return [(number, load(single_joint_test(number, joint)).description.split(": ", 1)[1]) for number in entry.data]
+
+
+def _single(study: Comparison) -> list[Row]:
+    """Single-joint tests, a row each."""
+    return [
+        Row(
+            str(number),
+            said,
+            tuple(found.tests.get(single_joint_test(number, joint)) for joint, found in study.nonparametric.items()),
+        )
+        for number, said in _numbered(study)
+    ]
+
+
+def _several(study: Comparison) -> list[Row]:
+    """Tests of several joints, a row each."""
+    return [
+        Row(
+            name.removeprefix("mimo-").replace("-independent", ", independent"),
+            load(name).description.split(": ", 1)[1],
+            tuple(found.tests.get(name) for found in study.nonparametric.values()),
+        )
+        for name in study.campaign.logs
+        if name.startswith("mimo-")
+    ]
