@@ -1,0 +1,47 @@
+"""What docs/study.md says of the study is so."""
+
+import re
+from pathlib import Path
+from typing import get_args
+
+import pytest
+
+import scenarios.thesis.study
+from scenarios.commands.thesis import thesis
+from scenarios.thesis.claims import CLAIMS
+from scenarios.thesis.comparison import Comparison
+from scenarios.thesis.finding import Verdict
+from scenarios.thesis.frequencies import ORDER
+from scenarios.thesis.study import ESTIMATION_TEST
+
+PAGE = (Path(__file__).parents[3] / "docs/study.md").read_text(encoding="utf-8")
+
+
+def test_the_switches_exist() -> None:
+    used = set(re.findall(r"hmtb thesis --(\w+)", PAGE))
+    assert used == {"seed", "seeds", "figures", "quick"}
+    assert used < set(thesis.__kwdefaults__)
+
+
+def test_the_verdicts_and_claims_are_all_there() -> None:
+    listed = re.findall(r"^\| ([a-z ]+) \|", PAGE, flags=re.M)
+    assert tuple(listed) == ORDER
+    assert set(listed) == set(get_args(Verdict))
+    assert f"{len(CLAIMS)} claims of the thesis, {next(iter(CLAIMS))} to {list(CLAIMS)[-1]}" in PAGE
+    assert f"test\n   {ESTIMATION_TEST}, the PRBS" in PAGE
+
+
+def test_the_example_runs(
+    study: Comparison, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr(scenarios.thesis.study, "run_study", lambda **_: study)
+    (example,) = re.findall(r"```python\n(.*?)```", PAGE, flags=re.S)
+    exec(compile(example, "docs/study.md", "exec"), {})
+    lines = capsys.readouterr().out.splitlines()
+    assert len(lines) == sum(len(joint.models) for joint in study.joints.values()) + len(CLAIMS)
+    assert lines[-1].startswith("F26 ")
+
+
+def test_links_lead_somewhere() -> None:
+    folder = Path(__file__).parents[3] / "docs"
+    assert all((folder / name).is_file() for name in re.findall(r"\]\(([\w.-]+\.md)\)", PAGE))
