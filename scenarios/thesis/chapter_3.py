@@ -129,8 +129,8 @@ def _analyses(study: Comparison, entry: JointResult, gallery: Gallery) -> dict[s
             gallery.add(
                 draw.transfer_function(entry, found),
                 f"{name}: the transfer function as the thesis estimates it, cross over input spectrum of the two "
-                f"sines, Hamming window, lag {found.lags[SINES]}. Only below the arrowheads does the input have more "
-                "power than the window leaks: its phase is drawn there alone, and gaps are where the windowed input spectrum "
+                f"sines, Hamming window, lag {found.lags[SINES]}. Only below the arrowheads has the input more power "
+                "than the window leaks: its phase is drawn there alone, and gaps are where the windowed input spectrum "
                 "is negative. A Parzen window of the same lag leaks less. Beside them the lines on which repetition "
                 "tells the gain to a fifth, the excited lines of the PRBS, and the truth.",
                 name=f"transfer-function-{mark}",
