@@ -1,5 +1,6 @@
 """`hmtb bandwidth`: recovered against true and published bandwidths, the 1 Hz finding."""
 
+from contextlib import ExitStack
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -76,6 +77,8 @@ def bandwidth(
         json: Print JSON.
     """
     from scenarios.errors import ScenarioError
+    from scenarios.thesis.bandwidth_study import from_simulation
+    from scenarios.thesis.campaign import Condition
     from scenarios.whole_file import check_place
 
     if threads is not None and threads < 1:
@@ -93,27 +96,27 @@ def bandwidth(
             raise ScenarioError(f"--data takes arm and tests from the logs; leave out {', '.join(said)}")
         if not data:
             raise ScenarioError("--data given without a log, expected one or more")
-    if out is not None:
-        for name in FILES:
-            check_place(out / name)
-    if data is not None:
-        study = _of_logs(data, methods, seed, threads, best_linear=not no_bla)
-    else:
-        from scenarios.thesis.bandwidth_study import from_simulation
-        from scenarios.thesis.campaign import Condition
-
-        study = from_simulation(
-            JOINTS if joints is None else joints,
-            methods,
-            TESTS if tests is None else tests,
-            seeds=_seeds(seeds, seed),
-            condition=Condition(variant or "nominal", not no_friction),
-            duration=duration,
-            best_linear=not no_bla,
-            threads=threads,
-            stage=progress,
-        )
-    files = [] if out is None else _write(study, out)
+    with ExitStack() as stack:
+        folder = None
+        if out is not None:
+            folder = stack.enter_context(output_folder(out))
+            for name in FILES:
+                check_place(folder / name)
+        if data is not None:
+            study = _of_logs(data, methods, seed, threads, best_linear=not no_bla)
+        else:
+            study = from_simulation(
+                JOINTS if joints is None else joints,
+                methods,
+                TESTS if tests is None else tests,
+                seeds=_seeds(seeds, seed),
+                condition=Condition(variant or "nominal", not no_friction),
+                duration=duration,
+                best_linear=not no_bla,
+                threads=threads,
+                stage=progress,
+            )
+        files = [] if folder is None else _write(study, folder)
     if json:
         print_json({**study.record(), "files": files})
     else:
@@ -156,7 +159,7 @@ def _of_logs(
     )
 
 
-def _write(study: "BandwidthStudy", out: Path) -> list[Path]:
+def _write(study: "BandwidthStudy", folder: Path) -> list[Path]:
     import csv
     import io
 
@@ -167,26 +170,25 @@ def _write(study: "BandwidthStudy", out: Path) -> list[Path]:
     from scenarios.thesis.bandwidth_figure import bandwidth_figure
     from scenarios.whole_file import write_whole
 
-    with output_folder(out) as folder:
-        table, picture, drawing = (folder / name for name in FILES)
-        records = []
-        for row in study.rows:
-            record = row.record()
-            record["orders"] = " ".join(f"{name}={value}" for name, value in row.orders.items())
-            bla = row.best_linear[1:] if row.best_linear else (None, None)
-            for key, ends in (("ci95", row.ci95), ("bla_ci95", bla), ("model_ci95", row.model_ci95)):
-                del record[key]
-                record |= {f"{key}_low": ends[0], f"{key}_high": ends[1]}
-            records.append({key: plain(value) for key, value in record.items()})
-        text = io.StringIO()
-        writer = csv.DictWriter(text, fieldnames=list(records[0]), lineterminator="\n")
-        writer.writeheader()
-        writer.writerows(records)
-        write_whole(table, text.getvalue())
-        with matplotlib.rc_context(SETTINGS):
-            figure = bandwidth_figure(study)
-            save_figure(figure, picture, dpi=150)
-            save_figure(figure, drawing)
+    table, picture, drawing = (folder / name for name in FILES)
+    records = []
+    for row in study.rows:
+        record = row.record()
+        record["orders"] = " ".join(f"{name}={value}" for name, value in row.orders.items())
+        bla = row.best_linear[1:] if row.best_linear else (None, None)
+        for key, ends in (("ci95", row.ci95), ("bla_ci95", bla), ("model_ci95", row.model_ci95)):
+            del record[key]
+            record |= {f"{key}_low": ends[0], f"{key}_high": ends[1]}
+        records.append({key: plain(value) for key, value in record.items()})
+    text = io.StringIO()
+    writer = csv.DictWriter(text, fieldnames=list(records[0]), lineterminator="\n")
+    writer.writeheader()
+    writer.writerows(records)
+    write_whole(table, text.getvalue())
+    with matplotlib.rc_context(SETTINGS):
+        figure = bandwidth_figure(study)
+        save_figure(figure, picture, dpi=150)
+        save_figure(figure, drawing)
     return [table, picture, drawing]
 
 
@@ -196,7 +198,7 @@ def _print(study: "BandwidthStudy") -> None:
     from scenarios.crossing import half_power_hz
     from scenarios.published import published
 
-    single = len({row.seed for row in study.rows}) == 1
+    several = False
     for joint in study.joints:
         columns = [
             "method",
@@ -212,6 +214,7 @@ def _print(study: "BandwidthStudy") -> None:
         for row in study.rows:
             if row.joint == joint:
                 groups.setdefault((row.label, row.test), []).append(row)
+        several |= any(len(found) > 1 for found in groups.values())
         lines = [_line(found, best_linear=bool(study.best_linear)) for found in groups.values()]
         blank = [""] * (len(columns) - 4)
         blank = [""] * (len(columns) - 6)
@@ -238,7 +241,7 @@ def _print(study: "BandwidthStudy") -> None:
             [f"published {one.label}", "", f"{one.bandwidth_hz:.3f}", "", "", "", *blank] for one in published(joint)
         ]
         print_table(f"{joint}, {study.condition}", columns, lines)
-    if not single:
+    if several:
         say("Of several seeds: the middle bandwidth with its own interval, the range in brackets, and how many of all")
     for text in study.refusals():
         say(f"not claimed: {text}")
@@ -257,6 +260,8 @@ def _print(study: "BandwidthStudy") -> None:
 def _line(found: "Sequence[RecoveredBandwidth]", *, best_linear: bool) -> list[str]:
     import numpy as np
 
+    from scenarios.thesis.one_hertz import between
+
     claimed = sorted((row for row in found if np.isfinite(row.hz)), key=lambda row: row.hz)
     several = len(found) > 1
 
@@ -269,6 +274,9 @@ def _line(found: "Sequence[RecoveredBandwidth]", *, best_linear: bool) -> list[s
     levels = [row.half_power_hz for row in found if np.isfinite(row.half_power_hz)]
     gains = [row.dc_gain for row in found if np.isfinite(row.dc_gain)]
     hz = interval = "not claimed"
+    models = [row.model_hz for row in found if row.refused and np.isfinite(row.model_hz)]
+    if models:
+        hz += f" (model: {between(models)})"
     if claimed:
         middle = claimed[(len(claimed) - 1) // 2]
         hz = f"{middle.hz:.3f}" + (f" ({claimed[0].hz:.3f}..{claimed[-1].hz:.3f})" if several else "")

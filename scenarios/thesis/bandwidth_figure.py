@@ -161,7 +161,7 @@ def _limits(study: BandwidthStudy) -> tuple[float, float]:
 
 def _legend(study: BandwidthStudy) -> list[Line2D | Patch]:
     star, grey = PALETTE["published"], "#555555"
-    several = len({row.seed for row in study.rows}) > 1
+    several = any(len(rows) > 1 for joint in study.joints for rows in _groups(study, joint))
     handles: list[Line2D | Patch] = [
         Line2D([], [], color=PALETTE["truth"].colour, lw=1.6, label="small-signal truth"),
         Line2D([], [], color=BOUND.colour, ls=":", lw=1.2, label="1 Hz"),

@@ -33,8 +33,8 @@ from scenarios.thesis.structures import STRUCTURES
 from scenarios.waveform import POINTS, RATE
 from sysid import IOData
 
-SHORTEST = SETTLING + 2 * POINTS / RATE
-"""Shortest test, s: what settles, and two periods of a file."""
+SHORTEST = 2 * SETTLING + POINTS / RATE
+"""Shortest test, s: what settles is cut off where more than as much again is left."""
 
 NUMBER = re.compile(r"\d+(\.\d+)?(e[+-]?\d+)?")
 """A number in a reason."""
@@ -165,7 +165,7 @@ def from_simulation(
     if duration is not None and not duration >= SHORTEST:
         raise ScenarioError(
             f"a duration of {duration:g} s given, expected {SHORTEST:g} s or more: the arm settles for {SETTLING:g} s, "
-            f"and a file of {POINTS / RATE:g} s has to be seen twice"
+            f"and a file of {POINTS / RATE:g} s is to be seen some times after that"
         )
     condition = condition or Condition()
     arm, recordings, failed = condition.arm(), list[_Recording](), dict[str, str]()

@@ -84,7 +84,8 @@ def verdict(rows: Sequence[Recovered]) -> str:
         rows: Everything recovered.
     """
     truths = true_bandwidths(rows)
-    arm = "stands" if all(map(near_1_hz, truths.values())) else f"does not stand ({_outside(truths)})"
+    stands = all(map(near_1_hz, truths.values()))
+    arm = "stands for the arm itself" if stands else f"does not stand for the arm itself: {_outside(truths)}"
     kept, partly, none = list[str](), list[str](), list[str]()
     for method, found in by_method(rows).items():
         near = sum(row.near for row in found)
@@ -94,16 +95,16 @@ def verdict(rows: Sequence[Recovered]) -> str:
             partly.append(f"{METHODS[method]} ({near} of {len(found)})")
         else:
             none.append(METHODS[method])
-    said = [f"The 1 Hz finding, read as {ABOUT_1_HZ[0]:g} to {ABOUT_1_HZ[1]:g} Hz, {arm} for the arm itself"]
+    said = [f"The 1 Hz finding, read as {ABOUT_1_HZ[0]:g} to {ABOUT_1_HZ[1]:g} Hz, {arm}"]
     said += [f"every bandwidth recovered by {joined(kept)} keeps to it"] if kept else []
-    said += [f"not every one by {joined(partly)} does"] if partly else []
+    said += [f"not every bandwidth recovered by {joined(partly)} does"] if partly else []
     said += [f"{joined(none)} can claim none"] if none else []
     printed = {joint: published(joint) for joint in truths if published(joint)}
     counts = [
         f"{sum(near_1_hz(one.bandwidth_hz) for one in models)} of {len(models)} ({joint.replace('_', ' ')})"
         for joint, models in printed.items()
     ]
-    said += [f"of the models that the thesis prints {joined(counts)} do"] if counts else []
+    said += [f"of the models that the thesis prints {joined(counts)} keep to it"] if counts else []
     return "; ".join(said) + "."
 
 

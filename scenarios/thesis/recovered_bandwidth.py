@@ -216,7 +216,20 @@ def _response(record: IOData, method: str) -> FrequencyResponse:
         return sysid.etfe([record[start : start + POINTS] for start in range(0, len(record) - POINTS + 1, POINTS)])
     if method == "etfe":
         raise SysidError(f"the command does not repeat every {POINTS} samples; the mean over periods has none")
-    return sysid.spa(record)
+    return _heard(sysid.spa(record))
+
+
+def _heard(response: FrequencyResponse) -> FrequencyResponse:
+    """The lines at which the command has power: a held one has next to none at half of the sampling rate."""
+    kept = np.isfinite(response.response[:, 0, 0])
+    return FrequencyResponse(
+        response.frequencies[kept],
+        response.response[kept],
+        response.dt,
+        response.method,
+        None if response.covariance is None else response.covariance[kept],
+        degrees_of_freedom=response.degrees_of_freedom,
+    )
 
 
 def _repeats(record: IOData) -> bool:

@@ -1,0 +1,104 @@
+"""`hmtb bandwidth`: rows, answer, table and figure, and what it refuses."""
+
+import csv
+import json
+from pathlib import Path
+
+import pytest
+
+from scenarios.cli import main
+
+FAST = ("--duration", "16", "--joints", "elbow_pitch", "--no-bla")
+
+
+def printed(capsys: pytest.CaptureFixture[str], *words: str) -> dict:
+    assert main(["bandwidth", *words, "--json"]) == 0
+    return json.loads(capsys.readouterr().out)
+
+
+def test_rows_of_every_method_and_seed(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
+    found = printed(capsys, *FAST, "--methods", "oe", "spa", "--seeds", "2", "--out", str(tmp_path / "made"))
+    rows = found["rows"]
+    assert [(row["seed"], row["method"]) for row in rows] == [(1, "oe"), (1, "spa"), (2, "oe"), (2, "spa")]
+    assert {"joint", "method", "scenario", "seed", "hz", "ci95", "true_hz", "bla_hz", "published_hz"} <= set(rows[0])
+    assert rows[0]["scenario"] == "siso-5-elbow_pitch"
+    assert rows[0]["true_hz"] == pytest.approx(1.086, abs=0.001)
+    assert rows[0]["hz"] == pytest.approx(1.05, abs=0.03)
+    assert rows[0]["ci95"][0] < rows[0]["hz"] < rows[0]["ci95"][1]
+    assert rows[0]["hz"] != rows[2]["hz"]  # another sequence, other noise
+    assert rows[0]["bla_hz"] is None
+    assert (rows[1]["hz"], rows[1]["refused"]) == (None, True)
+    assert "every 0.5 Hz" in rows[1]["reason"]
+    assert found["published"]["elbow_pitch"]["ARMAX (4.12)"] == pytest.approx(1.198, abs=0.001)
+    assert found["answer"].startswith("This is a look, not a result")
+    assert "2 of 4 bandwidths are about 1 Hz" in found["answer"]
+    with (tmp_path / "made" / "bandwidth.csv").open() as file:
+        table = list(csv.DictReader(file))
+    assert [float(line["true_hz"]) for line in table] == [row["true_hz"] for row in rows]
+    assert table[0]["orders"] == "nb=2 nf=2 nk=2"
+    assert (tmp_path / "made" / "bandwidth.png").stat().st_size > 10_000
+    assert "<svg" in (tmp_path / "made" / "bandwidth.svg").read_text()
+
+
+def test_records_that_are_there_give_the_same(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
+    ours = printed(capsys, *FAST, "--methods", "armax")
+    assert main(["simulate", "siso-5-elbow_pitch", "--duration", "16", "--out", str(tmp_path)]) == 0
+    capsys.readouterr()
+    theirs = printed(capsys, "--data", str(tmp_path / "siso-5-elbow_pitch.nc"), "--methods", "armax", "--no-bla")
+    assert theirs["rows"][0]["hz"] == ours["rows"][0]["hz"]
+    assert theirs["rows"][0]["test"] == "5"
+    assert theirs["condition"] == ours["condition"] == "nominal, with friction"
+
+
+def test_the_table_says_what_is_not_claimed(capsys: pytest.CaptureFixture[str]) -> None:
+    words = ("--duration", "16", "--joints", "shoulder_yaw", "--variant", "published", "--no-friction", "--no-bla")
+    assert main(["bandwidth", *words, "--methods", "oe"]) == 0
+    said = capsys.readouterr().out
+    assert "shoulder_yaw, published, without friction" in said
+    assert "not claimed (model: 0.1" in said
+    assert "excites nothing below 0.5 Hz" in said
+    assert "does not stand for the arm itself: 0.16 Hz (shoulder yaw)" in said
+
+
+@pytest.mark.parametrize(
+    ("words", "says"),
+    [
+        (("--joints", "elbow"), "did you mean 'elbow_pitch'"),
+        (("--joints", "wrist_roll"), "unknown joint 'wrist_roll'"),
+        (("--methods", "okd"), "did you mean 'okid'"),
+        (("--tests", "9"), "unknown test 9"),
+        (("--tests", "five"), "given five"),
+        (("--seeds", "0"), "seeds must be 1 or more, given 0"),
+        (("--seed", "-1"), "seed must be 0 or more, given -1"),
+        (("--duration", "6"), "a duration of 6 s given, expected 10 s or more"),
+        (("--variant", "nominl"), "nominl"),
+        (("--threads", "0"), "threads must be 1 or more, given 0"),
+        (("--methods",), "no methods given"),
+        (("--data", "x.csv"), "expected a log of hmtb simulate"),
+        (("--data", "x.nc", "--tests", "5", "--no-friction"), "leave out --tests, --no-friction"),
+        (("--data", "missing.nc"), "no file missing.nc"),
+    ],
+)
+def test_bad_input_is_one_line(capsys: pytest.CaptureFixture[str], words: tuple[str, ...], says: str) -> None:
+    assert main(["bandwidth", *words]) == 2
+    out, err = capsys.readouterr()
+    assert out == ""
+    assert says in err
+    assert len(err.splitlines()) == 1
+
+
+def test_a_log_of_several_axes_or_of_two_arms_is_refused(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
+    for name, words in {"several": ("mimo-1",), "one": ("siso-5-elbow_pitch",)}.items():
+        assert main(["simulate", *words, "--duration", "10", "--out", str(tmp_path / name)]) == 0
+    text = Path(tmp_path / "two.toml")
+    capsys.readouterr()
+    assert main(["scenarios", "show", "siso-5-elbow_pitch"]) == 0
+    shown = capsys.readouterr().out.replace('variant = "nominal"', 'variant = "published"')
+    text.write_text(shown)
+    assert main(["simulate", str(text), "--duration", "10", "--out", str(tmp_path / "two")]) == 0
+    capsys.readouterr()
+    one, two = (str(next((tmp_path / name).glob("*.nc"))) for name in ("one", "two"))
+    assert main(["bandwidth", "--data", str(next((tmp_path / "several").glob("*.nc"))), "--no-bla"]) == 2
+    assert "mimo-1 excites x, y, z; expected a log that excites one joint" in capsys.readouterr().err
+    assert main(["bandwidth", "--data", one, two, "--no-bla"]) == 2
+    assert "the logs are of 2 arms" in capsys.readouterr().err
