@@ -3,6 +3,7 @@
 import warnings
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from statistics import median
 from types import MappingProxyType
 
 import numpy as np
@@ -111,6 +112,11 @@ class DataSetModel:
     def others(self) -> Mapping[str, Follow]:
         """How it follows the records that it has not seen."""
         return {name: fit for name, fit in self.fits.items() if name != self.record}
+
+    @property
+    def others_simulation(self) -> float:
+        """Median fit in simulation to them, percent; NaN where there are none."""
+        return median(fit.simulation for fit in self.others.values()) if self.others else float("nan")
 
 
 @dataclass(frozen=True)

@@ -1,21 +1,27 @@
 """Figures of chapter IV: models beside truth, data and each other."""
 
+from collections.abc import Sequence
+
 import numpy as np
 from matplotlib.figure import Figure
 
 import sysid
+from scenarios.published import PublishedModel
 from scenarios.thesis.comparison import JointResult, ModelResult
+from scenarios.thesis.envelope import envelope
 from scenarios.thesis.figure_style import (
     FREQUENCIES,
     MRAD,
     WIDTH,
     ZOOM,
     dc_bode,
+    dress,
     mark_excited,
     model_response,
     style_of,
     well_known,
 )
+from sysid import Estimate, StateSpace
 from sysid.plots import (
     PALETTE,
     Curve,
@@ -27,6 +33,12 @@ from sysid.plots import (
     output_comparison,
     pzmap,
 )
+
+SPARSE = FREQUENCIES[::2]
+"""Where curves with a band are drawn, Hz: a band takes three lines."""
+
+PRINTED = (PALETTE["published"], Style("#b8860b", ":", 1.6), Style("#6b4e00", "--", 1.4), Style("#6b4e00", "-", 1.0))
+"""How printed models of one joint are told apart."""
 
 
 def model_bode(entry: JointResult) -> Figure:
@@ -63,7 +75,7 @@ def _identified(entry: JointResult) -> list[Curve]:
         Curve("empirical estimate", well_known(entry.etfe)),
     ]
     curves += [
-        Curve(model.label, model.estimate.frequency_response(FREQUENCIES), style_of(model))
+        Curve(model.label, model.estimate.frequency_response(SPARSE), style_of(model))
         for model in entry.models.values()
     ]
     return curves
@@ -71,33 +83,49 @@ def _identified(entry: JointResult) -> list[Curve]:
 
 def published_bode(entry: JointResult) -> Figure:
     """Truth beside the models that the thesis prints."""
-    looks = (PALETTE["published"], Style("#b8860b", ":", 1.6), Style("#6b4e00", "--", 1.4), Style("#6b4e00", "-", 1.0))
     curves = [Curve("truth of the twin", model_response(entry.truth.model), PALETTE["truth"])]
     curves += [
         Curve(f"published {printed.label}", model_response(printed.model), look)
-        for printed, look in zip(entry.published, looks, strict=False)
+        for printed, look in zip(entry.published, PRINTED, strict=False)
     ]
     return dc_bode(curves)
 
 
-def roots(entry: JointResult) -> Figure:
-    """Poles and zeros of the truth and of the models."""
-    systems = [Roots("truth", entry.truth.model, PALETTE["truth"])]
-    systems += [Roots(model.label, model.estimate.model, style_of(model)) for model in entry.models.values()]
-    figure = pzmap(systems, size=(WIDTH, 6.8))
-    reach = figure.axes[0].get_xlim()[1]
-    for text, system in zip(figure.legends[0].get_texts(), systems, strict=True):
-        outside = [zero.real for zero in system.model.zeros() if abs(zero) > reach]
-        if outside and np.abs(system.model.poles()).max(initial=0.0) <= reach:
-            shown = ", zero ".join(f"{value:.1f}" for value in outside)
-            text.set_text(f"{system.label}; outside: zero {shown}")
-    return figure
+def kinds_bode(entry: JointResult, arx: StateSpace | None) -> Figure:
+    """ARMAX, ARX and OE together, beside the truth and the printed models of these kinds [Morris1996, fig. 49]."""
+    curves = [Curve("truth", model_response(entry.truth.model), PALETTE["truth"])]
+    curves += [
+        Curve(entry.models[method].label, model_response(entry.models[method].estimate.model), PALETTE[method])
+        for method in ("armax", "oe")
+    ]
+    if arx is not None:
+        curves.append(Curve("ARX", model_response(arx), PALETTE["arx"]))
+    for model, look in zip([m for m in entry.published if m.method in ("armax", "oe")], PRINTED, strict=False):
+        curves.append(Curve(f"published {model.label}", model_response(model.model), look))
+    return dc_bode(curves)
+
+
+def roots(entry: JointResult, method: str) -> Figure:
+    """Poles and zeros of one model with their 95 % regions, beside the truth and the printed model of the kind."""
+    model = entry.models[method]
+    systems: dict[str, Roots | Estimate] = {
+        "truth": Roots("truth", entry.truth.model, PALETTE["truth"]),
+        model.label: model.estimate,
+    }
+    for printed, look in zip(of_kind(entry.published, method), PRINTED, strict=False):
+        systems[f"published {printed.label}"] = Roots(printed.label, printed.model.input_path(), look)
+    return pzmap(systems, size=(WIDTH, 5.7))
+
+
+def of_kind(published: Sequence[PublishedModel], method: str) -> tuple[PublishedModel, ...]:
+    """Printed models of one kind, the one with most digits where a model is printed twice."""
+    return tuple(model for model in published if model.method == method)[:1]
 
 
 def outputs(entry: JointResult, number: int, *, length: float) -> Figure:
-    """Simulated outputs of the models against the measurement of one test."""
+    """Simulated outputs of the prediction-error models against the measurement of one test."""
     data = entry.data[number]
-    chosen = list(entry.models.values())
+    chosen = [model for model in entry.models.values() if model.method != "okid"]
     fits = sysid.compare({model.label: model.estimate for model in chosen}, data)
     traces = [
         Trace(f"{model.label}: {fit.simulation[0]:.1f} %", fit.simulated[:, 0], style_of(model))
@@ -107,19 +135,22 @@ def outputs(entry: JointResult, number: int, *, length: float) -> Figure:
     return output_comparison(data, traces, start=start, length=length, scale=MRAD, unit="mrad", size=(WIDTH, 4.4))
 
 
+def residual_sequences(entry: JointResult, methods: Sequence[str]) -> Figure:
+    """Residuals of models on their own data over the whole record, on one scale [Morris1996, fig. 39 and 44]."""
+    figure = Figure(figsize=(WIDTH, 1.2 + 1.5 * len(methods)), layout="constrained")
+    grid = figure.subplots(len(methods), 1, sharex=True, sharey=True, squeeze=False)[:, 0]
+    for axes, method in zip(grid, methods, strict=True):
+        model = entry.models[method]
+        left = model.residual_test.residuals[:, 0]
+        envelope(axes, left, model.estimate.model.dt, PALETTE[method], scale=MRAD)
+        spread = MRAD * float(np.std(left))
+        axes.set_title(f"{model.label}: standard deviation {spread:.3g} mrad", loc="left", fontsize=8)
+    figure.supylabel("residual / mrad", fontsize=9)
+    grid[-1].set_xlabel("time / s", fontsize=8)
+    dress(grid)
+    return figure
+
+
 def residuals(model: ModelResult) -> Figure:
     """Whiteness and independence of a model's residuals on its own data."""
-    test = model.residual_test
-    return correlations(
-        [
-            ("autocorrelation", test.lags, test.autocorrelation[:, 0, 0], test.whiteness_bound),
-            (
-                "cross-correlation\nwith the input",
-                test.cross_lags,
-                test.cross_correlation[:, 0, 0],
-                float(test.independence_bound[0, 0]),
-            ),
-        ],
-        style_of(model),
-        size=(WIDTH, 4.0),
-    )
+    return correlations(model.residual_test, style_of(model), size=(WIDTH, 4.0))

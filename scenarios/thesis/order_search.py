@@ -35,7 +35,7 @@ IMPROVES = 0.1
 MINUTE = 60.0
 """How much of every other data set is simulated, s: they repeat every two seconds."""
 
-ARX_GRID = (range(1, 9), range(1, 7), range(1, 6))
+ARX_GRID = (range(1, 7), range(1, 5), range(1, 5))
 """na, nb, nk that `selstruc` ranks."""
 
 
@@ -88,6 +88,11 @@ class Search:
     chosen: Iteration
     accepted: bool
     thesis: tuple[int, ...]
+
+    @property
+    def own(self) -> Iteration | None:
+        """The iteration with the thesis' orders; None where the search ended before it."""
+        return next((entry for entry in self.iterations if entry.orders == self.thesis), None)
 
 
 @dataclass(frozen=True)

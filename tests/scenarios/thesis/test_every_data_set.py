@@ -1,0 +1,109 @@
+"""Models from every data set."""
+
+from collections.abc import Mapping
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from scenarios.thesis.campaign import Campaign, single_joint_test
+from scenarios.thesis.comparison import Comparison
+from scenarios.thesis.every_data_set import (
+    DataSetModel,
+    Follow,
+    distances,
+    every_data_set,
+    excitation_needed,
+)
+from scenarios.thesis.structures import STRUCTURES, every_structure
+from sysid import StateSpace
+
+YAW = "shoulder_yaw"
+METHODS = ["arx", "armax", "iv4", "oe", "okid"]
+
+
+def test_structures_are_the_thesis_and_share_their_orders() -> None:
+    for joint, own in STRUCTURES.items():
+        found = every_structure(joint)
+        assert [entry.method for entry in found] == METHODS
+        na, nb, _, nk = next(entry.orders for entry in own if entry.method == "armax")
+        assert {entry.orders for entry in found if entry.method in ("arx", "iv4")} == {(na, nb, nk)}
+        assert excitation_needed(found[0]) == excitation_needed(found[1]) == na + nb
+
+
+def test_every_record_and_structure_has_a_row(study: Comparison) -> None:
+    for joint, sets in study.data_sets.items():
+        assert sets.single == tuple(single_joint_test(number, joint) for number in range(1, 9))
+        rows = {(m.record, m.structure.method) for m in sets.models}
+        rows |= {(r.record, r.structure.method) for r in sets.refused}
+        assert rows == {(record, method) for record in sets.excited for method in METHODS}
+        assert {"mimo-1", "mimo-13", "mimo-7-independent", "rpcm"} <= set(sets.excited)
+
+
+def test_a_file_of_two_tones_excites_four_and_the_velocity_limit_more(study: Comparison) -> None:
+    sets = study.data_sets[YAW]
+    for number, order in ((1, 2), (2, 4), (3, 4), (4, 4)):
+        assert sets.excited[single_joint_test(number, YAW)].file == order
+    assert sets.excited["rpcm"].file is None
+    assert sets.excited[single_joint_test(2, YAW)].command > 8
+    first = sets.find(single_joint_test(1, YAW), "armax")
+    assert first is not None
+    assert not first.enough, "a sine excites fewer parameters than five poles and two zeros have"
+    assert all(m.enough for m in sets.models if m.record == single_joint_test(5, YAW))
+
+
+def test_the_estimation_test_gives_the_models_of_the_study(study: Comparison) -> None:
+    for joint, entry in study.joints.items():
+        own = single_joint_test(study.estimation_test, joint)
+        for method in ("armax", "oe", "okid"):
+            found, known = study.data_sets[joint].find(own, method), entry.models[method]
+            assert found is not None
+            assert found.bandwidth_hz == known.bandwidth_hz
+            assert found.own.simulation == pytest.approx(known.fits[5].simulation)
+            assert found.others[single_joint_test(8, joint)].one_step == pytest.approx(known.fits[8].one_step)
+            assert len(found.others) == 7
+
+
+def test_a_record_that_cannot_be_used_is_told_with_its_reason(study: Comparison) -> None:
+    campaign, name = study.campaign, single_joint_test(3, YAW)
+    log = campaign.logs[name]
+    still = replace(log, commanded=np.full_like(log.commanded, 0.1))
+    logs: Mapping[str, object] = {**campaign.logs, name: still}
+    gone = {key: value for key, value in logs.items() if key != single_joint_test(4, YAW)}
+    spoiled: Campaign = replace(campaign, logs=gone, failed={single_joint_test(4, YAW): "diverged"})  # type: ignore[arg-type]
+    found = every_data_set(YAW, spoiled)
+    assert [r.structure.method for r in found.refused if r.record == name] == METHODS
+    assert all("constant" in r.reason for r in found.refused)
+    assert found.missing == {single_joint_test(4, YAW): "diverged"}
+    assert len(found.models) == 6 * len(METHODS)
+
+
+def _model(gain: float, pole: float) -> DataSetModel:
+    return DataSetModel(
+        "siso-1-shoulder_yaw",
+        every_structure(YAW)[0],
+        StateSpace([[pole]], [[gain * (1 - pole)]], [[1.0]], [[0.0]], None, 0.02),
+        needed=2,
+        enough=True,
+        bandwidth_hz=1.0,
+        ci95=(0.9, 1.1),
+        half_power_hz=1.0,
+        dc_gain=gain,
+        poles=(complex(pole),),
+        whiteness_p=0.5,
+        independence_p=0.5,
+        fits={"siso-1-shoulder_yaw": Follow(90.0, 95.0)},
+        warnings=(),
+    )
+
+
+def test_distances_are_relative_and_zero_between_equals() -> None:
+    assert distances((_model(1.0, 0.9), _model(1.0, 0.9))) == pytest.approx([0.0])
+    assert sorted(distances(tuple(_model(gain, 0.9) for gain in (0.9, 1.0, 1.1)))) == pytest.approx([0.1, 0.1, 0.2])
+    assert len(distances((_model(1.0, 0.9),))) == 0
+
+
+def test_an_unstable_model_says_so() -> None:
+    assert _model(1.0, 0.9).stable
+    assert not _model(1.0, 1.1).stable
+    assert np.isnan(_model(1.0, 0.9).others_simulation)

@@ -1,0 +1,76 @@
+"""The thesis' iterations as an algorithm."""
+
+import numpy as np
+import pytest
+from scipy.signal import lfilter
+
+from scenarios.thesis.comparison import Comparison
+from scenarios.thesis.order_search import DELAYS, POLES, search, search_orders
+from sysid import IOData, SysidError
+
+THESIS = {
+    "shoulder_yaw": {"armax": [5, 3, 5, 2], "oe": [2, 2, 2]},
+    "shoulder_pitch": {"armax": [2, 2, 2, 1], "oe": [2, 2, 1]},
+    "elbow_pitch": {"armax": [2, 2, 2, 2], "oe": [2, 2, 2]},
+}
+
+
+def record(seed: int, *, coloured: bool, samples: int = 3000) -> IOData:
+    """Two poles, one zero, a delay of two; noise that is white at the output, or the ARMAX kind's own."""
+    rng = np.random.default_rng(seed)
+    u = np.repeat(rng.choice([-1.0, 1.0], samples // 2), 2)
+    a, b = [1.0, -1.5, 0.62], [0.0, 0.0, 0.1, 0.05]
+    e = 0.02 * rng.standard_normal(samples)
+    noise = lfilter([1.0, -0.6, 0.2], a, e) if coloured else e
+    return IOData(u, lfilter(b, a, u) + noise, 0.02)
+
+
+@pytest.mark.parametrize(("method", "coloured"), [("armax", True), ("oe", False)])
+def test_the_true_orders_are_found_from_below(method: str, coloured: bool) -> None:
+    others = [record(seed, coloured=coloured, samples=1500) for seed in (5, 6, 7)]
+    found = search(method, record(1, coloured=coloured), others, (9, 9, 9))
+    assert found.accepted
+    assert (found.chosen.poles, found.chosen.zeros, found.chosen.delay) == (2, 1, 2)
+    assert found.chosen.whiteness_p > 0.01
+    assert found.chosen.independence_p > 0.01
+    assert not any(entry.passes for entry in found.iterations if entry.poles == 1)
+    assert max(entry.poles for entry in found.iterations) == 3, "one step more shows that it gains nothing"
+    assert found.own is None
+
+
+def test_coloured_residuals_are_accepted_of_output_error_alone() -> None:
+    others = [record(seed, coloured=True, samples=1500) for seed in (5, 6)]
+    found = search("oe", record(1, coloured=True), others, (2, 2, 2))
+    assert found.accepted
+    assert found.chosen.whiteness_p < 0.01
+    assert found.own is not None
+    assert found.own.orders == (2, 2, 2)
+
+
+def test_where_nothing_passes_the_simplest_near_the_best_is_chosen() -> None:
+    def echoing(seed: int) -> IOData:
+        data = record(seed, coloured=False, samples=2000)
+        return IOData(data.u, data.y + 0.3 * np.roll(data.u, 17, axis=0), 0.02)[20:]
+
+    found = search("armax", echoing(1), [echoing(seed) for seed in (5, 6)], (2, 2, 2, 2))
+    assert not found.accepted
+    assert {entry.poles for entry in found.iterations} == set(POLES)
+    assert {entry.delay for entry in found.iterations} == set(DELAYS)
+    top = max(entry.held_out for entry in found.iterations)
+    assert top - 0.1 <= found.chosen.held_out <= top
+
+
+def test_nothing_to_judge_on_is_refused() -> None:
+    with pytest.raises(SysidError, match="other data sets"):
+        search_orders("elbow_pitch", {5: record(1, coloured=False)}, 5, {"armax": (2, 2, 2, 2), "oe": (2, 2, 2)})
+
+
+def test_a_search_knows_of_the_thesis_choice(study: Comparison) -> None:
+    assert set(study.searches) == set(study.joints)
+    for joint, found in study.searches.items():
+        for entry in (found.armax, found.oe):
+            assert list(entry.thesis) == THESIS[joint][entry.method]
+            if entry.own is not None:
+                assert entry.own.orders == entry.thesis
+        assert np.isfinite(found.arx.validation).all()
+        assert found.arx.best("aic")
