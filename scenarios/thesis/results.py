@@ -7,6 +7,7 @@ from scenarios.crossing import half_power_hz
 from scenarios.thesis.about_1_hz import ABOUT_1_HZ, near_1_hz
 from scenarios.thesis.comparison import Comparison
 from scenarios.thesis.finding import Finding
+from scenarios.thesis.one_hertz import held_in_words, look, published_in_words
 from scenarios.thesis.sensitivity import half_power_spread, spread
 
 
@@ -157,8 +158,8 @@ def answers(study: Comparison) -> tuple[str, ...]:
     """The statements of the answer, one by one: the band, the intervals, the published models."""
     if study.duration is not None:
         return (
-            f"This is a look, not a result: the records are {study.duration:g} s long instead of 240 s, so no verdict "
-            "on the 1 Hz finding is given. Run the study without a shorter duration for one.",
+            f"{look(study.duration)}, so no verdict on the 1 Hz finding is given. Run the study without a shorter "
+            "duration for one.",
         )
     low, high = ABOUT_1_HZ
     entries = study.joints.values()
@@ -180,7 +181,7 @@ def answers(study: Comparison) -> tuple[str, ...]:
     settled = max(high - low for low, high in (half_power_spread(effects) for effects in study.orders.values()))
     gains = [part.dc_gain for part in orders]
     second = (
-        f"{sum(model.covers for model in models)} of {len(models)} intervals at 95 % hold the small-signal truth. "
+        f"{held_in_words(sum(model.covers for model in models), len(models))} the small-signal truth. "
         f"Friction lowers the frequency at which the gain is 0.707 by {gentle:.1f} to {strong:.1f} %. What "
         "models of higher order miss beyond that is extrapolation: the PRBS file repeats every 2 s, so nothing below "
         "0.5 Hz is excited, while the bandwidth is "
@@ -188,20 +189,7 @@ def answers(study: Comparison) -> tuple[str, ...]:
         f"The choice of order alone moves the bandwidth of one joint by up to {moved:.2f} Hz, but the 0.707 frequency, "
         f"which is measured, by {settled:.2f} Hz."
     )
-    printed = {
-        name: [(model.label, model.bandwidth_hz, half_power_hz(model.model)) for model in entry.published]
-        for name, entry in study.joints.items()
-    }
-    every = [line for lines in printed.values() for line in lines]
-    by_bandwidth = sum(near_1_hz(hz) for _, hz, _ in every)
-    by_level = sum(near_1_hz(hz) for *_, hz in every)
-    yaw = printed["shoulder_yaw"]
-    reached = [f"{label} reaches 0.707 at {level:.2f} Hz" for label, _, level in yaw if near_1_hz(level)]
-    third = (
-        f"of the thesis' own {len(every)} printed models {by_bandwidth} are near 1 Hz by their bandwidth and "
-        f"{by_level} by the gain 0.707; the yaw models have bandwidths of {_range(hz for _, hz, _ in yaw)} Hz, and "
-        f"only {' and '.join(reached) or 'none reaches 0.707 near 1 Hz'}."
-    )
+    third = published_in_words(study.joints)
     return f"First, {first}", f"Second, {second}", f"Third, {third}"
 
 
