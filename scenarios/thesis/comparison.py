@@ -8,6 +8,7 @@ from scenarios.published import PublishedModel
 from scenarios.thesis.attribution import Attribution
 from scenarios.thesis.campaign import Campaign
 from scenarios.thesis.every_data_set import DataSets
+from scenarios.thesis.fairness_table import Fairness
 from scenarios.thesis.multivariable import Multivariable, ThreeJointModel
 from scenarios.thesis.nonparametric import Nonparametric
 from scenarios.thesis.observer_analysis import Observers
@@ -145,6 +146,7 @@ class Comparison:
         prediction_errors: Other data sets, orders and the arm without friction, by joint.
         observers: OKID's observers [Morris1996, ch. V].
         robustness: Models from spoilt records; all of it only when thorough.
+        fairness: The same table of fits for every arm; None where the study is not thorough.
         cost: Time spent.
         estimation_test: Number of the test that models were identified from.
         provenance: Versions of what was used.
@@ -159,6 +161,7 @@ class Comparison:
     prediction_errors: Mapping[str, PredictionErrors]
     observers: Observers
     robustness: Robustness
+    fairness: Fairness | None
     cost: Cost
     estimation_test: int
     provenance: Mapping[str, str]

@@ -38,8 +38,8 @@ def biased(data: IOData, degree: float, _: np.random.Generator) -> IOData:
 
 
 def drifting(data: IOData, degree: float, _: np.random.Generator) -> IOData:
-    """Let the output rise evenly, by so many of its standard deviations from the first sample to the last."""
-    ramp = np.linspace(-0.5, 0.5, len(data))[:, None]
+    """Let the output rise evenly from zero, by so many of its standard deviations until the last sample."""
+    ramp = np.linspace(0.0, 1.0, len(data))[:, None]
     return replace(data, y=data.y + degree * np.std(data.y) * ramp)
 
 
@@ -141,7 +141,8 @@ class Disturbance:
         spoil: Does it.
         treatments: What is taken off before identifying, each in turn.
         draws: How often chance is drawn; 1 where there is none.
-        log: Whether degrees are drawn on a logarithmic axis.
+        decibel: Whether the degree is a ratio in dB, otherwise it is drawn on a logarithmic axis.
+        falling: Whether a smaller degree spoils more.
         other_structures: Whether structures that the thesis did not choose are tried too.
         whole: Whether it takes the whole record, to cut parts from it, or the part that all others are laid on.
     """
@@ -153,7 +154,8 @@ class Disturbance:
     spoil: Spoil
     treatments: tuple[str, ...] = AS_IT_IS
     draws: int = 1
-    log: bool = False
+    decibel: bool = False
+    falling: bool = False
     other_structures: bool = False
     whole: bool = False
 
@@ -166,7 +168,7 @@ DISTURBANCES: Mapping[str, Disturbance] = MappingProxyType(
                 "bias",
                 "constant added to the output",
                 "standard deviations",
-                (0.0, 0.02, 0.1, 0.2, 0.5, 1.0, 2.0),
+                (0.0, 0.02, 0.1, 0.5, 2.0),
                 biased,
                 tuple(TREATMENTS),
                 other_structures=True,
@@ -175,7 +177,7 @@ DISTURBANCES: Mapping[str, Disturbance] = MappingProxyType(
                 "drift",
                 "even rise of the output over the record",
                 "standard deviations",
-                (0.2, 0.5, 1.0, 2.0),
+                (0.2, 0.5, 2.0),
                 drifting,
                 tuple(TREATMENTS),
             ),
@@ -183,7 +185,7 @@ DISTURBANCES: Mapping[str, Disturbance] = MappingProxyType(
                 "sway",
                 "slow sine, 60 s long, added to the output",
                 "standard deviations",
-                (0.1, 0.2, 0.5, 1.0),
+                (0.1, 0.3, 1.0),
                 swaying,
                 tuple(TREATMENTS),
             ),
@@ -191,7 +193,7 @@ DISTURBANCES: Mapping[str, Disturbance] = MappingProxyType(
                 "outliers",
                 f"outliers of {OUTLIER_SIZE:g} standard deviations",
                 "percent of samples",
-                (0.2, 0.5, 1.0, 2.0, 5.0),
+                (0.2, 0.5, 2.0, 5.0),
                 frequent_outliers,
                 draws=3,
                 other_structures=True,
@@ -200,16 +202,15 @@ DISTURBANCES: Mapping[str, Disturbance] = MappingProxyType(
                 "outlier size",
                 f"outliers, {OUTLIER_SHARE:g} % of the samples",
                 "size, standard deviations",
-                (1.0, 2.0, 5.0, 10.0, 20.0),
+                (1.0, 3.0, 10.0, 30.0),
                 large_outliers,
                 draws=3,
-                log=True,
             ),
             Disturbance(
                 "held drop-outs",
                 "samples lost in bursts, the last one held",
                 "percent of samples",
-                (0.0, 1.0, 2.0, 5.0, 10.0),
+                (1.0, 3.0, 10.0),
                 held_dropouts,
                 draws=3,
                 whole=True,
@@ -218,7 +219,7 @@ DISTURBANCES: Mapping[str, Disturbance] = MappingProxyType(
                 "marked drop-outs",
                 "samples lost in bursts, marked missing",
                 "percent of samples",
-                (0.0, 1.0, 2.0, 5.0, 10.0),
+                (1.0, 3.0, 10.0),
                 marked_dropouts,
                 draws=3,
                 whole=True,
@@ -227,10 +228,10 @@ DISTURBANCES: Mapping[str, Disturbance] = MappingProxyType(
                 "length",
                 "length of the record",
                 "s",
-                (10.0, 20.0, 40.0, 80.0, 160.0, 236.0),
+                (10.0, 30.0, 90.0, 236.0),
                 shortened,
-                draws=4,
-                log=True,
+                draws=3,
+                falling=True,
                 whole=True,
             ),
             Disturbance(
@@ -239,6 +240,8 @@ DISTURBANCES: Mapping[str, Disturbance] = MappingProxyType(
                 "signal over noise, dB",
                 (40.0, 30.0, 20.0, 10.0, 0.0),
                 white_noise,
+                decibel=True,
+                falling=True,
                 draws=3,
                 other_structures=True,
             ),
@@ -248,6 +251,8 @@ DISTURBANCES: Mapping[str, Disturbance] = MappingProxyType(
                 "signal over noise, dB",
                 (40.0, 30.0, 20.0, 10.0, 0.0),
                 coloured_noise,
+                decibel=True,
+                falling=True,
                 draws=3,
                 other_structures=True,
             ),

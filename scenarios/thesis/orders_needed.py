@@ -91,7 +91,7 @@ def orders_needed(joint: str, campaign: Campaign, data: IOData, judge: IOData) -
     for method in METHODS:
         for name, record in records.items():
             fits = {n: _fit(method, record, n, nk, judge) for n in ORDERS[method]}
-            found.append(OrderNeeded(joint, method, name, MappingProxyType(fits), needed(fits)))
+            found.append(OrderNeeded(joint, method, name, fits, needed(fits)))
     return tuple(found)
 
 

@@ -12,6 +12,7 @@ from scenarios.thesis.chapter_4 import chapter_4
 from scenarios.thesis.chapter_5 import chapter_5
 from scenarios.thesis.chapter_6 import chapter_6
 from scenarios.thesis.comparison import Comparison
+from scenarios.thesis.fairness_section import fairness_section
 from scenarios.thesis.figure_map import mapped
 from scenarios.thesis.figure_style import EXCITED_FROM
 from scenarios.thesis.figures_answer import bandwidths
@@ -38,6 +39,7 @@ SECTIONS: tuple[tuple[str, Callable[[Comparison, Gallery], object]], ...] = (
     ("chapter_5", chapter_5),
     ("chapter_6", chapter_6),
     ("published", published_section),
+    ("fairness", fairness_section),
     ("robustness", robustness),
 )
 """Parts that draw, in the order of the page: figures are numbered as they come."""

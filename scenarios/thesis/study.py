@@ -32,6 +32,7 @@ from scenarios.thesis.comparison import (
     JointResult,
     ModelResult,
 )
+from scenarios.thesis.fairness_table import fairness
 from scenarios.thesis.multivariable import multivariable
 from scenarios.thesis.nonparametric import nonparametric
 from scenarios.thesis.observer_analysis import observers
@@ -182,6 +183,7 @@ def concluded(campaigns: Sequence[Campaign], *, thorough: bool = True, progress:
             thorough=thorough,
         ),
         robustness=robustness(main, ESTIMATION_TEST, thorough=thorough),
+        fairness=fairness(campaigns, ESTIMATION_TEST) if thorough else None,
         cost=Cost(
             sum(entry.physics_s for entry in campaigns),
             sum(entry.simulation_s for entry in campaigns),

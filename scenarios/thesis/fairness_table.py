@@ -1,0 +1,230 @@
+"""One table for every arm: each model's fits, in simulation and one step ahead, estimation and validation apart.
+
+Every arm's models are identified from its own PRBS test and meet its own records and its own truth.
+"""
+
+import warnings
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from statistics import median
+
+import numpy as np
+
+import sysid
+from hmtb_twin import STUDIED_JOINTS
+from scenarios.estimators import estimate
+from scenarios.published import published
+from scenarios.thesis.campaign import RPCM, Campaign, Condition
+from scenarios.thesis.structures import STRUCTURES, every_structure
+from sysid import IOData, StateSpace, SysidError, SysidWarning
+
+RECORDS = ("mimo-10", "mimo-12", RPCM)
+"""Records of three joints that every arm has: the slow and the fast chirp, the exchange."""
+
+
+@dataclass(frozen=True)
+class BothFits:
+    """A fit in percent, always both ways.
+
+    Attributes:
+        simulation: Of the simulated output.
+        one_step: Of the one-step prediction; with K = 0 the simulation again.
+    """
+
+    simulation: float
+    one_step: float
+
+
+@dataclass(frozen=True, eq=False)
+class FairModel:
+    """One model of one joint on one arm.
+
+    Attributes:
+        method: Key of the method.
+        label: For tables; the same on every arm.
+        chosen: Whether the thesis took it into a three-joint model.
+        printed: Whether it has the thesis' own digits; otherwise it was identified from this arm's PRBS test.
+        model: The model; None where the estimator refused.
+        bandwidth_hz: Its bandwidth, Hz; NaN where there is none.
+        ci95: 95 % interval, Hz; None for a printed model.
+        covers: Whether that holds this arm's truth; None for a printed model.
+        fits: By number of the test, the estimation test among them.
+    """
+
+    method: str
+    label: str
+    chosen: bool
+    printed: bool
+    model: StateSpace | None
+    bandwidth_hz: float
+    ci95: tuple[float, float] | None
+    covers: bool | None
+    fits: Mapping[int, BothFits]
+
+    @property
+    def stable(self) -> bool:
+        """Whether there is a model and it is stable."""
+        return self.model is not None and self.model.is_stable()
+
+    @property
+    def predicts(self) -> bool:
+        """Whether a noise model lets it predict."""
+        return self.model is not None and bool(np.any(self.model.gain))
+
+    def validation(self, own: int) -> BothFits | None:
+        """Median over the tests other than the estimation test; None where there are none."""
+        others = [fit for number, fit in self.fits.items() if number != own]
+        if not others:
+            return None
+        return BothFits(median(fit.simulation for fit in others), median(fit.one_step for fit in others))
+
+
+@dataclass(frozen=True, eq=False)
+class ThreeJointFits:
+    """One three-joint model on one arm.
+
+    Attributes:
+        name: `SysID`, `OKID` or `hybrid`.
+        printed: Whether it has the thesis' own digits.
+        fits: By record, then by joint.
+    """
+
+    name: str
+    printed: bool
+    fits: Mapping[str, Mapping[str, BothFits]]
+
+
+@dataclass(frozen=True, eq=False)
+class ArmFairness:
+    """The table of one arm.
+
+    Attributes:
+        condition: The arm.
+        truth_hz: Its true bandwidths by joint, Hz.
+        joints: Its models by joint, those of the thesis' structures first; joints without a PRBS record are left out.
+        three_joint: Models of three joints; none where a joint is left out.
+    """
+
+    condition: Condition
+    truth_hz: Mapping[str, float]
+    joints: Mapping[str, tuple[FairModel, ...]]
+    three_joint: tuple[ThreeJointFits, ...]
+
+    def chosen(self, joint: str, *, okid: bool) -> FairModel:
+        """The model that the thesis' SysID or OKID model has for a joint, identified anew."""
+        return next(
+            entry
+            for entry in self.joints[joint]
+            if entry.chosen and not entry.printed and (entry.method == "okid") == okid
+        )
+
+    def identified(self) -> tuple[FairModel, ...]:
+        """All identified models of all joints."""
+        return tuple(entry for models in self.joints.values() for entry in models if not entry.printed)
+
+
+@dataclass(frozen=True, eq=False)
+class Fairness:
+    """The same table for every arm.
+
+    Attributes:
+        arms: In the order of the campaigns.
+        estimation_test: Number of the test that models were identified from.
+    """
+
+    arms: tuple[ArmFairness, ...]
+    estimation_test: int
+
+
+def fairness(campaigns: Sequence[Campaign], estimation_test: int) -> Fairness:
+    """Identify and judge every model on every arm.
+
+    Args:
+        campaigns: One for each arm.
+        estimation_test: Number of the test that models are identified from.
+
+    Returns:
+        The tables.
+    """
+    with warnings.catch_warnings():
+        # what is wrong with a model shows in its fits
+        warnings.simplefilter("ignore", SysidWarning)
+        return Fairness(tuple(_arm(campaign, estimation_test) for campaign in campaigns), estimation_test)
+
+
+def _arm(campaign: Campaign, own: int) -> ArmFairness:
+    joints = {}
+    for joint in STUDIED_JOINTS:
+        data = campaign.singles(joint)
+        if own in data:
+            joints[joint] = _joint(joint, data, own, campaign)
+    return ArmFairness(
+        campaign.condition,
+        {joint: campaign.truth.joint(joint).bandwidth_hz for joint in STUDIED_JOINTS},
+        joints,
+        _three_joints(joints, campaign) if len(joints) == len(STUDIED_JOINTS) else (),
+    )
+
+
+def _joint(joint: str, data: Mapping[int, IOData], own: int, campaign: Campaign) -> tuple[FairModel, ...]:
+    sufficient = next(entry for entry in STRUCTURES[joint] if entry.method == "oe_high")
+    true = campaign.truth.joint(joint).bandwidth_hz
+    found = []
+    for structure in (*every_structure(joint), sufficient):
+        heading = (structure.method, structure.label, structure.chosen, False)
+        try:
+            model, _ = estimate(data[own], structure.estimator, structure.orders)
+        except SysidError:
+            found.append(FairModel(*heading, None, float("nan"), None, False, {}))
+            continue
+        band = model.bandwidth()
+        ends = (float(band.ci95[0][0, 0]), float(band.ci95[1][0, 0]))
+        hz, covers = float(band.hz[0, 0]), bool(band.covers(true)[0, 0])
+        found.append(FairModel(*heading, model.model, hz, ends, covers, _fits(model.model, data)))
+    for printed in published(joint):
+        heading = (printed.method, f"printed {printed.label}", printed.chosen, True)
+        fits = _fits(printed.model, data)
+        found.append(FairModel(*heading, printed.model, printed.bandwidth_hz, None, None, fits))
+    return tuple(found)
+
+
+def _fits(model: StateSpace, data: Mapping[int, IOData]) -> dict[int, BothFits]:
+    return {number: _both(model, record) for number, record in data.items()}
+
+
+def _both(model: StateSpace, record: IOData) -> BothFits:
+    (score,) = sysid.compare(model, record)
+    return BothFits(float(score.simulation[0]), float(score.one_step[0]))
+
+
+def _three_joints(joints: Mapping[str, tuple[FairModel, ...]], campaign: Campaign) -> tuple[ThreeJointFits, ...]:
+    """A block-diagonal model follows each joint as that joint's block does; the hybrid has SysID's yaw."""
+    data = {name: campaign.several(name) for name in RECORDS if name in campaign.logs}
+    alone = {
+        name: {joint: IOData(record.u[:, k], record.y[:, k], record.dt) for k, joint in enumerate(STUDIED_JOINTS)}
+        for name, record in data.items()
+    }
+    found = []
+    for printed in (False, True):
+        fits: dict[bool, dict[str, dict[str, BothFits]]] = {}
+        for okid in (False, True):
+            blocks = {
+                joint: next(
+                    entry.model
+                    for entry in joints[joint]
+                    if entry.chosen and entry.printed == printed and (entry.method == "okid") == okid
+                )
+                for joint in STUDIED_JOINTS
+            }
+            fits[okid] = {
+                name: {joint: _both(model, parts[joint]) for joint, model in blocks.items() if model is not None}
+                for name, parts in alone.items()
+            }
+        yaw = STUDIED_JOINTS[0]
+        mixed = {name: {joint: fits[joint != yaw][name][joint] for joint in STUDIED_JOINTS} for name in data}
+        found += [
+            ThreeJointFits("SysID", printed, fits[False]),
+            ThreeJointFits("OKID", printed, fits[True]),
+            ThreeJointFits("hybrid", printed, mixed),
+        ]
+    return tuple(found)
