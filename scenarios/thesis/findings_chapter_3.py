@@ -222,7 +222,8 @@ def pulse_spectra(study: Comparison) -> Finding:
         "for from 1 to 5 Hz too, of input and output",
         f"from 1 to 5 Hz lies, of the {shares}. The disturbance of this estimate is the output less what correlates "
         "with the input, and the window's leakage is in it; told apart by repetition instead, "
-        f"{min(repeated):.0f} to {max(repeated):.0f} % of the disturbance lies up to {AROUND_1_HZ:g} Hz",
+        f"{min(repeated):.0f} to {max(repeated):.0f} % of the disturbance lies up to {AROUND_1_HZ:g} Hz: the noise of the "
+        "resolver is spread over all frequencies",
     )
 
 

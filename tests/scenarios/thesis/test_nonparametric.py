@@ -43,6 +43,16 @@ def test_the_gain_between_the_tones_is_told_by_the_noise_of_the_wires() -> None:
     np.testing.assert_allclose(silent.frequencies, [2.5, 10.0])
 
 
+def test_long_blocks_bring_the_gain_and_the_disturbance_near_what_is_put_in() -> None:
+    """Between the tones the joint answers noise of before the block; a short block counts that as disturbance."""
+    data = _record((2.5, 10.0), wires=0.03)
+    long, short = period_spectra(data), period_spectra(data[:1100])
+    assert (long.periods, short.periods) == (56, 11)
+    floor = 1e-8 * 0.02
+    low = long.frequencies < 2.0
+    assert floor < long.disturbance[low].mean() < 0.4 * short.disturbance[low].mean()
+
+
 def test_intervals_of_the_told_gain_hold_the_truth_as_often_as_they_say() -> None:
     rng = np.random.default_rng(8)
     u = np.tile(rng.standard_normal(100), 60)
