@@ -1,0 +1,69 @@
+"""The seven categories, and who is ahead."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from scenarios.thesis.categories import Category, Measure, categories
+from scenarios.thesis.comparison import Comparison
+
+NAMES = [
+    "frequency bandwidth",
+    "model stability",
+    "flexibility",
+    "parsimony",
+    "robustness",
+    "RPCM fit",
+    "MIMO data fits",
+]
+
+
+def test_all_seven_have_numbers_for_both_models(study: Comparison) -> None:
+    found = categories(study)
+    assert [entry.name for entry in found] == NAMES
+    for entry in found:
+        assert entry.measures, entry.name
+        assert entry.thesis
+        for measure in entry.measures:
+            assert {"SysID model", "OKID model"} <= set(measure.values)
+            assert measure.ahead in {"SysID", "OKID", "neither"}
+            assert measure.text("SysID model") != "–"
+
+
+def test_the_category_says_when_its_measures_disagree() -> None:
+    one, other = (Measure("x", {"SysID model": 1.0}, ahead) for ahead in ("SysID", "OKID"))
+    assert Category("c", "SysID", (one, one)).ahead == "SysID"
+    assert Category("c", "SysID", (one, other)).ahead == "depends on the measure"
+    assert Category("c", "SysID", ()).ahead == "not tried"
+    assert one.text("SysID model") == "1.0"
+    assert one.text("hybrid model") == "–"
+
+
+def test_an_unstable_model_is_behind(study: Comparison) -> None:
+    okid = study.multivariable.model("OKID")
+    assert categories(study)[1].ahead == "neither"
+    A = okid.model.A * (1.01 / okid.largest_pole)
+    models = tuple(
+        replace(entry, model=replace(entry.model, A=A)) if entry is okid else entry
+        for entry in study.multivariable.models
+    )
+    spoilt = replace(study, multivariable=replace(study.multivariable, models=models))
+    assert categories(spoilt)[1].ahead == "SysID"
+
+
+def test_measures_are_what_they_say(study: Comparison) -> None:
+    found = {entry.name: entry.measures for entry in categories(study)}
+    own, okid = study.multivariable.pair()
+    assert found["parsimony"][0].values["OKID model"] == 6.0
+    assert found["parsimony"][0].values["SysID model"] == 10.0
+    assert found["RPCM fit"][0].values["OKID model"] == pytest.approx(okid.fit("rpcm").mean("simulation"))
+    for measure in found["MIMO data fits"]:
+        assert measure.values["SysID model"] + measure.values["OKID model"] == 15.0
+    off = [
+        abs(model.bandwidth_hz / entry.truth.bandwidth_hz - 1)
+        for entry in study.joints.values()
+        for model in (entry.chosen,)
+    ]
+    assert found["frequency bandwidth"][0].values["SysID model"] == pytest.approx(100 * np.mean(off))
+    assert own.largest_pole == found["model stability"][0].values["SysID model"]

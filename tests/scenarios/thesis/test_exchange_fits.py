@@ -1,0 +1,45 @@
+"""The exchange, phase by phase."""
+
+import numpy as np
+import pytest
+
+import sysid
+from hmtb_twin import JOINTS, STUDIED_JOINTS
+from scenarios.preparation import SETTLING
+from scenarios.rpcm_outcome import PHASES
+from scenarios.thesis.campaign import RPCM
+from scenarios.thesis.comparison import Comparison
+
+
+def test_phases_follow_each_other_and_the_unit_is_carried_in_the_right_ones(study: Comparison) -> None:
+    found = study.multivariable.exchange
+    assert found is not None
+    assert tuple(phase.name for phase in found.phases) == PHASES
+    for one, other in zip(found.phases, found.phases[1:], strict=False):
+        assert one.end == other.start
+    loaded = {phase.name: phase.loaded for phase in found.phases}
+    assert loaded["approach"] < 0.1
+    assert loaded["transfer"] == loaded["align"] == 1.0
+    assert 0.0 < found.loaded < 1.0
+
+
+def test_the_arm_goes_far_from_the_operating_point(study: Comparison) -> None:
+    found, log = study.multivariable.exchange, study.campaign.log(RPCM)
+    assert found is not None
+    yaw = JOINTS.index("shoulder_yaw")
+    settled = log.true_angles[round(SETTLING / log.dt) :, yaw]
+    assert found.departure["shoulder_yaw"] == pytest.approx(np.abs(settled - study.truth.angles[yaw]).max())
+    assert np.degrees(max(found.departure.values())) > 10.0
+
+
+def test_errors_are_those_of_the_whole_run_in_its_part(study: Comparison) -> None:
+    found, data = study.multivariable.exchange, study.campaign.several(RPCM)
+    assert found is not None
+    phase = next(entry for entry in found.phases if entry.name == "transfer")
+    entry = study.multivariable.model("OKID")
+    (fit,) = sysid.compare(entry.model, data)
+    part = slice(round((phase.start - SETTLING) / data.dt), round((phase.end - SETTLING) / data.dt))
+    for i, joint in enumerate(STUDIED_JOINTS):
+        for values, of in ((fit.simulated, phase.simulation), (fit.predicted, phase.one_step)):
+            error = np.sqrt(np.mean((data.y[part, i] - values[part, i]) ** 2))
+            assert of[entry.name][joint] == pytest.approx(error, rel=1e-9)

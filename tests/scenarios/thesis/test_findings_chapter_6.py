@@ -1,0 +1,73 @@
+"""Findings on what the three-joint models are."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from scenarios.thesis import findings_chapter_6 as findings
+from scenarios.thesis.comparison import Comparison
+from scenarios.thesis.multivariable import WAYS, ThreeJointModel
+from sysid import StateSpace
+
+
+def _as_printed(study: Comparison) -> Comparison:
+    """The study as if it had identified the very models that the thesis prints."""
+    found = study.multivariable
+    models: list[ThreeJointModel] = [entry for entry in found.models if entry.printed]
+    models += [replace(entry, name=entry.name.removeprefix("printed "), printed=False) for entry in models]
+    return replace(study, multivariable=replace(found, models=tuple(models)))
+
+
+def test_the_printed_models_have_the_roots_that_the_thesis_tells(study: Comparison) -> None:
+    assert findings.real_poles(_as_printed(study)).verdict == "reproduced"
+
+
+def test_roots_are_counted(study: Comparison) -> None:
+    assert findings.complex_roots(np.array([1.0, 0.5 + 0.1j, 0.5 - 0.1j, 0.3 + 1e-9j])) == 2
+    found = findings.real_poles(study).value
+    assert isinstance(found, dict)
+    own, okid = study.multivariable.pair()
+    assert found["SysID complex poles"] == sum(abs(own.model.poles().imag) > 1e-6)
+    assert found["OKID zeros"] == len(okid.model.zeros())
+
+
+def test_responses_apart_are_measured_in_gain_and_phase(study: Comparison) -> None:
+    own, okid = study.multivariable.pair()
+    block = own.blocks["elbow_pitch"]
+    half = replace(block, C=0.5 * block.C, D=0.5 * block.D)
+    late = StateSpace(
+        np.block([[block.A, np.zeros((block.order, 1))], [block.C, np.zeros((1, 1))]]),
+        np.vstack((block.B, block.D)),
+        np.hstack((np.zeros((1, block.order)), np.ones((1, 1)))),
+        np.zeros((1, 1)),
+        None,
+        block.dt,
+    )
+    for other, gain, phase in ((half, 20 * np.log10(2.0), 0.0), (late, 0.0, 360 * 5.0 * block.dt)):
+        changed = replace(okid, blocks={**okid.blocks, "elbow_pitch": other})
+        models = tuple(changed if entry is okid else entry for entry in study.multivariable.models)
+        apart = findings.bode_apart(replace(study.multivariable, models=models), "elbow_pitch")
+        assert apart == pytest.approx((gain, phase), abs=1e-6)
+
+
+def test_the_true_coupling_stands_in_the_finding(study: Comparison) -> None:
+    found = findings.coupling(study)
+    assert isinstance(found.value, dict)
+    assert found.value["truth"] == pytest.approx(100 * study.multivariable.coupling)
+    assert 1.0 < found.value["truth"] < findings.LITTLE
+    assert all(0.0 < found.value[f"motion with {joint}"] < findings.LITTLE for joint in study.joints)
+
+
+def test_held_out_fits_leave_the_data_of_estimation_out(study: Comparison) -> None:
+    entry = study.joints["shoulder_yaw"]
+    number = study.estimation_test
+    spoilt = replace(
+        entry.chosen, fits={**entry.chosen.fits, number: replace(entry.chosen.fits[number], simulation=-1e9)}
+    )
+    models = {key: spoilt if model is entry.chosen else model for key, model in entry.models.items()}
+    changed = replace(study, joints={**study.joints, "shoulder_yaw": replace(entry, models=models)})
+    for way in WAYS:
+        assert findings.held_out_fit(changed, "SysID", "shoulder_yaw", way) == pytest.approx(
+            findings.held_out_fit(study, "SysID", "shoulder_yaw", way)
+        )

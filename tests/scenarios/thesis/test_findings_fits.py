@@ -1,0 +1,153 @@
+"""Findings on fits follow from the fits."""
+
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+import sysid
+from hmtb_twin import STUDIED_JOINTS
+from scenarios.errors import MissingRecordError
+from scenarios.thesis import findings_fits as findings
+from scenarios.thesis.campaign import RPCM
+from scenarios.thesis.comparison import Comparison
+from scenarios.thesis.findings import FINDINGS
+from scenarios.thesis.multivariable import JointFits
+from sysid import IOData, StateSpace
+
+YAW, SHOULDER, ELBOW = STUDIED_JOINTS
+
+
+def _with_okid(study: Comparison, change: Callable[[JointFits], JointFits]) -> Comparison:
+    """The study with other fits of the OKID model, made from those of the SysID model."""
+    own, _ = study.multivariable.pair()
+    models = tuple(
+        replace(entry, fits={name: change(fit) for name, fit in own.fits.items()})
+        if entry.name == "OKID model"
+        else entry
+        for entry in study.multivariable.models
+    )
+    return replace(study, multivariable=replace(study.multivariable, models=models))
+
+
+def _moved(by: float) -> Callable[[JointFits], JointFits]:
+    def change(fits: JointFits) -> JointFits:
+        return JointFits(
+            {joint: value + by for joint, value in fits.simulation.items()},
+            {joint: value + by for joint, value in fits.one_step.items()},
+        )
+
+    return change
+
+
+def test_who_is_ahead_on_the_exchange_decides(study: Comparison) -> None:
+    worse, better = (findings.exchange_fit(_with_okid(study, _moved(by))) for by in (-2.0, 2.0))
+    assert isinstance(worse.value, dict)
+    assert isinstance(better.value, dict)
+    assert list(worse.value.values()) == pytest.approx([-2.0] * 6)
+    assert list(better.value.values()) == pytest.approx([2.0] * 6)
+    assert worse.verdict in {"not reproduced", "partly"}
+    assert better.verdict in {"reproduced", "partly"}
+    for text in (worse.why, better.why):
+        assert "in simulation" in text
+        assert "one step ahead" in text
+
+
+def test_ahead_one_way_only_is_said(study: Comparison) -> None:
+    def change(fits: JointFits) -> JointFits:
+        return JointFits(
+            {joint: value - 1 for joint, value in fits.simulation.items()},
+            {joint: value + 1 for joint, value in fits.one_step.items()},
+        )
+
+    found = findings.exchange_fit(_with_okid(study, change))
+    assert found.verdict == "partly"
+    assert isinstance(found.value, dict)
+    assert found.value["shoulder_yaw, simulation"] == pytest.approx(-1.0)
+    assert found.value["shoulder_yaw, one step"] == pytest.approx(1.0)
+
+
+def test_slightly_is_neither_less_nor_much_more(study: Comparison) -> None:
+    def singles(by: float) -> Comparison:
+        joints = {
+            joint: replace(
+                entry,
+                models={
+                    **entry.models,
+                    "okid": replace(
+                        entry.models["okid"],
+                        fits={
+                            number: replace(fit, simulation=fit.simulation + by, one_step=fit.one_step + by)
+                            for number, fit in entry.chosen.fits.items()
+                        },
+                    ),
+                },
+            )
+            for joint, entry in study.joints.items()
+        }
+        return replace(_with_okid(study, _moved(by)), joints=joints)
+
+    verdicts = [findings.above_5_hz(singles(by)).verdict for by in (-1.0, 1.0, 30.0)]
+    assert verdicts == ["not reproduced", "reproduced", "not reproduced"]
+
+
+def test_the_hybrid_has_to_be_ahead_of_both(study: Comparison) -> None:
+    value = findings.slow_data(study).value
+    assert isinstance(value, dict)
+    own, okid = study.multivariable.pair()
+    hybrid = study.multivariable.model("hybrid")
+    for record in findings.SLOW:
+        lead = own.fit(record).simulation[YAW] - okid.fit(record).simulation[YAW]
+        assert value[f"yaw, {record}, simulation"] == pytest.approx(lead)
+        others = max(entry.fit(record).mean("simulation") for entry in (own, okid))
+        assert value[f"hybrid, {record}, simulation"] == pytest.approx(hybrid.fit(record).mean("simulation") - others)
+
+
+def _test_of(errors: np.ndarray, u: np.ndarray) -> sysid.ResidualTest:
+    """The test of residuals that are known: a model of zero leaves the output itself."""
+    model = StateSpace(np.zeros((0, 0)), np.zeros((0, 3)), np.zeros((3, 0)), np.zeros((3, 3)), None, 0.02)
+    return sysid.resid(model, IOData(u, errors, 0.02))
+
+
+def test_lags_are_counted_where_they_are() -> None:
+    rng = np.random.default_rng(3)
+    u, e = rng.standard_normal((2, 6000, 3))
+    white = findings.outside_share(_test_of(e, u))
+    assert max(white.values()) <= findings.FAIRLY_WHITE
+    coloured = e.copy()
+    coloured[:, 1] = np.convolve(e[:, 1], np.ones(20), mode="full")[: len(e)]
+    share = findings.outside_share(_test_of(coloured, u))
+    assert share[SHOULDER] > 0.5
+    assert share[YAW] == white[YAW]
+    early, late = e.copy(), e.copy()
+    early[:, 0] += np.roll(u[:, 0], 5)
+    late[:, 0] += np.roll(u[:, 0], 20)
+    first, second = findings.dependence(_test_of(early, u))
+    assert first == pytest.approx(1 / 14, abs=0.08)
+    assert second == pytest.approx(0.0, abs=0.1)
+    assert findings.dependence(_test_of(late, u))[1] >= 1 / 11
+
+
+def test_a_coupling_is_found_at_its_input() -> None:
+    rng = np.random.default_rng(4)
+    u, e = rng.standard_normal((2, 6000, 3))
+    e[:, 0] += 0.3 * np.roll(u[:, 2], 3)
+    test = _test_of(e, u)
+    value, outside = findings.peak(test, 0, 2)
+    assert outside
+    assert value == pytest.approx(0.3 / np.sqrt(1.09), abs=0.04)
+    assert findings.peak(test, 0, 1)[0] < 0.1
+
+
+@pytest.mark.parametrize(
+    ("record", "keys"),
+    [(RPCM, ("F18", "F19")), ("mimo-12", ("F20",)), ("mimo-10", ("F21",)), ("mimo-7-independent", ("F26",))],
+)
+def test_what_has_no_record_is_not_decided(study: Comparison, record: str, keys: tuple[str, ...]) -> None:
+    logs = {name: log for name, log in study.logs.items() if name != record}
+    main = replace(study.campaign, logs=logs, failed={record: "the arm met the worksite"})
+    poor = replace(study, campaigns=(main, *study.campaigns[1:]))
+    for key in keys:
+        with pytest.raises(MissingRecordError, match=f"{record}: the arm met the worksite"):
+            FINDINGS[key](poor)
