@@ -8,6 +8,7 @@ from scenarios.thesis.about_1_hz import ABOUT_1_HZ, near_1_hz
 from scenarios.thesis.comparison import Comparison
 from scenarios.thesis.finding import Finding
 from scenarios.thesis.one_hertz import held_in_words, look, published_in_words
+from scenarios.thesis.multivariable_record import multivariable_record
 from scenarios.thesis.sensitivity import half_power_spread, spread
 
 
@@ -95,14 +96,7 @@ def results(study: Comparison, findings: Sequence[Finding], report: Path) -> dic
             ]
             for name, parts in study.orders.items()
         },
-        "three_joint_models": {
-            entry.name: {
-                "states": entry.model.order,
-                "relative_error": entry.error,
-                "relative_error_diagonal": entry.diagonal_error,
-            }
-            for entry in study.three_joint
-        },
+        **multivariable_record(study),
         "cost": {
             "physics_s": study.cost.physics_s,
             "simulation_s": study.cost.simulation_s,
