@@ -45,7 +45,8 @@ def dumbbells(fairness: Fairness) -> Figure:
         axes.set_title(_arm(arm), fontsize=8)
     dress(panels.ravel())
     for axes in panels.ravel():
-        axes.tick_params(labelsize=7)
+        # the grid marks the ticks
+        axes.tick_params(labelsize=7, left=False, bottom=False)
     figure.supxlabel("100 − fit, median over single-joint tests not seen / %", fontsize=9)
     marks = [
         Line2D([], [], color=INK, marker="o", ls="", ms=5, label="in simulation"),
@@ -66,15 +67,16 @@ def _dumbbells(axes: Axes, models: Sequence[FairModel], own: int) -> None:
     colours = np.array([_style(model).colour for _, model, _ in known])
     rest = np.array([[100 - fit.simulation, 100 - fit.one_step] for *_, fit in known])
     x = np.clip(rest, 1.1 * LIMITS[0], LIMITS[1] / 1.15)
-    axes.hlines(y, x.min(axis=1), x.max(axis=1), colors=colours, lw=1.4)
+    axes.hlines(y, x.min(axis=1), x.max(axis=1), colors=colours.tolist(), lw=1.4)
     # A model without a noise model has both in one place: the open mark lies inside the filled one.
     for k, size in enumerate((26, 12)):
         for beyond, mark in ((False, "o"), (True, ">")):
             here = (rest[:, k] > LIMITS[1]) == beyond
             if here.any():
-                inside = colours[here] if k == 0 else "white"
+                edge = colours[here].tolist()
+                inside = edge if k == 0 else "white"
                 axes.scatter(
-                    x[here, k], y[here], size, inside, mark, edgecolors=colours[here], linewidths=1.0, zorder=3
+                    x[here, k], y[here], s=size, c=inside, marker=mark, edgecolors=edge, linewidths=1.0, zorder=3
                 )
 
 

@@ -120,7 +120,8 @@ def _grid(
         axes.set_title(short(joint), fontsize=9)
     dress(panels.ravel())
     for axes in panels.ravel():
-        axes.tick_params(labelsize=7)
+        # the grid marks the ticks
+        axes.tick_params(labelsize=7, left=False, bottom=False)
     figure.supylabel(label, fontsize=9)
     _legend(figure, looks(joints[0]), treatments, measure)
     return figure

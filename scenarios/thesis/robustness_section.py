@@ -10,6 +10,7 @@ from scenarios.thesis.gallery import Gallery
 from scenarios.thesis.orders_needed import MARGIN as ORDER_MARGIN
 from scenarios.thesis.robustness import CORE, PART, sysid_method
 from scenarios.thesis.tolerance import COMPARABLE, Tolerance, tolerance
+from scenarios.waveform import RATE
 
 READING = (
     "Blue: the thesis' prediction-error structure; green: OKID. Marks are medians over the draws, bars reach from the "
@@ -33,7 +34,7 @@ def robustness(study: Comparison, gallery: Gallery) -> dict[str, object]:
     shown: dict[str, object] = {
         "joints": tuple(found.judged_by),
         "judged_by": sorted(set(found.judged_by.values())),
-        "seconds": PART * 0.02,
+        "seconds": PART / RATE,
         "comparable": COMPARABLE,
         "order_margin": ORDER_MARGIN,
         "tolerances": _tolerances(study),

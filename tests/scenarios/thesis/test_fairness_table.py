@@ -1,0 +1,101 @@
+"""The same table for every arm."""
+
+from dataclasses import replace
+
+import pytest
+
+from hmtb_twin import STUDIED_JOINTS
+from scenarios.thesis.campaign import Condition
+from scenarios.thesis.comparison import Comparison
+from scenarios.thesis.fair_conclusions import conclusions, said
+from scenarios.thesis.fairness_section import percent
+from scenarios.thesis.fairness_table import ArmFairness, BothFits, FairModel, Fairness, ThreeJointFits
+from scenarios.thesis.figures_fairness import dumbbells
+
+METHODS = ["arx", "armax", "iv4", "oe", "okid", "oe_high"]
+
+
+def test_every_arm_has_every_model_and_its_own_truth(study: Comparison) -> None:
+    assert study.fairness is not None
+    assert [arm.condition for arm in study.fairness.arms] == [entry.condition for entry in study.campaigns]
+    first = study.fairness.arms[0]
+    for joint, models in first.joints.items():
+        assert [entry.method for entry in models if not entry.printed] == METHODS
+        assert [entry.bandwidth_hz for entry in models if entry.printed] == [
+            entry.bandwidth_hz for entry in study.joints[joint].published
+        ]
+        assert first.truth_hz[joint] == study.joints[joint].truth.bandwidth_hz
+
+
+def test_models_of_the_main_arm_are_those_of_the_study(study: Comparison) -> None:
+    assert study.fairness is not None
+    for joint, entry in study.joints.items():
+        for model in study.fairness.arms[0].joints[joint]:
+            if not model.printed and model.method in entry.models:
+                known = entry.models[model.method]
+                assert model.bandwidth_hz == pytest.approx(known.bandwidth_hz)
+                assert {n: fit.simulation for n, fit in model.fits.items()} == pytest.approx(
+                    {n: fit.simulation for n, fit in known.fits.items()}
+                )
+
+
+def test_without_a_noise_model_a_prediction_is_a_simulation(study: Comparison) -> None:
+    assert study.fairness is not None
+    for models in study.fairness.arms[0].joints.values():
+        for entry in models:
+            if entry.method in ("oe", "oe_high"):
+                assert not entry.predicts
+                assert all(fit.simulation == pytest.approx(fit.one_step) for fit in entry.fits.values())
+            elif not entry.printed:
+                assert entry.predicts
+
+
+def test_the_hybrid_has_the_yaw_of_sysid_and_the_pitches_of_okid(study: Comparison) -> None:
+    assert study.fairness is not None
+    models = {entry.name: entry for entry in study.fairness.arms[0].three_joint if not entry.printed}
+    yaw, *pitches = STUDIED_JOINTS
+    for record, fits in models["hybrid"].fits.items():
+        assert fits[yaw] == models["SysID"].fits[record][yaw]
+        assert all(fits[joint] == models["OKID"].fits[record][joint] for joint in pitches)
+
+
+def test_estimation_and_validation_are_apart() -> None:
+    fits = {n: BothFits(float(n), float(n)) for n in (1, 2, 3, 5)}
+    model = FairModel("oe", "OE", True, False, None, 1.0, None, False, fits)
+    assert model.validation(5) == BothFits(2.0, 2.0)
+    assert replace(model, fits={5: fits[5]}).validation(5) is None
+
+
+def arm(condition: Condition, okid: float) -> ArmFairness:
+    def model(method: str, fit: float) -> FairModel:
+        return FairModel(method, method, True, False, None, 1.0, (0.9, 1.1), True, {1: BothFits(fit, fit)})
+
+    joints = {joint: (model("armax", 90.0), model("okid", okid)) for joint in STUDIED_JOINTS}
+    several = tuple(
+        ThreeJointFits(name, False, {"rpcm": {joint: BothFits(fit, fit) for joint in STUDIED_JOINTS}})
+        for name, fit in (("SysID", 90.0), ("OKID", okid))
+    )
+    return ArmFairness(condition, dict.fromkeys(STUDIED_JOINTS, 1.0), joints, several)
+
+
+def test_conclusions_that_change_are_told_from_those_that_stay() -> None:
+    arms = (arm(Condition(), 91.0), arm(Condition(friction=False), 89.0), arm(Condition("published"), 91.1))
+    found = {entry.question: entry for entry in conclusions(Fairness(arms, 5))}
+    unseen = found["SysID or OKID better on single-joint tests not seen, in simulation"]
+    assert [answer.words for answer in unseen.answers.values() if answer] == [
+        "OKID: yaw, shoulder, elbow",
+        "SysID: yaw, shoulder, elbow",
+        "OKID: yaw, shoulder, elbow",
+    ]
+    assert unseen.changes() and unseen.changes(friction=True) and not unseen.changes(friction=False)
+    assert set(found["SysID or OKID better on the slow chirp, 0 to 1 Hz, in simulation"].answers.values()) == {None}
+    assert "friction alone changes" in said(tuple(found.values()))
+    alone = conclusions(Fairness(arms[:1], 5))
+    assert said(alone) == ""
+
+
+def test_fits_without_bound_are_printed_as_such(study: Comparison) -> None:
+    assert percent(98.123) == "98.1"
+    assert percent(float("-inf")) == percent(-3e150) == "< −1000"
+    assert study.fairness is not None
+    assert len(dumbbells(study.fairness).axes) == 3 * sum(bool(entry.joints) for entry in study.fairness.arms)

@@ -1,0 +1,126 @@
+"""Models from spoilt records: counted, compared, and never dropped."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from scenarios.thesis.comparison import Comparison
+from scenarios.thesis.disturbances import DISTURBANCES
+from scenarios.thesis.findings_robustness import bias_and_outliers, statements
+from scenarios.thesis.orders_needed import CONSTANT, DETRENDED, needed
+from scenarios.thesis.robustness import CORE, other_structures, robustness, sysid_method
+from scenarios.thesis.robustness_outcome import Outcome, Robustness
+from scenarios.thesis.tolerance import clean, comparable, tolerance
+
+
+def outcome(degree: float, *, hz: float = 1.0, fit: float = 99.0, failure: str = "", draw: int = 0) -> Outcome:
+    return Outcome(
+        joint="elbow_pitch",
+        method="oe",
+        chosen=True,
+        disturbance="bias",
+        treatment="nothing removed",
+        degree=degree,
+        draw=draw,
+        failure=failure,  # type: ignore[arg-type]
+        bandwidth_hz=float("nan") if failure else hz,
+        error=float("nan") if failure else 100 * (hz - 1),
+        covers=not failure,
+        fit=fit,
+        half_power_hz=hz,
+        slowest=0.9,
+    )
+
+
+def test_every_disturbance_gives_every_draw_of_every_method(study: Comparison) -> None:
+    for joint in study.joints:
+        for key, disturbance in DISTURBANCES.items():
+            for method in (sysid_method(joint), "okid"):
+                for treatment in disturbance.treatments:
+                    draws = study.robustness.of(key, joint, method, treatment)
+                    if key == "length":
+                        # Of a record of 20 s there are parts of 10 s and none that are longer.
+                        assert {degree: len(entries) for degree, entries in draws.items()} == {10.0: disturbance.draws}
+                    else:
+                        assert {degree: len(entries) for degree, entries in draws.items()} == dict.fromkeys(
+                            disturbance.degrees, disturbance.draws
+                        )
+        others = {entry.method for entry in other_structures(joint)}
+        assert others < set(study.robustness.methods("outliers", joint))
+        assert not others & set(study.robustness.methods("drift", joint))
+
+
+def test_the_record_as_it_is_gives_the_model_without_harm(study: Comparison) -> None:
+    for joint, entry in study.joints.items():
+        for method in (sysid_method(joint), "okid"):
+            reference = clean(study.robustness, joint, method)
+            assert reference.bandwidth_hz == pytest.approx(entry.models[method].bandwidth_hz, rel=1e-6)
+            detrended = study.robustness.of("bias", joint, method, "mean removed")[2.0][0]
+            assert detrended.bandwidth_hz == pytest.approx(reference.bandwidth_hz, rel=1e-3)
+
+
+def test_outliers_cost_okid_more_fit_than_sysid(study: Comparison) -> None:
+    for joint in study.joints:
+        own, okid = (
+            study.robustness.curve("outliers", joint, method)[0].fit[0] for method in (sysid_method(joint), "okid")
+        )
+        assert own > okid
+
+
+def test_what_a_finding_rests_on_does_not_depend_on_what_else_is_tried(study: Comparison) -> None:
+    only = robustness(study.campaign, study.estimation_test, thorough=False)
+    assert {entry.disturbance for entry in only.outcomes} == set(CORE)
+    known = {
+        (e.joint, e.method, e.disturbance, e.treatment, e.degree, e.draw): e.fit for e in study.robustness.outcomes
+    }
+    for entry in only.outcomes:
+        place = (entry.joint, entry.method, entry.disturbance, entry.treatment, entry.degree, entry.draw)
+        assert entry.fit == pytest.approx(known[place], rel=1e-9)
+    assert bias_and_outliers(replace(study, robustness=only)) == bias_and_outliers(study)
+
+
+def test_finding_25_is_the_count_of_its_statements(study: Comparison) -> None:
+    found = bias_and_outliers(study)
+    tried = statements(study)
+    assert len(tried) == 4
+    held = sum(entry.holds for entry in tried)
+    assert found.verdict == {0: "not reproduced", 4: "reproduced"}.get(held, "partly")
+    assert isinstance(found.value, dict)
+    assert all(np.isfinite(number) for number in found.value.values())
+    orders = {(e.joint, e.method, e.record): e.needed for e in study.robustness.orders}
+    saved = max(orders[joint, "SysID", CONSTANT] - orders[joint, "SysID", DETRENDED] for joint in study.joints)
+    assert found.value["orders that detrending saves: SysID"] == saved
+
+
+def test_failures_are_counted_and_hold_nothing() -> None:
+    entries = (outcome(0.0), outcome(0.5), outcome(0.5, failure="unstable", draw=1), outcome(0.5, hz=1.2, draw=2))
+    found = Robustness(entries, (), {"elbow_pitch": 6})
+    point = found.curve("bias", "elbow_pitch", "oe")[1]
+    assert (point.draws, dict(point.failures)) == (3, {"unstable": 1})
+    assert point.error == pytest.approx((10.0, 0.0, 20.0))
+    assert point.covered == pytest.approx(2 / 3)
+
+
+def test_comparable_is_within_ten_percent_and_five_points() -> None:
+    reference = outcome(0.0)
+    assert comparable((outcome(0.5, hz=1.09, fit=94.5),), reference)
+    assert not comparable((outcome(0.5, hz=1.11),), reference)
+    assert not comparable((outcome(0.5, fit=93.5),), reference)
+    assert not comparable((outcome(0.5, failure="unstable"),), reference)
+    assert not comparable((outcome(0.5), outcome(0.5), outcome(0.5, failure="refused", fit=float("nan"))), reference)
+
+
+def test_tolerance_ends_at_the_first_degree_that_is_too_much() -> None:
+    degrees = {0.0: 1.0, 0.1: 1.05, 0.5: 1.5, 2.0: 1.0}
+    found = Robustness(tuple(outcome(d, hz=hz) for d, hz in degrees.items()), (), {"elbow_pitch": 6})
+    known = tolerance(found, "bias", "elbow_pitch", "oe")
+    assert known is not None
+    assert (known.degree, known.everything) == (0.1, False)
+    assert tolerance(found, "drift", "elbow_pitch", "oe") is None
+
+
+def test_the_order_that_suffices_is_the_smallest_near_the_best() -> None:
+    assert needed({1: 80.0, 2: 98.2, 3: 99.0}) == 2
+    assert needed({1: 80.0, 2: 97.9, 3: 99.0}) == 3
+    assert needed({1: float("-inf"), 2: 60.0}) == 2
