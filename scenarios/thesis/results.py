@@ -7,18 +7,23 @@ from scenarios.crossing import half_power_hz
 from scenarios.thesis.about_1_hz import ABOUT_1_HZ, near_1_hz
 from scenarios.thesis.comparison import Comparison
 from scenarios.thesis.finding import Finding
-from scenarios.thesis.one_hertz import held_in_words, look, published_in_words
+from scenarios.thesis.frequencies import finding_record, seeds_record
 from scenarios.thesis.multivariable_record import multivariable_record
+from scenarios.thesis.one_hertz import held_in_words, look, published_in_words
 from scenarios.thesis.sensitivity import half_power_spread, spread
+from scenarios.thesis.tally import Tally
 
 
-def results(study: Comparison, findings: Sequence[Finding], report: Path) -> dict[str, object]:
+def results(
+    study: Comparison, findings: Sequence[Finding], report: Path, tally: Tally | None = None
+) -> dict[str, object]:
     """Everything that `hmtb thesis --json` prints.
 
     Args:
         study: The study.
         findings: The decided findings.
         report: Where the report was written.
+        tally: What many seeds concluded.
 
     Returns:
         Plain mappings, numbers and texts.
@@ -52,6 +57,7 @@ def results(study: Comparison, findings: Sequence[Finding], report: Path) -> dic
                 "unit": entry.unit,
                 "thesis": entry.thesis,
                 "why": entry.why,
+                **finding_record(entry.key, tally),
             }
             for entry in findings
         },
@@ -100,8 +106,11 @@ def results(study: Comparison, findings: Sequence[Finding], report: Path) -> dic
         "cost": {
             "physics_s": study.cost.physics_s,
             "simulation_s": study.cost.simulation_s,
+            "report_s": study.cost.report_s,
             "total_s": study.cost.total_s,
+            "times_physics": study.cost.times_physics,
         },
+        "seeds": None if tally is None else seeds_record(tally),
         "failed": dict(study.failed),
         "seed": study.seed,
         "duration": study.duration,

@@ -1,0 +1,154 @@
+"""What the report says of chance: how often a verdict was reached, and how far numbers move from seed to seed."""
+
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass
+
+from hmtb_twin import STUDIED_JOINTS
+from scenarios.thesis.finding import Finding, Verdict
+from scenarios.thesis.outcome import ALONE
+from scenarios.thesis.tally import Coverage, Spread, Tally
+
+ORDER: tuple[Verdict, ...] = ("reproduced", "partly", "not reproduced", "cannot be told")
+
+
+@dataclass(frozen=True)
+class Chance:
+    """What the report draws of many seeds.
+
+    Attributes:
+        source: Which seeds, and of which run.
+        verdicts: How often, by finding.
+        ranges: By finding the range of each number, by name.
+        rows: By joint and method, the bandwidth over the seeds.
+    """
+
+    source: str
+    verdicts: dict[str, str]
+    ranges: dict[str, dict[str, Spread]]
+    rows: list[tuple[str, list[tuple[str, Coverage]]]]
+
+    def range(self, key: str, name: str = ALONE) -> Spread | None:
+        """The range of a number of a finding, if any seed has it."""
+        return self.ranges[key].get(name)
+
+
+def chance(findings: Sequence[Finding], tally: Tally | None) -> Chance | None:
+    """What the report draws of many seeds, if there are any.
+
+    Args:
+        findings: As this run decided them.
+        tally: Many seeds.
+    """
+    if tally is None:
+        return None
+    return Chance(
+        source_text(tally),
+        {entry.key: frequency_text(entry, tally) for entry in findings},
+        {entry.key: tally.spread(entry.key) for entry in findings},
+        coverage_rows(tally),
+    )
+
+
+def frequency_text(finding: Finding, tally: Tally) -> str:
+    """How often the verdict of a finding was reached, and whether it depends on the seed.
+
+    Args:
+        finding: As this run decided it.
+        tally: Many seeds.
+
+    Returns:
+        One line; nothing where no seed has tried the finding.
+    """
+    found = tally.frequency(finding.key)
+    if not found.counts:
+        return ""
+    here = found.counts.get(finding.verdict, 0)
+    if found.depends:
+        parts = ", ".join(f"{found.counts[entry]} {entry}" for entry in ORDER if entry in found.counts)
+        return f"depends on the seed: of {found.seeds} seeds {parts}"
+    if here < found.counts[found.usual]:
+        return f"{here} of {found.seeds} seeds; the others: {found.usual}, {found.counts[found.usual]}"
+    return f"{here} of {found.seeds} seeds"
+
+
+def source_text(tally: Tally) -> str:
+    """Where the frequencies come from, in a sentence or two.
+
+    Args:
+        tally: Many seeds.
+    """
+    seeds = _seeds(tally)
+    length = "" if tally.duration is None else f", records of {tally.duration:g} s"
+    failed = "".join(f" Seed {seed} came to no conclusion: {why}." for seed, why in tally.failed.items())
+    if not tally.recorded:
+        return f"Frequencies and ranges are of {seeds} on the same arm{length}, run for this report.{failed}"
+    made = tally.versions
+    return (
+        f"Frequencies and ranges are not of this run: they are of {seeds} on the same arm{length}, recorded with "
+        f"hmtb-twin {made.get('hmtb-twin', '?')} and MuJoCo {made.get('mujoco', '?')}. "
+        f"hmtb thesis --seeds {len(tally.outcomes)} makes them anew.{failed}"
+    )
+
+
+def _seeds(tally: Tally) -> str:
+    numbers = sorted(entry.seed for entry in tally.outcomes if entry.seed is not None)
+    if numbers == list(range(numbers[0], numbers[-1] + 1)):
+        return f"{len(numbers)} seeds ({numbers[0]} to {numbers[-1]})"
+    return f"{len(numbers)} seeds ({', '.join(map(str, numbers))})"
+
+
+def coverage_rows(tally: Tally) -> list[tuple[str, list[tuple[str, Coverage]]]]:
+    """By joint, what each method's bandwidth did over the seeds."""
+    methods = {joint: list(tally.outcomes[0].recovered[joint]) for joint in STUDIED_JOINTS}
+    return [(joint, [(method, tally.coverage(joint, method)) for method in methods[joint]]) for joint in STUDIED_JOINTS]
+
+
+def finding_record(key: str, tally: Tally | None) -> dict[str, object]:
+    """What results.json adds to a finding.
+
+    Args:
+        key: F1 to F26.
+        tally: Many seeds, if there are any.
+
+    Returns:
+        `frequency` with the number of seeds, the verdicts and whether they depend on the seed; `range` of each number.
+    """
+    if tally is None or not (found := tally.frequency(key)).counts:
+        return {}
+    return {
+        "frequency": {"seeds": found.seeds, "verdicts": dict(found.counts), "depends_on_seed": found.depends},
+        "range": {name: _range(entry) for name, entry in tally.spread(key).items()},
+    }
+
+
+def seeds_record(tally: Tally) -> dict[str, object]:
+    """What results.json says of the seeds as a whole: which, bandwidths, cost, and whether they were run now."""
+    return {
+        "of_this_run": not tally.recorded,
+        "seeds": [entry.seed for entry in tally.outcomes],
+        "failed": {str(seed): why for seed, why in tally.failed.items()},
+        "duration": tally.duration,
+        "bandwidth": {
+            joint: {
+                method: {
+                    "hz": _range(entry.hz),
+                    "half_power_hz": _range(entry.half_power_hz),
+                    "ci95_width": _range(entry.width),
+                    "covers": entry.covers,
+                    "near_1_hz": entry.near,
+                }
+                for method, entry in methods
+            }
+            for joint, methods in coverage_rows(tally)
+        },
+        "cost": {
+            "physics_s": tally.physics_s,
+            "total_s": tally.total_s,
+            "ratio": tally.total_s / tally.physics_s if tally.physics_s else None,
+        },
+        "versions": dict(tally.versions),
+    }
+
+
+def _range(found: Spread) -> dict[str, float]:
+    return asdict(found)

@@ -1,0 +1,91 @@
+"""The study again with other seeds, of which only the conclusions are kept."""
+
+import json
+from collections.abc import Callable, Mapping, Sequence
+from pathlib import Path
+
+from hmtb_twin import TwinError
+from scenarios.errors import ScenarioError
+from scenarios.provenance import fingerprint, versions
+from scenarios.thesis.campaign import NOMINAL
+from scenarios.thesis.findings import findings
+from scenarios.thesis.outcome import Outcome, outcome, outcome_from
+from scenarios.thesis.study import run_study
+from scenarios.thesis.tally import Tally
+from scenarios.whole_file import write_whole
+from sysid import SysidError
+
+Progress = Callable[[int, int, str, int, int], None]
+"""Called with the seed, how many came before it, the step, what is done of it and what there is in all."""
+
+
+def tally(
+    seeds: Sequence[int],
+    *,
+    duration: float | None = None,
+    threads: int | None = None,
+    folder: Path | None = None,
+    progress: Progress | None = None,
+) -> Tally:
+    """Run the study with every seed on the nominal arm and keep its conclusions.
+
+    One seed's records are in memory at a time. The result does not depend on the number of threads.
+
+    Args:
+        seeds: The seeds.
+        duration: Length of every record instead of 240 s, s.
+        threads: Threads of the simulation.
+        folder: Where the conclusions of each seed are kept as a file as soon as they are there; those of an earlier
+            run with the same settings, versions and source text are taken from there.
+        progress: Told of every step.
+
+    Returns:
+        The conclusions, and the reason of every seed that came to none.
+
+    Raises:
+        ScenarioError: No seed came to an end.
+    """
+    setting = {"duration": duration, "versions": versions(), "sources": fingerprint()}
+    outcomes: list[Outcome] = []
+    failed: dict[int, str] = {}
+    for number, seed in enumerate(seeds):
+        path = None if folder is None else folder / f"seed-{seed}.json"
+        kept = None if path is None else _kept(path, seed, setting)
+        if kept is not None:
+            outcomes.append(kept)
+            continue
+
+        def told(step: str, done: int, whole: int, seed: int = seed, number: int = number) -> None:
+            if progress is not None:
+                progress(seed, number, step, done, whole)
+
+        try:
+            found = _one(seed, duration, threads, told)
+        except (ScenarioError, TwinError, SysidError) as error:
+            failed[seed] = str(error)
+            continue
+        outcomes.append(found)
+        if path is not None:
+            path.parent.mkdir(parents=True, exist_ok=True)
+            write_whole(path, json.dumps({"setting": setting, "outcome": found.record()}, indent=1, allow_nan=False))
+    if not outcomes:
+        raise ScenarioError(f"none of {len(seeds)} seeds came to a conclusion: {failed}")
+    return Tally(tuple(outcomes), failed)
+
+
+def _one(seed: int, duration: float | None, threads: int | None, told: Callable[[str, int, int], None]) -> Outcome:
+    """One seed from excitation to conclusions; its records are forgotten on return."""
+    study = run_study(
+        seed=seed, duration=duration, conditions=(NOMINAL,), thorough=False, threads=threads, progress=told
+    )
+    return outcome(study, findings(study))
+
+
+def _kept(path: Path, seed: int, setting: Mapping[str, object]) -> Outcome | None:
+    """The conclusions of an earlier run, if it was the same in everything that they depend on."""
+    try:
+        record = json.loads(path.read_text(encoding="utf-8"))
+        same = record["setting"] == setting and record["outcome"]["seed"] == seed
+        return outcome_from(record["outcome"]) if same else None
+    except (FileNotFoundError, UnicodeDecodeError, json.JSONDecodeError, KeyError, TypeError):
+        return None  # none there, or none of ours: the seed is run and the file written anew

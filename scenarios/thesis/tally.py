@@ -1,0 +1,205 @@
+"""What many seeds concluded: how often each verdict, and within which limits each number."""
+
+import json
+from collections import Counter
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from scenarios.errors import ScenarioError
+from scenarios.thesis.about_1_hz import near_1_hz
+from scenarios.thesis.finding import Verdict
+from scenarios.thesis.outcome import Outcome, outcome_from
+from scenarios.whole_file import write_whole
+
+STEADY = 0.9
+"""A conclusion that fewer than this part of the seeds share depends on the seed."""
+
+
+@dataclass(frozen=True)
+class Spread:
+    """How a number lies over the seeds.
+
+    Attributes:
+        median: Its median.
+        low: 2.5 % quantile, interpolated between seeds.
+        high: 97.5 % quantile.
+        smallest: The smallest of all.
+        largest: The largest of all.
+        seeds: How many seeds have it.
+    """
+
+    median: float
+    low: float
+    high: float
+    smallest: float
+    largest: float
+    seeds: int
+
+
+@dataclass(frozen=True)
+class Frequency:
+    """How often each verdict of a finding was reached.
+
+    Attributes:
+        counts: Number of seeds by verdict, the most frequent first.
+    """
+
+    counts: Mapping[Verdict, int]
+
+    @property
+    def seeds(self) -> int:
+        """How many seeds decided the finding."""
+        return sum(self.counts.values())
+
+    @property
+    def usual(self) -> Verdict:
+        """The verdict that most seeds share."""
+        return next(iter(self.counts))
+
+    @property
+    def depends(self) -> bool:
+        """Whether the verdict depends on the seed: fewer than nine in ten share one."""
+        return self.counts[self.usual] < STEADY * self.seeds
+
+
+@dataclass(frozen=True)
+class Coverage:
+    """One method's bandwidth on one joint over the seeds.
+
+    Attributes:
+        hz: Recovered bandwidth, Hz.
+        half_power_hz: Frequency of the gain 0.707, Hz.
+        width: Width of the 95 % intervals, Hz.
+        covers: Number of seeds whose interval holds the small-signal truth.
+        near: Number of seeds with a bandwidth of about 1 Hz.
+    """
+
+    hz: Spread
+    half_power_hz: Spread
+    width: Spread
+    covers: int
+    near: int
+
+
+@dataclass(frozen=True, eq=False)
+class Tally:
+    """The conclusions of many seeds.
+
+    Attributes:
+        outcomes: One for each seed that came to an end, in the order of the seeds.
+        failed: Seeds that did not, with the reason.
+        recorded: Whether it came with the package, made earlier, rather than in this run.
+    """
+
+    outcomes: tuple[Outcome, ...]
+    failed: Mapping[int, str]
+    recorded: bool = False
+
+    @property
+    def versions(self) -> Mapping[str, str]:
+        """Versions of what it was made with."""
+        return self.outcomes[0].versions
+
+    @property
+    def duration(self) -> float | None:
+        """Length of the records where it was shortened, s."""
+        return self.outcomes[0].duration
+
+    @property
+    def physics_s(self) -> float:
+        """Time inside the physics engine, all seeds, s."""
+        return sum(entry.cost.physics_s for entry in self.outcomes)
+
+    @property
+    def total_s(self) -> float:
+        """Time in all, all seeds, s."""
+        return sum(entry.cost.total_s for entry in self.outcomes)
+
+    def of(self, seed: int) -> Outcome:
+        """What a seed concluded.
+
+        Raises:
+            ScenarioError: It is none of the seeds.
+        """
+        for entry in self.outcomes:
+            if entry.seed == seed:
+                return entry
+        raise ScenarioError(f"no seed {seed} in this tally, it has {[entry.seed for entry in self.outcomes]}")
+
+    def frequency(self, key: str) -> Frequency:
+        """How often each verdict of a finding was reached.
+
+        Args:
+            key: F1 to F26.
+        """
+        counts = Counter(entry.verdicts[key] for entry in self.outcomes if key in entry.verdicts)
+        return Frequency(dict(counts.most_common()))
+
+    def spread(self, key: str) -> dict[str, Spread]:
+        """How the numbers of a finding lie, by name.
+
+        Args:
+            key: F1 to F26.
+        """
+        values: dict[str, list[float]] = {}
+        for entry in self.outcomes:
+            for name, value in entry.numbers.get(key, {}).items():
+                values.setdefault(name, []).append(value)
+        return {name: spread(entries) for name, entries in values.items()}
+
+    def coverage(self, joint: str, method: str) -> Coverage:
+        """How one method's bandwidth on one joint lies.
+
+        Args:
+            joint: Name of the joint.
+            method: Key of the method.
+        """
+        found = [entry.recovered[joint][method] for entry in self.outcomes]
+        return Coverage(
+            spread([entry.hz for entry in found]),
+            spread([entry.half_power_hz for entry in found]),
+            spread([entry.ci95[1] - entry.ci95[0] for entry in found]),
+            sum(entry.covers for entry in found),
+            sum(near_1_hz(entry.hz) for entry in found),
+        )
+
+
+def spread(values: Sequence[float]) -> Spread:
+    """Median, 95 % range and ends of a number over the seeds.
+
+    Args:
+        values: One for each seed; where one is not finite, the quantiles next to it are not either.
+    """
+    with np.errstate(invalid="ignore"):
+        low, median, high = (float(q) for q in np.quantile(values, [0.025, 0.5, 0.975]))
+    return Spread(median, low, high, float(np.min(values)), float(np.max(values)), len(values))
+
+
+def write_tally(tally: Tally, path: Path) -> None:
+    """Write a tally as JSON, a line for each seed.
+
+    Args:
+        tally: The tally.
+        path: The file.
+    """
+    lines = ",\n".join(json.dumps(entry.record(), allow_nan=False) for entry in tally.outcomes)
+    failed = json.dumps({str(seed): why for seed, why in tally.failed.items()})
+    write_whole(path, f'{{"failed": {failed},\n"seeds": [\n{lines}\n]}}\n')
+
+
+def read_tally(text: str, *, recorded: bool = False) -> Tally:
+    """Read what `write_tally` wrote.
+
+    Args:
+        text: The JSON.
+        recorded: Whether it came with the package.
+
+    Returns:
+        The tally.
+    """
+    record = json.loads(text)
+    outcomes = tuple(outcome_from(entry) for entry in record["seeds"])
+    return Tally(outcomes, {int(seed): why for seed, why in record["failed"].items()}, recorded)

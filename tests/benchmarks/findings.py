@@ -1,0 +1,50 @@
+"""Make what the package records of twenty seeds anew: verdicts, numbers and bandwidths.
+
+    python tests/benchmarks/findings.py
+
+Two minutes for each seed on two processors. Seeds that have come to an end are kept in build/findings, and the same
+command takes up there. To be run whenever a change moves findings: tests/scenarios/thesis/test_recorded.py says when.
+"""
+
+import argparse
+import sys
+from pathlib import Path
+
+from scenarios.thesis.claims import CLAIMS
+from scenarios.thesis.frequencies import seeds_record
+from scenarios.thesis.monte_carlo import tally
+from scenarios.thesis.recorded import FILE
+from scenarios.thesis.tally import Tally, write_tally
+
+ROOT = Path(__file__).parents[2]
+
+
+def main() -> int:
+    options = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    options.add_argument("--seeds", type=int, default=20, help="how many, counted from 1")
+    options.add_argument("--duration", type=float, help="length of the records instead of 240 s, for a trial")
+    options.add_argument("--out", type=Path, default=ROOT / "scenarios" / "data" / FILE)
+    chosen = options.parse_args()
+    found = tally(
+        range(1, chosen.seeds + 1),
+        duration=chosen.duration,
+        folder=ROOT / "build" / "findings",
+        progress=lambda seed, before, step, done, whole: done == whole and print(f"seed {seed}: {step}", flush=True),
+    )
+    write_tally(found, chosen.out)
+    show(found)
+    return 1 if found.failed else 0
+
+
+def show(found: Tally) -> None:
+    for key in CLAIMS:
+        frequency = found.frequency(key)
+        note = "   depends on the seed" if frequency.depends else ""
+        print(f"{key:4} {', '.join(f'{count} {name}' for name, count in frequency.counts.items())}{note}")
+    print("cost", seeds_record(found)["cost"])
+    for seed, why in found.failed.items():
+        print(f"failed: seed {seed}: {why}")
+
+
+if __name__ == "__main__":
+    sys.exit(main())

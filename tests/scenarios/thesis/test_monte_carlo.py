@@ -1,0 +1,224 @@
+"""Many seeds: what is kept of each, what is taken up again, and what the report says of them."""
+
+import json
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from hmtb_twin import STUDIED_JOINTS
+from scenarios.cli import main
+from scenarios.errors import ScenarioError
+from scenarios.thesis import monte_carlo
+from scenarios.thesis.campaign import NOMINAL
+from scenarios.thesis.comparison import Cost
+from scenarios.thesis.finding import Finding, Verdict, decided
+from scenarios.thesis.frequencies import finding_record, frequency_text, seeds_record, source_text
+from scenarios.thesis.monte_carlo import tally
+from scenarios.thesis.outcome import Outcome, Recovered, numbers, outcome_from
+from scenarios.thesis.recorded import contradictions
+from scenarios.thesis.tally import Tally, read_tally, spread, write_tally
+
+
+def made(seed: int, verdict: Verdict = "reproduced", value: float = 1.0, *, hz: float = 1.0) -> Outcome:
+    """An outcome of one finding, with the same bandwidth everywhere."""
+    found = Recovered(hz, (hz - 0.1, hz + 0.1), abs(hz - 1.0) <= 0.1, hz + 0.01)
+    return Outcome(
+        seed=seed,
+        duration=None,
+        verdicts={"F1": verdict},
+        numbers={"F1": {"shoulder_yaw": value}},
+        true_hz=dict.fromkeys(STUDIED_JOINTS, 1.0),
+        recovered={joint: {"oe": found} for joint in STUDIED_JOINTS},
+        failed={},
+        cost=Cost(10.0, 12.0, 20.0),
+        versions={"hmtb-twin": "0.1.0", "mujoco": "4.0.0"},
+    )
+
+
+def finding(verdict: Verdict) -> Finding:
+    return decided("F1", verdict, {"shoulder_yaw": 1.0}, "Hz", "because")
+
+
+@pytest.fixture(scope="module")
+def twenty() -> Tally:
+    """Twenty seeds; the last two of them say partly, and the numbers are 1 to 20."""
+    return Tally(tuple(made(n, "reproduced" if n <= 18 else "partly", float(n)) for n in range(1, 21)), {})
+
+
+@pytest.fixture
+def quick(monkeypatch: pytest.MonkeyPatch) -> list[int]:
+    """Studies that are made up at once, and the seeds that were run."""
+    run: list[int] = []
+
+    def one(seed: int, duration: float | None, threads: int | None, told: Callable[[str, int, int], None]) -> Outcome:
+        run.append(seed)
+        told("simulate", 1, 1)
+        if seed == 3:
+            raise ScenarioError("the physics diverged")
+        return replace(made(seed, value=1.0 / seed), duration=duration)
+
+    monkeypatch.setattr(monte_carlo, "_one", one)
+    return run
+
+
+def test_every_number_survives_the_file_to_the_last_bit() -> None:
+    found = made(3, value=1 / 3, hz=0.1 + 0.2)
+    odd = replace(found, duration=24.0, numbers={"F1": {"a": float("inf"), "b": 1e-300, "c": -float("inf")}})
+    for entry in (found, odd):
+        assert outcome_from(json.loads(json.dumps(entry.record(), allow_nan=False))) == entry
+
+
+def test_a_seed_among_many_is_the_study_on_the_nominal_arm(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Without what no finding rests on; that records do not depend on threads is tried with the simulation."""
+    asked: dict[str, object] = {}
+
+    def run_study(**settings: object) -> str:
+        asked.update(settings)
+        return "the study"
+
+    monkeypatch.setattr(monte_carlo, "run_study", run_study)
+    monkeypatch.setattr(monte_carlo, "findings", lambda study: f"findings of {study}")
+    monkeypatch.setattr(monte_carlo, "outcome", lambda study, found: replace(made(11), failed={study: found}))
+    (alone,) = tally([11], duration=24.0, threads=1).outcomes
+    assert alone.failed == {"the study": "findings of the study"}
+    progress = asked.pop("progress")
+    assert callable(progress)
+    assert asked == {"seed": 11, "duration": 24.0, "threads": 1, "conditions": (NOMINAL,), "thorough": False}
+
+
+def test_a_single_number_has_a_name_too() -> None:
+    assert numbers(finding("partly")) == {"shoulder_yaw": 1.0}
+    assert numbers(replace(finding("partly"), value=2.0)) == {"value": 2.0}
+
+
+def test_a_failed_seed_is_counted_with_its_reason(quick: list[int]) -> None:
+    told: list[tuple[int, int]] = []
+    found = tally([2, 3, 4], progress=lambda seed, before, step, done, whole: told.append((seed, before)))
+    assert [entry.seed for entry in found.outcomes] == [2, 4]
+    assert found.failed == {3: "the physics diverged"}
+    assert told == [(2, 0), (3, 1), (4, 2)]
+    assert "Seed 3 came to no conclusion: the physics diverged." in source_text(found)
+    with pytest.raises(ScenarioError, match="none of 1 seeds"):
+        tally([3])
+
+
+def test_what_was_done_is_taken_up_again(quick: list[int], tmp_path: Path) -> None:
+    first = tally([1, 2], folder=tmp_path)
+    assert quick == [1, 2]
+    again = tally([1, 2, 4], folder=tmp_path)
+    assert quick == [1, 2, 4], "only the seed that was not there is run"
+    assert again.outcomes[:2] == first.outcomes
+    tally([1], folder=tmp_path, duration=24.0)
+    assert quick[3:] == [1], "records of another length are another study"
+    (tmp_path / "seed-2.json").write_text("{}")
+    tally([2], folder=tmp_path)
+    assert quick[4:] == [2], "what is no record of ours is made anew"
+
+
+@pytest.mark.parametrize("what", ["versions", "fingerprint"])
+def test_seeds_of_another_version_are_run_anew(
+    quick: list[int], tmp_path: Path, monkeypatch: pytest.MonkeyPatch, what: str
+) -> None:
+    tally([1], folder=tmp_path)
+    monkeypatch.setattr(monte_carlo, what, lambda: {"mujoco": "another"})
+    tally([1], folder=tmp_path)
+    assert quick == [1, 1]
+
+
+def test_an_interrupted_run_keeps_its_seeds_and_says_so(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    def one(seed: int, *_: object) -> Outcome:
+        if seed == 6:
+            raise KeyboardInterrupt
+        return made(seed)
+
+    monkeypatch.setattr(monte_carlo, "_one", one)
+    assert main(["thesis", "--seeds", "20", "--seed", "5", "--out", str(tmp_path)]) == 130
+    said = capsys.readouterr().err
+    assert "kept in" in said and "hmtb thesis --seeds 20 --seed 5" in said
+    assert [path.name for path in (tmp_path / "seeds").iterdir()] == ["seed-5.json"]
+    assert not (tmp_path / "report.html").exists()
+
+
+def test_seeds_must_be_a_count(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["thesis", "--seeds", "0", "--out", str(tmp_path)]) == 2
+    assert "seeds must be 1 or more, given 0" in capsys.readouterr().err
+
+
+def test_verdicts_are_counted_and_numbers_ranged(twenty: Tally) -> None:
+    found = twenty.frequency("F1")
+    assert (found.usual, found.seeds, found.counts) == ("reproduced", 20, {"reproduced": 18, "partly": 2})
+    assert not found.depends, "nine in ten is enough"
+    less = Tally((*twenty.outcomes[:17], *twenty.outcomes[18:], made(21, "partly")), {})
+    assert less.frequency("F1").counts == {"reproduced": 17, "partly": 3}
+    assert less.frequency("F1").depends
+    limits = twenty.spread("F1")["shoulder_yaw"]
+    assert (limits.smallest, limits.median, limits.largest, limits.seeds) == (1.0, 10.5, 20.0, 20)
+    assert (limits.low, limits.high) == pytest.approx((1.475, 19.525))
+    assert np.isnan(spread([1.0, np.nan]).median)
+
+
+def test_coverage_counts_intervals_that_hold_the_truth() -> None:
+    found = Tally((made(1, hz=1.0), made(2, hz=1.05), made(3, hz=1.4)), {}).coverage("elbow_pitch", "oe")
+    assert (found.covers, found.near, found.hz.median) == (2, 2, 1.05)
+    assert found.width.largest == pytest.approx(0.2)
+
+
+def test_the_tally_says_when_a_verdict_depends_on_the_seed(twenty: Tally) -> None:
+    assert frequency_text(finding("reproduced"), twenty) == "18 of 20 seeds"
+    assert frequency_text(finding("partly"), twenty) == "2 of 20 seeds; the others: reproduced, 18"
+    half = Tally(tuple(made(n, "partly" if n % 2 else "reproduced") for n in range(10)), {})
+    said = "depends on the seed: of 10 seeds 5 reproduced, 5 partly"
+    assert frequency_text(finding("partly"), half) == said
+    assert frequency_text(replace(finding("partly"), key="F2"), twenty) == ""
+
+
+def test_the_source_of_the_frequencies_is_said(twenty: Tally) -> None:
+    assert source_text(twenty).startswith("Frequencies and ranges are of 20 seeds (1 to 20)")
+    shipped = source_text(Tally(twenty.outcomes, {}, recorded=True))
+    assert "are not of this run" in shipped
+    assert "recorded with hmtb-twin 0.1.0 and MuJoCo 4.0.0" in shipped
+    gap = Tally((made(1), made(4)), {})
+    assert "2 seeds (1, 4)" in source_text(gap)
+
+
+def test_results_carry_frequencies_and_cost(twenty: Tally) -> None:
+    record = finding_record("F1", twenty)
+    assert record["frequency"] == {
+        "seeds": 20,
+        "verdicts": {"reproduced": 18, "partly": 2},
+        "depends_on_seed": False,
+    }
+    assert finding_record("F2", twenty) == {}
+    assert finding_record("F1", None) == {}
+    whole = seeds_record(twenty)
+    assert whole["of_this_run"] is True
+    assert whole["cost"] == {"physics_s": 200.0, "total_s": 400.0, "ratio": 2.0}
+
+
+def test_a_tally_survives_its_file(twenty: Tally, tmp_path: Path) -> None:
+    write_tally(replace(twenty, failed={21: "why"}), tmp_path / "tally.json")
+    again = read_tally((tmp_path / "tally.json").read_text())
+    assert again.outcomes == twenty.outcomes
+    assert again.failed == {21: "why"}
+
+
+def test_a_study_that_moved_or_flipped_contradicts_the_tally(twenty: Tally) -> None:
+    assert contradictions(made(5, value=5.0), twenty) == ()
+    assert contradictions(made(5, value=20.1), twenty) == (), "rounding may move it by a hundredth of the range"
+    assert contradictions(made(5, value=21.0), twenty) == ("F1 shoulder_yaw: 21, recorded 1 to 20",)
+    assert contradictions(made(5, value=float("nan")), twenty) == ("F1 shoulder_yaw: nan, recorded 1 to 20",)
+    assert contradictions(made(5, "partly"), twenty) == ("F1: partly, recorded of seed 5: reproduced",)
+    faster = contradictions(made(5, hz=1.001), twenty)
+    assert len(faster) == 12 and all("bandwidth of" in line for line in faster)
+    bare = replace(made(5), numbers={"F1": {"new": 1.0}})
+    assert contradictions(bare, twenty) == (
+        "F1 shoulder_yaw: not there, but with every seed recorded",
+        "F1 new: 1, not recorded",
+    )
+    with pytest.raises(ScenarioError, match="no seed 40"):
+        contradictions(made(40), twenty)
