@@ -91,7 +91,7 @@ def yaw_oe(study: Comparison) -> Finding:
     """F10: the yaw OE has residuals that are not white, and more poles turn unstable."""
     test = study.joints["shoulder_yaw"].models["oe"].residual_test
     tried = study.prediction_errors["shoulder_yaw"].more_poles
-    poles = int(study.joints["shoulder_yaw"].models["oe"].estimate.orders["nf"][0])
+    poles = int(np.max(study.joints["shoulder_yaw"].models["oe"].estimate.orders["nf"]))
     own = [entry for entry in tried if entry.orders[1] == poles]
     more = [entry for entry in tried if entry.orders[1] > poles]
     gone = [entry for entry in more if entry.unstable]
