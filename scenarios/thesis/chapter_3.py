@@ -158,8 +158,8 @@ def _analyses(study: Comparison, entry: JointResult, gallery: Gallery) -> dict[s
                     f"{name}, {what}: two-sided spectra of disturbance, output and input and between both, by the "
                     "thesis' Hamming window (gaps: negative) and by repetition. Circles: what the truth answers to the "
                     "input on its lines. Black: what is measured beyond that answer, noise at the floor, friction on "
-                    "the lines. Repetition counts a little more at the lowest frequencies: what noise on the command did "
-                    "before a block began.",
+                    "the lines. Repetition counts a little more at the lowest frequencies: what noise on the command "
+                    "did before a block began.",
                     name=f"spectra-{key.split()[0]}-{mark}",
                     thesis=figures[key],
                 )

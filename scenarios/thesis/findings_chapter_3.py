@@ -13,7 +13,7 @@ from scenarios.published import BREAK_FREQUENCY
 from scenarios.thesis.campaign import single_joint_test
 from scenarios.thesis.comparison import Comparison, JointResult
 from scenarios.thesis.finding import Finding, decided, verdict
-from scenarios.thesis.nonparametric import GRID, PULSE, SINES
+from scenarios.thesis.nonparametric import GRID, PULSE, SINES, half_power
 from scenarios.waveform import POINTS
 from sysid import CovarianceFunction, FrequencyResponse
 
@@ -65,13 +65,16 @@ def _true(entry: JointResult) -> FrequencyResponse:
 
 
 def _listed(values: list[float], form: str) -> str:
-    return ", ".join(format(value, form) for value in values)
+    return ", ".join(format(value, form) if np.isfinite(value) else "nothing" for value in values)
 
 
 def gain_and_cutoff(study: Comparison) -> Finding:
     """F1: the gain stays below one and falls off at 6 to 7 rad/s."""
     cutoff: dict[str, float] = {}
-    passed, parts, largest, other = 0, 0, [], []
+    passed, parts = 0, 0
+    largest: list[float] = []
+    other: list[float] = []
+    again: list[float] = []
     for joint in study.joints:
         for way, found in _tried(study, joint).items():
             top, at = float(found.magnitude.max()), 2 * np.pi * crossing(found, HALF_POWER)
@@ -81,6 +84,8 @@ def gain_and_cutoff(study: Comparison) -> Finding:
                 cutoff[f"{joint}, {way}"] = at
             if way == "two sines":
                 largest.append(top)
+        told = half_power(study.nonparametric[joint].repeated[SINES].told())
+        again.append(float("nan") if told is None else 2 * np.pi * told)
         positive = study.nonparametric[joint].positive
         if positive is not None:
             other.append(2 * np.pi * crossing(_up_to(positive, FASTEST), HALF_POWER))
@@ -95,7 +100,8 @@ def gain_and_cutoff(study: Comparison) -> Finding:
         "construction: its servo poles were placed after the published models. The thesis' estimate from two sines has "
         f"gains up to {max(largest):.0f}, because it has no power between the tones and the Hamming window leaks "
         "theirs; the same lag with a Parzen window, whose side lobes are lower, lets the noise of the wires through, "
-        f"which excites too, and finds {_listed(other, '.1f')} rad/s",
+        f"which excites too, and finds {_listed(other, '.1f')} rad/s; comparing the record's periods finds "
+        f"{_listed(again, '.1f')}",
     )
 
 
@@ -160,7 +166,8 @@ def delay(study: Comparison) -> Finding:
         "samples, the first lag at which output and whitened input of the PRBS test correlate at 99 %",
         f"so by construction: the twin's own delays are {true} samples, one for the hold and one on the bus where the "
         "published models have it (nk - 1); tried is whether the data show them again. From there the correlation "
-        f"rises to its peak at {', '.join(map(str, peaks))} samples: two to five holds from the first sign to the peak",
+        f"rises to its peak at {', '.join(map(str, peaks))} samples: who reads a graph by eye finds a delay between "
+        f"{min(found.values()):.0f} and {max(peaks)}",
     )
 
 
@@ -222,8 +229,8 @@ def pulse_spectra(study: Comparison) -> Finding:
         "for from 1 to 5 Hz too, of input and output",
         f"from 1 to 5 Hz lies, of the {shares}. The disturbance of this estimate is the output less what correlates "
         "with the input, and the window's leakage is in it; told apart by repetition instead, "
-        f"{min(repeated):.0f} to {max(repeated):.0f} % of the disturbance lies up to {AROUND_1_HZ:g} Hz: the noise of the "
-        "resolver is spread over all frequencies",
+        f"{min(repeated):.0f} to {max(repeated):.0f} % of the disturbance lies up to {AROUND_1_HZ:g} Hz: the "
+        "noise of the resolver is spread over all frequencies",
     )
 
 
