@@ -134,7 +134,7 @@ def _why(study: Comparison, joints: tuple[str, ...], value: dict[str, float]) ->
         f"({value['bias: joints with OKID moved more']:g}) and outliers "
         f"({value['outliers: joints with OKID moved more']:g}). A constant left in costs a model without one a pole "
         f"near z = 1: {slow} of {len(spoilt)} SysID models spend one at {max(CORE['bias']):g} standard deviations, "
-        "the 10 lagged terms of OKID have some to spare. Outliers stand in OKID's regressors, where they bias it: at "
+        "OKID’s longer regression has one to spare. Outliers stand in OKID's regressors, where they bias it: at "
         f"{share:g} % the median fit in simulation is {fits['OKID']:.1f} %, SysID's {fits['SysID']:.1f} %"
     )
 
