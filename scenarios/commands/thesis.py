@@ -1,30 +1,45 @@
 """`hmtb thesis`: the whole study."""
 
+import sys
+from dataclasses import replace
 from pathlib import Path
+from time import perf_counter
+from typing import TYPE_CHECKING
 
 from scenarios.commands.output import json_text, output_folder, print_json, print_table, progress, say
+
+if TYPE_CHECKING:
+    from scenarios.thesis.tally import Tally
 
 
 def thesis(
     *,
     out: Path = Path("thesis-report"),
     seed: int | None = None,
+    seeds: int = 1,
     quick: bool = False,
     threads: int | None = None,
+    figures: bool = False,
     logs: bool = False,
     json: bool = False,
 ) -> int:
     """Run the whole study and write report.html: simulate, identify, compare with the truth, report.
 
-    24 single-joint tests of 240 s on three joints are simulated; each joint is identified from its PRBS test with the
-    thesis' structures (ARMAX, output error, OKID) and validated on the other seven; the models are laid beside the
-    true dynamics and beside the published ones.
+    Every test of both tables of the thesis and the exchange of the replacement unit are simulated, on the nominal arm
+    and, as far as they are laid beside it, without friction and on the published arm. Each joint is identified with
+    the methods of chapters III to V and judged on records not seen; the models are laid beside the true dynamics and
+    beside the published ones, and each of the thesis' findings gets a verdict.
 
     Args:
         out: Folder for report.html and results.json; those of an earlier run are replaced.
         seed: Draw other noise; without it the scenarios' own seeds are used.
+        seeds: Repeat the study on the nominal arm with so many seeds, counted from --seed or from 1, and say how often
+            each verdict was reached and how far numbers move. Two minutes each on two processors; each is kept in the
+            folder seeds as it ends, and the same command takes up there. With 1, the frequencies that were recorded
+            with this version are stated.
         quick: Records of 40 s instead of 240 s: a look, not a result.
         threads: Threads of the simulation; the results do not depend on it.
+        figures: Keep every figure too, as SVG and PNG in the folder figures.
         logs: Keep the logs too, as NetCDF4.
         json: Print the results as JSON.
     """
@@ -35,8 +50,12 @@ def thesis(
         raise ScenarioError(f"threads must be 1 or more, given {threads}")
     if seed is not None and seed < 0:
         raise ScenarioError(f"seed must be 0 or more, given {seed}")
+    if seeds < 1:
+        raise ScenarioError(f"seeds must be 1 or more, given {seeds}")
+    duration = 40.0 if quick else None
     with output_folder(out) as folder:
         from scenarios.thesis.findings import findings
+        from scenarios.thesis.frequencies import frequency_text, source_text
         from scenarios.thesis.report import write_report
         from scenarios.thesis.results import answer, results
         from scenarios.thesis.study import run_study
@@ -44,16 +63,29 @@ def thesis(
 
         for name in ("report.html", "results.json"):
             check_place(folder / name)
+        # First, because each seed is kept as it ends: what is interrupted later costs none of them.
+        many = _many(seeds, seed, duration, threads, folder / "seeds")
         with progress("study") as bar:
             comparison = run_study(
                 seed=seed,
-                duration=40.0 if quick else None,
+                duration=duration,
                 threads=threads,
-                progress=lambda step, done, total: bar(done, total),
+                progress=lambda step, done, total: bar(done, total, step),
             )
-        found = findings(comparison)
-        report = write_report(comparison, found, folder / "report.html")
-        record = results(comparison, found, report)
+            begin = perf_counter()
+            found = findings(comparison)
+            comparison = replace(comparison, cost=comparison.cost.later(perf_counter() - begin))
+            begin = perf_counter()
+            report = write_report(
+                comparison,
+                found,
+                folder / "report.html",
+                many,
+                figures=_made(folder / "figures") if figures else None,
+                drawn=lambda number: bar(number, None, "draw"),
+            )
+            comparison = replace(comparison, cost=comparison.cost.later(perf_counter() - begin, report=True))
+        record = results(comparison, found, report, many)
         if logs:
             for log in comparison.logs.values():
                 write_log(log, folder / f"{log.name}.nc")
@@ -74,9 +106,40 @@ def thesis(
         rows += [(f"published {model.label}", f"{model.bandwidth_hz:.3f}", "", "") for model in entry.published]
         title = f"{name}: true bandwidth {entry.truth.bandwidth_hz:.3f} Hz"
         print_table(title, ("model (* chosen by the thesis)", "Hz", "95 % interval", "holds the truth"), rows)
-    print_table("Findings", ("", "verdict", "claim"), [(entry.key, entry.verdict, entry.claim) for entry in found])
+    often = {entry.key: frequency_text(entry, many) if many else "" for entry in found}
+    lines = [(entry.key, entry.verdict, often[entry.key], entry.claim) for entry in found]
+    print_table("Findings", ("", "verdict", "seeds", "claim"), lines)
+    if many:
+        say(source_text(many))
     say(answer(comparison))
     say(f"Report: {report}")
     for name, reason in comparison.failed.items():
         say(f"failed: {name}: {reason}")
     return 1 if comparison.failed else 0
+
+
+def _made(folder: Path) -> Path:
+    """The folder, made where there is none."""
+    folder.mkdir(exist_ok=True)
+    return folder
+
+
+def _many(seeds: int, first: int | None, duration: float | None, threads: int | None, folder: Path) -> "Tally | None":
+    """What many seeds concluded: run now, or what came with the package; nothing for short records of one seed."""
+    from scenarios.thesis.monte_carlo import tally
+    from scenarios.thesis.recorded import recorded
+
+    if seeds == 1:
+        return recorded() if duration is None else None
+    start = 1 if first is None else first
+    with progress(f"{seeds} seeds") as bar:
+
+        def told(seed: int, before: int, step: str, done: int, whole: int) -> None:
+            if step == "simulate":
+                bar(before * whole + done, seeds * whole)
+
+        try:
+            return tally(range(start, start + seeds), duration=duration, threads=threads, folder=folder, progress=told)
+        except KeyboardInterrupt:
+            sys.stderr.write(f"hmtb: seeds that came to an end are kept in {folder}; the same command takes up there\n")
+            raise
