@@ -15,7 +15,7 @@ METHODS = ("arx", "iv4", "armax", "oe", "okid")
 HERTZ = (0.3, 4.0)
 """Bandwidths that are shown; an arrow stands for what lies beyond."""
 
-SHOWN = np.geomspace(0.3, 12.0, 120)
+SHOWN = np.geomspace(0.3, 12.0, 50)
 """Where gains are laid beside the truth, Hz."""
 
 
