@@ -9,6 +9,7 @@ SHELL := /bin/bash
 PYTHON ?= python3
 VENV ?= .venv
 OUT ?= thesis-report
+WORKERS ?= auto
 BIN := $(VENV)/bin
 CREATED := $(VENV)/.created
 INSTALLED := $(VENV)/.installed
@@ -48,9 +49,9 @@ thesis: $(INSTALLED) ## run the whole study and write its report
 	@echo "==> The report is $(abspath $(OUT))/report.html"
 
 .PHONY: test
-test: $(INSTALLED) ## run all tests
+test: $(INSTALLED) ## run all tests, side by side (WORKERS=0: one after the other)
 	@echo "==> Running the tests"
-	@"$(BIN)/python" -m pytest
+	@"$(BIN)/python" -m pytest -n $(WORKERS) --dist loadgroup --no-loadscope-reorder
 
 .PHONY: format-check
 format-check: $(INSTALLED)

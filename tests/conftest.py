@@ -21,6 +21,28 @@ settings.register_profile("house", deadline=None, derandomize=True, database=Non
 settings.load_profile("house")
 
 
+# What is expensive to set up is set up once, not once in each process: tests of one file, and all that look at the same
+# study, stay together. What takes long begins first, so that no process ends alone with it.
+SHARED = ("study",)
+
+
+@pytest.hookimpl(tryfirst=True)
+def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
+    """Say which tests stay together when they run in several processes."""
+    if not hasattr(config, "workerinput"):
+        return
+    groups = {item: _group(item) for item in items}
+    long = {group for item, group in groups.items() if item.get_closest_marker("slow") or group in SHARED}
+    for item, group in groups.items():
+        item.add_marker(pytest.mark.xdist_group(group))
+    items.sort(key=lambda item: groups[item] not in long)
+
+
+def _group(item: pytest.Item) -> str:
+    shared = [name for name in SHARED if name in getattr(item, "fixturenames", ())]
+    return shared[0] if shared else item.nodeid.partition("::")[0]
+
+
 @pytest.fixture(scope="session")
 def bus_record() -> "Callable[..., BusRecord]":
     """Make a record of the bus: measured angles in whole quanta, everything else any number."""
