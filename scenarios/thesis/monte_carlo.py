@@ -2,7 +2,9 @@
 
 import json
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
+from time import perf_counter
 
 from hmtb_twin import TwinError
 from scenarios.errors import ScenarioError
@@ -78,7 +80,9 @@ def _one(seed: int, duration: float | None, threads: int | None, told: Callable[
     study = run_study(
         seed=seed, duration=duration, conditions=(NOMINAL,), thorough=False, threads=threads, progress=told
     )
-    return outcome(study, findings(study))
+    begin = perf_counter()
+    found = findings(study)
+    return outcome(replace(study, cost=study.cost.later(perf_counter() - begin)), found)
 
 
 def _kept(path: Path, seed: int, setting: Mapping[str, object]) -> Outcome | None:

@@ -2,7 +2,7 @@
 
 import json
 from collections.abc import Callable
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -75,15 +75,21 @@ def test_a_seed_among_many_is_the_study_on_the_nominal_arm(monkeypatch: pytest.M
     """Without what no finding rests on; that records do not depend on threads is tried with the simulation."""
     asked: dict[str, object] = {}
 
-    def run_study(**settings: object) -> str:
+    @dataclass(frozen=True)
+    class Study:
+        cost: Cost = Cost(10.0, 12.0, 20.0)  # noqa: RUF009
+
+    def run_study(**settings: object) -> Study:
         asked.update(settings)
-        return "the study"
+        return Study()
 
     monkeypatch.setattr(monte_carlo, "run_study", run_study)
-    monkeypatch.setattr(monte_carlo, "findings", lambda study: f"findings of {study}")
-    monkeypatch.setattr(monte_carlo, "outcome", lambda study, found: replace(made(11), failed={study: found}))
+    monkeypatch.setattr(monte_carlo, "findings", lambda study: type(study).__name__)
+    monkeypatch.setattr(monte_carlo, "outcome", lambda study, found: replace(made(11), failed={found: study.cost}))
     (alone,) = tally([11], duration=24.0, threads=1).outcomes
-    assert alone.failed == {"the study": "findings of the study"}
+    ((name, cost),) = alone.failed.items()
+    assert name == "Study"
+    assert cost.total_s > 20.0, "what findings take is counted"  # type: ignore[attr-defined]
     progress = asked.pop("progress")
     assert callable(progress)
     assert asked == {"seed": 11, "duration": 24.0, "threads": 1, "conditions": (NOMINAL,), "thorough": False}

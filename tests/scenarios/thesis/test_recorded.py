@@ -1,0 +1,108 @@
+"""What the package records of many seeds holds: a study of one of them concludes the same, and another arm does not."""
+
+import warnings
+from collections.abc import Iterator
+from dataclasses import replace
+
+import pytest
+
+import hmtb_twin.arm
+from hmtb_twin import simulate
+from hmtb_twin.variants import Variant
+from scenarios.estimators import estimate
+from scenarios.preparation import prepared
+from scenarios.thesis.campaign import planned
+from scenarios.thesis.claims import CLAIMS
+from scenarios.thesis.finding import decided
+from scenarios.thesis.frequencies import frequency_text, source_text
+from scenarios.thesis.monte_carlo import tally
+from scenarios.thesis.outcome import Recovered
+from scenarios.thesis.recorded import contradictions, recorded
+from scenarios.thesis.structures import STRUCTURES
+from sysid import SysidWarning
+
+SEED = 1
+YAW = "shoulder_yaw"
+
+
+def yaw_bandwidths() -> dict[str, float]:
+    """Bandwidths of the yaw joint by method, from its PRBS test alone, as the fixed seed has it."""
+    (log,) = simulate([planned(f"siso-5-{YAW}", seed=SEED)])
+    data = prepared(log, YAW)
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", SysidWarning)
+        found = {entry.method: estimate(data, entry.estimator, entry.orders)[0] for entry in STRUCTURES[YAW]}
+    return {method: float(entry.bandwidth().hz[0, 0]) for method, entry in found.items()}
+
+
+@pytest.fixture
+def stiffer_servo(monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
+    """An arm whose position gains are five percent higher."""
+    tuned = hmtb_twin.arm.tuned_gains
+
+    def stiffer(variant: Variant) -> dict[str, tuple[float, float]]:
+        return {name: (1.05 * kp, kd) for name, (kp, kd) in tuned(variant).items()}
+
+    monkeypatch.setattr(hmtb_twin.arm, "tuned_gains", stiffer)
+    hmtb_twin.arm._load.cache_clear()
+    yield
+    hmtb_twin.arm._load.cache_clear()
+
+
+@pytest.mark.slow
+def test_a_fixed_seed_concludes_what_is_recorded_of_it() -> None:
+    """Whole records of every test: when this fails on purpose, tests/benchmarks/findings.py makes the record anew."""
+    (found,) = tally([SEED]).outcomes
+    assert contradictions(found, recorded()) == ()
+
+
+def test_records_of_the_yaw_joint_alone_agree() -> None:
+    before = recorded().of(SEED).recovered[YAW]
+    assert yaw_bandwidths() == pytest.approx({name: entry.hz for name, entry in before.items()}, rel=1e-6)
+
+
+def test_a_servo_that_is_five_percent_stiffer_is_found_out(stiffer_servo: None) -> None:
+    reference = recorded()
+    before = reference.of(SEED)
+    moved = {
+        method: Recovered(hz, before.recovered[YAW][method].ci95, False, before.recovered[YAW][method].half_power_hz)
+        for method, hz in yaw_bandwidths().items()
+    }
+    found = replace(before, recovered={**before.recovered, YAW: moved})
+    lines = contradictions(found, reference)
+    assert any(line.startswith(f"bandwidth of {YAW}, oe, Hz") for line in lines)
+    assert any(line.startswith(f"bandwidth of {YAW}, okid, Hz") for line in lines)
+
+
+@pytest.mark.parametrize("key", CLAIMS)
+def test_a_verdict_that_flips_is_found_out(key: str) -> None:
+    before = recorded().of(SEED)
+    flipped = "not reproduced" if before.verdicts[key] != "not reproduced" else "reproduced"
+    found = replace(before, verdicts={**before.verdicts, key: flipped})
+    assert contradictions(found, recorded()) == (f"{key}: {flipped}, recorded of seed {SEED}: {before.verdicts[key]}",)
+
+
+def test_every_seed_agrees_with_the_tally_that_it_is_in() -> None:
+    for entry in recorded().outcomes:
+        assert contradictions(entry, recorded()) == ()
+
+
+def test_whole_records_of_seeds_from_one_on_came_to_an_end() -> None:
+    found = recorded()
+    assert [entry.seed for entry in found.outcomes] == list(range(1, len(found.outcomes) + 1))
+    assert found.duration is None
+    assert not found.failed
+    assert not any(entry.failed for entry in found.outcomes)
+    assert found.total_s < 4 * found.physics_s
+    assert "are not of this run" in source_text(found)
+
+
+@pytest.mark.parametrize("key", CLAIMS)
+def test_another_seed_concludes_the_same_or_the_report_says_that_it_depends(key: str) -> None:
+    found = recorded().frequency(key)
+    assert found.seeds == len(recorded().outcomes)
+    said = frequency_text(decided(key, found.usual, 1.0, "", ""), recorded())
+    if found.counts[found.usual] >= 0.9 * found.seeds:
+        assert said.startswith(f"{found.counts[found.usual]} of {found.seeds} seeds")
+    else:
+        assert said.startswith("depends on the seed")
