@@ -15,7 +15,8 @@ from sysid.plots import (
 def bandwidths(study: Comparison) -> Figure:
     """Recovered bandwidths with their intervals, the truth as a line, the published models as stars."""
     figure = Figure(figsize=(WIDTH, 6.2), layout="constrained")
-    panels = figure.subplots(len(study.joints), 1, sharex=True)
+    rows = [len(entry.models) + len(entry.published) for entry in study.joints.values()]
+    panels = figure.subplots(len(rows), 1, sharex=True, height_ratios=rows)
     for axes, (name, entry) in zip(panels, study.joints.items(), strict=True):
         labels: list[str] = []
         for model in entry.models.values():
@@ -23,7 +24,7 @@ def bandwidths(study: Comparison) -> Figure:
             reach = [[hz - model.ci95[0]], [model.ci95[1] - hz]]
             axes.errorbar(hz, len(labels), xerr=reach, fmt=style.marker, color=style.colour, ms=6, capsize=4, lw=1.8)
             axes.plot(model.half_power_hz, len(labels), "|", color=style.colour, ms=13, mew=2.0)
-            labels.append(model.label.replace(", sufficient", ",\nsufficient"))
+            labels.append(model.label.replace(", sufficient without friction", " †"))
         for printed in entry.published:
             axes.plot(
                 printed.bandwidth_hz, len(labels), PALETTE["published"].marker, color=PALETTE["published"].colour, ms=9

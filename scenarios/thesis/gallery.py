@@ -1,4 +1,4 @@
-"""The figures of the report: numbered as they come, each with the figures of the thesis that it answers."""
+"""The figures of the report, each with the figures of the thesis that it answers."""
 
 import re
 from collections.abc import Callable, Mapping, Sequence
@@ -15,7 +15,7 @@ class Picture:
     """A figure on the page.
 
     Attributes:
-        number: Its number; the page links to `#figure-<number>`.
+        number: In the order in which figures were drawn; the page numbers them as they stand on it.
         name: Its name as a file, without suffix: lower case, words apart by hyphens.
         svg: The element.
         caption: What it shows and how to read it.
@@ -32,7 +32,7 @@ class Picture:
 
 
 class Gallery:
-    """Takes figures in the order in which the page shows them.
+    """Takes the figures of the page.
 
     Args:
         folder: Where every figure is written as SVG and PNG too; nowhere if None.

@@ -73,8 +73,19 @@ def page(shown: Mapping[str, object]) -> str:
         shown: What the templates show, see `context`.
     """
     environment = _environment()
-    body = Markup(environment.get_template("body.html.j2").render(shown))
+    body = Markup(numbered(environment.get_template("body.html.j2").render(shown)))
     return environment.get_template("report.html.j2").render(shown, body=body, contents=contents(body))
+
+
+def numbered(body: str) -> str:
+    """The page with its figures numbered as they stand on it, whatever the order in which they were drawn.
+
+    Args:
+        body: The page without its head, figures and links to them by the numbers of the gallery.
+    """
+    order = {old: str(new) for new, old in enumerate(re.findall(r'<figure id="figure-(\d+)"', body), 1)}
+    pattern = r'(<figure id="figure-|href="#figure-|<figcaption>Figure |">figure )(\d+)(?=[".<])'
+    return re.sub(pattern, lambda found: found[1] + order[found[2]], body)
 
 
 def contents(body: str) -> Contents:

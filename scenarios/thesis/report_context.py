@@ -18,7 +18,7 @@ from scenarios.thesis.figure_style import EXCITED_FROM
 from scenarios.thesis.figures_answer import bandwidths
 from scenarios.thesis.figures_truth import true_responses
 from scenarios.thesis.finding import Finding
-from scenarios.thesis.frequencies import chance
+from scenarios.thesis.frequencies import ORDER, chance
 from scenarios.thesis.gallery import Gallery, Picture
 from scenarios.thesis.pictures import arm_picture, exchange
 from scenarios.thesis.published_section import published_section
@@ -42,7 +42,7 @@ SECTIONS: tuple[tuple[str, Callable[[Comparison, Gallery], object]], ...] = (
     ("fairness", fairness_section),
     ("robustness", robustness),
 )
-"""Parts that draw, in the order of the page: figures are numbered as they come."""
+"""Parts that draw."""
 
 
 def context(study: Comparison, findings: Sequence[Finding], gallery: Gallery, tally: Tally | None) -> dict[str, object]:
@@ -63,11 +63,12 @@ def context(study: Comparison, findings: Sequence[Finding], gallery: Gallery, ta
     counterparts = mapped(gallery.counterparts())
     expected = [number for entry in counterparts if not entry.kind.instead for number in entry.kind.numbers]
     parameters = _parameters()
+    counts = Counter(entry.verdict for entry in findings)
     return {
         **drawn,
         "study": study,
         "findings": findings,
-        "verdicts": Counter(entry.verdict for entry in findings).most_common(),
+        "verdicts": [(name, counts[name]) for name in ORDER if counts[name]],
         "chance": chance(findings, tally),
         "answers": answers(study),
         "headline": headline(study),

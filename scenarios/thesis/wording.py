@@ -6,13 +6,18 @@ from scenarios.thesis.finding import Finding
 from scenarios.thesis.probability import TINY
 
 
+def minus(text: str) -> str:
+    """The text with the minus sign of print for every hyphen; for numbers only."""
+    return text.replace("-", "−")
+
+
 def number(value: float, digits: int = 4) -> str:
     """A number as text, counts without decimals, all others to the same significant digits."""
     if not np.isfinite(value):
         return "–"
     if value == 0.0 or (float(value).is_integer() and abs(value) < 1000):
-        return f"{value:.0f}"
-    return f"{value:#.{digits}g}".rstrip(".")
+        return minus(f"{value:.0f}")
+    return minus(f"{value:#.{digits}g}".rstrip("."))
 
 
 def measure(value: float, finding: Finding) -> str:
@@ -24,9 +29,9 @@ def root(value: complex, digits: int = 3) -> str:
     """A pole or zero as text."""
     value = complex(value)
     if abs(value.imag) < 0.5 * 10.0**-digits:
-        return f"{value.real:.{digits}f}"
+        return minus(f"{value.real:.{digits}f}")
     sign = "+" if value.imag > 0 else "−"
-    return f"{value.real:.{digits}f} {sign} {abs(value.imag):.{digits}f}j"
+    return minus(f"{value.real:.{digits}f}") + f" {sign} {abs(value.imag):.{digits}f}j"
 
 
 def plain(value: object) -> str:

@@ -16,7 +16,7 @@ from scenarios.errors import ScenarioError
 from scenarios.thesis.comparison import Comparison
 from scenarios.thesis.findings import findings
 from scenarios.thesis.gallery import Gallery
-from scenarios.thesis.report import contents, page, write_report
+from scenarios.thesis.report import contents, numbered, page, write_report
 from scenarios.thesis.report_context import context
 from scenarios.thesis.results import answers, headline
 
@@ -119,6 +119,19 @@ def test_the_contents_are_read_from_the_page() -> None:
         '<p class="part">Nothing in it</p>'
     )
     assert contents(body) == (("", (("a", "First"),)), ("Chapter &amp; verse", (("b", "B"), ("c", "C"))))
+
+
+def test_figures_are_numbered_as_they_stand_on_the_page() -> None:
+    body = (
+        '<figure id="figure-7"><figcaption>Figure 7. Ten of 7.</figcaption></figure><figure id="figure-2">'
+        "<figcaption>Figure 2. b</figcaption></figure>"
+        '<a href="#figure-7">figure 7</a>, <a href="#figure-2">figure 2</a>'
+    )
+    assert numbered(body) == (
+        '<figure id="figure-1"><figcaption>Figure 1. Ten of 7.</figcaption></figure><figure id="figure-2">'
+        "<figcaption>Figure 2. b</figcaption></figure>"
+        '<a href="#figure-1">figure 1</a>, <a href="#figure-2">figure 2</a>'
+    )
 
 
 def test_every_table_has_a_caption_and_cells_have_headers(text: str) -> None:
