@@ -6,6 +6,7 @@ import matplotlib
 import matplotlib.image
 
 from hmtb_twin import load_arm, render
+from scenarios.thesis.campaign import NOMINAL
 from scenarios.thesis.figures_answer import bandwidths
 from scenarios.thesis.study import run_study
 
@@ -16,7 +17,8 @@ def main() -> None:
     """Write `arm.png` and `result.png` beside this file."""
     matplotlib.use("Agg")
     matplotlib.image.imsave(FOLDER / "arm.png", render(load_arm(), "overview", 1200, 900))
-    bandwidths(run_study()).savefig(FOLDER / "result.png", dpi=130, bbox_inches="tight")
+    study = run_study(conditions=(NOMINAL,), thorough=False)
+    bandwidths(study).savefig(FOLDER / "result.png", dpi=130, bbox_inches="tight")
 
 
 if __name__ == "__main__":
