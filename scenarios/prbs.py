@@ -7,10 +7,16 @@ from scenarios.errors import ScenarioError
 from scenarios.waveform import POINTS, Waveform, check_seed
 
 
-def prbs(*, amplitude: float = 1.0, clock: int = 2, seed: int = 0) -> Waveform:
+LONGEST_REGISTER = 32
+"""Bits of the longest register that `scipy.signal.max_len_seq` has taps for."""
+
+
+def prbs(*, amplitude: float = 1.0, clock: int = 2, seed: int = 0, register: int = 0) -> Waveform:
     """Maximum-length binary sequence between -amplitude and +amplitude [Soderstrom1989, compl. C5.3].
 
-    The shortest register whose sequence fills the file is used, cut after 100 points: the file may keep a mean, of up
+    The sequence is cut after 100 points. The shortest register that fills the file has few starts, and what begins one
+    bit later is nearly the same file played later; a longer one has sequences that differ in earnest, with spectra less
+    flat. With the shortest the file may keep a mean, of up
     to 0.12, 0.16 and 0.28 of the amplitude at one, two and three samples per bit, as a rule more at longer bits. Its
     spectrum is only nearly flat under the sinc-shaped envelope of the held bits, with zeros at multiples of 50/clock
     Hz.
@@ -20,22 +26,30 @@ def prbs(*, amplitude: float = 1.0, clock: int = 2, seed: int = 0) -> Waveform:
         amplitude: Level, V.
         clock: Samples per bit; a divisor of 100 keeps every bit equally long.
         seed: Chooses the start state of the register.
+        register: Bits of the register; 0 for the shortest whose sequence fills the file.
 
     Returns:
         The 100-point file.
 
     Raises:
-        ScenarioError: `clock` is not between 1 and 33, or the seed is negative.
+        ScenarioError: `clock` is not between 1 and 33, the seed is negative, or the register is too short to fill the
+            file or longer than 32 bits.
     """
     check_seed(seed)
     # Three bits are the period of the shortest register: fewer may all be equal.
     if not 1 <= clock <= POINTS // 3:
         raise ScenarioError(f"clock must be 1 to {POINTS // 3} samples per bit, given {clock}")
     bits = -(-POINTS // clock)
-    register = max(2, int(np.ceil(np.log2(bits + 1))))
-    state = np.random.default_rng(seed).integers(0, 2, register)
+    shortest = max(2, int(np.ceil(np.log2(bits + 1))))
+    if register and not shortest <= register <= LONGEST_REGISTER:
+        raise ScenarioError(
+            f"register must be {shortest} to {LONGEST_REGISTER} bits at {clock} samples per bit, or 0 for the "
+            f"shortest, given {register}"
+        )
+    state = np.random.default_rng(seed).integers(0, 2, register or shortest)
     if not state.any():
         state[0] = 1  # a register of zeros never leaves zero
-    sequence, _ = max_len_seq(register, state=state, length=bits)
+    sequence, _ = max_len_seq(len(state), state=state, length=bits)
     points = amplitude * np.repeat(2.0 * sequence - 1.0, clock)[:POINTS]
-    return Waveform(points, "prbs", {"amplitude": amplitude, "clock": clock, "seed": seed})
+    parameters = {"amplitude": amplitude, "clock": clock, "seed": seed}
+    return Waveform(points, "prbs", {**parameters, "register": register} if register else parameters)

@@ -28,6 +28,7 @@ def waveform(
     ramp: float | None = None,
     offset: float | None = None,
     clock: int | None = None,
+    register: int | None = None,
     pulse_width: float | None = None,
     growing: bool = False,
     odd: bool = False,
@@ -61,6 +62,7 @@ def waveform(
         offset: Constant that a chirp_franklin adds, V.
         clock: Samples per bit of a prbs, a maximum-length sequence cut to 100 points: its mean may be up to 0.16 of
             the amplitude at 2, the default, 0.28 at 3, as a rule more at longer bits.
+        register: Bits of the register behind a prbs; the shortest that fills the file when not given.
         pulse_width: Length of each ramp of a bipolar_ramping_pulse, s.
         growing: Let the pulses of a bipolar_ramping_pulse grow over the file.
         odd: Only odd lines in a multisine.
@@ -87,6 +89,7 @@ def waveform(
             "ramp": ramp,
             "offset": offset,
             "clock": clock,
+            "register": register,
             "pulse_width": pulse_width,
             "growing": growing or None,
             "odd": odd or None,

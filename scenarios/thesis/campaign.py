@@ -23,6 +23,10 @@ RPCM = "rpcm"
 """Name of the exchange of the replacement unit."""
 
 
+REGISTER = 20
+"""Bits of the register that other binary sequences are drawn from: a million starts, far apart as a rule."""
+
+
 @dataclass(frozen=True)
 class Condition:
     """On which arm a campaign is played.
@@ -133,8 +137,9 @@ def planned(name: str, *, seed: int | None = None, duration: float | None = None
 
     Args:
         name: Its name.
-        seed: Draws other noise, and another binary sequence where the waveform file holds one: nothing is known of the
-            thesis' own sequence. Sequences of several axes at once keep their seeds, which keep them apart.
+        seed: Draws other noise, and another binary sequence where the waveform file holds one, of a longer register:
+            nothing is known of the thesis' own sequence. All tests of one campaign have the same sequence, as the
+            scenarios' own have. Sequences of several axes at once keep their seeds, which keep them apart.
         duration: Length, s; the exchange of the replacement unit keeps its own.
 
     Returns:
@@ -145,7 +150,8 @@ def planned(name: str, *, seed: int | None = None, duration: float | None = None
         scenario = scenario.reseeded(seed)
         if len(scenario.excitation) == 1 and scenario.excitation[0].kind == "prbs":
             (entry,) = scenario.excitation
-            scenario = replace(scenario, excitation=(replace(entry, parameters={**entry.parameters, "seed": seed}),))
+            other = {**entry.parameters, "seed": seed, "register": REGISTER}
+            scenario = replace(scenario, excitation=(replace(entry, parameters=other),))
     return scenario if duration is None or name == RPCM else replace(scenario, duration=duration)
 
 

@@ -101,6 +101,17 @@ def test_prbs_seed_chooses_the_start() -> None:
     assert len({prbs(seed=seed).points.tobytes() for seed in range(10)}) > 5
 
 
+def test_prbs_of_a_longer_register_is_another_sequence_and_the_shortest_is_the_default() -> None:
+    assert np.array_equal(prbs(seed=3, register=6).points, prbs(seed=3).points)
+    assert "register" not in prbs(seed=3).parameters
+    longer = prbs(seed=3, register=20)
+    assert longer.parameters["register"] == 20
+    assert set(np.unique(longer.points)) == {-1.0, 1.0}
+    for register in (5, 33, -1):
+        with pytest.raises(ScenarioError, match=rf"register must be 6 to 32 bits at 2 samples .* given {register}"):
+            prbs(register=register)
+
+
 @pytest.mark.parametrize(("memory", "changes"), [(-0.8, (60, 90)), (0.0, (35, 65)), (0.8, (10, 40))])
 def test_the_sign_recursion_is_the_equation_to_the_letter(memory: float, changes: tuple[int, int]) -> None:
     c1, c2, points = 1.5, -1.5, sign_recursion(amplitude=1.5, memory=memory, seed=4).points

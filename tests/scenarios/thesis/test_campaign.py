@@ -1,0 +1,40 @@
+"""Other seeds are other experiments."""
+
+import numpy as np
+
+from scenarios.prbs import prbs
+from scenarios.registry import load
+from scenarios.thesis.campaign import RPCM, planned
+
+YAW = "siso-5-shoulder_yaw"
+
+
+def played(name: str, seed: int | None) -> np.ndarray:
+    """One period of the file, without its mean and of unit length, as a spectrum."""
+    (entry,) = planned(name, seed=seed).excitation
+    points = prbs(**entry.parameters).points  # type: ignore[arg-type]
+    points = points - points.mean()
+    return np.fft.fft(points / np.linalg.norm(points))
+
+
+def test_seeds_draw_sequences_that_are_not_one_another_played_later() -> None:
+    files = [played(YAW, seed) for seed in (None, *range(1, 21))]
+    for number, one in enumerate(files):
+        for other in files[:number]:
+            assert np.abs(np.fft.ifft(one * other.conj())).max() < 0.8
+
+
+def test_all_tests_of_a_campaign_play_the_same_sequence() -> None:
+    for name in ("siso-6-shoulder_yaw", "siso-5-elbow_pitch", "mimo-7", "mimo-8"):
+        np.testing.assert_allclose(played(name, 4), played(YAW, 4))
+        assert planned(name, seed=4).seed != planned(YAW, seed=4).seed
+
+
+def test_without_a_seed_a_scenario_is_played_as_registered() -> None:
+    assert planned(YAW) == load(YAW)
+    assert planned("mimo-7-independent", seed=4).excitation == load("mimo-7-independent").excitation
+
+
+def test_the_exchange_keeps_its_length() -> None:
+    assert planned(RPCM, duration=24.0).duration == load(RPCM).duration
+    assert planned(YAW, duration=24.0).duration == 24.0
