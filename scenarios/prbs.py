@@ -6,7 +6,6 @@ from scipy.signal import max_len_seq
 from scenarios.errors import ScenarioError
 from scenarios.waveform import POINTS, Waveform, check_seed
 
-
 LONGEST_REGISTER = 32
 """Bits of the longest register that `scipy.signal.max_len_seq` has taps for."""
 
