@@ -22,6 +22,14 @@ SEVERAL_JOINTS = tuple(range(1, 14))
 RPCM = "rpcm"
 """Name of the exchange of the replacement unit."""
 
+SAME_SEQUENCE = (5, 6)
+"""Numbers of the single-joint tests that play one and the same binary sequence.
+
+The velocity limit turns the larger amplitude into much the same command: to a model of one, the other is no new record.
+"""
+
+NOT_SEEN = tuple(number for number in SINGLE_JOINT if number not in SAME_SEQUENCE)
+"""Numbers of the single-joint tests of other waveforms: what a model of a binary sequence has not seen."""
 
 REGISTER = 20
 """Bits of the register that other binary sequences are drawn from: a million starts, far apart as a rule."""
@@ -130,6 +138,20 @@ class Campaign:
 def single_joint_test(number: int, joint: str) -> str:
     """Name of the scenario of a single-joint test."""
     return f"siso-{number}-{joint}"
+
+
+def same_sequence(name: str) -> bool:
+    """Whether a test plays the binary sequence that models are identified from, on one of its axes at least.
+
+    Such a record is not held out from those models, whatever its amplitude and however many axes it moves.
+
+    Args:
+        name: Of the scenario, as registered.
+
+    Returns:
+        True for single-joint tests 5 and 6 and for tests 7 and 8 of several joints, independent axes included.
+    """
+    return any(entry.kind == "prbs" for entry in load(name).excitation)
 
 
 def planned(name: str, *, seed: int | None = None, duration: float | None = None) -> Scenario:

@@ -4,7 +4,7 @@ import numpy as np
 
 from scenarios.prbs import prbs
 from scenarios.registry import load
-from scenarios.thesis.campaign import RPCM, planned
+from scenarios.thesis.campaign import EVERY_TEST, NOT_SEEN, RPCM, planned, same_sequence
 
 YAW = "siso-5-shoulder_yaw"
 
@@ -28,6 +28,15 @@ def test_all_tests_of_a_campaign_play_the_same_sequence() -> None:
     for name in ("siso-6-shoulder_yaw", "siso-5-elbow_pitch", "mimo-7", "mimo-8"):
         np.testing.assert_allclose(played(name, 4), played(YAW, 4))
         assert planned(name, seed=4).seed != planned(YAW, seed=4).seed
+
+
+def test_what_plays_the_sequence_of_estimation_is_known() -> None:
+    joints = ("shoulder_yaw", "shoulder_pitch", "elbow_pitch")
+    several = {"mimo-7", "mimo-8", "mimo-7-independent", "mimo-8-independent"}
+    assert {name for name in EVERY_TEST if same_sequence(name)} == several | {
+        f"siso-{number}-{joint}" for number in (5, 6) for joint in joints
+    }
+    assert NOT_SEEN == (1, 2, 3, 4, 7, 8)
 
 
 def test_without_a_seed_a_scenario_is_played_as_registered() -> None:
