@@ -154,6 +154,18 @@ def same_sequence(name: str) -> bool:
     return any(entry.kind == "prbs" for entry in load(name).excitation)
 
 
+def seen_with(number: int) -> tuple[int, ...]:
+    """Numbers of the single-joint tests that are no new records to a model of one of them.
+
+    Args:
+        number: Of the test that it was identified from, 1 to 8.
+
+    Returns:
+        Its own, and the other that plays the same sequence where there is one.
+    """
+    return SAME_SEQUENCE if number in SAME_SEQUENCE else (number,)
+
+
 def planned(name: str, *, seed: int | None = None, duration: float | None = None) -> Scenario:
     """A registered scenario as a campaign plays it.
 

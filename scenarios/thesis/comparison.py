@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 from hmtb_twin import JointLog, JointTruth, Truth
 from scenarios.published import PublishedModel
 from scenarios.thesis.attribution import Attribution
-from scenarios.thesis.campaign import Campaign
+from scenarios.thesis.campaign import Campaign, seen_with
 from scenarios.thesis.every_data_set import DataSets
 from scenarios.thesis.fairness_table import Fairness
 from scenarios.thesis.multivariable import Multivariable, ThreeJointModel
@@ -65,8 +65,9 @@ class ModelResult:
     residual_test: ResidualTest
 
     def held_out(self, estimation_test: int) -> tuple[Fit, ...]:
-        """Fits to the tests that the model has not seen."""
-        return tuple(fit for number, fit in self.fits.items() if number != estimation_test)
+        """Fits to the tests that the model has not seen: neither its own nor one that plays the same sequence."""
+        seen = seen_with(estimation_test)
+        return tuple(fit for number, fit in self.fits.items() if number not in seen)
 
 
 @dataclass(frozen=True, eq=False)

@@ -13,7 +13,7 @@ from scenarios.crossing import half_power_hz
 from scenarios.estimators import estimate
 from scenarios.preparation import prepared
 from scenarios.registry import names
-from scenarios.thesis.campaign import RPCM, SINGLE_JOINT, Campaign, planned, single_joint_test
+from scenarios.thesis.campaign import RPCM, SINGLE_JOINT, Campaign, planned, same_sequence, single_joint_test
 from scenarios.thesis.structures import Structure, every_structure
 from sysid import Estimate, IOData, StateSpace, SysidError, SysidWarning
 
@@ -110,8 +110,8 @@ class DataSetModel:
 
     @property
     def others(self) -> Mapping[str, Follow]:
-        """How it follows the records that it has not seen."""
-        return {name: fit for name, fit in self.fits.items() if name != self.record}
+        """How it follows the records that it has not seen: neither its own nor one that plays the same sequence."""
+        return {name: fit for name, fit in self.fits.items() if not _seen(self.record, name)}
 
     @property
     def others_simulation(self) -> float:
@@ -216,6 +216,11 @@ def every_data_set(
     return DataSets(
         joint, tuple(judges), MappingProxyType(excited), tuple(models), tuple(refused), MappingProxyType(missing)
     )
+
+
+def _seen(record: str, other: str) -> bool:
+    """Whether a model of one record knows the other."""
+    return record == other or (same_sequence(record) and same_sequence(other))
 
 
 def _excited(name: str, record: IOData, campaign: Campaign) -> Excited:

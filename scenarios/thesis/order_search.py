@@ -16,6 +16,7 @@ import numpy as np
 
 import sysid
 from scenarios.estimators import estimate
+from scenarios.thesis.campaign import seen_with
 from sysid import IOData, StructureTable, SysidError, SysidWarning
 
 POLES = (1, 2, 3, 4, 5)
@@ -118,7 +119,7 @@ def search_orders(joint: str, data: Mapping[int, IOData], own: int, thesis: Mapp
     Args:
         joint: Name of the joint.
         data: Prepared records by number of the test.
-        own: Number of the test that models are identified from; the others judge.
+        own: Number of the test that models are identified from; those of other waveforms judge.
         thesis: Orders of the thesis' ARMAX and OE, by method.
 
     Returns:
@@ -127,7 +128,7 @@ def search_orders(joint: str, data: Mapping[int, IOData], own: int, thesis: Mapp
     Raises:
         SysidError: Nothing to judge on, or nothing could be identified.
     """
-    others = [record[: round(MINUTE / record.dt)] for number, record in data.items() if number != own]
+    others = [record[: round(MINUTE / record.dt)] for number, record in data.items() if number not in seen_with(own)]
     if not others:
         raise SysidError("a search for orders needs other data sets to judge on, got none")
     with warnings.catch_warnings():

@@ -61,7 +61,7 @@ def test_the_estimation_test_gives_the_models_of_the_study(study: Comparison) ->
             assert found.bandwidth_hz == known.bandwidth_hz
             assert found.own.simulation == pytest.approx(known.fits[5].simulation)
             assert found.others[single_joint_test(8, joint)].one_step == pytest.approx(known.fits[8].one_step)
-            assert len(found.others) == 7
+            assert len(found.others) == 6, "its own record and that of the same sequence are not among them"
 
 
 def test_a_record_that_cannot_be_used_is_told_with_its_reason(study: Comparison) -> None:
@@ -101,6 +101,13 @@ def test_distances_are_relative_and_zero_between_equals() -> None:
     assert distances((_model(1.0, 0.9), _model(1.0, 0.9))) == pytest.approx([0.0])
     assert sorted(distances(tuple(_model(gain, 0.9) for gain in (0.9, 1.0, 1.1)))) == pytest.approx([0.1, 0.1, 0.2])
     assert len(distances((_model(1.0, 0.9),))) == 0
+
+
+def test_others_are_records_of_other_waveforms() -> None:
+    fits = {single_joint_test(number, YAW): Follow(90.0 + number, 95.0) for number in range(1, 9)}
+    of_prbs, of_sine = (replace(_model(1.0, 0.9), record=single_joint_test(n, YAW), fits=fits) for n in (6, 2))
+    assert set(of_prbs.others) == {single_joint_test(number, YAW) for number in (1, 2, 3, 4, 7, 8)}
+    assert set(of_sine.others) == {single_joint_test(number, YAW) for number in (1, 3, 4, 5, 6, 7, 8)}
 
 
 def test_an_unstable_model_says_so() -> None:
