@@ -1,6 +1,7 @@
 """Versions of what a result was made with."""
 
 import platform
+import tomllib
 from functools import cache
 from hashlib import sha256
 from importlib import resources
@@ -9,7 +10,8 @@ from pathlib import Path
 
 from hmtb_twin.resources import models_directory
 
-PACKAGES = ("hmtb-twin", "mujoco", "numpy", "scipy", "control", "pin", "matplotlib", "xarray")
+OURS = "hmtb-twin"
+PACKAGES = (OURS, "mujoco", "numpy", "scipy", "control", "pin", "matplotlib", "xarray")
 ROOMS = ("hmtb_twin", "sysid", "scenarios")
 KINDS = (".py", ".toml", ".xml")
 
@@ -21,8 +23,18 @@ def versions() -> dict[str, str]:
         try:
             found[name] = version(name)
         except PackageNotFoundError:
-            found[name] = "not installed as a package"
+            found[name] = _of_source() if name == OURS else "not installed as a package"
     return found
+
+
+def _of_source() -> str:
+    """Our version where the source runs without having been installed; it stands in the project's own file."""
+    project = Path(str(resources.files("hmtb_twin"))).parent / "pyproject.toml"
+    try:
+        number = tomllib.loads(project.read_text(encoding="utf-8"))["project"]["version"]
+    except (OSError, tomllib.TOMLDecodeError, KeyError):
+        return "not installed as a package"
+    return f"{number} from source"
 
 
 @cache

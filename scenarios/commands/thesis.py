@@ -110,7 +110,7 @@ def thesis(
     lines = [(entry.key, entry.verdict, often[entry.key], entry.claim) for entry in found]
     print_table("Findings", ("", "verdict", "seeds", "claim"), lines)
     if many:
-        say(source_text(many))
+        say(source_text(many, seed))
     say(answer(comparison))
     say(f"Report: {report}")
     for name, reason in comparison.failed.items():

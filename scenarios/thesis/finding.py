@@ -18,7 +18,8 @@ class Finding:
         claim: What the thesis says.
         where: Where it says so.
         verdict: Whether the twin shows the same.
-        value: The number, or several by name (joints, as a rule); nothing where it cannot be told.
+        value: The number, or several by name (joints, as a rule); nothing where it cannot be told. One named `of`, or
+            `of ...`, is the whole of which the number before it counts a part.
         unit: Its unit and meaning in a few words.
         thesis: The thesis' number or word.
         why: One sentence: what the verdict rests on and the most likely reason.

@@ -5,6 +5,7 @@ from dataclasses import asdict, dataclass
 
 from hmtb_twin import STUDIED_JOINTS
 from scenarios.thesis.finding import Finding, Verdict
+from scenarios.thesis.one_hertz import METHODS
 from scenarios.thesis.outcome import ALONE
 from scenarios.thesis.tally import Coverage, Spread, Tally
 
@@ -17,13 +18,21 @@ class Chance:
 
     Attributes:
         source: Which seeds, and of which run.
+        limits: What a range over the seeds is.
+        answer: What the seeds say of the answer, in a sentence or two.
         verdicts: How often, by finding.
+        depends: Findings whose verdict of this run depends on the seed.
+        against: Those among them of which more seeds reached another verdict.
         ranges: By finding the range of each number, by name.
         rows: By joint and method, the bandwidth over the seeds.
     """
 
     source: str
+    limits: str
+    answer: str
     verdicts: dict[str, str]
+    depends: tuple[str, ...]
+    against: tuple[str, ...]
     ranges: dict[str, dict[str, Spread]]
     rows: list[tuple[str, list[tuple[str, Coverage]]]]
 
@@ -32,18 +41,24 @@ class Chance:
         return self.ranges[key].get(name)
 
 
-def chance(findings: Sequence[Finding], tally: Tally | None) -> Chance | None:
+def chance(findings: Sequence[Finding], tally: Tally | None, seed: int | None = None) -> Chance | None:
     """What the report draws of many seeds, if there are any.
 
     Args:
         findings: As this run decided them.
         tally: Many seeds.
+        seed: Of this run.
     """
     if tally is None:
         return None
+    tried = [(entry, tally.frequency(entry.key)) for entry in findings]
     return Chance(
-        source_text(tally),
+        source_text(tally, seed),
+        "from the smallest to the largest of all seeds" if tally.all_seeds else "where 95 % of the seeds lie",
+        answer_text(tally),
         {entry.key: frequency_text(entry, tally) for entry in findings},
+        tuple(entry.key for entry, found in tried if found.counts and found.shaky(entry.verdict)),
+        tuple(entry.key for entry, found in tried if found.counts and found.against(entry.verdict)),
         {entry.key: tally.spread(entry.key) for entry in findings},
         coverage_rows(tally),
     )
@@ -62,20 +77,46 @@ def frequency_text(finding: Finding, tally: Tally) -> str:
     found = tally.frequency(finding.key)
     if not found.counts:
         return ""
-    here = found.counts.get(finding.verdict, 0)
-    if found.depends:
+    if found.shaky(finding.verdict):
         parts = ", ".join(f"{found.counts[entry]} {entry}" for entry in ORDER if entry in found.counts)
         return f"depends on the seed: of {found.seeds} seeds {parts}"
-    if here < found.counts[found.usual]:
-        return f"{here} of {found.seeds} seeds; the others: {found.usual}, {found.counts[found.usual]}"
-    return f"{here} of {found.seeds} seeds"
+    return f"{found.counts[finding.verdict]} of {found.seeds} seeds"
 
 
-def source_text(tally: Tally) -> str:
+def answer_text(tally: Tally) -> str:
+    """How often the answer comes out: methods near 1 Hz with every seed, with some and with none, and the intervals.
+
+    Args:
+        tally: Many seeds.
+    """
+    seeds = len(tally.outcomes)
+    every, some, none = [], [], []
+    for joint, rows in coverage_rows(tally):
+        for method, found in rows:
+            name = f"{joint.replace('_', ' ')} {METHODS[method]}"
+            if found.near == seeds:
+                every.append(name)
+            elif found.near:
+                some.append(f"{name} with {found.near}")
+            else:
+                none.append(name)
+    models = [found for _, rows in coverage_rows(tally) for _, found in rows]
+    parts = [f"{len(every)} of {len(models)} models are near 1 Hz with every seed"]
+    parts += [f"{', '.join(some)}"] if some else []
+    parts += [f"with none {', '.join(none)}"] if none else []
+    held = [found.covers for found in models]
+    return (
+        f"Over {seeds} seeds {'; '.join(parts)}. Of their {seeds * len(models)} intervals {sum(held)} hold the truth, "
+        f"by model between {min(held)} and {max(held)} of {seeds}."
+    )
+
+
+def source_text(tally: Tally, seed: int | None = None) -> str:
     """Where the frequencies come from, in a sentence or two.
 
     Args:
         tally: Many seeds.
+        seed: Of this run.
     """
     seeds = _seeds(tally)
     length = "" if tally.duration is None else f", records of {tally.duration:g} s"
@@ -83,8 +124,13 @@ def source_text(tally: Tally) -> str:
     if not tally.recorded:
         return f"Frequencies and ranges are of {seeds} on the same arm{length}, run for this report.{failed}"
     made = tally.versions
+    own = (
+        f"; seed {seed}, which is that of this run, is one of them"
+        if seed is not None and any(entry.seed == seed for entry in tally.outcomes)
+        else ", not of this run"
+    )
     return (
-        f"Frequencies and ranges are not of this run: they are of {seeds} on the same arm{length}, recorded with "
+        f"Frequencies and ranges are of {seeds} on the same arm{length}{own}. They were recorded earlier, with "
         f"hmtb-twin {made.get('hmtb-twin', '?')} and MuJoCo {made.get('mujoco', '?')}. "
         f"hmtb thesis --seeds {len(tally.outcomes)} makes them anew.{failed}"
     )
@@ -103,21 +149,26 @@ def coverage_rows(tally: Tally) -> list[tuple[str, list[tuple[str, Coverage]]]]:
     return [(joint, [(method, tally.coverage(joint, method)) for method in methods[joint]]) for joint in STUDIED_JOINTS]
 
 
-def finding_record(key: str, tally: Tally | None) -> dict[str, object]:
+def finding_record(finding: Finding, tally: Tally | None) -> dict[str, object]:
     """What results.json adds to a finding.
 
     Args:
-        key: F1 to F26.
+        finding: As this run decided it.
         tally: Many seeds, if there are any.
 
     Returns:
-        `frequency` with the number of seeds, the verdicts and whether they depend on the seed; `range` of each number.
+        `frequency` with the number of seeds, the verdicts and whether that of this run depends on the seed; `range`
+        of each number.
     """
-    if tally is None or not (found := tally.frequency(key)).counts:
+    if tally is None or not (found := tally.frequency(finding.key)).counts:
         return {}
     return {
-        "frequency": {"seeds": found.seeds, "verdicts": dict(found.counts), "depends_on_seed": found.depends},
-        "range": {name: _range(entry) for name, entry in tally.spread(key).items()},
+        "frequency": {
+            "seeds": found.seeds,
+            "verdicts": dict(found.counts),
+            "depends_on_seed": found.shaky(finding.verdict),
+        },
+        "range": {name: _range(entry) for name, entry in tally.spread(finding.key).items()},
     }
 
 
@@ -150,5 +201,5 @@ def seeds_record(tally: Tally) -> dict[str, object]:
     }
 
 
-def _range(found: Spread) -> dict[str, float]:
-    return asdict(found)
+def _range(found: Spread) -> dict[str, object]:
+    return {name: value for name, value in asdict(found).items() if name != "shares"}

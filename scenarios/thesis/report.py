@@ -20,7 +20,7 @@ from scenarios.thesis.finding import Finding
 from scenarios.thesis.gallery import Gallery
 from scenarios.thesis.report_context import context
 from scenarios.thesis.tally import Tally
-from scenarios.thesis.wording import measure, root
+from scenarios.thesis.wording import limits, minus, parts, root
 from scenarios.whole_file import check_place, write_whole
 
 Contents = tuple[tuple[str, tuple[tuple[str, str], ...]], ...]
@@ -116,7 +116,9 @@ def _environment() -> Environment:
         lstrip_blocks=True,
     )
     environment.filters["si"] = lambda value, digits=4: "–" if not np.isfinite(value) else f"{value:.{digits}g}"
-    environment.filters["measure"] = measure
+    environment.filters["parts"] = parts
+    environment.filters["limits"] = limits
+    environment.filters["minus"] = minus
     environment.filters["near"] = near_1_hz
     environment.filters["level"] = half_power_hz
     environment.filters["root"] = root

@@ -57,7 +57,7 @@ def results(
                 "unit": entry.unit,
                 "thesis": entry.thesis,
                 "why": entry.why,
-                **finding_record(entry.key, tally),
+                **finding_record(entry, tally),
             }
             for entry in findings
         },

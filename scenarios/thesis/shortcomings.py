@@ -1,11 +1,13 @@
 """What does not hold: findings that the twin does not show, intervals that miss, models that are not near 1 Hz."""
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 from scenarios.thesis.about_1_hz import near_1_hz
 from scenarios.thesis.comparison import Comparison
 from scenarios.thesis.finding import Finding
+from scenarios.thesis.frequencies import frequency_text
+from scenarios.thesis.tally import Tally
 
 
 @dataclass(frozen=True)
@@ -33,6 +35,7 @@ class Shortcomings:
         refuted: Findings that are not reproduced.
         partly: Findings of which a part is.
         open: Findings that cannot be told.
+        turned: Findings of which more seeds reached another verdict than that of this run, with how many reached which.
         misses: Intervals that do not hold the truth, the farthest first.
         intervals: Number of intervals in all.
         far: Identified models that are not near 1 Hz, as joint and label.
@@ -43,6 +46,7 @@ class Shortcomings:
     refuted: tuple[Finding, ...]
     partly: tuple[Finding, ...]
     open: tuple[Finding, ...]
+    turned: tuple[tuple[Finding, str], ...]
     misses: tuple[Miss, ...]
     intervals: int
     far: tuple[tuple[str, str, float], ...]
@@ -50,12 +54,13 @@ class Shortcomings:
     printed: int
 
 
-def shortcomings(study: Comparison, findings: Sequence[Finding]) -> Shortcomings:
+def shortcomings(study: Comparison, findings: Sequence[Finding], tally: Tally | None = None) -> Shortcomings:
     """Collect what does not hold.
 
     Args:
         study: The study.
         findings: Its findings, decided.
+        tally: Many seeds.
 
     Returns:
         The lists.
@@ -78,9 +83,17 @@ def shortcomings(study: Comparison, findings: Sequence[Finding]) -> Shortcomings
         refuted=with_verdict("not reproduced"),
         partly=with_verdict("partly"),
         open=with_verdict("cannot be told"),
+        turned=() if tally is None else tuple(_turned(findings, tally)),
         misses=tuple(sorted(misses, key=lambda miss: -abs(miss.away))),
         intervals=len(models),
         far=tuple((name, m.label, m.bandwidth_hz) for name, m in models if not near_1_hz(m.bandwidth_hz)),
         printed_far=tuple((name, m.label, m.bandwidth_hz) for name, m in printed if not near_1_hz(m.bandwidth_hz)),
         printed=len(printed),
     )
+
+
+def _turned(findings: Sequence[Finding], tally: Tally) -> Iterator[tuple[Finding, str]]:
+    for entry in findings:
+        found = tally.frequency(entry.key)
+        if found.counts and found.against(entry.verdict):
+            yield entry, frequency_text(entry, tally)

@@ -17,6 +17,9 @@ from scenarios.whole_file import write_whole
 STEADY = 0.9
 """A conclusion that fewer than this part of the seeds share depends on the seed."""
 
+FEW = 40
+"""Up to so many seeds a range over 95 % of them leaves none out."""
+
 
 @dataclass(frozen=True)
 class Spread:
@@ -24,11 +27,12 @@ class Spread:
 
     Attributes:
         median: Its median.
-        low: 2.5 % quantile, interpolated between seeds.
-        high: 97.5 % quantile.
+        low: Lower end of what 95 % of the seeds lie in: a value that a seed has, the smallest of all up to 40 seeds.
+        high: Upper end, likewise.
         smallest: The smallest of all.
         largest: The largest of all.
         seeds: How many seeds have it.
+        shares: Where the seeds have two values only, each with the number of seeds; else empty.
     """
 
     median: float
@@ -37,6 +41,7 @@ class Spread:
     smallest: float
     largest: float
     seeds: int
+    shares: tuple[tuple[float, int], ...] = ()
 
 
 @dataclass(frozen=True)
@@ -62,7 +67,15 @@ class Frequency:
     @property
     def depends(self) -> bool:
         """Whether the verdict depends on the seed: fewer than nine in ten share one."""
-        return self.counts[self.usual] < STEADY * self.seeds
+        return self.shaky(self.usual)
+
+    def shaky(self, verdict: Verdict) -> bool:
+        """Whether a verdict depends on the seed: fewer than nine in ten seeds share it."""
+        return self.counts.get(verdict, 0) < STEADY * self.seeds
+
+    def against(self, verdict: Verdict) -> bool:
+        """Whether more seeds reached another verdict than this one."""
+        return self.counts.get(verdict, 0) < self.counts[self.usual]
 
 
 @dataclass(frozen=True)
@@ -107,6 +120,11 @@ class Tally:
     def duration(self) -> float | None:
         """Length of the records where it was shortened, s."""
         return self.outcomes[0].duration
+
+    @property
+    def all_seeds(self) -> bool:
+        """Whether ranges are from the smallest to the largest of all: of so few seeds 95 % are all of them."""
+        return len(self.outcomes) <= FEW
 
     @property
     def physics_s(self) -> float:
@@ -170,12 +188,18 @@ class Tally:
 def spread(values: Sequence[float]) -> Spread:
     """Median, 95 % range and ends of a number over the seeds.
 
+    The ends of the range are values that seeds have, taken outwards: counts stay counts, and of few seeds none lies
+    outside.
+
     Args:
-        values: One for each seed; where one is not finite, the quantiles next to it are not either.
+        values: One for each seed; where one is not a number, nothing is.
     """
     with np.errstate(invalid="ignore"):
-        low, median, high = (float(q) for q in np.quantile(values, [0.025, 0.5, 0.975]))
-    return Spread(median, low, high, float(np.min(values)), float(np.max(values)), len(values))
+        median = float(np.median(values))
+    low, high = (float(np.quantile(values, q, method=way)) for q, way in ((0.025, "lower"), (0.975, "higher")))
+    counts = Counter(values)
+    shares = tuple(sorted(counts.items())) if len(counts) == 2 < len(values) else ()
+    return Spread(median, low, high, float(np.min(values)), float(np.max(values)), len(values), shares)
 
 
 def write_tally(tally: Tally, path: Path) -> None:

@@ -1,9 +1,12 @@
 """Numbers of the report as text."""
 
+from collections.abc import Mapping
+
 import numpy as np
 
 from scenarios.thesis.finding import Finding
 from scenarios.thesis.probability import TINY
+from scenarios.thesis.tally import Spread
 
 
 def minus(text: str) -> str:
@@ -23,6 +26,41 @@ def number(value: float, digits: int = 4) -> str:
 def measure(value: float, finding: Finding) -> str:
     """A number of a finding; a probability too small to have been computed is said to be so."""
     return f"< {TINY:g}" if value < TINY and "p-value" in finding.unit else number(value)
+
+
+def parts(finding: Finding) -> list[tuple[str, str, str | None]]:
+    """The numbers of a finding as they are shown, one after the other.
+
+    Args:
+        finding: The finding. A number named `of`, or `of ...`, is the whole of which the one before it counts a part.
+
+    Returns:
+        Name of each number, the number, and the whole that it is a part of; the name is empty where there is one only.
+    """
+    if not isinstance(finding.value, Mapping):
+        return [("", measure(finding.value, finding), None)]
+    shown: list[tuple[str, str, str | None]] = []
+    for name, value in finding.value.items():
+        text = measure(value, finding)
+        if shown and (name == "of" or name.startswith("of ")):
+            shown[-1] = (*shown[-1][:2], text)
+        else:
+            shown.append((name, text, None))
+    return shown
+
+
+def limits(found: Spread | None, finding: Finding) -> str:
+    """How far a number of a finding moves from seed to seed, in brackets; nothing where it does not.
+
+    Args:
+        found: The number over the seeds, if they have it.
+        finding: The finding.
+    """
+    if found is None or found.low == found.high or np.isnan(found.low):
+        return ""
+    if found.shares:
+        return f"({', '.join(f'{measure(value, finding)} with {count}' for value, count in found.shares)} seeds)"
+    return f"({measure(found.low, finding)} – {measure(found.high, finding)})"
 
 
 def root(value: complex, digits: int = 3) -> str:

@@ -15,7 +15,7 @@ from scenarios.thesis import monte_carlo
 from scenarios.thesis.campaign import NOMINAL
 from scenarios.thesis.comparison import Cost
 from scenarios.thesis.finding import Finding, Verdict, decided
-from scenarios.thesis.frequencies import finding_record, frequency_text, seeds_record, source_text
+from scenarios.thesis.frequencies import answer_text, chance, finding_record, frequency_text, seeds_record, source_text
 from scenarios.thesis.monte_carlo import tally
 from scenarios.thesis.outcome import Outcome, Recovered, numbers, outcome_from
 from scenarios.thesis.recorded import contradictions
@@ -164,8 +164,19 @@ def test_verdicts_are_counted_and_numbers_ranged(twenty: Tally) -> None:
     assert less.frequency("F1").depends
     limits = twenty.spread("F1")["shoulder_yaw"]
     assert (limits.smallest, limits.median, limits.largest, limits.seeds) == (1.0, 10.5, 20.0, 20)
-    assert (limits.low, limits.high) == pytest.approx((1.475, 19.525))
     assert np.isnan(spread([1.0, np.nan]).median)
+
+
+def test_a_range_over_few_seeds_leaves_none_out_and_has_values_of_seeds_only(twenty: Tally) -> None:
+    for count in (2, 10, 40):
+        found = spread([float(number**2) for number in range(count)])
+        assert (found.low, found.high) == (0.0, (count - 1) ** 2)
+    many = spread([float(number) for number in range(200)])
+    assert (many.low, many.high) == (4.0, 195.0)
+    assert spread([0.0] * 7 + [100.0] * 3).shares == ((0.0, 7), (100.0, 3))
+    assert spread([0.0, 100.0]).shares == ()
+    assert twenty.all_seeds
+    assert not Tally(tuple(made(number) for number in range(41)), {}).all_seeds
 
 
 def test_coverage_counts_intervals_that_hold_the_truth() -> None:
@@ -176,7 +187,10 @@ def test_coverage_counts_intervals_that_hold_the_truth() -> None:
 
 def test_the_tally_says_when_a_verdict_depends_on_the_seed(twenty: Tally) -> None:
     assert frequency_text(finding("reproduced"), twenty) == "18 of 20 seeds"
-    assert frequency_text(finding("partly"), twenty) == "2 of 20 seeds; the others: reproduced, 18"
+    said = "depends on the seed: of 20 seeds 18 reproduced, 2 partly"
+    assert frequency_text(finding("partly"), twenty) == said, "that of this run is held by few, whatever the others do"
+    assert twenty.frequency("F1").against("partly")
+    assert not twenty.frequency("F1").against("reproduced")
     half = Tally(tuple(made(n, "partly" if n % 2 else "reproduced") for n in range(10)), {})
     said = "depends on the seed: of 10 seeds 5 reproduced, 5 partly"
     assert frequency_text(finding("partly"), half) == said
@@ -186,21 +200,41 @@ def test_the_tally_says_when_a_verdict_depends_on_the_seed(twenty: Tally) -> Non
 def test_the_source_of_the_frequencies_is_said(twenty: Tally) -> None:
     assert source_text(twenty).startswith("Frequencies and ranges are of 20 seeds (1 to 20)")
     shipped = source_text(Tally(twenty.outcomes, {}, recorded=True))
-    assert "are not of this run" in shipped
-    assert "recorded with hmtb-twin 0.1.0 and MuJoCo 4.0.0" in shipped
+    assert "not of this run" in shipped
+    assert "seed 7, which is that of this run" in source_text(Tally(twenty.outcomes, {}, recorded=True), 7)
+    assert "not of this run" in source_text(Tally(twenty.outcomes, {}, recorded=True), 77)
+    assert "recorded earlier, with hmtb-twin 0.1.0 and MuJoCo 4.0.0" in shipped
     gap = Tally((made(1), made(4)), {})
     assert "2 seeds (1, 4)" in source_text(gap)
 
 
+def test_the_answer_says_how_often_it_comes_out() -> None:
+    found = Tally((made(1, hz=1.0), made(2, hz=1.6), made(3, hz=1.0)), {})
+    said = answer_text(found)
+    assert said.startswith("Over 3 seeds 0 of ")
+    assert "OE with 2" in said
+    assert "models are near 1 Hz with every seed" in answer_text(Tally((made(1, hz=1.0),), {}))
+
+
+def test_the_report_names_verdicts_that_depend_and_those_that_most_seeds_contradict(twenty: Tally) -> None:
+    assert chance([finding("reproduced")], None) is None
+    usual, other = chance([finding("reproduced")], twenty), chance([finding("partly")], twenty)
+    assert usual is not None and other is not None
+    assert (usual.depends, usual.against) == ((), ())
+    assert (other.depends, other.against) == (("F1",), ("F1",))
+    assert other.limits.startswith("from the smallest")
+
+
 def test_results_carry_frequencies_and_cost(twenty: Tally) -> None:
-    record = finding_record("F1", twenty)
+    record = finding_record(finding("reproduced"), twenty)
     assert record["frequency"] == {
         "seeds": 20,
         "verdicts": {"reproduced": 18, "partly": 2},
         "depends_on_seed": False,
     }
-    assert finding_record("F2", twenty) == {}
-    assert finding_record("F1", None) == {}
+    assert finding_record(finding("partly"), twenty)["frequency"]["depends_on_seed"] is True  # type: ignore[index]
+    assert finding_record(replace(finding("partly"), key="F2"), twenty) == {}
+    assert finding_record(finding("partly"), None) == {}
     whole = seeds_record(twenty)
     assert whole["of_this_run"] is True
     assert whole["cost"] == {"physics_s": 200.0, "total_s": 400.0, "ratio": 2.0}

@@ -3,7 +3,8 @@
 from dataclasses import replace
 
 from scenarios.thesis.comparison import Comparison
-from scenarios.thesis.finding import decided
+from scenarios.thesis.finding import Verdict, decided
+from scenarios.thesis.recorded import recorded
 from scenarios.thesis.shortcomings import shortcomings
 
 
@@ -36,3 +37,13 @@ def test_printed_models_far_from_1_hz_are_listed(study: Comparison) -> None:
     assert {label for joint, label, hz in found.printed_far if joint == "shoulder_yaw"} == {
         model.label for model in study.joints["shoulder_yaw"].published
     }
+
+
+def test_verdicts_that_most_seeds_contradict_are_listed(study: Comparison) -> None:
+    bare, many = replace(study, joints={}), recorded()
+    other: Verdict = "partly" if many.frequency("F15").usual != "partly" else "reproduced"
+    entries = [decided("F14", many.frequency("F14").usual, 1.0, "", "so"), decided("F15", other, 1.0, "", "so")]
+    turned = shortcomings(bare, entries, many).turned
+    assert [entry.key for entry, _ in turned] == ["F15"]
+    assert turned[0][1].startswith("depends on the seed: of ")
+    assert shortcomings(bare, entries).turned == ()
