@@ -1,5 +1,6 @@
 """A campaign: the tests of the thesis played on one arm, and the records that came of them."""
 
+from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from time import perf_counter
@@ -7,10 +8,11 @@ from types import MappingProxyType
 
 from hmtb_twin import STUDIED_JOINTS, Arm, JointLog, Truth, linearize, load_arm, simulate
 from hmtb_twin.simulation import Progress
-from scenarios.errors import MissingRecordError
+from scenarios.errors import MissingRecordError, ScenarioError
 from scenarios.preparation import prepared
 from scenarios.registry import load, names
 from scenarios.scenario import Scenario
+from scenarios.suggest import unknown
 from sysid import IOData
 
 SINGLE_JOINT = tuple(range(1, 9))
@@ -115,11 +117,23 @@ class Campaign:
 
         Raises:
             MissingRecordError: There is no such record.
+            ScenarioError: There is no such test in the thesis.
         """
+        _check_joint(joint)
+        if number not in SINGLE_JOINT:
+            raise ScenarioError(f"single-joint test {number!r} given; there are tests 1 to {len(SINGLE_JOINT)}")
         return prepared(self.log(single_joint_test(number, joint)), joint)
 
     def singles(self, joint: str) -> dict[int, IOData]:
-        """Records of all single-joint tests of a joint that did not fail, by number."""
+        """Records of all single-joint tests of a joint that did not fail, by number.
+
+        Args:
+            joint: The joint excited.
+
+        Raises:
+            ScenarioError: The thesis excites no such joint.
+        """
+        _check_joint(joint)
         return {n: self.single(n, joint) for n in SINGLE_JOINT if single_joint_test(n, joint) in self.logs}
 
     def several(self, name: str, joints: Sequence[str] = STUDIED_JOINTS) -> IOData:
@@ -138,6 +152,11 @@ class Campaign:
 def single_joint_test(number: int, joint: str) -> str:
     """Name of the scenario of a single-joint test."""
     return f"siso-{number}-{joint}"
+
+
+def _check_joint(joint: str) -> None:
+    if joint not in STUDIED_JOINTS:
+        raise ScenarioError(unknown("joint of single-joint tests", joint, STUDIED_JOINTS))
 
 
 def same_sequence(name: str) -> bool:
@@ -178,7 +197,12 @@ def planned(name: str, *, seed: int | None = None, duration: float | None = None
 
     Returns:
         The scenario.
+
+    Raises:
+        ScenarioError: No such scenario, or a seed or a duration that none can have.
     """
+    if seed is not None and (isinstance(seed, bool) or not isinstance(seed, int) or seed < 0):
+        raise ScenarioError(f"seed = {seed!r} given, expected a whole number of 0 or more")
     scenario = load(name)
     if seed is not None:
         scenario = scenario.reseeded(seed)
@@ -212,8 +236,16 @@ def run_campaign(
 
     Returns:
         The records, in the order of the tests.
+
+    Raises:
+        ScenarioError: Nothing to play, the same name twice, or see `planned`; nothing is played then.
     """
     scenarios = [*(planned(name, seed=seed, duration=duration) for name in tests), *extra]
+    if not scenarios:
+        raise ScenarioError("no tests given: a campaign plays at least one")
+    twice = [name for name, count in Counter(entry.name for entry in scenarios).items() if count > 1]
+    if twice:
+        raise ScenarioError(f"given more than once: {', '.join(twice)}; a campaign has one record of each name")
     started = perf_counter()
     result = simulate([condition.applied(entry) for entry in scenarios], threads=threads, progress=progress)
     taken = perf_counter() - started

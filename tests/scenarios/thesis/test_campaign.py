@@ -1,12 +1,27 @@
 """Other seeds are other experiments."""
 
 import numpy as np
+import pytest
 
+from hmtb_twin import linearize
+from scenarios.errors import ScenarioError
 from scenarios.prbs import prbs
 from scenarios.registry import load
-from scenarios.thesis.campaign import EVERY_TEST, NOT_SEEN, RPCM, planned, same_sequence
+from scenarios.thesis.campaign import (
+    EVERY_TEST,
+    NOMINAL,
+    NOT_SEEN,
+    RPCM,
+    Campaign,
+    planned,
+    run_campaign,
+    same_sequence,
+)
 
 YAW = "siso-5-shoulder_yaw"
+
+
+EMPTY = Campaign(NOMINAL, linearize(NOMINAL.arm()), {}, {})
 
 
 def played(name: str, seed: int | None) -> np.ndarray:
@@ -47,3 +62,27 @@ def test_without_a_seed_a_scenario_is_played_as_registered() -> None:
 def test_the_exchange_keeps_its_length() -> None:
     assert planned(RPCM, duration=24.0).duration == load(RPCM).duration
     assert planned(YAW, duration=24.0).duration == 24.0
+
+
+@pytest.mark.parametrize("seed", [1.5, -1, True, "1", np.int64(4)])
+def test_a_seed_is_a_whole_number_of_python(seed: object) -> None:
+    with pytest.raises(ScenarioError, match="whole number"):
+        planned(YAW, seed=seed)  # type: ignore[arg-type]
+
+
+def test_a_campaign_plays_something_and_nothing_twice() -> None:
+    with pytest.raises(ScenarioError, match="at least one"):
+        run_campaign(tests=[])
+    with pytest.raises(ScenarioError, match=f"more than once: {YAW}"):
+        run_campaign(tests=[YAW, YAW], duration=10.0)
+    with pytest.raises(ScenarioError, match=f"more than once: {YAW}"):
+        run_campaign(tests=[YAW], extra=[load(YAW)], duration=10.0)
+
+
+def test_an_unknown_joint_or_number_is_said_to_be_unknown() -> None:
+    for ask in (lambda: EMPTY.singles("elbow"), lambda: EMPTY.single(5, "elbow")):
+        with pytest.raises(ScenarioError, match="did you mean 'elbow_pitch'"):
+            ask()
+    with pytest.raises(ScenarioError, match="tests 1 to 8"):
+        EMPTY.single(9, "elbow_pitch")
+    assert EMPTY.singles("elbow_pitch") == {}
