@@ -70,6 +70,12 @@ def claim(found: Estimate, record: IOData, *, output: int = 0, input: int = 0, b
                 f"the bandwidth cannot be told: its 95 % interval, {low:.2g} to {high:.2g} Hz, spans more than a "
                 f"factor of {WIDEST:g}"
             )
+        shortest = 1.0 / (len(record.scored) * record.dt)
+        if hz < shortest:
+            against.append(
+                f"the bandwidth cannot be told: the model claims {hz:.2g} Hz, and the record of "
+                f"{len(record.scored) * record.dt:.3g} s holds no whole period of anything below {shortest:.2g} Hz"
+            )
         if lowest > hz:
             against.append(
                 f"the bandwidth cannot be told: the model claims {hz:.2g} Hz, and the input excites nothing below "

@@ -149,7 +149,9 @@ def read_parts(
     if log:
         from hmtb_twin import JointLog
 
-        return _agreeing((JointLog.load(path).iodata(joint),), dt, path)
+        found = JointLog.load(path)
+        check_complete(found, found.axes if joint is None else (joint,), path.name)
+        return _agreeing((found.iodata(joint),), dt, path)
     if joint is not None:
         from hmtb_twin import JOINTS
 
@@ -161,6 +163,30 @@ def read_parts(
         return (read(path, inputs=inputs, outputs=outputs, dt=dt, missing=missing),)
     except sysid.SysidError as error:
         raise ScenarioError(_for_users(str(error), path, inputs, outputs)) from error
+
+
+def check_complete(log: "JointLog", joints: Sequence[str], name: str) -> None:
+    """Refuse a log in which something is missing: a simulation loses nothing, so it was spoilt since.
+
+    Args:
+        log: The log.
+        joints: The joints to look at; names of others are ignored.
+        name: What the message calls it.
+
+    Raises:
+        ScenarioError: An angle is no number.
+    """
+    from hmtb_twin import JOINTS
+
+    columns = [JOINTS.index(joint) for joint in joints if joint in JOINTS]
+    for what, angles in (("commanded", log.commanded[:, columns]), ("measured", log.measured[:, columns])):
+        bad = ~np.isfinite(angles)
+        if bad.any():
+            sample, column = map(int, np.argwhere(bad)[0])
+            raise ScenarioError(
+                f"{name}: {int(bad.sum())} {what} angles are no numbers, the first that of {JOINTS[columns[column]]} "
+                f"at sample {sample}; expected a log as hmtb simulate writes it, complete"
+            )
 
 
 def _for_users(text: str, path: Path, inputs: Sequence[str], outputs: Sequence[str]) -> str:

@@ -1,5 +1,6 @@
 """Models of any origin on one record: printed ones, the truth, and estimates; the work of `hmtb compare`."""
 
+import re
 import warnings
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -20,6 +21,16 @@ from sysid import IOData, ModelFit, StateSpace
 
 FORMS = "truth, published, published:NAME (4.7 ... 5.10, sysid, okid, hybrid), METHOD:ORDERS (oe:2/2/1)"
 """What a model may be called, for messages."""
+
+
+DIGITS = 4
+"""An order of more digits is a slip."""
+
+ORDER = re.compile(rf"[0-9]{{1,{DIGITS}}}")
+"""An order of an estimator."""
+
+SAME = 1e-6
+"""Samples that differ by less than this part of their range were written with few digits, but are the same."""
 
 
 @dataclass(frozen=True)
@@ -92,16 +103,45 @@ def parsed(text: str) -> Wanted:
     if kind == "published":
         published_model(rest)
         return Wanted(text, kind, name=rest)
+    if kind == "truth":
+        raise ScenarioError(f"model {text!r}: the truth has no name or orders; expected truth alone")
     if kind not in ESTIMATORS:
         if text in BY_NAME:
             raise ScenarioError(f"unknown model {text!r}: did you mean 'published:{text}'? There are: {FORMS}")
         raise ScenarioError(unknown("model", kind, ("truth", "published", *ESTIMATORS)) + f"; written {FORMS}")
     words = rest.replace(",", "/").split("/") if colon else []
-    if not all(word.strip().isdigit() for word in words):
-        raise ScenarioError(f"model {text!r}: expected whole orders apart by slashes, as in oe:2/2/1")
+    if not all(ORDER.fullmatch(word.strip()) for word in words):
+        raise ScenarioError(
+            f"model {text!r}: expected whole orders apart by slashes, of {DIGITS} digits at most, as in oe:2/2/1"
+        )
     orders = tuple(int(word) for word in words)
     ESTIMATORS[kind].complete(kind, orders)
     return Wanted(text, kind, orders=orders)
+
+
+def same_samples(records: Sequence[IOData], others: Sequence[IOData]) -> bool:
+    """Whether two files hold one record: the same samples, or those of its beginning.
+
+    Args:
+        records: One file, as read.
+        others: The other.
+    """
+    return any(_same(one, other) for one in records for other in others)
+
+
+def _same(one: IOData, other: IOData) -> bool:
+    common = min(len(one), len(other))
+    return (one.nu, one.ny) == (other.nu, other.ny) and all(
+        _close(a[:common], b[:common]) for a, b in ((one.u, other.u), (one.y, other.y))
+    )
+
+
+def _close(a: NDArray[np.float64], b: NDArray[np.float64]) -> bool:
+    known = ~np.isnan(a)
+    if not np.array_equal(known, ~np.isnan(b)):
+        return False
+    ranges = np.nanmax(a, axis=0, initial=-np.inf) - np.nanmin(a, axis=0, initial=np.inf)
+    return bool((np.abs(a - b) <= SAME * ranges)[known].all())
 
 
 def compared(

@@ -4,6 +4,7 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 from hmtb_twin import JointLog
+from scenarios.errors import ScenarioError
 from sysid import IOData
 
 SETTLING = 4.0
@@ -24,10 +25,18 @@ def settled(log: JointLog, joints: str | Sequence[str]) -> IOData:
 
     Returns:
         Commanded and measured angle of each joint, rad, named after the experiment.
+
+    Raises:
+        ScenarioError: The log is so short that no more would be left than is cut off.
     """
     data = log.iodata(joints)
     start = round(SETTLING / data.dt)
-    return replace(data[start:] if len(data) > 2 * start else data, name=log.name)
+    if len(data) <= 2 * start:
+        raise ScenarioError(
+            f"{log.name}: a log of {len(data) * data.dt:g} s given, expected more than {2 * SETTLING:g} s: the arm "
+            f"settles for {SETTLING:g} s, which are cut off"
+        )
+    return replace(data[start:], name=log.name)
 
 
 def prepared(log: JointLog, joints: str | Sequence[str]) -> IOData:
@@ -39,5 +48,8 @@ def prepared(log: JointLog, joints: str | Sequence[str]) -> IOData:
 
     Returns:
         Commanded and measured angle of each joint, rad, named after the experiment.
+
+    Raises:
+        ScenarioError: The log is so short that no more would be left than is cut off.
     """
     return settled(log, joints).detrend()

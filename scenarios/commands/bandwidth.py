@@ -79,8 +79,10 @@ def bandwidth(
     from scenarios.errors import ScenarioError
     from scenarios.thesis.bandwidth_study import from_simulation
     from scenarios.thesis.campaign import Condition
+    from scenarios.waveform import check_seed
     from scenarios.whole_file import check_place
 
+    check_seed(0 if seed is None else seed)
     if threads is not None and threads < 1:
         raise ScenarioError(f"threads must be 1 or more, given {threads}")
     if data is not None:
@@ -127,30 +129,30 @@ def bandwidth(
 
 
 def _seeds(count: int | None, first: int | None) -> tuple[int | None, ...]:
-    from scenarios.errors import ScenarioError
+    from scenarios.thesis.seeds import counted
 
     count = 1 if count is None else count
-    if count < 1:
-        raise ScenarioError(f"seeds must be 1 or more, given {count}: that many records are made of each test")
-    if first is not None and first < 0:
-        raise ScenarioError(f"seed must be 0 or more, given {first}")
-    if first is None:
-        return (None,) if count == 1 else tuple(range(1, count + 1))
-    return tuple(range(first, first + count))
+    chosen = counted(count, 1 if first is None else first)
+    return (None,) if first is None and count == 1 else tuple(chosen)
 
 
 def _of_logs(
     paths: tuple[Path, ...], methods: tuple[str, ...], seed: int | None, threads: int | None, *, best_linear: bool
 ) -> "BandwidthStudy":
     from hmtb_twin import JointLog
+    from scenarios.datafile import check_complete
     from scenarios.errors import ScenarioError
     from scenarios.thesis.bandwidth_study import from_logs
 
     for path in paths:
         if path.suffix != ".nc":
             raise ScenarioError(f"--data {path} given, expected a log of hmtb simulate, .nc: it tells of its arm")
+    logs = [JointLog.load(path) for path in paths]
+    for path, log in zip(paths, logs, strict=True):
+        # Told by its file, which is what was typed; a log names itself.
+        check_complete(log, log.axes, path.name)
     return from_logs(
-        [JointLog.load(path) for path in paths],
+        logs,
         methods,
         best_linear=best_linear,
         seed=seed or 0,

@@ -80,7 +80,7 @@ def compare(
     import warnings
 
     from scenarios.errors import ScenarioError
-    from scenarios.model_comparison import compared, parsed
+    from scenarios.model_comparison import compared, parsed, same_samples
     from scenarios.whole_file import check_place
 
     wanted = [parsed(text) for text in dict.fromkeys(models)]
@@ -112,9 +112,10 @@ def compare(
             test=test,
         )
     texts = [str(one.message) for one in said]
-    if estimates and estimation is None:
+    if estimates and (others is None or same_samples(records, others)):
         shown = ", ".join(one.text for one in estimates)
-        texts.append(f"{shown}: identified from {data.name} itself, so that the fit is no validation (--estimation)")
+        where = f"{data.name} itself" if estimation is None else f"{estimation.name}, which holds the same record"
+        texts.append(f"{shown}: identified from {where}, so that the fit is no validation (--estimation)")
     if out is not None:
         _draw(found, data, out, piece)
     if json:

@@ -1,6 +1,8 @@
 """`hmtb thesis`: the whole study."""
 
 import sys
+from collections.abc import Iterator
+from contextlib import ExitStack
 from dataclasses import replace
 from pathlib import Path
 from time import perf_counter
@@ -9,6 +11,7 @@ from typing import TYPE_CHECKING
 from scenarios.commands.output import json_text, output_folder, print_json, print_table, progress, say
 
 if TYPE_CHECKING:
+    from scenarios.thesis.comparison import Comparison
     from scenarios.thesis.tally import Tally
 
 
@@ -45,26 +48,26 @@ def thesis(
     """
     from scenarios.datafile import write_log
     from scenarios.errors import ScenarioError
+    from scenarios.thesis.seeds import counted
 
     if threads is not None and threads < 1:
         raise ScenarioError(f"threads must be 1 or more, given {threads}")
-    if seed is not None and seed < 0:
-        raise ScenarioError(f"seed must be 0 or more, given {seed}")
-    if seeds < 1:
-        raise ScenarioError(f"seeds must be 1 or more, given {seeds}")
+    repeated = counted(seeds, 1 if seed is None else seed)
     duration = 40.0 if quick else None
-    with output_folder(out) as folder:
+    with ExitStack() as stack:
+        folder = stack.enter_context(output_folder(out))
         from scenarios.thesis.findings import findings
         from scenarios.thesis.frequencies import frequency_text, source_text
         from scenarios.thesis.report import write_report
         from scenarios.thesis.results import answer, results
         from scenarios.thesis.study import run_study
-        from scenarios.whole_file import check_place, write_whole
+        from scenarios.whole_file import write_whole
 
-        for name in ("report.html", "results.json"):
-            check_place(folder / name)
+        pictures = stack.enter_context(output_folder(folder / "figures")) if figures else None
+        kept = stack.enter_context(output_folder(folder / "seeds")) if seeds > 1 else None
+        _check_places(folder, pictures, logs=logs)
         # First, because each seed is kept as it ends: what is interrupted later costs none of them.
-        many = _many(seeds, seed, duration, threads, folder / "seeds")
+        many = _shipped(duration) if kept is None else _run(repeated, duration, threads, kept)
         with progress("study") as bar:
             comparison = run_study(
                 seed=seed,
@@ -81,18 +84,20 @@ def thesis(
                 found,
                 folder / "report.html",
                 many,
-                figures=_made(folder / "figures") if figures else None,
+                figures=pictures,
                 drawn=lambda number: bar(number, None, "draw"),
             )
             comparison = replace(comparison, cost=comparison.cost.later(perf_counter() - begin, report=True))
         record = results(comparison, found, report, many)
+        # Before the logs: a disk that is full with them costs no conclusion.
+        write_whole(folder / "results.json", json_text(record))
         if logs:
             for log in comparison.logs.values():
                 write_log(log, folder / f"{log.name}.nc")
-        write_whole(folder / "results.json", json_text(record))
+    failures = list(_failures(comparison, many))
     if json:
         print_json(record)
-        return 1 if comparison.failed else 0
+        return 1 if failures else 0
     for name, entry in comparison.joints.items():
         rows = [
             (
@@ -113,33 +118,51 @@ def thesis(
         say(source_text(many, seed))
     say(answer(comparison))
     say(f"Report: {report}")
-    for name, reason in comparison.failed.items():
-        say(f"failed: {name}: {reason}")
-    return 1 if comparison.failed else 0
+    for text in failures:
+        say(f"failed: {text}")
+    return 1 if failures else 0
 
 
-def _made(folder: Path) -> Path:
-    """The folder, made where there is none."""
-    folder.mkdir(exist_ok=True)
-    return folder
+def _check_places(folder: Path, pictures: Path | None, *, logs: bool) -> None:
+    """Refuse what stands where files are to be written, before the work and not after it."""
+    from scenarios.thesis.campaign import EVERY_TEST
+    from scenarios.whole_file import check_place
+
+    for name in ("report.html", "results.json", *(f"{test}.nc" for test in EVERY_TEST if logs)):
+        check_place(folder / name)
+    for kind in ("svg", "png"):
+        for path in pictures.glob(f"*.{kind}") if pictures is not None else ():
+            check_place(path)
 
 
-def _many(seeds: int, first: int | None, duration: float | None, threads: int | None, folder: Path) -> "Tally | None":
-    """What many seeds concluded: run now, or what came with the package; nothing for short records of one seed."""
-    from scenarios.thesis.monte_carlo import tally
+def _failures(study: "Comparison", many: "Tally | None") -> Iterator[str]:
+    """What failed of this run: experiments, seeds, and experiments of seeds."""
+    yield from (f"{name}: {why}" for name, why in study.failed.items())
+    if many is not None and not many.recorded:
+        yield from (f"seed {seed}: {why}" for seed, why in many.failed.items())
+        for entry in many.outcomes:
+            yield from (f"seed {entry.seed}, {name}: {why}" for name, why in entry.failed.items())
+
+
+def _shipped(duration: float | None) -> "Tally | None":
+    """What many seeds concluded when this version was made; nothing is known of short records."""
     from scenarios.thesis.recorded import recorded
 
-    if seeds == 1:
-        return recorded() if duration is None else None
-    start = 1 if first is None else first
-    with progress(f"{seeds} seeds") as bar:
+    return recorded() if duration is None else None
+
+
+def _run(seeds: range, duration: float | None, threads: int | None, folder: Path) -> "Tally":
+    """What many seeds conclude now."""
+    from scenarios.thesis.monte_carlo import tally
+
+    with progress(f"{len(seeds)} seeds") as bar:
 
         def told(seed: int, before: int, step: str, done: int, whole: int) -> None:
             if step == "simulate":
-                bar(before * whole + done, seeds * whole)
+                bar(before * whole + done, len(seeds) * whole)
 
         try:
-            return tally(range(start, start + seeds), duration=duration, threads=threads, folder=folder, progress=told)
+            return tally(seeds, duration=duration, threads=threads, folder=folder, progress=told)
         except KeyboardInterrupt:
             sys.stderr.write(f"hmtb: seeds that came to an end are kept in {folder}; the same command takes up there\n")
             raise

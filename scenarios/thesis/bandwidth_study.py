@@ -6,6 +6,8 @@ from contextlib import AbstractContextManager
 from dataclasses import dataclass
 from types import MappingProxyType
 
+import numpy as np
+
 from hmtb_twin import Arm, JointLog, Truth, linearize, simulate
 from hmtb_twin.parameters import OPERATING_POSE
 from scenarios.crossing import half_power_hz
@@ -35,6 +37,12 @@ from sysid import IOData
 
 SHORTEST = 2 * SETTLING + POINTS / RATE
 """Shortest test, s: what settles is cut off where more than as much again is left."""
+
+ENOUGH = (
+    f"expected {SHORTEST:g} s or more: the arm settles for {SETTLING:g} s, and a file of {POINTS / RATE:g} s is to be "
+    "seen some times after that"
+)
+"""What is expected of the length of a test, for messages."""
 
 NUMBER = re.compile(r"\d+(\.\d+)?(e[+-]?\d+)?")
 """A number in a reason."""
@@ -163,10 +171,7 @@ def from_simulation(
     _check(joints, methods)
     _check_tests(tests)
     if duration is not None and not duration >= SHORTEST:
-        raise ScenarioError(
-            f"a duration of {duration:g} s given, expected {SHORTEST:g} s or more: the arm settles for {SETTLING:g} s, "
-            f"and a file of {POINTS / RATE:g} s is to be seen some times after that"
-        )
+        raise ScenarioError(f"a duration of {duration:g} s given, {ENOUGH}")
     condition = condition or Condition()
     arm, recordings, failed = condition.arm(), list[_Recording](), dict[str, str]()
     names = [(test, joint) for test in dict.fromkeys(tests) for joint in dict.fromkeys(joints)]
@@ -214,9 +219,11 @@ def from_logs(
         stage: Told of the work.
 
     Raises:
-        ScenarioError: A log that excites several axes or a joint that was not studied, or logs of several arms.
+        ScenarioError: A log that excites several axes or a joint that was not studied, one that is too short, the same
+            record twice, or logs of several arms.
     """
     _check((), methods)
+    _check_twice(logs)
     recordings = list[_Recording]()
     arms: dict[tuple[object, ...], tuple[Arm, JointLog]] = {}
     for log in logs:
@@ -224,6 +231,8 @@ def from_logs(
             raise ScenarioError(f"{log.name} excites {', '.join(log.axes)}; expected a log that excites one joint")
         (joint,) = log.axes
         check_joint(joint)
+        if round(len(log) * log.dt, 9) < SHORTEST:
+            raise ScenarioError(f"{log.name}: a log of {len(log) * log.dt:g} s given, {ENOUGH}")
         arm, setting = logged_arm(log), _setting(log)
         arms.setdefault((arm.variant, arm.payload, *vars(arm.plant).values(), arm.friction, setting.pose), (arm, log))
         recordings.append(_Recording(joint, _test(log), log.seed, setting, prepared(log, joint)))
@@ -317,6 +326,24 @@ def _check_tests(tests: Sequence[int]) -> None:
     for test in tests:
         if test not in SINGLE_JOINT:
             raise ScenarioError(unknown("test", test, map(str, SINGLE_JOINT)))
+
+
+def _check_twice(logs: Sequence[JointLog]) -> None:
+    """Refuse a record that is given twice, under its own name or another: it would count as two."""
+    for number, log in enumerate(logs):
+        for other in logs[:number]:
+            if (log.name, log.seed) == (other.name, other.seed) or _same(log, other):
+                raise ScenarioError(
+                    f"the log of {log.name}, seed {log.seed}, is given twice"
+                    + (f", also as {other.name}, seed {other.seed}" if log.name != other.name else "")
+                    + "; expected every record once"
+                )
+
+
+def _same(log: JointLog, other: JointLog) -> bool:
+    """Whether one record is the other or its beginning."""
+    common = min(len(log), len(other))
+    return np.array_equal(log.measured[:common], other.measured[:common])
 
 
 def _setting(log: JointLog) -> Scenario:

@@ -53,7 +53,7 @@ def decided(key: str, verdict: Verdict, value: float | Mapping[str, float], unit
 
 
 def undecided(key: str, why: str) -> Finding:
-    """A finding whose record is missing."""
+    """A finding that cannot be told, and why."""
     return decided(key, "cannot be told", {}, "", why)
 
 

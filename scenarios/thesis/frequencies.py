@@ -120,7 +120,7 @@ def source_text(tally: Tally, seed: int | None = None) -> str:
     """
     seeds = _seeds(tally)
     length = "" if tally.duration is None else f", records of {tally.duration:g} s"
-    failed = "".join(f" Seed {seed} came to no conclusion: {why}." for seed, why in tally.failed.items())
+    failed = "".join(f" Seed {seed} came to no conclusion: {why.rstrip('.')}." for seed, why in tally.failed.items())
     if not tally.recorded:
         return f"Frequencies and ranges are of {seeds} on the same arm{length}, run for this report.{failed}"
     made = tally.versions
@@ -138,6 +138,8 @@ def source_text(tally: Tally, seed: int | None = None) -> str:
 
 def _seeds(tally: Tally) -> str:
     numbers = sorted(entry.seed for entry in tally.outcomes if entry.seed is not None)
+    if len(numbers) == 1:
+        return f"one seed ({numbers[0]})"
     if numbers == list(range(numbers[0], numbers[-1] + 1)):
         return f"{len(numbers)} seeds ({numbers[0]} to {numbers[-1]})"
     return f"{len(numbers)} seeds ({', '.join(map(str, numbers))})"

@@ -8,6 +8,7 @@ from pathlib import Path
 from matplotlib.figure import Figure
 
 from scenarios.drawing import save_figure, svg
+from scenarios.errors import ScenarioError
 
 
 @dataclass(frozen=True)
@@ -37,9 +38,14 @@ class Gallery:
     Args:
         folder: Where every figure is written as SVG and PNG too; nowhere if None.
         drawn: Called with the number of figures drawn after each.
+
+    Raises:
+        ScenarioError: There is no such folder.
     """
 
     def __init__(self, folder: Path | None = None, drawn: Callable[[int], None] | None = None) -> None:
+        if folder is not None and not folder.is_dir():
+            raise ScenarioError(f"no folder {str(folder)!r} for the figures; expected one that exists")
         self.folder = folder
         self._drawn = drawn or (lambda number: None)
         self.pictures: list[Picture] = []
@@ -55,9 +61,12 @@ class Gallery:
 
         Returns:
             The figure as the page holds it.
+
+        Raises:
+            ScenarioError: The name is no file name, or taken.
         """
         if not re.fullmatch(r"[a-z0-9]+(-[a-z0-9]+)*", name) or any(entry.name == name for entry in self.pictures):
-            raise ValueError(f"figure name {name!r}: expected words of a-z and 0-9 apart by hyphens, each name once")
+            raise ScenarioError(f"figure name {name!r}: expected words of a-z and 0-9 apart by hyphens, each name once")
         number = len(self.pictures) + 1
         _lay_out(figure)
         if self.folder is not None:

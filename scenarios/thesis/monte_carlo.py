@@ -1,7 +1,6 @@
 """The study again with other seeds, of which only the conclusions are kept."""
 
-import json
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from pathlib import Path
 from time import perf_counter
@@ -11,10 +10,11 @@ from scenarios.errors import ScenarioError
 from scenarios.provenance import fingerprint, versions
 from scenarios.thesis.campaign import NOMINAL
 from scenarios.thesis.findings import findings
-from scenarios.thesis.outcome import Outcome, outcome, outcome_from
+from scenarios.thesis.kept_seed import keep, kept
+from scenarios.thesis.outcome import Outcome, outcome
 from scenarios.thesis.study import run_study
 from scenarios.thesis.tally import Tally
-from scenarios.whole_file import write_whole
+from scenarios.whole_file import check_place
 from sysid import SysidError
 
 Progress = Callable[[int, int, str, int, int], None]
@@ -38,23 +38,26 @@ def tally(
         duration: Length of every record instead of 240 s, s.
         threads: Threads of the simulation.
         folder: Where the conclusions of each seed are kept as a file as soon as they are there; those of an earlier
-            run with the same settings, versions and source text are taken from there.
+            run with the same settings, versions and source text are taken from there if they are whole, else the seed
+            is run and its file written anew.
         progress: Told of every step.
 
     Returns:
         The conclusions, and the reason of every seed that came to none.
 
     Raises:
-        ScenarioError: No seed came to an end.
+        ScenarioError: No seed came to an end, or a folder stands where a file is to be.
     """
     setting = {"duration": duration, "versions": versions(), "sources": fingerprint()}
     outcomes: list[Outcome] = []
     failed: dict[int, str] = {}
+    paths = {} if folder is None else {seed: folder / f"seed-{seed}.json" for seed in seeds}
+    for path in paths.values():
+        check_place(path)
     for number, seed in enumerate(seeds):
-        path = None if folder is None else folder / f"seed-{seed}.json"
-        kept = None if path is None else _kept(path, seed, setting)
-        if kept is not None:
-            outcomes.append(kept)
+        before = kept(paths[seed], seed, setting) if paths else None
+        if before is not None:
+            outcomes.append(before)
             continue
 
         def told(step: str, done: int, whole: int, seed: int = seed, number: int = number) -> None:
@@ -67,9 +70,9 @@ def tally(
             failed[seed] = str(error)
             continue
         outcomes.append(found)
-        if path is not None:
-            path.parent.mkdir(parents=True, exist_ok=True)
-            write_whole(path, json.dumps({"setting": setting, "outcome": found.record()}, indent=1, allow_nan=False))
+        if folder is not None:
+            folder.mkdir(parents=True, exist_ok=True)
+            keep(found, setting, paths[seed])
     if not outcomes:
         raise ScenarioError(f"none of {len(seeds)} seeds came to a conclusion: {failed}")
     return Tally(tuple(outcomes), failed)
@@ -83,13 +86,3 @@ def _one(seed: int, duration: float | None, threads: int | None, told: Callable[
     begin = perf_counter()
     found = findings(study)
     return outcome(replace(study, cost=study.cost.later(perf_counter() - begin)), found)
-
-
-def _kept(path: Path, seed: int, setting: Mapping[str, object]) -> Outcome | None:
-    """The conclusions of an earlier run, if it was the same in everything that they depend on."""
-    try:
-        record = json.loads(path.read_text(encoding="utf-8"))
-        same = record["setting"] == setting and record["outcome"]["seed"] == seed
-        return outcome_from(record["outcome"]) if same else None
-    except (FileNotFoundError, UnicodeDecodeError, json.JSONDecodeError, KeyError, TypeError):
-        return None  # none there, or none of ours: the seed is run and the file written anew

@@ -5,6 +5,7 @@ from pathlib import Path
 import pytest
 from matplotlib.figure import Figure
 
+from scenarios.errors import ScenarioError
 from scenarios.thesis.gallery import Gallery
 
 
@@ -31,7 +32,7 @@ def test_figures_are_numbered_as_they_come_and_lead_back_to_the_thesis() -> None
 def test_a_name_is_refused_that_is_no_file_or_taken(name: str) -> None:
     gallery = Gallery()
     gallery.add(_figure(), "Gain.", name="gain")
-    with pytest.raises(ValueError, match="each name once"):
+    with pytest.raises(ScenarioError, match="each name once"):
         gallery.add(_figure(), "Gain.", name=name)
 
 
@@ -40,3 +41,8 @@ def test_figures_are_kept_as_files_on_request(tmp_path: Path) -> None:
     assert sorted(path.name for path in tmp_path.iterdir()) == ["gain.png", "gain.svg"]
     assert (tmp_path / "gain.png").read_bytes().startswith(b"\x89PNG")
     assert "<svg" in (tmp_path / "gain.svg").read_text(encoding="utf-8")
+
+
+def test_a_folder_that_is_not_there_is_refused(tmp_path: Path) -> None:
+    with pytest.raises(ScenarioError, match="expected one that exists"):
+        Gallery(tmp_path / "missing")

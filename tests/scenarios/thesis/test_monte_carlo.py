@@ -4,6 +4,7 @@ import json
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -11,14 +12,16 @@ import pytest
 from hmtb_twin import STUDIED_JOINTS
 from scenarios.cli import main
 from scenarios.errors import ScenarioError
-from scenarios.thesis import monte_carlo
-from scenarios.thesis.campaign import NOMINAL
+from scenarios.thesis import kept_seed, monte_carlo
+from scenarios.thesis.campaign import EVERY_TEST, NOMINAL
+from scenarios.thesis.claims import CLAIMS
 from scenarios.thesis.comparison import Cost
 from scenarios.thesis.finding import Finding, Verdict, decided
 from scenarios.thesis.frequencies import answer_text, chance, finding_record, frequency_text, seeds_record, source_text
 from scenarios.thesis.monte_carlo import tally
 from scenarios.thesis.outcome import Outcome, Recovered, numbers, outcome_from
 from scenarios.thesis.recorded import contradictions
+from scenarios.thesis.structures import STRUCTURES
 from scenarios.thesis.tally import Tally, read_tally, spread, write_tally
 
 
@@ -35,6 +38,20 @@ def made(seed: int, verdict: Verdict = "reproduced", value: float = 1.0, *, hz: 
         failed={},
         cost=Cost(10.0, 12.0, 20.0),
         versions={"hmtb-twin": "0.1.0", "mujoco": "4.0.0"},
+    )
+
+
+def whole(seed: int) -> Outcome:
+    """An outcome of every finding and method."""
+    found = made(seed, value=1.0 / seed)
+    return replace(
+        found,
+        verdicts=dict.fromkeys(CLAIMS, "partly"),
+        numbers=dict.fromkeys(CLAIMS, found.numbers["F1"]),
+        recovered={
+            joint: {entry.method: found.recovered[joint]["oe"] for entry in STRUCTURES[joint]}
+            for joint in STUDIED_JOINTS
+        },
     )
 
 
@@ -58,7 +75,7 @@ def quick(monkeypatch: pytest.MonkeyPatch) -> list[int]:
         told("simulate", 1, 1)
         if seed == 3:
             raise ScenarioError("the physics diverged")
-        return replace(made(seed, value=1.0 / seed), duration=duration)
+        return replace(whole(seed), duration=duration)
 
     monkeypatch.setattr(monte_carlo, "_one", one)
     return run
@@ -67,7 +84,7 @@ def quick(monkeypatch: pytest.MonkeyPatch) -> list[int]:
 def test_every_number_survives_the_file_to_the_last_bit() -> None:
     found = made(3, value=1 / 3, hz=0.1 + 0.2)
     odd = replace(found, duration=24.0, numbers={"F1": {"a": float("inf"), "b": 1e-300, "c": -float("inf")}})
-    for entry in (found, odd):
+    for entry in (found, odd, whole(3)):
         assert outcome_from(json.loads(json.dumps(entry.record(), allow_nan=False))) == entry
 
 
@@ -119,9 +136,72 @@ def test_what_was_done_is_taken_up_again(quick: list[int], tmp_path: Path) -> No
     assert again.outcomes[:2] == first.outcomes
     tally([1], folder=tmp_path, duration=24.0)
     assert quick[3:] == [1], "records of another length are another study"
-    (tmp_path / "seed-2.json").write_text("{}")
-    tally([2], folder=tmp_path)
-    assert quick[4:] == [2], "what is no record of ours is made anew"
+
+
+SPOILT: dict[str, Callable[[dict[str, Any]], object]] = {
+    "no finding": lambda found: found["findings"].clear(),
+    "one finding too few": lambda found: found["findings"].pop("F26"),
+    "a verdict that there is not": lambda found: found["findings"]["F1"].update(verdict="maybe"),
+    "a verdict without a number": lambda found: found["findings"]["F1"].update(value={}),
+    "a word for a number": lambda found: found["findings"]["F1"].update(value={"shoulder_yaw": "much"}),
+    "a list for a mapping": lambda found: found["findings"]["F1"].update(value=[1.0]),
+    "a joint too few": lambda found: found["bandwidth"].pop("shoulder_yaw"),
+    "no truth": lambda found: found["bandwidth"]["shoulder_yaw"].update(true_hz=None),
+    "an endless truth": lambda found: found["bandwidth"]["shoulder_yaw"].update(true_hz=float("inf")),
+    "no method": lambda found: found["bandwidth"]["shoulder_yaw"]["recovered"].clear(),
+    "half an interval": lambda found: found["bandwidth"]["shoulder_yaw"]["recovered"]["oe"].update(ci95=[1.0]),
+    "an interval upside down": lambda found: found["bandwidth"]["shoulder_yaw"]["recovered"]["oe"].update(
+        ci95=[1.1, 0.9], covers=False
+    ),
+    "a claim that the interval belies": lambda found: found["bandwidth"]["elbow_pitch"]["recovered"]["oe"].update(
+        covers=False
+    ),
+    "no cost": lambda found: found["cost"].update(physics_s=None),
+    "failures in a list": lambda found: found.update(failed=["siso-1"]),
+    "a seed that is none": lambda found: found.update(seed=True),
+    "more than there is": lambda found: found.update(more=1),
+}
+
+
+@pytest.mark.parametrize("what", SPOILT)
+@pytest.mark.parametrize("digest", [True, False])
+def test_a_spoilt_seed_is_run_anew(quick: list[int], tmp_path: Path, what: str, digest: bool) -> None:
+    """Also where the file vouches for itself."""
+    path = tmp_path / "seed-1.json"
+    first = tally([1], folder=tmp_path)
+    written = path.read_text()
+    record = json.loads(written)
+    SPOILT[what](record["outcome"])
+    if digest:
+        record["digest"] = kept_seed._digest(record["outcome"])
+    path.write_text(json.dumps(record))
+    assert tally([1], folder=tmp_path).outcomes == first.outcomes
+    assert quick == [1, 1]
+    assert path.read_text() == written
+
+
+@pytest.mark.parametrize(
+    "text", ["", "{}", "[]", "7", "null", "[" * 100_000, '{"setting": ' + "9" * 5000 + "}", "\udcff"]
+)
+def test_what_is_no_record_of_ours_is_made_anew(quick: list[int], tmp_path: Path, text: str) -> None:
+    (tmp_path / "seed-1.json").write_bytes(text.encode(errors="surrogateescape"))
+    tally([1], folder=tmp_path)
+    assert quick == [1]
+
+
+def test_a_number_that_was_changed_is_found_out(quick: list[int], tmp_path: Path) -> None:
+    path = tmp_path / "seed-1.json"
+    tally([1], folder=tmp_path)
+    path.write_text(path.read_text().replace('"shoulder_yaw": 1.0', '"shoulder_yaw": 1.5', 1))
+    tally([1], folder=tmp_path)
+    assert quick == [1, 1]
+
+
+def test_a_folder_in_the_way_of_a_seed_is_told_before_any_is_run(quick: list[int], tmp_path: Path) -> None:
+    (tmp_path / "seed-2.json").mkdir()
+    with pytest.raises(ScenarioError, match="is a folder"):
+        tally([1, 2], folder=tmp_path)
+    assert quick == []
 
 
 @pytest.mark.parametrize("what", ["versions", "fingerprint"])
@@ -140,7 +220,7 @@ def test_an_interrupted_run_keeps_its_seeds_and_says_so(
     def one(seed: int, *_: object) -> Outcome:
         if seed == 6:
             raise KeyboardInterrupt
-        return made(seed)
+        return whole(seed)
 
     monkeypatch.setattr(monte_carlo, "_one", one)
     assert main(["thesis", "--seeds", "20", "--seed", "5", "--out", str(tmp_path)]) == 130
@@ -150,9 +230,101 @@ def test_an_interrupted_run_keeps_its_seeds_and_says_so(
     assert not (tmp_path / "report.html").exists()
 
 
-def test_seeds_must_be_a_count(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    assert main(["thesis", "--seeds", "0", "--out", str(tmp_path)]) == 2
-    assert "seeds must be 1 or more, given 0" in capsys.readouterr().err
+@pytest.mark.parametrize(
+    ("words", "says"),
+    [
+        (("--seeds", "0"), "seeds must be 1 to 1000, given 0"),
+        (("--seeds", "1000000000"), "seeds must be 1 to 1000, given 1000000000"),
+        (("--seed", str(10**23)), "a seed is a whole number from 0 to 2^63 - 1, given 1000"),
+        (("--seed", "-1"), "a seed is a whole number from 0 to 2^63 - 1, given -1"),
+        (("--seeds", "2", "--seed", str(2**63 - 1)), f"2^63 - 1, given {2**63}"),
+    ],
+)
+def test_seeds_are_checked_before_the_work(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], words: tuple[str, ...], says: str
+) -> None:
+    assert main(["thesis", *words, "--out", str(tmp_path / "new")]) == 2
+    assert says in capsys.readouterr().err
+    assert not (tmp_path / "new").exists()
+
+
+@pytest.mark.parametrize(
+    ("words", "file", "folder"),
+    [
+        (("--figures",), "figures", ""),
+        (("--figures",), "", "figures/gain.svg"),
+        (("--seeds", "2"), "seeds", ""),
+        (("--logs",), "", f"{EVERY_TEST[-1]}.nc"),
+        ((), "", "report.html"),
+    ],
+)
+def test_what_is_in_the_way_is_told_before_the_work(
+    tmp_path: Path,
+    capsys: pytest.CaptureFixture[str],
+    monkeypatch: pytest.MonkeyPatch,
+    words: tuple[str, ...],
+    file: str,
+    folder: str,
+) -> None:
+    monkeypatch.setattr("scenarios.thesis.study.run_study", lambda **_: pytest.fail("the study was run"))
+    if file:
+        (tmp_path / file).touch()
+    else:
+        (tmp_path / folder).mkdir(parents=True)
+    assert main(["thesis", *words, "--out", str(tmp_path)]) == 2
+    said = capsys.readouterr().err
+    assert "cannot write" in said
+    assert said.count("\n") == 1
+
+
+@pytest.fixture
+def no_study(monkeypatch: pytest.MonkeyPatch) -> Callable[..., None]:
+    """A study that is run, judged and drawn at once; say what failed of it, and what its logs are."""
+
+    def given(failed: dict[str, str], logs: dict[str, object]) -> None:
+        @dataclass(frozen=True)
+        class Study:
+            failed: dict[str, str]
+            logs: dict[str, object]
+            joints: dict[str, object]
+            cost: Cost = Cost(10.0, 12.0, 20.0)  # noqa: RUF009
+
+        monkeypatch.setattr("scenarios.thesis.study.run_study", lambda **_: Study(failed, logs, {}))
+        monkeypatch.setattr("scenarios.thesis.findings.findings", lambda study: ())
+        monkeypatch.setattr("scenarios.thesis.report.write_report", lambda study, found, path, *_, **__: path)
+        monkeypatch.setattr("scenarios.thesis.results.results", lambda *_: {"findings": {}})
+        monkeypatch.setattr("scenarios.thesis.results.answer", lambda study: "the answer")
+
+    return given
+
+
+def test_a_seed_that_failed_is_a_difference(
+    quick: list[int], no_study: Callable[..., None], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    no_study({}, {})
+    assert main(["thesis", "--seeds", "2", "--out", str(tmp_path)]) == 0
+    assert "failed:" not in capsys.readouterr().out
+    assert main(["thesis", "--seeds", "3", "--out", str(tmp_path)]) == 1
+    assert "failed: seed 3: the physics diverged" in capsys.readouterr().out
+    assert main(["thesis", "--seeds", "3", "--out", str(tmp_path), "--json"]) == 1
+    assert quick == [1, 2, 3, 3]
+
+
+def test_results_are_there_before_the_logs(
+    no_study: Callable[..., None], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    @dataclass(frozen=True)
+    class Log:
+        name: str = "one"
+
+    def full(log: Log, path: Path) -> None:
+        assert (tmp_path / "results.json").is_file()
+        raise ScenarioError(f"cannot write {path}: No space left on device")
+
+    no_study({}, {"one": Log()})
+    monkeypatch.setattr("scenarios.datafile.write_log", full)
+    assert main(["thesis", "--logs", "--out", str(tmp_path)]) == 2
+    assert json.loads((tmp_path / "results.json").read_text()) == {"findings": {}}
 
 
 def test_verdicts_are_counted_and_numbers_ranged(twenty: Tally) -> None:
@@ -206,6 +378,8 @@ def test_the_source_of_the_frequencies_is_said(twenty: Tally) -> None:
     assert "recorded earlier, with hmtb-twin 0.1.0 and MuJoCo 4.0.0" in shipped
     gap = Tally((made(1), made(4)), {})
     assert "2 seeds (1, 4)" in source_text(gap)
+    assert "of one seed (3) on the same arm" in source_text(Tally((made(3),), {}))
+    assert source_text(replace(gap, failed={2: "It fell."})).endswith("Seed 2 came to no conclusion: It fell.")
 
 
 def test_the_answer_says_how_often_it_comes_out() -> None:
