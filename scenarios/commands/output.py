@@ -69,15 +69,19 @@ def print_table(title: str, columns: Sequence[str], rows: Sequence[Sequence[str]
 
 
 @contextmanager
-def progress(label: str) -> Iterator[Bar]:
-    """A bar on stderr while something long runs; silent where stderr is no terminal.
+def progress(label: str, *, lines: bool = False) -> Iterator[Bar]:
+    """A bar on stderr while something long runs.
+
+    Args:
+        label: What runs.
+        lines: Whether to write a line for every step where stderr is no terminal; else nothing is written there.
 
     Yields:
         A function to call with (done, total), and with the name of the step where there are several; a total of None
         where none is known.
     """
     if not sys.stderr.isatty():
-        yield lambda done, total, step="": None
+        yield _lines(label) if lines else lambda done, total, step="": None
         return
     from rich.console import Console
     from rich.progress import Progress
@@ -93,6 +97,20 @@ def progress(label: str) -> Iterator[Bar]:
             bar.update(job, completed=done, total=total)
 
         yield told
+
+
+def _lines(label: str) -> Bar:
+    """A bar that writes a line when a step begins, for logs."""
+    shown: str | None = None
+
+    def told(done: int, total: int | None, step: str = "") -> None:
+        nonlocal shown
+        if step != shown:
+            shown = step
+            sys.stderr.write(f"{label}: {step}\n" if step else f"{label}\n")
+            sys.stderr.flush()
+
+    return told
 
 
 @contextmanager

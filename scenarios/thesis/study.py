@@ -108,7 +108,8 @@ def _campaigns(
     def told(part: int, whole: int) -> None:
         # A campaign counts by the length of its records: they cost what they are long.
         now = len(campaigns)
-        report("simulate", sum(lengths[:now]) + round(lengths[now] * part / whole), sum(lengths))
+        step = f"simulate, arm {now + 1} of {len(lengths)}"
+        report(step, sum(lengths[:now]) + round(lengths[now] * part / whole), sum(lengths))
 
     for condition, tests in plan.items():
         extra = small if condition == smooth else ()
