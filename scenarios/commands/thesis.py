@@ -68,7 +68,7 @@ def thesis(
         _check_places(folder, pictures, logs=logs)
         # First, because each seed is kept as it ends: what is interrupted later costs none of them.
         many = _shipped(duration) if kept is None else _run(repeated, duration, threads, kept)
-        with progress("study") as bar:
+        with progress("study", lines=True) as bar:
             comparison = run_study(
                 seed=seed,
                 duration=duration,
@@ -155,11 +155,11 @@ def _run(seeds: range, duration: float | None, threads: int | None, folder: Path
     """What many seeds conclude now."""
     from scenarios.thesis.monte_carlo import tally
 
-    with progress(f"{len(seeds)} seeds") as bar:
+    with progress(f"{len(seeds)} seeds", lines=True) as bar:
 
         def told(seed: int, before: int, step: str, done: int, whole: int) -> None:
-            if step == "simulate":
-                bar(before * whole + done, len(seeds) * whole)
+            if step.startswith("simulate"):
+                bar(before * whole + done, len(seeds) * whole, f"seed {seed}, {before + 1} of {len(seeds)}")
 
         try:
             return tally(seeds, duration=duration, threads=threads, folder=folder, progress=told)

@@ -1,6 +1,8 @@
 """The figure that answers: bandwidths recovered, true and published."""
 
 from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
+from matplotlib.patches import Patch
 
 from scenarios.crossing import half_power_hz
 from scenarios.thesis.about_1_hz import ABOUT_1_HZ
@@ -11,10 +13,13 @@ from sysid.plots import (
     PALETTE,
 )
 
+ANY = "#555555"
+"""Of what a mark means whatever its colour."""
+
 
 def bandwidths(study: Comparison) -> Figure:
     """Recovered bandwidths with their intervals, the truth as a line, the published models as stars."""
-    figure = Figure(figsize=(WIDTH, 6.2), layout="constrained")
+    figure = Figure(figsize=(WIDTH, 6.8), layout="constrained")
     rows = [len(entry.models) + len(entry.published) for entry in study.joints.values()]
     panels = figure.subplots(len(rows), 1, sharex=True, height_ratios=rows)
     for axes, (name, entry) in zip(panels, study.joints.items(), strict=True):
@@ -37,8 +42,21 @@ def bandwidths(study: Comparison) -> Figure:
         axes.axvline(1.0, color=BOUND.colour, ls=":", lw=1.2)
         axes.set_yticks(range(len(labels)), labels, fontsize=8)
         axes.set_ylim(len(labels) - 0.4, -0.6)
-        axes.set_title(f"{short(name)}: truth {entry.truth.bandwidth_hz:.3f} Hz (black line)", loc="left", fontsize=9)
+        axes.set_title(f"{short(name)}: truth {entry.truth.bandwidth_hz:.3f} Hz", loc="left", fontsize=9)
         dress([axes])
     panels[-1].set_xlim(0.0, 1.55)
     panels[-1].set_xlabel("frequency / Hz")
+    figure.legend(handles=_legend(), loc="outside upper left", ncols=2, fontsize=8, frameon=False)
     return figure
+
+
+def _legend() -> list[Line2D | Patch]:
+    star = PALETTE["published"]
+    return [
+        Line2D([], [], color=PALETTE["truth"].colour, lw=1.8, label="small-signal truth"),
+        Line2D([], [], color=ANY, marker="o", ms=6, lw=1.8, label="bandwidth with 95 % interval"),
+        Line2D([], [], color=star.colour, marker=star.marker, ms=9, ls="none", label="published model"),
+        Line2D([], [], color=ANY, marker="|", ms=13, mew=2.0, ls="none", label="where the gain is 0.707"),
+        Patch(color=NOT_EXCITED, label=f"about 1 Hz: {ABOUT_1_HZ[0]:g} to {ABOUT_1_HZ[1]:g} Hz"),
+        Line2D([], [], color=BOUND.colour, ls=":", lw=1.2, label="1 Hz"),
+    ]

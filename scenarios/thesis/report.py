@@ -73,8 +73,12 @@ def page(shown: Mapping[str, object]) -> str:
         shown: What the templates show, see `context`.
     """
     environment = _environment()
-    body = Markup(numbered(environment.get_template("body.html.j2").render(shown)))
-    return environment.get_template("report.html.j2").render(shown, body=body, contents=contents(body))
+    body = numbered(environment.get_template("body.html.j2").render(shown))
+    # On paper the answer comes first and then what else there is.
+    opening, end, rest = body.partition("</section>")
+    return environment.get_template("report.html.j2").render(
+        shown, opening=Markup(opening + end), rest=Markup(rest), contents=contents(body)
+    )
 
 
 def numbered(body: str) -> str:

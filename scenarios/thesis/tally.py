@@ -196,7 +196,8 @@ def spread(values: Sequence[float]) -> Spread:
     """
     with np.errstate(invalid="ignore"):
         median = float(np.median(values))
-    low, high = (float(np.quantile(values, q, method=way)) for q, way in ((0.025, "lower"), (0.975, "higher")))
+    low = float(np.quantile(values, 0.025, method="lower"))
+    high = float(np.quantile(values, 0.975, method="higher"))
     counts = Counter(values)
     shares = tuple(sorted(counts.items())) if len(counts) == 2 < len(values) else ()
     return Spread(median, low, high, float(np.min(values)), float(np.max(values)), len(values), shares)

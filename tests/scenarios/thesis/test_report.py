@@ -97,7 +97,8 @@ def test_contents_lead_to_sections_with_headings(text: str) -> None:
     assert {link.removeprefix("#") for link in links} <= marks
     for menu in re.findall(r"<nav.*?</nav>", text, flags=re.S):
         assert re.findall(r'href="#([^"]+)"', menu) == sections
-    assert text.count("<nav") == 2
+    assert text.count("<nav") == 3
+    assert text.index('id="answer"') < text.index('<nav class="contents printed"') < text.index('id="findings"')
     assert len(parsed.of("h2")) == len(sections)
     assert sections[:2] == ["answer", "findings"]
     assert sections[-2:] == ["provenance", "reproduce"]
