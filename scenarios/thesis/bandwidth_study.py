@@ -223,7 +223,6 @@ def from_logs(
             record twice, or logs of several arms.
     """
     _check((), methods)
-    _check_twice(logs)
     recordings = list[_Recording]()
     arms: dict[tuple[object, ...], tuple[Arm, JointLog]] = {}
     for log in logs:
@@ -241,6 +240,7 @@ def from_logs(
             f"the logs are of {len(arms)} arms or conditions ({', '.join(log.name for _, log in arms.values())}); "
             "expected one, whose truth they are held against"
         )
+    _check_twice(logs)
     (arm, _), pose = next(iter(arms.values())), recordings[0].setting.pose
     condition = str(Condition(arm.variant, arm.friction))
     shortest = min(len(one) * one.dt for one in logs)

@@ -61,6 +61,22 @@ def test_an_interval_over_decades_is_no_interval() -> None:
     assert "spans more than a factor of 100" in vague.warnings[0]
 
 
+def test_a_record_shorter_than_a_period_of_the_bandwidth_does_not_tell_it(
+    capsys: pytest.CaptureFixture[str], tmp_path: Path
+) -> None:
+    u = np.random.default_rng(5).standard_normal(400)
+    y = lfilter([0, 0.1], [1, -0.9], u)
+    for samples, claimed in ((8, False), (40, False), (400, True)):
+        words = ("--method", "arx", "--orders", "1", "1", "--keep-mean")
+        found = identified(capsys, tmp_path / f"{samples}.csv", u[:samples], y[:samples], *words)
+        if claimed:
+            assert found["bandwidth_hz"] == pytest.approx(0.839, rel=0.01)
+            continue
+        refused(found)
+        said = f"the record of {samples * DT:.3g} s holds no whole period of anything below {1 / samples / DT:.2g} Hz"
+        assert any(said in text for text in found["warnings"])
+
+
 def test_a_bandwidth_below_the_excitation_is_not_claimed(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
     rng = np.random.default_rng(2)
     u = np.sin(2 * np.pi * 5.0 * DT * np.arange(4000)) + np.sin(2 * np.pi * 8.0 * DT * np.arange(4000))

@@ -2,11 +2,15 @@
 
 import csv
 import json
+from dataclasses import fields, replace
 from pathlib import Path
 
+import numpy as np
 import pytest
 
+from hmtb_twin import JOINTS, JointLog, simulate
 from scenarios.cli import main
+from scenarios.registry import load
 
 FAST = ("--duration", "16", "--joints", "elbow_pitch", "--no-bla")
 
@@ -68,8 +72,11 @@ def test_the_table_says_what_is_not_claimed(capsys: pytest.CaptureFixture[str]) 
         (("--methods", "okd"), "did you mean 'okid'"),
         (("--tests", "9"), "unknown test 9"),
         (("--tests", "five"), "given five"),
-        (("--seeds", "0"), "seeds must be 1 or more, given 0"),
-        (("--seed", "-1"), "seed must be 0 or more, given -1"),
+        (("--seeds", "0"), "seeds must be 1 to 1000, given 0"),
+        (("--seeds", "1000000000"), "seeds must be 1 to 1000, given 1000000000"),
+        (("--seed", "-1"), "a seed is a whole number from 0 to 2^63 - 1, given -1"),
+        (("--seed", str(2**63)), f"2^63 - 1, given {2**63}"),
+        (("--data", "x.nc", "--seed", "-1", "--no-bla"), "2^63 - 1, given -1"),
         (("--duration", "6"), "a duration of 6 s given, expected 10 s or more"),
         (("--variant", "nominl"), "nominl"),
         (("--threads", "0"), "threads must be 1 or more, given 0"),
@@ -102,3 +109,58 @@ def test_a_log_of_several_axes_or_of_two_arms_is_refused(capsys: pytest.CaptureF
     assert "mimo-1 excites x, y, z; expected a log that excites one joint" in capsys.readouterr().err
     assert main(["bandwidth", "--data", one, two, "--no-bla"]) == 2
     assert "the logs are of 2 arms" in capsys.readouterr().err
+
+
+@pytest.fixture(scope="module")
+def log(tmp_path_factory: pytest.TempPathFactory) -> JointLog:
+    """Sixteen seconds of the elbow's PRBS test."""
+    (found,) = simulate([replace(load("siso-5-elbow_pitch"), duration=16.0)]).logs
+    return found
+
+
+def complaint(capsys: pytest.CaptureFixture[str], *paths: Path) -> str:
+    assert main(["bandwidth", "--no-bla", "--methods", "arx", "--data", *map(str, paths)]) == 2
+    out, err = capsys.readouterr()
+    assert (out, err.count("\n")) == ("", 1)
+    return err
+
+
+def test_a_record_counts_once(capsys: pytest.CaptureFixture[str], tmp_path: Path, log: JointLog) -> None:
+    path = log.save(tmp_path / "a.nc")
+    cut = shortened(log, 12.0).save(tmp_path / "b.nc")
+    named = replace(log, name="another", seed=log.seed + 1).save(tmp_path / "c.nc")
+    for other in (path, cut):
+        said = f"the log of siso-5-elbow_pitch, seed {log.seed}, is given twice; expected every record once"
+        assert said in complaint(capsys, path, other)
+    assert "is given twice, also as siso-5-elbow_pitch" in complaint(capsys, path, named)
+
+
+def test_a_log_that_is_too_short_to_settle_is_refused(
+    capsys: pytest.CaptureFixture[str], tmp_path: Path, log: JointLog
+) -> None:
+    path = shortened(log, 0.4).save(tmp_path / "short.nc")
+    assert "a log of 0.4 s given, expected 10 s or more: the arm settles for 4 s" in complaint(capsys, path)
+
+
+def test_a_log_with_something_missing_is_told_by_its_file(
+    capsys: pytest.CaptureFixture[str], tmp_path: Path, log: JointLog
+) -> None:
+    measured = log.measured.copy()
+    measured[500:510, JOINTS.index("elbow_pitch")] = np.nan
+    path = replace(log, measured=measured).save(tmp_path / "nanlog.nc")
+    said = "nanlog.nc: 10 measured angles are no numbers, the first that of elbow_pitch at sample 500; expected a log"
+    assert said in complaint(capsys, path)
+    for words in ((), ("--missing",)):
+        assert main(["identify", str(path), "--method", "arx", "--orders", "2", "2", *words]) == 2
+        assert said in capsys.readouterr().err
+    # What is missing of another joint is no matter here.
+    assert main(["identify", str(path), "--joint", "shoulder_yaw", "--method", "arx", "--orders", "2", "2"]) in (0, 2)
+    assert "no numbers" not in capsys.readouterr().err
+
+
+def shortened(log: JointLog, duration: float) -> JointLog:
+    count = round(duration / log.dt)
+    channels = {
+        entry.name: value[:count] for entry in fields(log) if isinstance(value := getattr(log, entry.name), np.ndarray)
+    }
+    return replace(log, **channels)

@@ -83,6 +83,26 @@ def test_estimates_come_from_the_other_record_or_say_that_they_do_not(
     assert low < held_out["models"][0]["bandwidth_hz"] < high
 
 
+def test_the_same_record_under_another_name_is_no_validation(
+    capsys: pytest.CaptureFixture[str], logs: dict[str, Path], csv: Path, tmp_path: Path
+) -> None:
+    prbs = logs["siso-5-elbow_pitch"]
+    (tmp_path / "copy.nc").write_bytes(prbs.read_bytes())
+    (tmp_path / "link.nc").symlink_to(prbs)
+    for path in (prbs, tmp_path / "copy.nc", tmp_path / "link.nc"):
+        (said,) = result(capsys, prbs, "--models", "arx:2/2", "--estimation", path)["warnings"]
+        assert f"arx:2/2: identified from {path.name}, which holds the same record, so that the fit is no valid" in said
+    lines = csv.read_text(encoding="utf-8").splitlines()
+    start = csv.with_name("start.csv")
+    start.write_text("\n".join(lines[:800]), encoding="utf-8")
+    assert "no validation" in result(capsys, csv, "--models", "arx:1/1", "--estimation", start)["warnings"][0]
+    end = csv.with_name("end.csv")
+    end.write_text("\n".join([lines[0], *lines[400:]]), encoding="utf-8")
+    held_out = csv.with_name("held-out.csv")
+    held_out.write_text("\n".join(lines[:400]), encoding="utf-8")
+    assert result(capsys, held_out, "--models", "arx:1/1", "--estimation", end)["warnings"] == []
+
+
 def test_the_fits_are_those_of_identify(capsys: pytest.CaptureFixture[str], csv: Path) -> None:
     (entry,) = result(capsys, csv, "--models", "arx:1/1", "--steps", "3")["models"]
     assert main(["identify", str(csv), "--method", "arx", "--orders", "1", "1", "--steps", "3", "--json"]) == 0
@@ -143,6 +163,10 @@ def test_the_table_and_the_figure(capsys: pytest.CaptureFixture[str], logs: dict
     [
         (["--models", "oe"], "oe takes the orders nb nf [nk]; given nothing"),
         (["--models", "oe:2/x"], "expected whole orders apart by slashes"),
+        (["--models", "oe:²/2/1"], "expected whole orders apart by slashes"),
+        (["--models", "oe:٢/2/1"], "expected whole orders apart by slashes"),
+        (["--models", f"oe:{'9' * 5000}/2"], "of 4 digits at most"),
+        (["--models", "truth:x"], "model 'truth:x': the truth has no name or orders"),
         (["--models", "okd:2"], "did you mean 'okid'?"),
         (["--models", "5.10"], "did you mean 'published:5.10'?"),
         (["--models", "published:5.11"], "did you mean '5.10'"),
