@@ -32,6 +32,21 @@ def both_ways(passed: Mapping[Way, int], total: int) -> tuple[Verdict, str]:
     )
 
 
+def readings(found: Mapping[str, Verdict]) -> tuple[Verdict, str]:
+    """One verdict of several readings of a claim: theirs where they agree, else `partly`.
+
+    Args:
+        found: Verdict by reading, in words that follow "is".
+
+    Returns:
+        The verdict and what to say of it.
+    """
+    said = ", ".join(f"{decision} {reading}" for reading, decision in found.items())
+    if len(set(found.values())) == 1:
+        return next(iter(found.values())), f"{said}: the verdict does not depend on the reading"
+    return "partly", f"{said}: the verdict depends on the reading"
+
+
 def without_noise_model(model: ThreeJointModel) -> str:
     """Which joints of a model cannot predict."""
     mute = [joint.replace("_", " ") for joint in model.blocks if not model.predicts(joint)]

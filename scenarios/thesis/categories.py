@@ -7,10 +7,11 @@ from statistics import median
 import numpy as np
 
 from scenarios.thesis.both_ways import WORDS
-from scenarios.thesis.campaign import RPCM
+from scenarios.thesis.campaign import RPCM, same_sequence
 from scenarios.thesis.comparison import Comparison
 from scenarios.thesis.disturbances import AS_IT_IS
 from scenarios.thesis.findings_fits import FAST, FOLLOWS
+from scenarios.thesis.margin import MARGIN, ahead
 from scenarios.thesis.multivariable import WAYS, ThreeJointModel, Way
 from sysid import IOData, residuals
 
@@ -96,20 +97,21 @@ def _measure(
     more: bool,
     printed: bool = True,
     digits: int = 1,
+    margin: float = 0.0,
 ) -> Measure:
-    """A number for every model; the larger is ahead if more is better."""
+    """A number for every model; the larger is ahead if more is better and the difference is no tie."""
     values = {entry.name: of(entry) for entry in study.multivariable.models if printed or not entry.printed}
     return Measure(
         what,
         values,
-        _better(values["SysID model"], values["OKID model"], more),
-        _better(values["printed SysID model"], values["printed OKID model"], more) if printed else "",
+        _better(values["SysID model"], values["OKID model"], more, margin),
+        _better(values["printed SysID model"], values["printed OKID model"], more, margin) if printed else "",
         digits,
     )
 
 
-def _better(own: float, okid: float, more: bool) -> str:
-    if own == okid or np.isnan(own) or np.isnan(okid):
+def _better(own: float, okid: float, more: bool, margin: float = 0.0) -> str:
+    if own == okid or np.isnan(own) or np.isnan(okid) or abs(own - okid) < margin:
         return DRAW
     return "SysID" if (own > okid) == more else "OKID"
 
@@ -131,6 +133,7 @@ def _bandwidth(study: Comparison) -> tuple[Measure, ...]:
                 study,
                 lambda entry, way=way: median(entry.fit(name).mean(way) for name in fast),  # type: ignore[misc]
                 more=True,
+                margin=MARGIN,
             )
             for way in WAYS
         ]
@@ -204,7 +207,7 @@ def _parsimony(study: Comparison) -> tuple[Measure, ...]:
         ),
         *(
             _measure(
-                f"fit {WORDS[way]} per state, mean over records and joints, %",
+                f"fit {WORDS[way]} per state, mean over joints and records of other waveforms, %",
                 study,
                 lambda entry, way=way: _mean_fit(entry, way) / entry.model.order,  # type: ignore[misc]
                 more=True,
@@ -224,7 +227,8 @@ def _aic(data: IOData, study: Comparison, joint: str, okid: bool) -> float:
 
 
 def _mean_fit(entry: ThreeJointModel, way: Way) -> float:
-    return float(np.mean([fits.mean(way) for fits in entry.fits.values()])) if entry.fits else float("nan")
+    found = [fits.mean(way) for name, fits in entry.fits.items() if not same_sequence(name)]
+    return float(np.mean(found)) if found else float("nan")
 
 
 def _robustness(study: Comparison) -> tuple[Measure, ...]:
@@ -264,24 +268,27 @@ def _exchange(study: Comparison) -> tuple[Measure, ...]:
             lambda entry, way=way: entry.fit(RPCM).mean(way),  # type: ignore[misc]
             more=True,
             digits=2,
+            margin=MARGIN,
         )
         for way in WAYS
     )
 
 
 def _several(study: Comparison) -> tuple[Measure, ...]:
-    """On how many records each of a pair follows better; the hybrid is not counted among them."""
-    records = [name for name in study.multivariable.records if name != RPCM]
+    """On how many unseen records each of a pair follows better, ties left out; the hybrid is not counted among them."""
+    records = [name for name in study.multivariable.records if name != RPCM and not same_sequence(name)]
     measures = []
     for way in WAYS:
         values: dict[str, float] = {}
         for printed in (False, True):
             own, okid = study.multivariable.pair(printed=printed)
-            ahead = [own.fit(name).mean(way) > okid.fit(name).mean(way) for name in records]
-            values[own.name], values[okid.name] = float(sum(ahead)), float(len(records) - sum(ahead))
+            lead = [own.fit(name).mean(way) - okid.fit(name).mean(way) for name in records]
+            values[own.name], values[okid.name] = (float(sum(ahead(sign * v) for v in lead)) for sign in (1, -1))
         measures.append(
             Measure(
-                f"records of {len(records)} that it follows better {WORDS[way]}, mean over the joints",
+                f"records of {len(records)} of other waveforms that it follows better by {MARGIN:g} points "
+                f"{WORDS[way]}, mean "
+                "over the joints",
                 values,
                 _better(values["SysID model"], values["OKID model"], True),
                 _better(values["printed SysID model"], values["printed OKID model"], True),

@@ -57,3 +57,19 @@ def off_diagonal(model: StateSpace, *, band: tuple[float, float] = BAND) -> floa
     """
     response = model.frequency_response(np.geomspace(*band, 200))
     return float(np.linalg.norm(response * ~np.eye(model.ny, dtype=bool)) / np.linalg.norm(response))
+
+
+def pushed_by_others(model: StateSpace, *, band: tuple[float, float]) -> dict[str, float]:
+    """How much the other commands move a joint, against its own: little where the response is diagonal.
+
+    Args:
+        model: Commands of the studied joints to their angles.
+        band: Lowest and highest of the 200 frequencies, Hz.
+
+    Returns:
+        By joint, the largest sum of the other commands' gains over the own one's in the band.
+    """
+    gain = np.abs(model.frequency_response(np.geomspace(*band, 200)))
+    own = np.diagonal(gain, axis1=1, axis2=2)
+    ratio = (gain.sum(axis=2) - own) / own
+    return dict(zip(STUDIED_JOINTS, map(float, ratio.max(axis=0)), strict=True))

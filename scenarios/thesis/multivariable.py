@@ -17,6 +17,7 @@ from scenarios.thesis.campaign import RPCM, Campaign
 from scenarios.thesis.coupled_response import off_diagonal, relative_error, three_joint_truth
 from scenarios.thesis.exchange_fits import Exchange, exchange
 from scenarios.thesis.multi_input import INDEPENDENT, SHARED, FullModel, full_models
+from scenarios.thesis.reference_fits import Reference, reference_fits
 from sysid import IOData, ResidualTest, StateSpace, SysidError, SysidWarning, block_diagonal
 
 T = TypeVar("T")
@@ -132,6 +133,7 @@ class Multivariable:
         truth: The true response of the three joints.
         coupling: What lies off its diagonal, relative to all of it, 0.1 to 10 Hz.
         exchange: Fits by phase of the exchange; None where its record is missing.
+        references: What the truth without and with coupling, and the true angles themselves, follow of every record.
     """
 
     models: tuple[ThreeJointModel, ...]
@@ -140,6 +142,15 @@ class Multivariable:
     truth: StateSpace
     coupling: float
     exchange: Exchange | None
+    references: tuple[Reference, ...]
+
+    def reference(self, name: str, record: str) -> Mapping[str, float]:
+        """Fits by joint of one kind of knowledge of the twin to a record, percent.
+
+        Raises:
+            MissingRecordError: There is no such record.
+        """
+        return _there(next(entry.fits for entry in self.references if entry.name == name), record)
 
     def model(self, kind: Kind, *, printed: bool = False) -> ThreeJointModel:
         """One of the models."""
@@ -188,7 +199,8 @@ def multivariable(own: Mapping[str, StateSpace], okid: Mapping[str, StateSpace],
             model for name in (SHARED, INDEPENDENT) if name in data for model in full_models(name, campaign, truth)
         )
         phases = exchange(campaign, {entry.name: entry.model for entry in models}) if RPCM in data else None
-    return Multivariable(tuple(models), tuple(data), full, truth, off_diagonal(truth), phases)
+    references = reference_fits(campaign, tuple(data), truth)
+    return Multivariable(tuple(models), tuple(data), full, truth, off_diagonal(truth), phases, references)
 
 
 def _laid_beside(

@@ -12,7 +12,7 @@ def multivariable_record(study: Comparison) -> dict[str, object]:
         study: The study.
 
     Returns:
-        `three_joint_models`, `full_models` and `categories` by name.
+        `three_joint_models`, `references` (what the truth itself follows), `full_models` and `categories` by name.
     """
     found = study.multivariable
     return {
@@ -25,6 +25,9 @@ def multivariable_record(study: Comparison) -> dict[str, object]:
                 "fits": {name: {way: dict(fits.of(way)) for way in WAYS} for name, fits in entry.fits.items()},
             }
             for entry in found.models
+        },
+        "references": {
+            entry.name: {name: dict(fits) for name, fits in entry.fits.items()} for entry in found.references
         },
         "full_models": [
             {

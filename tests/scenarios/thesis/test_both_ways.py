@@ -1,6 +1,6 @@
 """A verdict on fits says when it depends on the kind of fit."""
 
-from scenarios.thesis.both_ways import both_ways, without_noise_model
+from scenarios.thesis.both_ways import both_ways, readings, without_noise_model
 from scenarios.thesis.comparison import Comparison
 
 
@@ -23,3 +23,12 @@ def test_joints_that_cannot_predict_are_named(study: Comparison) -> None:
     own, okid = study.multivariable.pair()
     assert "K = 0 on shoulder pitch" in without_noise_model(own)
     assert without_noise_model(okid) == "every joint of the OKID model has a noise model"
+
+
+def test_readings_that_disagree_are_partly_and_each_is_named() -> None:
+    decision, said = readings({"as one thing": "reproduced", "as another": "not reproduced"})
+    assert decision == "partly"
+    assert "reproduced as one thing, not reproduced as another" in said
+    same, said = readings({"as one thing": "not reproduced", "as another": "not reproduced"})
+    assert same == "not reproduced"
+    assert "does not depend" in said

@@ -52,6 +52,17 @@ def test_an_unstable_model_is_behind(study: Comparison) -> None:
     assert categories(spoilt)[1].ahead == "SysID"
 
 
+def test_a_tie_of_fits_is_nobodys(study: Comparison) -> None:
+    own, okid = study.multivariable.pair()
+    models = tuple(replace(entry, fits=own.fits) if entry is okid else entry for entry in study.multivariable.models)
+    equal = {
+        entry.name: entry
+        for entry in categories(replace(study, multivariable=replace(study.multivariable, models=models)))
+    }
+    assert equal["RPCM fit"].ahead == "neither"
+    assert all(sum(m.values[e.name] for e in (own, okid)) == 0.0 for m in equal["MIMO data fits"].measures)
+
+
 def test_measures_are_what_they_say(study: Comparison) -> None:
     found = {entry.name: entry.measures for entry in categories(study)}
     own, okid = study.multivariable.pair()
@@ -59,7 +70,7 @@ def test_measures_are_what_they_say(study: Comparison) -> None:
     assert found["parsimony"][0].values["SysID model"] == 10.0
     assert found["RPCM fit"][0].values["OKID model"] == pytest.approx(okid.fit("rpcm").mean("simulation"))
     for measure in found["MIMO data fits"]:
-        assert measure.values["SysID model"] + measure.values["OKID model"] == 15.0
+        assert measure.values["SysID model"] + measure.values["OKID model"] <= 11.0, "no record of the same sequence"
     off = [
         abs(model.bandwidth_hz / entry.truth.bandwidth_hz - 1)
         for entry in study.joints.values()

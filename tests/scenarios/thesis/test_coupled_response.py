@@ -5,7 +5,7 @@ import pytest
 
 from hmtb_twin import JOINTS, STUDIED_JOINTS
 from scenarios.thesis.comparison import Comparison
-from scenarios.thesis.coupled_response import off_diagonal, relative_error, three_joint_truth
+from scenarios.thesis.coupled_response import off_diagonal, pushed_by_others, relative_error, three_joint_truth
 from sysid import StateSpace
 
 
@@ -39,3 +39,9 @@ def test_errors_of_all_channels_and_of_the_diagonal() -> None:
 def test_the_band_decides_what_counts() -> None:
     slow, fast = _one_pole(0.99), _one_pole(0.5)
     assert relative_error(slow, fast, band=(0.01, 0.02)) < 0.2 < 0.8 < relative_error(slow, fast, band=(2.0, 10.0))
+
+
+def test_the_pushes_of_both_other_joints_are_added_up() -> None:
+    model = _gains([[1.0, 0.0, 0.0], [0.1, 2.0, -0.3], [0.0, 0.5, 1.0]])
+    found = pushed_by_others(model, band=(0.1, 10.0))
+    assert list(found.values()) == pytest.approx([0.0, 0.2, 0.5])

@@ -104,6 +104,25 @@ def test_the_hybrid_has_to_be_ahead_of_both(study: Comparison) -> None:
         assert value[f"hybrid, {record}, simulation"] == pytest.approx(hybrid.fit(record).mean("simulation") - others)
 
 
+def test_a_difference_below_the_margin_is_a_tie(study: Comparison) -> None:
+    tied = _with_okid(study, _moved(0.1))
+    found = findings.exchange_fit(tied)
+    assert "0 of 4 parts hold" in found.why or "1 of 4 parts hold" in found.why
+    assert "tied: shoulder yaw, simulation" in found.why
+    assert findings.slow_data(_with_okid(study, _moved(-0.1))).verdict == "not reproduced"
+
+
+def test_following_does_not_rest_on_the_cutoff(study: Comparison) -> None:
+    found = findings.follows_5_hz(study)
+    assert isinstance(found.value, dict)
+    ways = [
+        sum(value > findings.FOLLOWS for name, value in found.value.items() if name.endswith(way))
+        for way in ("simulation", "one step")
+    ]
+    assert f"{ways[0]} of 3 parts hold in simulation and {ways[1]} of 3" in found.why
+    assert "coupling" in found.why
+
+
 def _test_of(errors: np.ndarray, u: np.ndarray) -> sysid.ResidualTest:
     """The test of residuals that are known: a model of zero leaves the output itself."""
     model = StateSpace(np.zeros((0, 0)), np.zeros((0, 3)), np.zeros((3, 0)), np.zeros((3, 3)), None, 0.02)
@@ -142,7 +161,12 @@ def test_a_coupling_is_found_at_its_input() -> None:
 
 @pytest.mark.parametrize(
     ("record", "keys"),
-    [(RPCM, ("F18", "F19")), ("mimo-12", ("F20",)), ("mimo-10", ("F21",)), ("mimo-7-independent", ("F26",))],
+    [
+        (RPCM, ("F18", "F19")),
+        ("mimo-12", ("F20",)),
+        ("mimo-10", ("F21",)),
+        ("siso-5-elbow_pitch", ("F26",)),
+    ],
 )
 def test_what_has_no_record_is_not_decided(study: Comparison, record: str, keys: tuple[str, ...]) -> None:
     logs = {name: log for name, log in study.logs.items() if name != record}

@@ -1,0 +1,148 @@
+"""How the three-joint models follow sets of records, and what of a record no model without coupling can follow."""
+
+from collections.abc import Iterable, Mapping
+from statistics import median
+
+from hmtb_twin import STUDIED_JOINTS
+from scenarios.errors import MissingRecordError
+from scenarios.thesis.campaign import NOT_SEEN, same_sequence, single_joint_test
+from scenarios.thesis.comparison import Comparison, ModelResult
+from scenarios.thesis.margin import tied
+from scenarios.thesis.multivariable import Kind, Way
+from scenarios.thesis.reference_fits import COUPLED, DIAGONAL, NOISELESS, reference_fits
+
+Records = tuple[Iterable[int], Iterable[str]]
+"""Numbers of single-joint tests, and names of records of several joints."""
+
+
+def followed(study: Comparison, kind: Kind, joint: str, records: Records, way: Way) -> dict[str, float]:
+    """Fits of a model's joint to single-joint tests and records of several joints, all of them.
+
+    Args:
+        study: The study.
+        kind: Which model.
+        joint: The joint.
+        records: The records.
+        way: In simulation or one step ahead.
+
+    Returns:
+        Fits by record, percent.
+
+    Raises:
+        MissingRecordError: One of the records is missing: fits to others would be an answer to another question.
+    """
+    single, several = _single(study, kind, joint), study.multivariable.model(kind)
+    found = {}
+    for number in records[0]:
+        if number not in single.fits:
+            name = single_joint_test(number, joint)
+            study.campaign.log(name)
+            raise MissingRecordError(f"the models of {joint} were not laid beside {name}")
+        fit = single.fits[number]
+        found[f"siso-{number}"] = fit.simulation if way == "simulation" else fit.one_step
+    return found | {name: several.fit(name).of(way)[joint] for name in records[1]}
+
+
+def held_out_records(study: Comparison, joint: str) -> Records:
+    """Records of a joint that play another waveform than the one models were identified from, those that are there."""
+    there = study.joints[joint].data
+    return (
+        tuple(number for number in NOT_SEEN if number in there and number != study.estimation_test),
+        tuple(name for name in study.multivariable.records if not same_sequence(name)),
+    )
+
+
+def held_out_fit(study: Comparison, kind: Kind, joint: str, way: Way) -> float:
+    """Median fit of a model's joint to all records that it has not seen, of one joint and of several, percent.
+
+    Args:
+        study: The study.
+        kind: Which model.
+        joint: The joint.
+        way: In simulation or one step ahead.
+
+    Returns:
+        The median over `held_out_records`.
+
+    Raises:
+        MissingRecordError: No such record is left.
+    """
+    fits = followed(study, kind, joint, held_out_records(study, joint), way)
+    if not fits:
+        raise MissingRecordError(f"no record of {joint} is left that the models were not identified from")
+    return median(fits.values())
+
+
+def within_reach(study: Comparison, records: Iterable[str]) -> str:
+    """In words: what the linear truth follows without its coupling and with it, and what two models differ by there.
+
+    Args:
+        study: The study.
+        records: Records of several joints, one at least.
+
+    Returns:
+        A sentence without its full stop; medians where there are several records.
+    """
+    names = tuple(records)
+    alone, whole = (
+        [median(study.multivariable.reference(kind, name)[joint] for name in names) for joint in STUDIED_JOINTS]
+        for kind in (DIAGONAL, COUPLED)
+    )
+    own, okid = (
+        [median(entry.fit(name).simulation[joint] for name in names) for joint in STUDIED_JOINTS]
+        for entry in study.multivariable.pair()
+    )
+    lost = [b - a for a, b in zip(alone, whole, strict=True)]
+    differ = max(abs(b - a) for a, b in zip(own, okid, strict=True))
+    where = f"On {names[0]}" if len(names) == 1 else "In the median of the records of several joints"
+    return (
+        f"{where} the linear truth itself follows {_listed(alone)} % (yaw, shoulder pitch, elbow pitch) without its "
+        f"coupling and {_listed(whole)} % with it: coupling, which neither model has, costs up to {max(lost):.1f} "
+        f"points, "
+        f"while the two models differ by up to {differ:.1f} in simulation"
+    )
+
+
+def shortfall(study: Comparison, joint: str, record: str, fit: float) -> str:
+    """In words: what takes how much of a simulation's fit, from the model's own error to the noise of reading.
+
+    Each share is what the fit gains from one kind of knowledge to the next: the model, the linear truth of the joint by
+    its own command, by all commands, the true angles. The first is negative where errors of the model stand for
+    something that the truth of the joint alone does not have.
+
+    Args:
+        study: The study.
+        joint: The joint.
+        record: `siso-1` to `siso-8`, or a record of several joints.
+        fit: The model's fit, percent.
+    """
+    shares = shares_missing(study, joint, record, fit)
+    listed = ", ".join(f"{what} {_listed((points,))}" for what, points in shares.items())
+    return f"{listed}, most of it {max(shares, key=lambda what: shares[what])}"
+
+
+def shares_missing(study: Comparison, joint: str, record: str, fit: float) -> dict[str, float]:
+    """The shares that `shortfall` tells, percentage points; they add up to 100 less the fit."""
+    name = f"{record}-{joint}" if record.startswith("siso") else record
+    found = {entry.name: entry.fits for entry in study.multivariable.references}
+    if name not in found[DIAGONAL]:
+        truth = study.multivariable.truth
+        found = {entry.name: entry.fits for entry in reference_fits(study.campaign, (name,), truth)}
+    steps = [fit, *(found[kind][name][joint] for kind in (DIAGONAL, COUPLED, NOISELESS)), 100.0]
+    names = ("the model's own error", "coupling", "all that is not linear", "the noise of reading")
+    return {what: high - low for what, low, high in zip(names, steps, steps[1:], strict=False)}
+
+
+def ties(differences: Mapping[str, float]) -> str:
+    """In words: which differences of fits are ties; nothing where none is."""
+    found = [name for name, value in differences.items() if tied(value)]
+    return f"tied: {'; '.join(name.replace('_', ' ') for name in found)}" if found else "nothing is tied"
+
+
+def _single(study: Comparison, kind: Kind, joint: str) -> ModelResult:
+    entry = study.joints[joint]
+    return entry.models["okid"] if kind == "OKID" else entry.chosen
+
+
+def _listed(values: Iterable[float]) -> str:
+    return "/".join(f"{round(value, 1) + 0.0:.1f}".replace("-", "−") for value in values)

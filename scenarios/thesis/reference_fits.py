@@ -1,0 +1,100 @@
+"""How far the truth itself follows a record: what a model without coupling, or any linear model, can reach at best."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.signal import fftconvolve
+
+import sysid
+from hmtb_twin import JOINTS, STUDIED_JOINTS, JointLog
+from scenarios.thesis.campaign import Campaign
+from sysid import StateSpace
+
+SETTLED = 1e-6
+"""The impulse response is cut off where the slowest pole has fallen below this part."""
+
+READS_LATE = 3
+"""Most samples that a bus may read an angle late."""
+
+
+@dataclass(frozen=True)
+class Reference:
+    """What one kind of knowledge of the twin follows.
+
+    Attributes:
+        name: The knowledge.
+        fits: 100 (1 - |y - yhat| / |y - mean y|), simulated, by record and joint, percent.
+    """
+
+    name: str
+    fits: Mapping[str, Mapping[str, float]]
+
+
+DIAGONAL, COUPLED, NOISELESS = "truth without coupling", "truth with coupling", "true angles"
+"""Linear truth by its own command alone; by all three; and the arm's own angles, all but the noise of reading them."""
+
+
+def reference_fits(campaign: Campaign, records: Sequence[str], truth: StateSpace) -> tuple[Reference, ...]:
+    """Lay the truth beside records.
+
+    Args:
+        campaign: The records.
+        records: Names of those wanted.
+        truth: The true coupled response of the three joints; it has no noise model, so that it simulates.
+
+    Returns:
+        The linear truth without and with coupling, and the true angles.
+
+    Raises:
+        MissingRecordError: One of the records is missing.
+    """
+    pulses = impulse_response(truth)
+    found = {name: _followed(campaign, name, pulses) for name in records}
+    return tuple(
+        Reference(kind, {name: fits[kind] for name, fits in found.items()}) for kind in (DIAGONAL, COUPLED, NOISELESS)
+    )
+
+
+def impulse_response(truth: StateSpace) -> np.ndarray:
+    """Response to a pulse of each input until it has died away.
+
+    Args:
+        truth: A stable model.
+
+    Returns:
+        Samples (K, ny, nu).
+    """
+    slowest = float(np.abs(truth.poles()).max())
+    length = 2 + int(np.ceil(np.log(SETTLED) / np.log(slowest))) + truth.order
+    columns = []
+    for j in range(truth.nu):
+        pulse = np.zeros((length, truth.nu))
+        pulse[0, j] = 1.0
+        columns.append(sysid.simulate(truth, pulse))
+    return np.stack(columns, axis=2)
+
+
+def _followed(campaign: Campaign, name: str, pulses: np.ndarray) -> dict[str, dict[str, float]]:
+    """Simulated from the start of the log, where the arm stands: no initial state is to be guessed."""
+    log, data = campaign.log(name), campaign.several(name)
+    whole = log.iodata(STUDIED_JOINTS)
+    moved = whole.u - whole.u[0]
+    answers = fftconvolve(moved[:, None, :], pulses, axes=0)[len(moved) - len(data) : len(moved)]
+    return {
+        DIAGONAL: _fits(data.y, np.diagonal(answers, axis1=1, axis2=2)),
+        COUPLED: _fits(data.y, answers.sum(axis=2)),
+        NOISELESS: _noiseless(log, data.y),
+    }
+
+
+def _noiseless(log: JointLog, y: np.ndarray) -> dict[str, float]:
+    """Fit of the true angles, each read as many samples late as fits best: the bus delays some joints."""
+    true = log.true_angles[:, [JOINTS.index(joint) for joint in STUDIED_JOINTS]]
+    late = [_fits(y, true[len(true) - len(y) - n : len(true) - n]) for n in range(READS_LATE + 1)]
+    return {joint: max(fits[joint] for fits in late) for joint in STUDIED_JOINTS}
+
+
+def _fits(y: np.ndarray, found: np.ndarray) -> dict[str, float]:
+    fits = sysid.fit_percent(y, found - found.mean(axis=0))
+    return dict(zip(STUDIED_JOINTS, map(float, fits), strict=True))

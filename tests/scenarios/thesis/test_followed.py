@@ -1,0 +1,77 @@
+"""Sets of records, and what of them no model without coupling can follow."""
+
+from dataclasses import replace
+
+import pytest
+
+from scenarios.errors import MissingRecordError
+from scenarios.thesis.comparison import Comparison
+from scenarios.thesis.followed import followed, held_out_fit, held_out_records, shares_missing, ties, within_reach
+from scenarios.thesis.multivariable import WAYS
+
+YAW = "shoulder_yaw"
+
+
+def _with_fit(study: Comparison, number: int, value: float) -> Comparison:
+    """The study with another fit of the chosen model of yaw to one of its tests."""
+    entry = study.joints[YAW]
+    fits = {**entry.chosen.fits, number: replace(entry.chosen.fits[number], simulation=value, one_step=value)}
+    spoilt = replace(entry.chosen, fits=fits)
+    models = {key: spoilt if model is entry.chosen else model for key, model in entry.models.items()}
+    return replace(study, joints={**study.joints, YAW: replace(entry, models=models)})
+
+
+@pytest.mark.parametrize("number", [5, 6])
+def test_records_of_the_same_sequence_are_not_held_out(study: Comparison, number: int) -> None:
+    changed = _with_fit(study, number, -1e9)
+    for way in WAYS:
+        assert held_out_fit(changed, "SysID", YAW, way) == held_out_fit(study, "SysID", YAW, way)
+    single, several = held_out_records(study, YAW)
+    assert number not in tuple(single)
+    assert not [name for name in several if name.startswith(("mimo-7", "mimo-8"))]
+
+
+def test_without_records_nothing_is_held_out(study: Comparison) -> None:
+    joints = {name: replace(entry, data={5: entry.data[5]}) for name, entry in study.joints.items()}
+    poor = replace(study, joints=joints, multivariable=replace(study.multivariable, records=("mimo-7",)))
+    with pytest.raises(MissingRecordError, match="no record of shoulder_yaw is left"):
+        held_out_fit(poor, "OKID", YAW, "simulation")
+
+
+def test_a_missing_single_joint_test_is_not_passed_over(study: Comparison) -> None:
+    entry = study.joints[YAW]
+    models = {
+        key: replace(model, fits={n: fit for n, fit in model.fits.items() if n != 2})
+        for key, model in entry.models.items()
+    }
+    logs = {name: log for name, log in study.logs.items() if name != f"siso-2-{YAW}"}
+    main = replace(study.campaign, logs=logs, failed={f"siso-2-{YAW}": "the physics diverged"})
+    poor = replace(
+        study, joints={**study.joints, YAW: replace(entry, models=models)}, campaigns=(main, *study.campaigns[1:])
+    )
+    with pytest.raises(MissingRecordError, match="siso-2-shoulder_yaw: the physics diverged"):
+        followed(poor, "OKID", YAW, ((1, 2), ()), "simulation")
+    assert list(followed(poor, "OKID", YAW, ((1,), ("mimo-1",)), "simulation")) == ["siso-1", "mimo-1"]
+
+
+@pytest.mark.parametrize("record", ["mimo-1", "siso-3"])
+def test_the_shares_of_what_is_missing_add_up(study: Comparison, record: str) -> None:
+    for joint in study.joints:
+        shares = shares_missing(study, joint, record, 60.0)
+        assert sum(shares.values()) == pytest.approx(40.0)
+        assert shares["the noise of reading"] > 0.0
+        if record.startswith("siso"):
+            assert shares["coupling"] == pytest.approx(0.0, abs=0.1), "only this joint is commanded"
+    assert shares_missing(study, "shoulder_pitch", "mimo-1", 60.0)["coupling"] > 10.0
+
+
+def test_ties_are_named() -> None:
+    assert ties({"shoulder_yaw, one step": 0.1, "elbow": -0.3}) == "tied: shoulder yaw, one step"
+    assert ties({"elbow": 0.2}) == "nothing is tied"
+
+
+def test_what_coupling_costs_is_said_beside_what_models_differ_by(study: Comparison) -> None:
+    said = within_reach(study, ("mimo-12",))
+    assert said.startswith("On mimo-12 the linear truth itself follows")
+    assert "coupling, which neither model has, costs up to" in said
+    assert "In the median" in within_reach(study, ("mimo-12", "mimo-13"))

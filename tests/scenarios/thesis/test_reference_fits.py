@@ -1,0 +1,78 @@
+"""What the truth follows of records whose every part is known."""
+
+from types import MappingProxyType
+
+import numpy as np
+import pytest
+
+import sysid
+from hmtb_twin import JOINTS, STUDIED_JOINTS, JointLog
+from scenarios.thesis.campaign import NOMINAL, Campaign
+from scenarios.thesis.reference_fits import COUPLED, DIAGONAL, NOISELESS, impulse_response, reference_fits
+from sysid import StateSpace
+
+YAW, SHOULDER, ELBOW = STUDIED_JOINTS
+COLUMNS = [JOINTS.index(joint) for joint in STUDIED_JOINTS]
+
+
+def _truth(push: float) -> StateSpace:
+    """Lags of a tenth of a second; the elbow pushes the shoulder."""
+    B = 0.2 * np.eye(3)
+    B[1, 2] = push
+    return StateSpace(0.8 * np.eye(3), B, np.eye(3), np.zeros((3, 3)), None, 0.02)
+
+
+def _campaign(truth: StateSpace, *, noise: float = 0.0, late: int = 0, offset: float = 0.3) -> Campaign:
+    """A record of independent commands around a pose, read as late as asked for."""
+    rng = np.random.default_rng(5)
+    samples = 3000
+    moved = np.cumsum(rng.standard_normal((samples, 3)), axis=0) * 1e-3
+    moved -= moved[0]
+    true = sysid.simulate(truth, moved)
+    read = np.vstack((np.repeat(true[:1], late, axis=0), true[: samples - late])) if late else true
+    commanded, measured, angles = (np.zeros((samples, len(JOINTS))) for _ in range(3))
+    commanded[:, COLUMNS], angles[:, COLUMNS] = offset + moved, offset + true
+    measured[:, COLUMNS] = offset + read + noise * rng.standard_normal((samples, 3))
+    zeros = np.zeros((samples, 0))
+    log = JointLog(
+        name="mimo-1",
+        seed=0,
+        dt=0.02,
+        axes=(),
+        commanded=commanded,
+        measured=measured,
+        wrench=np.zeros((samples, 6)),
+        true_angles=angles,
+        load_pressure=np.zeros((samples, len(JOINTS))),
+        volts=zeros,
+        counts=zeros,
+        status=np.zeros(samples, dtype=int),
+    )
+    return Campaign(NOMINAL, None, MappingProxyType({"mimo-1": log}), {})  # type: ignore[arg-type]
+
+
+def _fits(truth: StateSpace, campaign: Campaign) -> dict[str, dict[str, float]]:
+    return {entry.name: dict(entry.fits["mimo-1"]) for entry in reference_fits(campaign, ("mimo-1",), truth)}
+
+
+def test_the_impulse_response_is_the_model() -> None:
+    pulses = impulse_response(_truth(0.1))
+    np.testing.assert_allclose(pulses[1:4, 1, 2], [0.1, 0.08, 0.064])
+    assert np.abs(pulses[-1]).max() < 1e-6
+
+
+def test_only_the_joint_that_is_pushed_loses_by_leaving_the_coupling_out() -> None:
+    truth = _truth(0.1)
+    found = _fits(truth, _campaign(truth))
+    assert list(found[COUPLED].values()) == pytest.approx([100.0] * 3, abs=1e-3)
+    assert [found[DIAGONAL][joint] for joint in (YAW, ELBOW)] == pytest.approx([100.0] * 2, abs=1e-3)
+    assert found[DIAGONAL][SHOULDER] < 80.0
+
+
+def test_noise_caps_what_the_true_angles_follow_and_reading_late_does_not() -> None:
+    truth = _truth(0.0)
+    clean = _campaign(truth)
+    spread = clean.several("mimo-1").y.std(axis=0)
+    found = _fits(truth, _campaign(truth, noise=0.1 * float(spread[0]), late=2))
+    assert found[NOISELESS][YAW] == pytest.approx(90.0, abs=0.5)
+    assert found[COUPLED][YAW] < found[NOISELESS][YAW]
