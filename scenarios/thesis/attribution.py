@@ -1,15 +1,19 @@
 """Why an interval misses the truth: the same experiment again, with what is not linear or not known switched off."""
 
-from collections.abc import Sequence
-from dataclasses import dataclass, replace
+import warnings
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from types import MappingProxyType
 from typing import cast
 
 import sysid
 from scenarios.crossing import half_power_hz
+from scenarios.errors import MissingRecordError
 from scenarios.excitation_computer import Excitation
 from scenarios.preparation import prepared
 from scenarios.scenario import Scenario
 from scenarios.thesis.campaign import Campaign
+from sysid import IOData, SysidError, SysidWarning
 
 
 @dataclass(frozen=True)
@@ -31,11 +35,30 @@ class Attribution:
     half_power_hz: float
 
 
-CONDITIONS = (
-    "as on the arm",
-    "seal friction off",
-    "seal friction off, three tenths of the amplitude",
-)
+@dataclass(frozen=True)
+class Attributions:
+    """One joint under every condition.
+
+    Attributes:
+        parts: What was found, in the order of `CONDITIONS`.
+        missing: Conditions of which nothing is known, with the reason.
+    """
+
+    parts: tuple[Attribution, ...]
+    missing: Mapping[str, str] = field(default_factory=dict)
+
+    def find(self, condition: str) -> Attribution | None:
+        """What was found under a condition; None where nothing is known."""
+        return next((part for part in self.parts if part.condition == condition), None)
+
+
+AS_IT_IS = "as on the arm"
+
+SMOOTH = "seal friction off"
+
+GENTLE = "seal friction off, three tenths of the amplitude"
+
+CONDITIONS = (AS_IT_IS, SMOOTH, GENTLE)
 """What is switched off, one thing more each time: friction, then the arm's geometry, its inertia and gravity load that
 change with the pose; their share falls with the square of the amplitude. Noise and rounding stay on."""
 
@@ -82,7 +105,7 @@ def _scaled(excitation: Excitation, factor: float) -> Excitation:
 
 def attribute(
     name: str, joint: str, campaign: Campaign, smooth: Campaign, true_hz: float, orders: Sequence[int]
-) -> tuple[Attribution, ...]:
+) -> Attributions:
     """Recover the bandwidth under every condition.
 
     Args:
@@ -94,15 +117,28 @@ def attribute(
         orders: nb, nf, nk of the output-error model.
 
     Returns:
-        One record for each condition whose experiment did not fail.
+        What was found, and the conditions whose experiment failed or gave no model.
     """
-    logs = (campaign.logs.get(name), smooth.logs.get(name), smooth.logs.get(f"{name}-small"))
-    found = []
-    for condition, log in zip(CONDITIONS, logs, strict=True):
-        if log is not None:
-            model = sysid.oe(prepared(log, joint), orders[0], orders[1], orders[2])
-            band = model.bandwidth()
-            hz, ci95 = float(band.hz[0, 0]), (float(band.ci95[0][0, 0]), float(band.ci95[1][0, 0]))
-            covers = bool(band.covers(true_hz)[0, 0])
-            found.append(Attribution(condition, hz, ci95, covers, half_power_hz(model.model)))
-    return tuple(found)
+    sources = {AS_IT_IS: (campaign, name), SMOOTH: (smooth, name), GENTLE: (smooth, f"{name}-small")}
+    found: list[Attribution] = []
+    missing: dict[str, str] = {}
+    for condition, (source, record) in sources.items():
+        try:
+            found.append(_recovered(condition, prepared(source.log(record), joint), true_hz, orders))
+        except (MissingRecordError, SysidError) as error:
+            missing[condition] = str(error)
+    return Attributions(tuple(found), MappingProxyType(missing))
+
+
+def _recovered(condition: str, data: IOData, true_hz: float, orders: Sequence[int]) -> Attribution:
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", SysidWarning)
+        model = sysid.oe(data, orders[0], orders[1], orders[2])
+        band = model.bandwidth()
+    return Attribution(
+        condition,
+        float(band.hz[0, 0]),
+        (float(band.ci95[0][0, 0]), float(band.ci95[1][0, 0])),
+        bool(band.covers(true_hz)[0, 0]),
+        half_power_hz(model.model),
+    )

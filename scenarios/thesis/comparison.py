@@ -5,7 +5,7 @@ from dataclasses import dataclass, replace
 
 from hmtb_twin import JointLog, JointTruth, Truth
 from scenarios.published import PublishedModel
-from scenarios.thesis.attribution import Attribution
+from scenarios.thesis.attribution import Attributions
 from scenarios.thesis.campaign import Campaign, seen_with
 from scenarios.thesis.every_data_set import DataSets
 from scenarios.thesis.fairness_table import Fairness
@@ -156,7 +156,7 @@ class Comparison:
     campaigns: tuple[Campaign, ...]
     joints: Mapping[str, JointResult]
     multivariable: Multivariable
-    attribution: Mapping[str, tuple[Attribution, ...]]
+    attribution: Mapping[str, Attributions]
     orders: Mapping[str, tuple[OrderEffect, ...]]
     nonparametric: Mapping[str, Nonparametric]
     prediction_errors: Mapping[str, PredictionErrors]

@@ -9,9 +9,7 @@ from hmtb_twin import STUDIED_JOINTS
 from scenarios.thesis.about_1_hz import near_1_hz
 from scenarios.thesis.campaign import RPCM, Condition
 from scenarios.thesis.fairness_table import ArmFairness, BothFits, Fairness
-
-MARGIN = 0.2
-"""Fits that differ by less are called equal, percent points."""
+from scenarios.thesis.margin import MARGIN, tied
 
 RECORDS = {"mimo-10": "slow chirp, 0 to 1 Hz", "mimo-12": "fast chirp, 5 to 10 Hz", RPCM: "exchange"}
 """Records of three joints, for people."""
@@ -142,9 +140,10 @@ def _single(arm: ArmFairness, own: int, way: str) -> Answer | None:
 
 def _several(arm: ArmFairness, record: str, way: str) -> Answer | None:
     models = {entry.name: entry for entry in arm.three_joint if not entry.printed}
-    if not models or record not in models["SysID"].fits:
+    fits = [models[name].fits.get(record) for name in ("SysID", "OKID") if name in models]
+    if len(fits) < 2 or fits[0] is None or fits[1] is None:
         return None
-    first, second = (models[name].fits[record] for name in ("SysID", "OKID"))
+    first, second = fits[0], fits[1]
     return _winners({joint: (first[joint], second[joint]) for joint in first}, way)
 
 
@@ -153,7 +152,7 @@ def _winners(pairs: dict[str, tuple[BothFits, BothFits]], way: str) -> Answer:
     gaps = []
     for joint, (first, second) in pairs.items():
         gap = getattr(second, way) - getattr(first, way)
-        winner = "equal" if abs(gap) < MARGIN else "OKID" if gap > 0 else "SysID"
+        winner = "equal" if tied(gap) else "OKID" if gap > 0 else "SysID"
         by_winner.setdefault(winner, []).append(joint)
         gaps.append(f"{gap:+.1f}".replace("-", "−"))
     words = "; ".join(

@@ -36,7 +36,7 @@ def fairness_section(study: Comparison, gallery: Gallery) -> dict[str, object]:
         "estimation_test": fairness.estimation_test,
         "figure": gallery.add(
             dumbbells(fairness),
-            "What every model leaves unexplained on single-joint tests that it has not seen: in simulation (filled) "
+            "What every model leaves unexplained on single-joint tests of other waveforms: in simulation (filled) "
             "and one step ahead (open); one mark in the other where a model has no noise model. Stars: structures of "
             "the thesis' three-joint models. Every arm's models are identified from its own PRBS test; the printed "
             "ones are the thesis' own, on the same records.",
@@ -80,6 +80,7 @@ def _cell(arm: ArmFairness, joint: str, label: str, fairness: Fairness) -> dict[
         "band": _band(model),
         "covers": model.covers,
         "stable": model.stable,
+        "refused": model.refused,
     }
 
 

@@ -14,7 +14,7 @@ import sysid
 from hmtb_twin import STUDIED_JOINTS
 from scenarios.estimators import estimate
 from scenarios.published import published
-from scenarios.thesis.campaign import RPCM, Campaign, Condition
+from scenarios.thesis.campaign import RPCM, Campaign, Condition, seen_with
 from scenarios.thesis.structures import STRUCTURES, every_structure
 from sysid import IOData, StateSpace, SysidError, SysidWarning
 
@@ -49,6 +49,7 @@ class FairModel:
         ci95: 95 % interval, Hz; None for a printed model.
         covers: Whether that holds this arm's truth; None for a printed model.
         fits: By number of the test, the estimation test among them.
+        refused: Why there is no model; empty where there is one.
     """
 
     method: str
@@ -60,6 +61,7 @@ class FairModel:
     ci95: tuple[float, float] | None
     covers: bool | None
     fits: Mapping[int, BothFits]
+    refused: str = ""
 
     @property
     def stable(self) -> bool:
@@ -72,8 +74,13 @@ class FairModel:
         return self.model is not None and bool(np.any(self.model.gain))
 
     def validation(self, own: int) -> BothFits | None:
-        """Median over the tests other than the estimation test; None where there are none."""
-        others = [fit for number, fit in self.fits.items() if number != own]
+        """Median over the tests not seen; None where there are none.
+
+        Args:
+            own: Number of the estimation test; one that plays the same sequence is left out with it, for every model.
+        """
+        seen = seen_with(own)
+        others = [fit for number, fit in self.fits.items() if number not in seen]
         if not others:
             return None
         return BothFits(median(fit.simulation for fit in others), median(fit.one_step for fit in others))
@@ -102,7 +109,7 @@ class ArmFairness:
         condition: The arm.
         truth_hz: Its true bandwidths by joint, Hz.
         joints: Its models by joint, those of the thesis' structures first; joints without a PRBS record are left out.
-        three_joint: Models of three joints; none where a joint is left out.
+        three_joint: Models of three joints; those are left out of which a joint's model is missing.
     """
 
     condition: Condition
@@ -112,11 +119,7 @@ class ArmFairness:
 
     def chosen(self, joint: str, *, okid: bool) -> FairModel:
         """The model that the thesis' SysID or OKID model has for a joint, identified anew."""
-        return next(
-            entry
-            for entry in self.joints[joint]
-            if entry.chosen and not entry.printed and (entry.method == "okid") == okid
-        )
+        return _chosen(self.joints[joint], printed=False, okid=okid)
 
     def identified(self) -> tuple[FairModel, ...]:
         """All identified models of all joints."""
@@ -174,10 +177,10 @@ def _joint(joint: str, data: Mapping[int, IOData], own: int, campaign: Campaign)
         heading = (structure.method, structure.label, structure.chosen, False)
         try:
             model, _ = estimate(data[own], structure.estimator, structure.orders)
-        except SysidError:
-            found.append(FairModel(*heading, None, float("nan"), None, False, {}))
+            band = model.bandwidth()
+        except SysidError as error:
+            found.append(FairModel(*heading, None, float("nan"), None, False, {}, str(error)))
             continue
-        band = model.bandwidth()
         ends = (float(band.ci95[0][0, 0]), float(band.ci95[1][0, 0]))
         hz, covers = float(band.hz[0, 0]), bool(band.covers(true)[0, 0])
         found.append(FairModel(*heading, model.model, hz, ends, covers, _fits(model.model, data)))
@@ -206,25 +209,30 @@ def _three_joints(joints: Mapping[str, tuple[FairModel, ...]], campaign: Campaig
     }
     found = []
     for printed in (False, True):
-        fits: dict[bool, dict[str, dict[str, BothFits]]] = {}
-        for okid in (False, True):
-            blocks = {
-                joint: next(
-                    entry.model
-                    for entry in joints[joint]
-                    if entry.chosen and entry.printed == printed and (entry.method == "okid") == okid
-                )
-                for joint in STUDIED_JOINTS
+        fits: dict[str, dict[str, dict[str, BothFits]]] = {}
+        for name, okid in (("SysID", False), ("OKID", True)):
+            models = {joint: _chosen(joints[joint], printed=printed, okid=okid).model for joint in STUDIED_JOINTS}
+            blocks = {joint: model for joint, model in models.items() if model is not None}
+            if len(blocks) == len(models):
+                fits[name] = {
+                    record: {joint: _both(model, parts[joint]) for joint, model in blocks.items()}
+                    for record, parts in alone.items()
+                }
+        if len(fits) == 2:
+            yaw, *pitches = STUDIED_JOINTS
+            fits["hybrid"] = {
+                record: {
+                    yaw: fits["SysID"][record][yaw],
+                    **{joint: fits["OKID"][record][joint] for joint in pitches},
+                }
+                for record in alone
             }
-            fits[okid] = {
-                name: {joint: _both(model, parts[joint]) for joint, model in blocks.items() if model is not None}
-                for name, parts in alone.items()
-            }
-        yaw = STUDIED_JOINTS[0]
-        mixed = {name: {joint: fits[joint != yaw][name][joint] for joint in STUDIED_JOINTS} for name in data}
-        found += [
-            ThreeJointFits("SysID", printed, fits[False]),
-            ThreeJointFits("OKID", printed, fits[True]),
-            ThreeJointFits("hybrid", printed, mixed),
-        ]
+        found += [ThreeJointFits(name, printed, known) for name, known in fits.items()]
     return tuple(found)
+
+
+def _chosen(models: Sequence[FairModel], *, printed: bool, okid: bool) -> FairModel:
+    """The model that the thesis' SysID or OKID model has."""
+    return next(
+        entry for entry in models if entry.chosen and entry.printed == printed and (entry.method == "okid") == okid
+    )

@@ -165,8 +165,14 @@ def _curve(axes: Axes, points: Sequence[Summary], style: Style, line: str, measu
 def _axes(axes: Axes, kind: str, measure: Measure) -> None:
     disturbance = DISTURBANCES[kind]
     shown = [degree for degree in disturbance.degrees if degree or disturbance.decibel]
-    if not disturbance.decibel:
+    if disturbance.decibel:
+        reach = 0.05 * (max(shown) - min(shown))
+        axes.set_xlim(min(shown) - reach, max(shown) + reach)
+    else:
+        # Of a short record not every degree is there: the axis is that of the disturbance, not of what was found.
         axes.set_xscale("log")
+        reach = (max(shown) / min(shown)) ** 0.05
+        axes.set_xlim(min(shown) / reach, max(shown) * reach)
     axes.set_xticks(shown, [f"{degree:g}" for degree in shown])
     axes.minorticks_off()
     if disturbance.falling:

@@ -80,7 +80,7 @@ def bias_and_outliers(study: Comparison) -> Finding:
     """
     joints = tuple(study.robustness.judged_by)
     if not joints:
-        raise MissingRecordError("no joint has a PRBS record and another one to judge by")
+        raise MissingRecordError("no joint has a PRBS record and one of another waveform to judge by")
     value: dict[str, float] = {}
     for kind in CORE:
         for name, methods in _methods(joints).items():
@@ -89,8 +89,8 @@ def bias_and_outliers(study: Comparison) -> Finding:
     value |= {entry.key: float(entry.joints) for entry in tried}
     orders = {(entry.joint, entry.method, entry.record): entry.needed for entry in study.robustness.orders}
     for method in ("SysID", "OKID"):
-        value[f"orders that detrending saves: {method}"] = max(
-            orders[joint, method, CONSTANT] - orders[joint, method, DETRENDED] for joint in joints
+        value[f"orders that detrending saves: {method}"] = float(
+            max(orders[joint, method, CONSTANT] - orders[joint, method, DETRENDED] for joint in joints)
         )
     return decided(
         "F25", verdict(sum(entry.holds for entry in tried), len(tried)), value, _unit(), _why(study, joints, value)
@@ -108,34 +108,39 @@ def _unit() -> str:
 
 def _why(study: Comparison, joints: tuple[str, ...], value: dict[str, float]) -> str:
     all_of = len(joints)
-    spoilt = [
-        entry
-        for joint in joints
-        for entry in _draws(study, "bias", joint, sysid_method(joint))
-        if entry.degree == max(CORE["bias"])
-    ]
-    slow = sum(entry.slowest > 1 - NEAR_ONE for entry in spoilt)
+    methods = _methods(joints)
+    slow, spoilt = {}, {}
+    for name in methods:
+        ends = [
+            entry.slowest
+            for joint in joints
+            for entry in _draws(study, "bias", joint, methods[name][joint])
+            if entry.degree == max(CORE["bias"]) and entry.failure != "refused"
+        ]
+        slow[name], spoilt[name] = sum(pole > 1 - NEAR_ONE for pole in ends), len(ends)
     share = min(CORE["outliers"])
     fits = {
         name: median(
             entry.fit
             for joint in joints
-            for entry in _draws(study, "outliers", joint, sysid_method(joint) if name == "SysID" else "okid")
+            for entry in _draws(study, "outliers", joint, methods[name][joint])
             if entry.degree == share
         )
-        for name in ("SysID", "OKID")
+        for name in methods
     }
     percent, points = COMPARABLE
     return (
         f"four statements, each to hold on most of {all_of} joints: SysID stays comparable (bandwidth within "
-        f"{percent:g} %, simulation fit within {points:g} points of the clean record's, at every degree) with bias "
+        f"{percent:g} %, median fit in simulation to records of other waveforms within {points:g} points of the clean "
+        f"record's, at every degree) with bias "
         f"({value['bias: joints with SysID comparable']:g}) and outliers "
         f"({value['outliers: joints with SysID comparable']:g}), OKID moves more with bias "
         f"({value['bias: joints with OKID moved more']:g}) and outliers "
-        f"({value['outliers: joints with OKID moved more']:g}). A constant left in costs a model without one a pole "
-        f"near z = 1: {slow} of {len(spoilt)} SysID models spend one at {max(CORE['bias']):g} standard deviations, "
-        "OKID’s longer regression has one to spare. Outliers stand in OKID's regressors, where they bias it: at "
-        f"{share:g} % the median fit in simulation is {fits['OKID']:.1f} %, SysID's {fits['SysID']:.1f} %"
+        f"({value['outliers: joints with OKID moved more']:g}). Most likely a constant left in costs a model "
+        "without one a pole near z = 1, that of a sum, and outliers, which stand in OKID's regressors, bias it: at "
+        f"{max(CORE['bias']):g} standard deviations {slow['SysID']} of {spoilt['SysID']} SysID and {slow['OKID']} of "
+        f"{spoilt['OKID']} OKID models have such a pole, and at {share:g} % of outliers the median fit in simulation "
+        f"is {fits['OKID']:.1f} % (OKID) and {fits['SysID']:.1f} % (SysID)"
     )
 
 

@@ -12,7 +12,7 @@ from scenarios.joint_inputs import joint_inputs
 from scenarios.preparation import SETTLING
 from scenarios.thesis.campaign import Campaign
 from scenarios.thesis.coupled_response import off_diagonal, relative_error
-from sysid import IOData, StateSpace, block_diagonal
+from sysid import IOData, StateSpace, SysidError, block_diagonal
 
 SHARED = "mimo-7"
 """The binary sequence of table 2, the same on every axis."""
@@ -60,7 +60,7 @@ def full_models(name: str, campaign: Campaign, truth: StateSpace) -> tuple[FullM
         truth: The true response of the three joints.
 
     Returns:
-        A model for each method.
+        A model for each method that does not refuse the record.
 
     Raises:
         MissingRecordError: There is no such record.
@@ -70,7 +70,10 @@ def full_models(name: str, campaign: Campaign, truth: StateSpace) -> tuple[FullM
     condition = float("inf") if inputs is None else inputs.condition
     found = []
     for method, identify in METHODS.items():
-        model = identify(data)
+        try:
+            model = identify(data)
+        except SysidError:
+            continue
         found.append(
             FullModel(
                 name,

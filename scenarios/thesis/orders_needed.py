@@ -5,8 +5,9 @@ second order, an OKID model from fourth to second.
 """
 
 import warnings
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from statistics import median
 from types import MappingProxyType
 
 import numpy as np
@@ -56,7 +57,7 @@ class OrderNeeded:
         joint: The joint.
         method: `SysID` or `OKID`.
         record: What the record is like.
-        fits: In simulation to a record that no model has seen, percent, by order; minus infinity where there is no
+        fits: In simulation to records of other waveforms, percent, median, by order; minus infinity where there is no
             stable model.
         needed: The smallest order that suffices.
     """
@@ -68,14 +69,14 @@ class OrderNeeded:
     needed: int
 
 
-def orders_needed(joint: str, campaign: Campaign, data: IOData, judge: IOData) -> tuple[OrderNeeded, ...]:
+def orders_needed(joint: str, campaign: Campaign, data: IOData, judges: Sequence[IOData]) -> tuple[OrderNeeded, ...]:
     """Find the order that suffices on the detrended record and on two that are not.
 
     Args:
         joint: The joint.
         campaign: Holds the log that the record comes from, with its means.
         data: The record that models are identified from, without its means.
-        judge: A record of another test, not spoilt.
+        judges: Records of other waveforms, not spoilt.
 
     Returns:
         One entry for each method and record.
@@ -90,7 +91,7 @@ def orders_needed(joint: str, campaign: Campaign, data: IOData, judge: IOData) -
     found = []
     for method in METHODS:
         for name, record in records.items():
-            fits = {n: _fit(method, record, n, nk, judge) for n in ORDERS[method]}
+            fits = {n: _fit(method, record, n, nk, judges) for n in ORDERS[method]}
             found.append(OrderNeeded(joint, method, name, fits, needed(fits)))
     return tuple(found)
 
@@ -101,18 +102,22 @@ def needed(fits: Mapping[int, float]) -> int:
     return min(n for n, fit in fits.items() if fit >= best - MARGIN)
 
 
-def _fit(method: str, record: IOData, n: int, nk: int, judge: IOData) -> float:
+def _fit(method: str, record: IOData, n: int, nk: int, judges: Sequence[IOData]) -> float:
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", SysidWarning)
         try:
             found = METHODS[method](record, n, nk)
         except SysidError:
             return float("-inf")
-        return simulated_fit(found, judge) if found.model.is_stable() else float("-inf")
+        return simulated_fit(found, judges) if found.model.is_stable() else float("-inf")
 
 
-def simulated_fit(found: Estimate, judge: IOData) -> float:
-    """Fit in simulation of one output, percent; minus infinity where the model grows beyond all numbers."""
+def simulated_fit(found: Estimate, judges: Sequence[IOData]) -> float:
+    """Median fit in simulation of one output, percent; minus infinity where the model grows beyond all numbers."""
+    return median(_simulated(found, judge) for judge in judges)
+
+
+def _simulated(found: Estimate, judge: IOData) -> float:
     with np.errstate(all="ignore"):
         simulated = np.nan_to_num(predict(found, judge, steps=None), nan=np.inf, posinf=np.inf, neginf=-np.inf)
     return float(fit_percent(judge.y, simulated)[0])

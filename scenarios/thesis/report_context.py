@@ -23,7 +23,7 @@ from scenarios.thesis.gallery import Gallery, Picture
 from scenarios.thesis.pictures import arm_picture, exchange
 from scenarios.thesis.published_section import published_section
 from scenarios.thesis.put_in import marked, put_in
-from scenarios.thesis.results import answers, departures, friction_effect, headline
+from scenarios.thesis.results import answers, departures, friction_in_words, headline
 from scenarios.thesis.robustness_section import robustness
 from scenarios.thesis.shortcomings import shortcomings
 from scenarios.thesis.structures import STRUCTURES
@@ -80,7 +80,7 @@ def context(study: Comparison, findings: Sequence[Finding], gallery: Gallery, ta
         "reproduce": _reproduce(study),
         "departures": departures(study),
         "coverage": tuple(zip(CONDITIONS, COVERAGE, strict=True)),
-        "friction": friction_effect(study),
+        "friction": friction_in_words(study),
         "arm": arm,
         "no_arm": no_arm,
         "moments": moments,

@@ -5,6 +5,7 @@ from pathlib import Path
 
 from scenarios.crossing import half_power_hz
 from scenarios.thesis.about_1_hz import ABOUT_1_HZ, near_1_hz
+from scenarios.thesis.attribution import AS_IT_IS, CONDITIONS, SMOOTH
 from scenarios.thesis.comparison import Comparison
 from scenarios.thesis.finding import Finding
 from scenarios.thesis.frequencies import finding_record, seeds_record
@@ -84,10 +85,11 @@ def results(
                     "covers": part.covers,
                     "half_power_hz": part.half_power_hz,
                 }
-                for part in parts
+                for part in entry.parts
             ]
-            for name, parts in study.attribution.items()
+            for name, entry in study.attribution.items()
         },
+        "attribution_missing": {name: dict(entry.missing) for name, entry in study.attribution.items()},
         "orders": {
             name: [
                 {
@@ -123,19 +125,55 @@ def stands(study: Comparison) -> bool:
     return all(near_1_hz(model.bandwidth_hz) for entry in study.joints.values() for model in entry.models.values())
 
 
-def departures(study: Comparison) -> tuple[float, ...]:
-    """Largest departure of a bandwidth from the truth under each condition of the attribution, percent."""
-    rows = [
-        [100 * abs(part.bandwidth_hz / study.joints[name].truth.bandwidth_hz - 1) for part in parts]
-        for name, parts in study.attribution.items()
-    ]
-    return tuple(max(column) for column in zip(*rows, strict=True))
+def departures(study: Comparison) -> dict[str, float]:
+    """Largest departure of a bandwidth from the truth over the joints, percent, by condition of the attribution.
+
+    Conditions of which nothing is known on any joint are left out.
+    """
+    found: dict[str, float] = {}
+    for condition in CONDITIONS:
+        parts = {name: entry.find(condition) for name, entry in study.attribution.items()}
+        away = [
+            100 * abs(part.bandwidth_hz / study.joints[name].truth.bandwidth_hz - 1)
+            for name, part in parts.items()
+            if part is not None
+        ]
+        if away:
+            found[condition] = max(away)
+    return found
 
 
-def friction_effect(study: Comparison) -> tuple[float, float]:
-    """Smallest and largest change over the joints that friction makes to where the gain is 0.707, percent."""
-    change = [100 * (parts[0].half_power_hz / parts[1].half_power_hz - 1) for parts in study.attribution.values()]
-    return min(change), max(change)
+def friction_effect(study: Comparison) -> tuple[float, float] | None:
+    """Smallest and largest change over the joints that friction makes to where the gain is 0.707, percent.
+
+    None where no joint has been identified both with friction and without.
+    """
+    change = []
+    for entry in study.attribution.values():
+        rough, smooth = entry.find(AS_IT_IS), entry.find(SMOOTH)
+        if rough is not None and smooth is not None:
+            change.append(100 * (rough.half_power_hz / smooth.half_power_hz - 1))
+    return (min(change), max(change)) if change else None
+
+
+def friction_in_words(study: Comparison) -> str:
+    """What friction does to the frequency at which the gain is 0.707, as a sentence."""
+    effect = friction_effect(study)
+    if effect is None:
+        return (
+            "What friction does to the frequency at which the gain is 0.707 cannot be told: no joint has a model both "
+            "with friction and without."
+        )
+    low, high = effect
+    known = sum(
+        entry.find(AS_IT_IS) is not None and entry.find(SMOOTH) is not None for entry in study.attribution.values()
+    )
+    joints = "" if known == len(study.attribution) else f" (on {known} of {len(study.attribution)} joints)"
+    if high <= 0.0:
+        moved = f"lowers the frequency at which the gain is 0.707 by {-high:.1f} to {-low:.1f} %"
+    else:
+        moved = f"moves the frequency at which the gain is 0.707 by {low:+.1f} to {high:+.1f} %".replace("-", "−")
+    return f"Friction {moved}{joints}."
 
 
 def headline(study: Comparison) -> str:
@@ -179,13 +217,12 @@ def answers(study: Comparison) -> tuple[str, ...]:
         f"{len(orders)} output-error orders laid beside them {sum(near_1_hz(part.bandwidth_hz) for part in orders)} "
         f"are near 1 Hz, {sum(near_1_hz(part.half_power_hz) for part in orders)} by where their gain is 0.707."
     )
-    gentle, strong = sorted(abs(value) for value in friction_effect(study))
     moved = max(high - low for low, high in (spread(effects) for effects in study.orders.values()))
     settled = max(high - low for low, high in (half_power_spread(effects) for effects in study.orders.values()))
     gains = [part.dc_gain for part in orders]
     second = (
         f"{held_in_words(sum(model.covers for model in models), len(models))} the small-signal truth. "
-        f"Friction lowers the frequency at which the gain is 0.707 by {gentle:.1f} to {strong:.1f} %. What "
+        f"{friction_in_words(study)} What "
         "models of higher order miss beyond that is extrapolation: the PRBS file repeats every 2 s, so nothing below "
         "0.5 Hz is excited, while the bandwidth is "
         f"relative to the gain at 0 Hz, which the models put at {min(gains):.2f} to {max(gains):.2f} (truth 1.00). "

@@ -30,8 +30,8 @@ class Outcome:
         bandwidth_hz: Bandwidth, Hz; NaN after a failure.
         error: What it departs from the truth by, percent; NaN after a failure.
         covers: Whether its 95 % interval holds the truth.
-        fit: In simulation to the record that judges, percent, also of a model that is unstable; NaN where the
-            estimator refused.
+        fit: In simulation to the records that judge, percent, their median, also of a model that is unstable; NaN where
+            the estimator refused.
         half_power_hz: Where the gain is 0.707, whatever it is at 0 Hz, Hz; NaN where it never is, and after a refusal.
         slowest: Largest modulus of its poles; NaN where the estimator refused.
     """
@@ -80,12 +80,12 @@ class Robustness:
     Attributes:
         outcomes: Every model.
         orders: How many states suffice, with and without detrending.
-        judged_by: Number of the test that judges, by joint.
+        judged_by: Numbers of the tests that judge, by joint.
     """
 
     outcomes: tuple[Outcome, ...]
     orders: tuple[OrderNeeded, ...]
-    judged_by: Mapping[str, int]
+    judged_by: Mapping[str, tuple[int, ...]]
 
     def of(
         self, disturbance: str, joint: str, method: str, treatment: str = AS_IT_IS[0]

@@ -33,7 +33,7 @@ def robustness(study: Comparison, gallery: Gallery) -> dict[str, object]:
     found = study.robustness
     shown: dict[str, object] = {
         "joints": tuple(found.judged_by),
-        "judged_by": sorted(set(found.judged_by.values())),
+        "judged_by": sorted({number for numbers in found.judged_by.values() for number in numbers}),
         "seconds": PART / RATE,
         "comparable": COMPARABLE,
         "order_margin": ORDER_MARGIN,
@@ -55,7 +55,7 @@ def robustness(study: Comparison, gallery: Gallery) -> dict[str, object]:
         ),
         gallery.add(
             draw.fits_and_detrending(found),
-            "The same records: what the models leave unexplained in simulation of a clean record of another test. "
+            "The same records: what the models leave unexplained in simulation of clean records of other waveforms. "
             + READING,
             name="robustness-trends-fit",
         ),
@@ -66,13 +66,13 @@ def robustness(study: Comparison, gallery: Gallery) -> dict[str, object]:
         ),
         gallery.add(
             draw.fits(found),
-            "The same records: what the models leave unexplained in simulation of a clean record of another test. "
+            "The same records: what the models leave unexplained in simulation of clean records of other waveforms. "
             + READING,
             name="robustness-fit",
         ),
         gallery.add(
             draw.fits_of_structures(found),
-            "Other structures beside the thesis' own: fits in simulation of a clean record of another test. ARX, like "
+            "Other structures beside the thesis' own: fits in simulation of clean records of others. ARX, like "
             "OKID, has the spoilt output among its regressors; OE has none of it.",
             name="robustness-structures",
         ),

@@ -8,7 +8,8 @@ import numpy as np
 
 import sysid
 from scenarios.crossing import half_power_hz
-from sysid import IOData, SysidWarning
+from scenarios.errors import ScenarioError
+from sysid import IOData, SysidError, SysidWarning
 
 ORDERS = ((2, 2), (3, 3), (3, 4), (4, 3), (5, 3), (4, 4), (5, 4))
 """nb, nf of the output-error models laid side by side, whichever of them is called sufficient."""
@@ -43,14 +44,22 @@ def order_effects(data: IOData, nk: int) -> tuple[OrderEffect, ...]:
         nk: Delay, samples.
 
     Returns:
-        One record for each order.
+        One record for each order of which there is a model.
+
+    Raises:
+        ScenarioError: There is none of any.
     """
-    found = []
+    found: list[OrderEffect] = []
+    refused: list[str] = []
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", SysidWarning)
         for nb, nf in ORDERS:
-            estimate = sysid.oe(data, nb, nf, nk)
-            band = estimate.bandwidth()
+            try:
+                estimate = sysid.oe(data, nb, nf, nk)
+                band = estimate.bandwidth()
+            except SysidError as error:
+                refused.append(f"{nb}, {nf}, {nk}: {error}")
+                continue
             ci95 = (float(band.ci95[0][0, 0]), float(band.ci95[1][0, 0]))
             found.append(
                 OrderEffect(
@@ -62,6 +71,8 @@ def order_effects(data: IOData, nk: int) -> tuple[OrderEffect, ...]:
                     float(np.std(estimate.residuals)),
                 )
             )
+    if not found:
+        raise ScenarioError(f"{data.name} gives no output-error model of any order: {'; '.join(refused)}")
     return tuple(found)
 
 

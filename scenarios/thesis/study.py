@@ -1,6 +1,7 @@
 """The study: excite, record, identify, compare with the truth [Morris1996]."""
 
 import warnings
+from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from time import perf_counter
@@ -10,10 +11,12 @@ import numpy as np
 import sysid
 from hmtb_twin import STUDIED_JOINTS, JointTruth
 from scenarios.crossing import half_power_hz
+from scenarios.errors import ScenarioError
 from scenarios.estimators import estimate
 from scenarios.provenance import versions
 from scenarios.published import published
 from scenarios.saturation import swing, velocity_limited_share
+from scenarios.scenario import Scenario
 from scenarios.thesis.attribution import attribute, scaled
 from scenarios.thesis.campaign import (
     CONDITIONS,
@@ -41,10 +44,13 @@ from scenarios.thesis.robustness import robustness
 from scenarios.thesis.sensitivity import order_effects
 from scenarios.thesis.structures import STRUCTURES, SUFFICIENT, Structure
 from scenarios.waveform import POINTS, RATE
-from sysid import FrequencyResponse, IOData, SysidWarning
+from sysid import FrequencyResponse, IOData, SysidError, SysidWarning
 
 ESTIMATION_TEST = 5
 """Models are identified from the PRBS of 1 V and validated on the other seven tests [Morris1996, ch. IV and V]."""
+
+SHORTEST = 20.0
+"""Length of the shortest record that the study's estimators take, s."""
 
 Progress = Callable[[str, int, int], None]
 """Called with the name of the step, what is done and what there is in all."""
@@ -64,7 +70,8 @@ def run_study(
     Args:
         seed: Draws the noise of every experiment and the binary sequences; the scenarios' own seeds when not given.
         duration: Length of every record instead of 240 s, s.
-        conditions: The arms that are laid side by side, the one that the study is about first.
+        conditions: The arms that are laid side by side, each once: first the one that the study is about, with
+            friction. What explains its intervals is played on the same arm without friction, whether or not given.
         thorough: See `concluded`.
         threads: Threads of the simulation.
         progress: Told of every step.
@@ -73,13 +80,50 @@ def run_study(
         Models beside the truth and beside held-out data.
 
     Raises:
-        ScenarioError: An experiment that models are identified from has failed.
+        ScenarioError: A seed, a duration or arms that the study cannot be made of, before anything is played; or an
+            experiment that models are identified from has failed, or its record gives no model.
     """
     begin = perf_counter()
+    _check(conditions, duration)
     report = progress or (lambda step, done, total: None)
     campaigns = _campaigns(conditions, seed, duration, threads, report)
     study = concluded(campaigns, thorough=thorough, progress=report)
     return replace(study, cost=replace(study.cost, total_s=perf_counter() - begin))
+
+
+def _check(conditions: Sequence[Condition], duration: float | None) -> None:
+    if not conditions:
+        raise ScenarioError("no arms given: the study needs at least the one that it is about")
+    if not conditions[0].friction:
+        raise ScenarioError(
+            f"the study cannot be about the arm {conditions[0]}: it lays the arm without friction beside the same one "
+            "with friction, which comes first"
+        )
+    twice = [str(condition) for condition, count in Counter(conditions).items() if count > 1]
+    if twice:
+        raise ScenarioError(f"arms given more than once: {'; '.join(twice)}")
+    if duration is not None and not duration >= SHORTEST:
+        raise ScenarioError(f"duration = {duration} s given, the study needs records of {SHORTEST:g} s or more")
+
+
+def plan(conditions: Sequence[Condition]) -> tuple[tuple[Condition, tuple[str, ...]], ...]:
+    """What is played on which arm: the campaigns of a study, in their order.
+
+    Args:
+        conditions: The arms that are laid side by side, the one that the study is about first.
+
+    Returns:
+        Arms and names of the tests: the first arm with all, second the same without friction, then the others.
+    """
+    first, *others = conditions
+    smooth = replace(first, friction=False)
+    estimation = [single_joint_test(ESTIMATION_TEST, joint) for joint in STUDIED_JOINTS]
+    beside = FAIRNESS_TESTS if smooth in others else ()
+    return (
+        (first, EVERY_TEST),
+        (smooth, tuple(dict.fromkeys((*estimation, *beside)))),
+        *((condition, FAIRNESS_TESTS) for condition in others if condition != smooth),
+    )
 
 
 def _campaigns(
@@ -90,20 +134,16 @@ def _campaigns(
     report: Progress,
 ) -> tuple[Campaign, ...]:
     """Play everything: the first arm's campaign whole, the others' tests that are laid beside it."""
-    first = conditions[0]
-    smooth = replace(first, friction=False)
+    played = plan(conditions)
     estimation = [single_joint_test(ESTIMATION_TEST, joint) for joint in STUDIED_JOINTS]
     small = [scaled(planned(name, seed=seed, duration=duration)) for name in estimation]
-    plan = {
-        first: list(EVERY_TEST),
-        smooth: estimation,
-        **{condition: list(FAIRNESS_TESTS) for condition in conditions[1:]},
-    }
-    campaigns: list[Campaign] = []
+    # Those at small amplitude go with the arm without friction, the second.
+    extras: list[list[Scenario]] = [small if number == 1 else [] for number in range(len(played))]
     lengths = [
-        _ticks(tests, duration) + (_ticks(estimation, duration) if condition == smooth else 0)
-        for condition, tests in plan.items()
+        _ticks(tests, duration) + sum(round(entry.duration * RATE) for entry in extra)
+        for (_, tests), extra in zip(played, extras, strict=True)
     ]
+    campaigns: list[Campaign] = []
 
     def told(part: int, whole: int) -> None:
         # A campaign counts by the length of its records: they cost what they are long.
@@ -111,8 +151,7 @@ def _campaigns(
         step = f"simulate, arm {now + 1} of {len(lengths)}"
         report(step, sum(lengths[:now]) + round(lengths[now] * part / whole), sum(lengths))
 
-    for condition, tests in plan.items():
-        extra = small if condition == smooth else ()
+    for (condition, tests), extra in zip(played, extras, strict=True):
         campaigns.append(
             run_campaign(condition, tests, extra=extra, seed=seed, duration=duration, threads=threads, progress=told)
         )
@@ -136,10 +175,17 @@ def concluded(campaigns: Sequence[Campaign], *, thorough: bool = True, progress:
         Models beside the truth and beside held-out data.
 
     Raises:
-        ScenarioError: A record that models are identified from is missing.
+        ScenarioError: The first two campaigns are not of one arm with and without friction; or a record that models
+            are identified from is missing, or gives no model.
     """
     begin = perf_counter()
     report = progress or (lambda step, done, total: None)
+    arms = [entry.condition for entry in campaigns]
+    if len(arms) < 2 or not arms[0].friction or arms[1] != replace(arms[0], friction=False):
+        raise ScenarioError(
+            "expected campaigns of an arm with friction, of the same without, and of others; given "
+            + ("; ".join(map(str, arms)) or "none")
+        )
     main, smooth = campaigns[0], campaigns[1]
     joints, attribution, orders = {}, {}, {}
     steps = len(STUDIED_JOINTS)
@@ -147,11 +193,9 @@ def concluded(campaigns: Sequence[Campaign], *, thorough: bool = True, progress:
         report("identify", number, steps)
         truth = main.truth.joint(joint)
         joints[joint] = study_joint(joint, main)
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore", SysidWarning)
-            attribution[joint] = attribute(
-                single_joint_test(ESTIMATION_TEST, joint), joint, main, smooth, truth.bandwidth_hz, SUFFICIENT[joint]
-            )
+        attribution[joint] = attribute(
+            single_joint_test(ESTIMATION_TEST, joint), joint, main, smooth, truth.bandwidth_hz, SUFFICIENT[joint]
+        )
         orders[joint] = order_effects(joints[joint].data[ESTIMATION_TEST], SUFFICIENT[joint][2])
     report("identify", steps, steps)
     return Comparison(
@@ -207,6 +251,7 @@ def study_joint(joint: str, campaign: Campaign) -> JointResult:
 
     Raises:
         MissingRecordError: The record of the estimation test.
+        ScenarioError: It gives no model of one of the structures that the study is about.
     """
     own, data, truth = campaign.single(ESTIMATION_TEST, joint), campaign.singles(joint), campaign.truth.joint(joint)
     logs = {number: campaign.log(single_joint_test(number, joint)) for number in data}
@@ -226,13 +271,19 @@ def study_joint(joint: str, campaign: Campaign) -> JointResult:
 
 
 def _identify(structure: Structure, data: Mapping[int, IOData], truth: JointTruth) -> ModelResult:
+    own = data[ESTIMATION_TEST]
     with warnings.catch_warnings():
         # They stand in the estimate's diagnostics, from where the report takes them.
         warnings.simplefilter("ignore", SysidWarning)
-        found, _ = estimate(data[ESTIMATION_TEST], structure.estimator, structure.orders)
-        band = found.bandwidth()
+        try:
+            found, _ = estimate(own, structure.estimator, structure.orders)
+            band = found.bandwidth()
+            test = sysid.resid(found, own)
+        except SysidError as error:
+            raise ScenarioError(
+                f"{own.name} gives no model {structure.label}, which the study is about: {error}"
+            ) from error
         fits = {number: _fit(found, record, number) for number, record in data.items()}
-        test = sysid.resid(found, data[ESTIMATION_TEST])
     return ModelResult(
         method=structure.method,
         label=structure.label,

@@ -8,7 +8,7 @@ from scenarios.thesis.robustness_outcome import Outcome, Robustness
 
 COMPARABLE = (10.0, 5.0)
 """A model is comparable to the one from the clean record when its bandwidth moves by at most so many percent and its
-fit in simulation to a record not seen falls by at most so many points."""
+median fit in simulation to records of other waveforms falls by at most so many points."""
 
 NO_BANDWIDTH = 100.0
 """Percent that a bandwidth counts as moved by where the spoilt record gives none."""
