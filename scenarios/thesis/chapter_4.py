@@ -6,7 +6,7 @@ import numpy as np
 
 from scenarios.thesis import figures_chapter_4 as draw
 from scenarios.thesis import figures_data_sets as draw_sets
-from scenarios.thesis.campaign import single_joint_test
+from scenarios.thesis.campaign import seen_with, single_joint_test
 from scenarios.thesis.comparison import Comparison, JointResult
 from scenarios.thesis.every_data_set import AUDIBLE, DataSets, distances
 from scenarios.thesis.figure_style import short
@@ -56,6 +56,7 @@ def chapter_4(study: Comparison, gallery: Gallery) -> dict[str, object]:
     """
     return {
         "joints": [_joint(study, joint, gallery) for joint in study.joints],
+        "seen": seen_with(study.estimation_test),
         "audible": 100 * AUDIBLE,
         "improves": IMPROVES,
         "p_value": p_value,
@@ -160,14 +161,15 @@ def _searches(found: Searches, name: str, mark: str, gallery: Gallery) -> tuple[
     return (
         gallery.add(
             draw_sets.searches(found),
-            f"{name}: the search for orders, upwards from one pole. Above, how the models follow the other tests in "
-            "simulation (what lies far below is left out); below, how many of 25 lags of the residuals' "
+            f"{name}: the search for orders, upwards from one pole. Above, how the models follow the tests of other "
+            "waveforms in simulation (what lies far below is left out); below, how many of 25 lags of the residuals' "
             "autocorrelation lie outside the 99 % bounds (white: none or one). Ring: chosen; star: the thesis' orders.",
             name=f"order-search-{mark}",
         ),
         gallery.add(
             draw_sets.arx_orders(found),
-            f"{name}: criteria of every ARX structure over its number of parameters; validation on the other tests.",
+            f"{name}: criteria of every ARX structure over its number of parameters; validation on the tests of "
+            "other waveforms.",
             name=f"order-criteria-{mark}",
         ),
     )

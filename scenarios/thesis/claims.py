@@ -38,7 +38,12 @@ CLAIMS: Mapping[str, Claim] = MappingProxyType(
                 "III.2A",
                 "second order, -40 dB per decade far above the break",
             ),
-            Claim("F3", "two to five samples of delay from input to output", "III.3", "2 to 5"),
+            Claim(
+                "F3",
+                "two to five samples of delay from input to output of both pitches",
+                "III.3",
+                "2 to 5 (pitches)",
+            ),
             Claim(
                 "F4",
                 "the PRBS input looks white with periodic side peaks",

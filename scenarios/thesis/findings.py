@@ -10,9 +10,11 @@ from scenarios.thesis import findings_chapter_5 as chapter_5
 from scenarios.thesis import findings_chapter_6 as chapter_6
 from scenarios.thesis import findings_fits as fits
 from scenarios.thesis import findings_robustness as robustness
+from scenarios.thesis import findings_spectra as spectra
 from scenarios.thesis.claims import CLAIMS
 from scenarios.thesis.comparison import Comparison
 from scenarios.thesis.finding import Finding, undecided
+from sysid import SysidError
 
 FINDINGS: Mapping[str, Callable[[Comparison], Finding]] = MappingProxyType(
     {
@@ -20,8 +22,8 @@ FINDINGS: Mapping[str, Callable[[Comparison], Finding]] = MappingProxyType(
         "F2": chapter_3.slope,
         "F3": chapter_3.delay,
         "F4": chapter_3.prbs_looks_white,
-        "F5": chapter_3.pulse_spectra,
-        "F6": chapter_3.sinusoid_disturbance,
+        "F5": spectra.pulse_spectra,
+        "F6": spectra.sinusoid_disturbance,
         "F7": chapter_3.measurement_against_process,
         "F8": chapter_4.consistency,
         "F9": chapter_4.yaw_armax,
@@ -54,7 +56,7 @@ def findings(study: Comparison) -> tuple[Finding, ...]:
         study: The study's result.
 
     Returns:
-        All 26 in order; one whose record is missing cannot be told, and says which.
+        All 26 in order; one whose record is missing, or refused by an estimator, cannot be told and says why.
     """
     return tuple(_tried(key, study) for key in CLAIMS)
 
@@ -66,3 +68,6 @@ def _tried(key: str, study: Comparison) -> Finding:
         return FINDINGS[key](study)
     except MissingRecordError as error:
         return undecided(key, str(error))
+    except SysidError as error:
+        # Records may be such that an estimator refuses them; whatever else goes wrong is a fault of the study.
+        return undecided(key, f"an estimator refuses its record: {error}")

@@ -27,15 +27,18 @@ def test_slope_is_that_of_the_order() -> None:
 def test_resonances_are_peaks_above_10_rad_per_second() -> None:
     smooth = 1.0 / (1.0 + GRID)
     low, high = (1.0 + 3.0 * np.exp(-(((GRID - at) / 0.2) ** 2)) for at in (1.0, 6.0))
-    assert chapter._resonances(_gain(smooth)) == 0
-    assert chapter._resonances(_gain(smooth * low)) == 0
-    assert chapter._resonances(_gain(smooth * high)) == 1
-    assert chapter._resonances(_gain(smooth * (1.0 + 0.1 * high))) == 0, "less than 3 dB"
+    assert len(chapter._resonances(_gain(smooth))) == 0
+    assert len(chapter._resonances(_gain(smooth * low))) == 0
+    (peak,) = chapter._resonances(_gain(smooth * high))
+    assert GRID[peak] == pytest.approx(6.0, abs=0.1)
+    assert len(chapter._resonances(_gain(smooth * (1.0 + 0.1 * high)))) == 0, "less than 3 dB"
 
 
 def test_the_two_sines_cannot_show_the_cutoff_but_the_prbs_does(study: Comparison) -> None:
     found = chapter.gain_and_cutoff(study)
     assert found.verdict == "partly"
+    assert "not reproduced by the thesis' own estimate from two sines" in found.why
+    assert "on the lines of the PRBS" in found.why
     assert isinstance(found.value, dict)
     for name, entry in study.joints.items():
         near = found.value[f"{name}, PRBS lines"]
@@ -48,6 +51,64 @@ def test_peaks_of_the_two_sines_are_leakage(study: Comparison) -> None:
     found = chapter.slope(study)
     assert "the truth has 0 resonances" in found.why
     assert found.verdict == "partly"
+    sines = found.why.split("Peaks seen: two sines ")[1].split(";")[0]
+    counts, weak = sines.split(" by joint (")
+    total = sum(map(int, counts.split(", ")))
+    assert f"{total} of {total} where the input is weak" in f"{weak} where the input is weak"
+
+
+def test_a_peak_is_weak_only_where_the_input_is(study: Comparison) -> None:
+    """Peaks on strong lines are not put down to weak ones, and where there is no peak nothing is said of it."""
+    joint = study.joints["elbow_pitch"]
+    own = joint.spa
+    assert own.input_spectrum is not None
+    f = own.frequencies
+    rippled = 1.0 / (1.0 + f) * (1.0 + 3.0 * np.exp(-(((f - 5.0) / 0.4) ** 2)))
+    for strong in (True, False):
+        power = np.where((f > 4.0) & (f < 6.0), 1.0 if strong else 1e-6, 1.0)
+        spa = replace(own, response=rippled[:, None, None].astype(complex), input_spectrum=power[:, None, None] + 0j)
+        other = replace(study, joints={**study.joints, "elbow_pitch": replace(joint, spa=spa)})
+        before, after = (chapter.slope(s).why.split("PRBS lines")[-1] for s in (study, other))
+        counts = [int(n) for n in after.split(" by joint")[0].split(", ")]
+        assert counts[2] == 1
+        assert before.split(" by joint")[0].split(", ")[:2] == after.split(" by joint")[0].split(", ")[:2]
+        lone = replace(study, joints={"elbow_pitch": replace(joint, spa=spa)})
+        assert f"({0 if strong else 1} of 1 where" in chapter.slope(lone).why
+    calm = replace(
+        study, joints={"elbow_pitch": replace(joint, spa=replace(own, response=1.0 / (1.0 + f)[:, None, None] + 0j))}
+    )
+    assert chapter.slope(calm).why.endswith("PRBS lines 0 by joint")
+
+
+def test_the_delay_is_claimed_of_the_pitches_alone(study: Comparison) -> None:
+    assert chapter.delay(study).unit.endswith("the verdict rests on them")
+    for yaw, pitches, expected in ((9, 2, "reproduced"), (3, 1, "not reproduced")):
+        entries = {}
+        for joint, entry in study.nonparametric.items():
+            lag = yaw if joint == "shoulder_yaw" else pitches
+            entries[joint] = replace(entry, delay=replace(entry.delay, correlation=np.array([[lag]])))
+        assert chapter.delay(replace(study, nonparametric=entries)).verdict == expected
+
+
+def test_peaks_of_the_correlation_have_to_be_small(study: Comparison) -> None:
+    """A command that is white but for a side peak of a given size."""
+
+    def seen(peak: float) -> str:
+        entries = {}
+        for joint, entry in study.nonparametric.items():
+            functions = {}
+            for name in ("covariances", "whitened"):
+                own = getattr(entry, name)
+                values = np.zeros_like(own.values)
+                values[:, 0, 0] = values[own.lags == 0, 1, 1] = 1.0
+                values[np.abs(own.lags) == 100, 1, 1] = peak
+                functions[name] = replace(own, values=values)
+            entries[joint] = replace(entry, **functions)
+        return chapter.prbs_looks_white(replace(study, nonparametric=entries)).verdict
+
+    assert seen(0.3) == "reproduced"
+    assert seen(0.99) == "partly"
+    assert seen(0.0) == "partly"
 
 
 def test_the_command_is_white_only_when_made_so(study: Comparison) -> None:
@@ -55,6 +116,7 @@ def test_the_command_is_white_only_when_made_so(study: Comparison) -> None:
     assert isinstance(found.value, dict)
     for name in study.joints:
         assert found.value[f"{name}, as recorded"] > chapter.WHITE > found.value[f"{name}, made white"]
+        assert found.value[f"{name}, as recorded, side peak"] > chapter.SMALL, "a file repeats exactly"
     assert found.verdict == "partly"
 
 

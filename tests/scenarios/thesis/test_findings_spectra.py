@@ -1,0 +1,59 @@
+"""F5 and F6 are read over all frequencies, and where the input has power."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from scenarios.errors import MissingRecordError
+from scenarios.thesis import findings_spectra as chapter
+from scenarios.thesis.comparison import Comparison
+from scenarios.thesis.nonparametric import GRID
+from sysid import FrequencyResponse
+
+
+def _spectra(values: dict[str, np.ndarray]) -> FrequencyResponse:
+    """An estimate with these densities."""
+    densities = {name: density[:, None, None].astype(complex) for name, density in values.items()}
+    response = FrequencyResponse(GRID.copy(), np.ones((len(GRID), 1, 1), dtype=complex), 0.02, "spa")
+    return replace(response, **densities)  # type: ignore[arg-type]
+
+
+def test_what_the_window_leaks_does_not_count_where_the_input_has_power() -> None:
+    line = (np.abs(GRID - 2.5) < 0.1).astype(float)
+    leaked = 0.01 * (1.0 - line)
+    found = _spectra(
+        {
+            "input_spectrum": line - 0.001 * (1.0 - line),
+            "output_spectrum": 100.0 * line + leaked,
+            "noise_spectrum": 0.001 * line + leaked,
+        }
+    )
+    kept = chapter._kept(found)
+    assert kept[chapter.WHOLE].all()
+    np.testing.assert_array_equal(kept[chapter.POWERED], line > 0)
+    assert chapter._orders(found, kept[chapter.POWERED]) == pytest.approx(5.0)
+    assert chapter._orders(found, kept[chapter.WHOLE]) < 3.0
+
+
+def test_both_readings_are_told_with_their_numbers(study: Comparison) -> None:
+    for finding in (chapter.pulse_spectra, chapter.sinusoid_disturbance):
+        found = finding(study)
+        assert isinstance(found.value, dict)
+        assert set(found.value) == {
+            f"{joint}, {way}" for joint in study.joints for way in ("all frequencies", "input's power")
+        }
+        assert np.isfinite(list(found.value.values())).all()
+        assert chapter.WHOLE in found.why
+        assert chapter.POWERED in found.why
+    orders = chapter.sinusoid_disturbance(study).value
+    assert isinstance(orders, dict)
+    for joint in study.joints:
+        assert orders[f"{joint}, input's power"] > orders[f"{joint}, all frequencies"]
+
+
+def test_without_the_record_there_is_no_finding(study: Comparison) -> None:
+    logs = {name: log for name, log in study.campaign.logs.items() if name != "siso-7-elbow_pitch"}
+    bare = replace(study, campaigns=(replace(study.campaign, logs=logs), *study.campaigns[1:]))
+    with pytest.raises(MissingRecordError, match="siso-7-elbow_pitch"):
+        chapter.pulse_spectra(bare)
