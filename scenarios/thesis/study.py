@@ -47,7 +47,7 @@ from scenarios.waveform import POINTS, RATE
 from sysid import FrequencyResponse, IOData, SysidError, SysidWarning
 
 ESTIMATION_TEST = 5
-"""Models are identified from the PRBS of 1 V and validated on the other seven tests [Morris1996, ch. IV and V]."""
+"""Models are identified from the PRBS of 1 V and judged on the tests of other waveforms [Morris1996, ch. IV and V]."""
 
 SHORTEST = 20.0
 """Length of the shortest record that the study's estimators take, s."""
