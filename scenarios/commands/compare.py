@@ -279,7 +279,7 @@ def _draw(found: "ComparedModels", data: Path, out: Path, piece: tuple[float, fl
         fit = entry.fit.by_experiment[longest] if entry.fit.by_experiment else entry.fit
         style = own.pop(entry.kind, None) or (free.pop(0) if free else PALETTE[entry.kind])
         percents = ", ".join(f"{value:.1f}" for value in fit.simulation)
-        traces.append(Trace(f"{entry.label}: {percents} %", fit.simulated + entry.level, style))
+        traces.append(Trace(f"{entry.label}: fit {percents} %", fit.simulated + entry.level, style))
     radians = all(unit == "rad" for unit in record.output_units or ("",))
     with output_folder(out.parent), matplotlib.rc_context(SETTINGS):
         figure = output_comparison(

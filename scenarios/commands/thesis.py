@@ -37,7 +37,7 @@ def thesis(
         out: Folder for report.html and results.json; those of an earlier run are replaced.
         seed: Draw other noise; without it the scenarios' own seeds are used.
         seeds: Repeat the study on the nominal arm with so many seeds, counted from --seed or from 1, and say how often
-            each verdict was reached and how far numbers move. Two minutes each on two processors; each is kept in the
+            each verdict was reached and how far numbers move. Some minutes each on two processors; each is kept in the
             folder seeds as it ends, and the same command takes up there. With 1, the frequencies that were recorded
             with this version are stated.
         quick: Records of 40 s instead of 240 s: a look, not a result.

@@ -14,6 +14,7 @@ from scenarios.thesis.comparison import Comparison, JointResult
 from scenarios.thesis.envelope import envelope
 from scenarios.thesis.figure_style import MRAD, WIDTH, dress, model_response, well_known
 from scenarios.thesis.nonparametric import PRBS, SINES, Nonparametric, excited
+from scenarios.thesis.period_spectra import PeriodSpectra
 from scenarios.waveform import POINTS, RATE
 from sysid import FrequencyResponse
 from sysid.plots import BOUND, INK, PALETTE, Style
@@ -25,6 +26,9 @@ SMALL = 7.5
 
 FASTEST_DRAWN = 12.5
 """Half of Nyquist: what lies above the upper sine of 10 Hz says little, Hz."""
+
+WEAK = 0.1
+"""Lines of the PRBS with less than this part of its middle line's power say little of the arm."""
 
 LEVELS = 60
 """Periods whose samples at one instant are laid side by side."""
@@ -126,6 +130,7 @@ def transfer_function(entry: JointResult, found: Nonparametric) -> Figure:
     powered = excited(spectrum)
     true = model_response(entry.truth.model)
     tones = FrequencyResponse(spectrum.frequencies[powered], spectrum.response[powered], spectrum.dt, "spa")
+    strong = _strong(well_known(entry.spa), found.repeated[PRBS])
     figure = Figure(figsize=(WIDTH, 5.6), layout="constrained")
     gain, phase = figure.subplots(2, 1, sharex=True, height_ratios=[1.35, 1.0])
     dress((gain, phase))
@@ -135,7 +140,7 @@ def transfer_function(entry: JointResult, found: Nonparametric) -> Figure:
     points = (
         (true, TRUE, "truth"),
         (found.repeated[SINES].told(), Style(REPEATED.colour, "", 1.0, "^"), "told by repetition"),
-        (well_known(entry.spa), Style(ANSWER.colour, "", 1.0, "."), "lines of the PRBS"),
+        (strong, Style(ANSWER.colour, "", 1.0, "."), "strong PRBS lines"),
     )
     for response, style, label in points:
         _level(gain, response, style, label)
@@ -164,6 +169,14 @@ def transfer_function(entry: JointResult, found: Nonparametric) -> Figure:
     phase.minorticks_off()
     figure.legend(*gain.get_legend_handles_labels(), loc="outside upper left", ncols=3, frameon=False, fontsize=8)
     return figure
+
+
+def _strong(response: FrequencyResponse, lines: PeriodSpectra) -> FrequencyResponse:
+    """A response where the input has at least a tenth of the power that its middle line has."""
+    power = np.interp(response.frequencies, lines.frequencies, lines.input)
+    band = lines.frequencies <= FASTEST_DRAWN
+    kept = power >= WEAK * np.median(lines.input[band])
+    return FrequencyResponse(response.frequencies[kept], response.response[kept], response.dt, response.method)
 
 
 def _level(axes: Axes, response: FrequencyResponse, style: Style, label: str) -> None:
@@ -261,6 +274,12 @@ def four_spectra(study: Comparison, entry: JointResult, found: Nonparametric, te
                 spectrum.frequencies, scale * np.where(density > 0.0, density, np.nan), color=WINDOWED.colour, lw=0.8,
                 label="Hamming window",
             )  # fmt: skip
+            gone = spectrum.frequencies[(density <= 0.0) & (spectrum.frequencies >= 0.1)]
+            if len(gone):
+                axes.plot(
+                    gone, np.full(len(gone), 0.015), "|", color=WINDOWED.colour, ms=5, mew=0.6,
+                    transform=axes.get_xaxis_transform(), label="the same where not positive",
+                )  # fmt: skip
         if expected is not None:
             axes.plot(
                 again.frequencies[lines], scale * expected[lines], color=TRUE.colour, ls="none", marker="o", ms=6.5,

@@ -147,7 +147,7 @@ def _course(upper: Axes, lower: Axes, search: Search, offset: float) -> None:
             mfc="none",
             mew=1.5,
             color=style.colour,
-            label=f"{name} chosen: {chosen.poles} poles, {chosen.zeros} zeros, delay {chosen.delay}",
+            label=f"chosen: {chosen.poles} poles, {chosen.zeros} zeros, delay {chosen.delay}",
         )
     own = [search.own] if search.own in tried else []
     for axes, values in ((upper, [entry.held_out for entry in own]), (lower, [entry.outside for entry in own])):

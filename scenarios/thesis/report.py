@@ -73,7 +73,7 @@ def page(shown: Mapping[str, object]) -> str:
         shown: What the templates show, see `context`.
     """
     environment = _environment()
-    body = numbered(environment.get_template("body.html.j2").render(shown))
+    body = signed(numbered(environment.get_template("body.html.j2").render(shown)))
     # On paper the answer comes first and then what else there is.
     opening, end, rest = body.partition("</section>")
     return environment.get_template("report.html.j2").render(
@@ -90,6 +90,17 @@ def numbered(body: str) -> str:
     order = {old: str(new) for new, old in enumerate(re.findall(r'<figure id="figure-(\d+)"', body), 1)}
     pattern = r'(<figure id="figure-|href="#figure-|<figcaption>Figure |">figure )(\d+)(?=[".<])'
     return re.sub(pattern, lambda found: found[1] + order[found[2]], body)
+
+
+def signed(body: str) -> str:
+    """The page with true minus signs before its numbers, but for what is a drawing, code or inside a tag.
+
+    Args:
+        body: The page without its head.
+    """
+    pieces = re.split(r"(<svg\b.*?</svg>|<(?:pre|code)\b.*?</(?:pre|code)>|<[^>]*>)", body, flags=re.S)
+    pieces[::2] = [re.sub(r"(?<![\w.)\]-])-(?=\d)", "−", text) for text in pieces[::2]]
+    return "".join(pieces)
 
 
 def contents(body: str) -> Contents:

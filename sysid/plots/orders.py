@@ -4,6 +4,7 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 from matplotlib.figure import Figure
+from matplotlib.ticker import AutoLocator, LogLocator, NullLocator
 
 from sysid.arrays import FloatArray
 from sysid.balred import hankel_singular_values
@@ -18,6 +19,9 @@ from sysid.traces import Looks, named_items
 
 Spectrum = Realisation | Estimate | StateSpace
 """What has singular values that tell an order."""
+
+NARROW = 5.0
+"""A logarithmic axis over less than this factor is read at evenly spaced values."""
 
 INVISIBLE = 1e-14
 """Singular values below this part of the largest are rounding."""
@@ -135,6 +139,13 @@ def structures(table: StructureTable, *, size: tuple[float, float] = (7.0, 4.2))
     axes.xaxis.get_major_locator().set_params(integer=True)
     axes.set_xlabel("number of parameters (ring: the least)")
     axes.set_ylabel("mean square error")
+    bottom, top = axes.get_ylim()
+    # Labels of all nine digits of a decade would lie on one another.
+    if top / bottom < NARROW:
+        axes.yaxis.set_major_locator(AutoLocator())
+        axes.yaxis.set_minor_locator(NullLocator())
+    else:
+        axes.yaxis.set_minor_locator(LogLocator(subs=(2.0, 5.0)))
     for which in (axes.yaxis.set_major_formatter, axes.yaxis.set_minor_formatter):
         which(lambda value, _: f"{value:g}")
     axes.tick_params(which="minor", labelsize=7, colors=BOUND.colour)

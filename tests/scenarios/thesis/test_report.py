@@ -16,7 +16,7 @@ from scenarios.errors import ScenarioError
 from scenarios.thesis.comparison import Comparison
 from scenarios.thesis.findings import findings
 from scenarios.thesis.gallery import Gallery
-from scenarios.thesis.report import contents, numbered, page, write_report
+from scenarios.thesis.report import contents, numbered, page, signed, write_report
 from scenarios.thesis.report_context import context
 from scenarios.thesis.results import answers, headline
 
@@ -132,6 +132,13 @@ def test_figures_are_numbered_as_they_stand_on_the_page() -> None:
         '<figure id="figure-1"><figcaption>Figure 1. Ten of 7.</figcaption></figure><figure id="figure-2">'
         "<figcaption>Figure 2. b</figcaption></figure>"
         '<a href="#figure-1">figure 1</a>, <a href="#figure-2">figure 2</a>'
+    )
+
+
+def test_numbers_have_true_minus_signs_but_for_code_and_drawings() -> None:
+    kept = "<pre>a -1</pre><code>-2</code><svg><a>-3</a></svg>"
+    assert signed(f'<p class="a -1">-13, (-1.5) to 5-10 Hz, siso-5, 1e-05</p>{kept}') == (
+        f'<p class="a -1">−13, (−1.5) to 5-10 Hz, siso-5, 1e-05</p>{kept}'
     )
 
 

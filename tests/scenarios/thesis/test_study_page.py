@@ -32,6 +32,12 @@ def test_the_verdicts_and_claims_are_all_there() -> None:
     assert f"test\n   {ESTIMATION_TEST}, the PRBS" in PAGE
 
 
+def test_every_claim_is_listed() -> None:
+    (listed,) = re.findall(r"<!-- claims: .*?-->\n(.*?)<!-- end of claims -->", PAGE, flags=re.S)
+    rows = [f"| {claim.key} | {claim.text} | {claim.where} |" for claim in CLAIMS.values()]
+    assert listed.splitlines() == ["| | Claim | Thesis |", "|---|---|---|", *rows]
+
+
 def test_the_example_runs(
     study: Comparison, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
