@@ -1,16 +1,20 @@
 """The same table for every arm."""
 
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 
 import pytest
 
-from hmtb_twin import STUDIED_JOINTS
-from scenarios.thesis.campaign import Condition
+from hmtb_twin import STUDIED_JOINTS, JointLog, linearize
+from scenarios.estimators import estimate
+from scenarios.thesis import fairness_table
+from scenarios.thesis.campaign import NOMINAL, Campaign, Condition
 from scenarios.thesis.comparison import Comparison
 from scenarios.thesis.fair_conclusions import conclusions, said
 from scenarios.thesis.fairness_section import percent
 from scenarios.thesis.fairness_table import ArmFairness, BothFits, FairModel, Fairness, ThreeJointFits
 from scenarios.thesis.figures_fairness import dumbbells
+from sysid import IOData, SysidError
 
 METHODS = ["arx", "armax", "iv4", "oe", "okid", "oe_high"]
 
@@ -60,10 +64,10 @@ def test_the_hybrid_has_the_yaw_of_sysid_and_the_pitches_of_okid(study: Comparis
 
 
 def test_estimation_and_validation_are_apart() -> None:
-    fits = {n: BothFits(float(n), float(n)) for n in (1, 2, 3, 5)}
+    fits = {n: BothFits(float(n), float(n)) for n in (1, 2, 3, 5, 6)}
     model = FairModel("oe", "OE", True, False, None, 1.0, None, False, fits)
-    assert model.validation(5) == BothFits(2.0, 2.0)
-    assert replace(model, fits={5: fits[5]}).validation(5) is None
+    assert model.validation(5) == BothFits(2.0, 2.0), "test 6 plays the sequence of test 5"
+    assert replace(model, fits={5: fits[5], 6: fits[6]}).validation(5) is None
 
 
 def arm(condition: Condition, okid: float) -> ArmFairness:
@@ -76,6 +80,34 @@ def arm(condition: Condition, okid: float) -> ArmFairness:
         for name, fit in (("SysID", 90.0), ("OKID", okid))
     )
     return ArmFairness(condition, dict.fromkeys(STUDIED_JOINTS, 1.0), joints, several)
+
+
+def test_a_refused_model_leaves_out_what_it_is_part_of(
+    synthetic_logs: Callable[[Sequence[str]], dict[str, JointLog]], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def refuses(data: IOData, estimator: str, orders: tuple[int, ...]) -> object:
+        if estimator == "okid" and "yaw" in data.name:
+            raise SysidError("too little past")
+        return estimate(data, estimator, orders)
+
+    monkeypatch.setattr(fairness_table, "estimate", refuses)
+    logs = synthetic_logs([f"siso-{number}-{joint}" for number in (2, 5) for joint in STUDIED_JOINTS] + ["mimo-10"])
+    (first,) = fairness_table.fairness((Campaign(NOMINAL, linearize(NOMINAL.arm()), logs, {}),), 5).arms
+    yaw = first.chosen("shoulder_yaw", okid=True)
+    assert (yaw.model, yaw.refused, yaw.validation(5)) == (None, "too little past", None)
+    assert [(entry.name, entry.printed) for entry in first.three_joint] == [
+        ("SysID", False),
+        ("SysID", True),
+        ("OKID", True),
+        ("hybrid", True),
+    ]
+    found = {entry.question: entry.answers[NOMINAL] for entry in conclusions(Fairness((first,), 5))}
+    for question in (
+        "SysID or OKID better on the slow chirp, 0 to 1 Hz, in simulation",
+        "SysID or OKID better on single-joint tests not seen, in simulation",
+    ):
+        assert found[question] is None
+    dumbbells(Fairness((first,), 5))
 
 
 def test_conclusions_that_change_are_told_from_those_that_stay() -> None:

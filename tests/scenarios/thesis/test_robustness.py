@@ -1,5 +1,6 @@
 """Models from spoilt records: counted, compared, and never dropped."""
 
+import warnings
 from dataclasses import replace
 
 import numpy as np
@@ -7,9 +8,10 @@ import pytest
 
 from scenarios.thesis.comparison import Comparison
 from scenarios.thesis.disturbances import DISTURBANCES
+from scenarios.thesis.figures_robustness import errors
 from scenarios.thesis.findings_robustness import bias_and_outliers, statements
 from scenarios.thesis.orders_needed import CONSTANT, DETRENDED, needed
-from scenarios.thesis.robustness import CORE, other_structures, robustness, sysid_method
+from scenarios.thesis.robustness import CORE, JUDGES, other_structures, robustness, sysid_method
 from scenarios.thesis.robustness_outcome import Outcome, Robustness
 from scenarios.thesis.tolerance import clean, comparable, tolerance
 
@@ -60,6 +62,16 @@ def test_the_record_as_it_is_gives_the_model_without_harm(study: Comparison) -> 
             assert detrended.bandwidth_hz == pytest.approx(reference.bandwidth_hz, rel=1e-3)
 
 
+def test_what_judges_is_another_record_than_what_models_come_from(study: Comparison) -> None:
+    for joint, entry in study.joints.items():
+        assert study.robustness.judged_by[joint] == JUDGES
+        own, twin = entry.data[study.estimation_test].u[:, 0], entry.data[6].u[:, 0]
+        for number in JUDGES:
+            assert abs(np.corrcoef(own, entry.data[number].u[:, 0])[0, 1]) < 0.5
+        # The PRBS of twice the amplitude is much the same command: it would judge nothing.
+        assert np.corrcoef(own, twin)[0, 1] > 0.8
+
+
 def test_outliers_cost_okid_more_fit_than_sysid(study: Comparison) -> None:
     for joint in study.joints:
         own, okid = (
@@ -87,7 +99,7 @@ def test_finding_25_is_the_count_of_its_statements(study: Comparison) -> None:
     held = sum(entry.holds for entry in tried)
     assert found.verdict == {0: "not reproduced", 4: "reproduced"}.get(held, "partly")
     assert isinstance(found.value, dict)
-    assert all(np.isfinite(number) for number in found.value.values())
+    assert all(isinstance(number, float) and np.isfinite(number) for number in found.value.values())
     orders = {(e.joint, e.method, e.record): e.needed for e in study.robustness.orders}
     saved = max(orders[joint, "SysID", CONSTANT] - orders[joint, "SysID", DETRENDED] for joint in study.joints)
     assert found.value["orders that detrending saves: SysID"] == saved
@@ -95,7 +107,7 @@ def test_finding_25_is_the_count_of_its_statements(study: Comparison) -> None:
 
 def test_failures_are_counted_and_hold_nothing() -> None:
     entries = (outcome(0.0), outcome(0.5), outcome(0.5, failure="unstable", draw=1), outcome(0.5, hz=1.2, draw=2))
-    found = Robustness(entries, (), {"elbow_pitch": 6})
+    found = Robustness(entries, (), {"elbow_pitch": (2, 7, 8)})
     point = found.curve("bias", "elbow_pitch", "oe")[1]
     assert (point.draws, dict(point.failures)) == (3, {"unstable": 1})
     assert point.error == pytest.approx((10.0, 0.0, 20.0))
@@ -113,7 +125,7 @@ def test_comparable_is_within_ten_percent_and_five_points() -> None:
 
 def test_tolerance_ends_at_the_first_degree_that_is_too_much() -> None:
     degrees = {0.0: 1.0, 0.1: 1.05, 0.5: 1.5, 2.0: 1.0}
-    found = Robustness(tuple(outcome(d, hz=hz) for d, hz in degrees.items()), (), {"elbow_pitch": 6})
+    found = Robustness(tuple(outcome(d, hz=hz) for d, hz in degrees.items()), (), {"elbow_pitch": (2, 7, 8)})
     known = tolerance(found, "bias", "elbow_pitch", "oe")
     assert known is not None
     assert (known.degree, known.everything) == (0.1, False)
@@ -124,3 +136,14 @@ def test_the_order_that_suffices_is_the_smallest_near_the_best() -> None:
     assert needed({1: 80.0, 2: 98.2, 3: 99.0}) == 2
     assert needed({1: 80.0, 2: 97.9, 3: 99.0}) == 3
     assert needed({1: float("-inf"), 2: 60.0}) == 2
+
+
+def test_the_figure_of_a_record_too_short_for_most_parts_draws_without_a_warning() -> None:
+    one = replace(outcome(10.0), disturbance="length")
+    found = Robustness((outcome(0.0), one, replace(one, method="okid")), (), {"elbow_pitch": (2, 7, 8)})
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        figure = errors(found)
+        figure.draw_without_rendering()
+    assert len({axes.get_xlim() for axes in figure.axes}) > 1
+    assert all(low != high for low, high in (axes.get_xlim() for axes in figure.axes))

@@ -1,24 +1,43 @@
 """The whole pipeline on short records, against the truth."""
 
+import re
+from collections.abc import Callable, Sequence
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
 
-from hmtb_twin import JOINTS, STUDIED_JOINTS, load_arm
+import sysid
+from hmtb_twin import JOINTS, STUDIED_JOINTS, JointLog, linearize, load_arm
 from hmtb_twin.parameters import HAND_CONTROLLER, MOTIONS
+from scenarios.errors import ScenarioError
 from scenarios.preparation import SETTLING, prepared
 from scenarios.registry import load
 from scenarios.saturation import swing, velocity_limited_share
-from scenarios.thesis.attribution import CONDITIONS, conditions
-from scenarios.thesis.campaign import NOT_SEEN, SINGLE_JOINT, planned, single_joint_test
+from scenarios.thesis.attribution import CONDITIONS as SWITCHED_OFF
+from scenarios.thesis.attribution import conditions
+from scenarios.thesis.campaign import (
+    CONDITIONS,
+    EVERY_TEST,
+    FAIRNESS_TESTS,
+    NOMINAL,
+    NOT_SEEN,
+    SINGLE_JOINT,
+    Campaign,
+    Condition,
+    planned,
+    single_joint_test,
+)
 from scenarios.thesis.comparison import Comparison
-from scenarios.thesis.coupled_response import relative_error
+from scenarios.thesis.coupled_response import relative_error, three_joint_truth
+from scenarios.thesis.multi_input import FULL_OKID, INDEPENDENT, full_models
+from scenarios.thesis.multi_input import METHODS as METHODS_OF_SEVERAL
 from scenarios.thesis.period_spectra import period_spectra
-from scenarios.thesis.sensitivity import half_power_spread
+from scenarios.thesis.sensitivity import half_power_spread, order_effects
 from scenarios.thesis.structures import STRUCTURES
-from scenarios.thesis.study import ESTIMATION_TEST
-from sysid import IOData, StateSpace
+from scenarios.thesis.study import ESTIMATION_TEST, concluded, plan, run_study, study_joint
+from sysid import Estimate, IOData, StateSpace, SysidError
 
 METHODS = {"armax", "oe", "okid", "oe_high"}
 
@@ -56,9 +75,11 @@ def test_bandwidths_are_recovered_to_what_friction_allows(study: Comparison) -> 
 
 
 def test_without_friction_and_at_small_amplitude_the_truth_comes_back(study: Comparison) -> None:
-    for name, parts in study.attribution.items():
+    for name, entry in study.attribution.items():
+        assert not entry.missing
+        parts = entry.parts
         true = study.joints[name].truth.bandwidth_hz
-        assert tuple(part.condition for part in parts) == CONDITIONS
+        assert tuple(part.condition for part in parts) == SWITCHED_OFF
         assert parts[1].bandwidth_hz == pytest.approx(true, rel=0.01)
         # At three tenths of the amplitude a short record leaves the gain at 0 Hz, which nothing excites, to chance.
         assert parts[-1].half_power_hz == pytest.approx(true, rel=0.005)
@@ -154,3 +175,100 @@ def test_the_effect_of_the_order_is_reported(study: Comparison) -> None:
         low, high = spread(effects)
         assert low < high
         assert study.joints[name].models["oe_high"].bandwidth_hz in [entry.bandwidth_hz for entry in effects]
+
+
+SMOOTH = Condition(friction=False)
+PUBLISHED = Condition("published")
+
+
+@pytest.mark.parametrize("given", [(NOMINAL,), (NOMINAL, PUBLISHED, SMOOTH), CONDITIONS])
+def test_the_second_campaign_is_always_the_same_arm_without_friction(given: tuple[Condition, ...]) -> None:
+    played = plan(given)
+    arms = [condition for condition, _ in played]
+    assert arms[:2] == [NOMINAL, SMOOTH]
+    assert set(arms) == {*given, SMOOTH}
+    assert len(set(arms)) == len(arms)
+    estimation = {single_joint_test(ESTIMATION_TEST, joint) for joint in STUDIED_JOINTS}
+    for condition, tests in played:
+        assert len(set(tests)) == len(tests)
+        assert estimation <= set(tests)
+        if condition in given[1:]:
+            assert set(tests) == set(FAIRNESS_TESTS)
+    assert played[0][1] == EVERY_TEST
+
+
+@pytest.mark.parametrize(
+    ("settings", "message"),
+    [
+        ({"conditions": ()}, "no arms given"),
+        ({"conditions": (NOMINAL, PUBLISHED, NOMINAL)}, "more than once: nominal, with friction"),
+        ({"conditions": (SMOOTH,)}, "cannot be about the arm nominal, without friction"),
+        ({"duration": 8.0}, "needs records of 20 s or more"),
+        ({"duration": float("nan")}, "needs records of 20 s or more"),
+        ({"seed": 1.5}, "seed = 1.5 given, expected a whole number"),
+    ],
+)
+def test_what_no_study_can_be_made_of_is_refused_before_anything_is_played(
+    settings: dict[str, Any], message: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def never(*_: object, **__: object) -> None:
+        pytest.fail("something was played")
+
+    monkeypatch.setattr("scenarios.thesis.study.run_campaign", never)
+    with pytest.raises(ScenarioError, match=message):
+        run_study(**settings)
+
+
+def test_conclusions_are_drawn_of_an_arm_and_the_same_without_friction() -> None:
+    truth = linearize(NOMINAL.arm())
+    rough, smooth, other = (Campaign(arm, truth, {}, {}) for arm in (NOMINAL, SMOOTH, PUBLISHED))
+    for given in ((), (rough,), (rough, other), (smooth, rough), (smooth, smooth)):
+        with pytest.raises(ScenarioError, match="expected campaigns of an arm with friction"):
+            concluded(given)
+
+
+def test_a_record_without_a_model_that_the_study_is_about_is_named(
+    synthetic_logs: Callable[[Sequence[str]], dict[str, JointLog]], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    name = single_joint_test(ESTIMATION_TEST, "elbow_pitch")
+
+    def refuses(*_: object) -> None:
+        raise SysidError("the regressors are dependent")
+
+    monkeypatch.setattr("scenarios.thesis.study.estimate", refuses)
+    campaign = Campaign(NOMINAL, linearize(NOMINAL.arm()), synthetic_logs([name]), {})
+    label = STRUCTURES["elbow_pitch"][0].label
+    with pytest.raises(ScenarioError, match=re.escape(f"{name} gives no model {label}")):
+        study_joint("elbow_pitch", campaign)
+
+
+def test_an_order_that_is_refused_is_left_out(
+    synthetic_logs: Callable[[Sequence[str]], dict[str, JointLog]], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    name = single_joint_test(ESTIMATION_TEST, "elbow_pitch")
+    data = prepared(synthetic_logs([name])[name], "elbow_pitch")
+    oe = sysid.oe
+
+    def refuses(data: IOData, nb: int, nf: int, nk: int) -> Estimate:
+        if nf > 2:
+            raise SysidError("no minimum")
+        return oe(data, nb, nf, nk)
+
+    monkeypatch.setattr(sysid, "oe", refuses)
+    assert [effect.orders for effect in order_effects(data, 1)] == [(2, 2, 1)]
+    monkeypatch.setattr("scenarios.thesis.sensitivity.ORDERS", ((3, 3),))
+    with pytest.raises(ScenarioError, match=f"{name} gives no output-error model of any order: 3, 3, 1: no minimum"):
+        order_effects(data, 1)
+
+
+def test_a_method_that_refuses_a_record_of_several_joints_is_left_out(
+    synthetic_logs: Callable[[Sequence[str]], dict[str, JointLog]], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def refuses(_: IOData) -> StateSpace:
+        raise SysidError("no states")
+
+    monkeypatch.setitem(METHODS_OF_SEVERAL, FULL_OKID, refuses)
+    truth = linearize(NOMINAL.arm())
+    campaign = Campaign(NOMINAL, truth, synthetic_logs([INDEPENDENT]), {})
+    found = full_models(INDEPENDENT, campaign, three_joint_truth(truth))
+    assert [entry.method for entry in found] == [name for name in METHODS_OF_SEVERAL if name != FULL_OKID]

@@ -1,0 +1,88 @@
+"""What is not known of a condition is said, and never taken for another condition."""
+
+from collections.abc import Callable, Sequence
+from types import SimpleNamespace
+
+import pytest
+
+import sysid
+from hmtb_twin import JointLog, linearize
+from scenarios.thesis.attribution import AS_IT_IS, CONDITIONS, GENTLE, SMOOTH, Attribution, Attributions, attribute
+from scenarios.thesis.campaign import NOMINAL, Campaign, Condition
+from scenarios.thesis.results import departures, friction_effect, friction_in_words
+from sysid import Estimate, IOData, SysidError
+
+NAME, JOINT = "siso-5-elbow_pitch", "elbow_pitch"
+TRUTH = linearize(NOMINAL.arm())
+
+Made = Callable[[Sequence[str]], dict[str, JointLog]]
+
+
+def found(rough: dict[str, JointLog], smooth: dict[str, JointLog], failed: dict[str, str]) -> Attributions:
+    campaigns = Campaign(NOMINAL, TRUTH, rough, {}), Campaign(Condition(friction=False), TRUTH, smooth, failed)
+    return attribute(NAME, JOINT, *campaigns, 1.0, (2, 2, 1))
+
+
+def test_a_record_that_is_missing_is_named_and_the_others_keep_their_places(synthetic_logs: Made) -> None:
+    logs = synthetic_logs([NAME, f"{NAME}-small"])
+    whole = found({NAME: logs[NAME]}, logs, {})
+    assert tuple(part.condition for part in whole.parts) == CONDITIONS
+    assert not whole.missing
+    part = found({NAME: logs[NAME]}, {f"{NAME}-small": logs[f"{NAME}-small"]}, {NAME: "the drives stalled"})
+    assert [entry.condition for entry in part.parts] == [AS_IT_IS, GENTLE]
+    assert part.find(SMOOTH) is None
+    assert part.find(GENTLE) == whole.find(GENTLE)
+    assert list(part.missing) == [SMOOTH]
+    assert "the drives stalled" in part.missing[SMOOTH]
+
+
+def test_a_record_that_gives_no_model_is_named(synthetic_logs: Made, monkeypatch: pytest.MonkeyPatch) -> None:
+    logs = synthetic_logs([NAME, f"{NAME}-small"])
+    oe = sysid.oe
+
+    def refuses(data: IOData, *orders: int) -> Estimate:
+        if data.name.endswith("-small"):
+            raise SysidError("too little motion")
+        return oe(data, *orders)
+
+    monkeypatch.setattr(sysid, "oe", refuses)
+    part = found({NAME: logs[NAME]}, logs, {})
+    assert [entry.condition for entry in part.parts] == [AS_IT_IS, SMOOTH]
+    assert dict(part.missing) == {GENTLE: "too little motion"}
+
+
+def study(**rows: dict[str, tuple[float, float]]) -> SimpleNamespace:
+    """Joints of a true bandwidth of 1 Hz; by condition the bandwidth and where the gain is 0.707."""
+    truth = SimpleNamespace(truth=SimpleNamespace(bandwidth_hz=1.0))
+    return SimpleNamespace(
+        joints=dict.fromkeys(rows, truth),
+        attribution={
+            joint: Attributions(
+                tuple(Attribution(name, hz, (hz, hz), False, level) for name, (hz, level) in parts.items())
+            )
+            for joint, parts in rows.items()
+        },
+    )
+
+
+def test_friction_is_what_lies_between_the_first_two_conditions_and_no_others() -> None:
+    whole = {AS_IT_IS: (0.9, 0.8), SMOOTH: (1.02, 1.0), GENTLE: (1.0, 1.6)}
+    gap = {AS_IT_IS: (0.7, 0.9), GENTLE: (1.01, 1.8)}
+    both = study(yaw=whole, elbow=gap)
+    assert friction_effect(both) == pytest.approx((-20.0, -20.0))  # type: ignore[arg-type]
+    assert friction_in_words(both).startswith("Friction lowers ")  # type: ignore[arg-type]
+    assert "on 1 of 2 joints" in friction_in_words(both)  # type: ignore[arg-type]
+    assert departures(both) == pytest.approx({AS_IT_IS: 30.0, SMOOTH: 2.0, GENTLE: 1.0})  # type: ignore[arg-type]
+
+
+def test_where_nothing_is_known_it_is_said() -> None:
+    rough = study(yaw={AS_IT_IS: (0.9, 0.8)}, elbow={})
+    assert departures(rough) == pytest.approx({AS_IT_IS: 10.0})  # type: ignore[arg-type]
+    assert friction_effect(rough) is None  # type: ignore[arg-type]
+    assert "cannot be told" in friction_in_words(rough)  # type: ignore[arg-type]
+    assert departures(study(yaw={})) == {}  # type: ignore[arg-type]
+
+
+def test_friction_that_raises_is_not_said_to_lower() -> None:
+    mixed = study(yaw={AS_IT_IS: (1.0, 0.9), SMOOTH: (1.0, 1.0)}, elbow={AS_IT_IS: (1.0, 1.1), SMOOTH: (1.0, 1.0)})
+    assert "moves the frequency at which the gain is 0.707 by −10.0 to +10.0 %" in friction_in_words(mixed)  # type: ignore[arg-type]
