@@ -22,8 +22,11 @@ from sysid import FrequencyResponse, IOData, SysidError, SysidWarning
 NONPARAMETRIC = {"spa": "spectral analysis, Hamming window", "etfe": "empirical transfer function, mean over periods"}
 """Methods without a model, with their labels."""
 
-REPEATS = 0.05
-"""Difference of two periods of the command, over its spread, up to which it repeats: noise of the wires makes some."""
+REPEATS = 0.25
+"""Difference of two periods of the command, over its spread, up to which it repeats.
+
+Noise of the wires makes some, up to 0.05 at 1 V; stretches that have nothing in common differ by the root of two.
+"""
 
 
 @dataclass(frozen=True, kw_only=True)

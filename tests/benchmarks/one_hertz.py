@@ -1,6 +1,6 @@
 """The 1 Hz finding on every arm of the study, over seeds: `docs/bandwidth.md`.
 
-Run by hand: python tests/benchmarks/one_hertz.py --seeds 5
+Its output stands on that page; renewed by: python tests/benchmarks/verification.py one_hertz
 """
 
 import argparse
@@ -13,7 +13,7 @@ from hmtb_twin import STUDIED_JOINTS
 from scenarios.crossing import half_power_hz
 from scenarios.thesis.bandwidth_study import BandwidthStudy, from_simulation
 from scenarios.thesis.campaign import CONDITIONS
-from scenarios.thesis.one_hertz import METHODS, between, verdict
+from scenarios.thesis.one_hertz import METHODS, best_linear_in_words, between, verdict
 from scenarios.thesis.recovered_bandwidth import RecoveredBandwidth
 
 TEST = 5
@@ -21,7 +21,7 @@ TEST = 5
 
 
 def main() -> None:
-    """Print what is true of each arm, what each method recovers from it, and the verdicts."""
+    """Print what is true of each arm, what each method recovers from it, the verdicts, and what is not claimed."""
     parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
     parser.add_argument("--seeds", type=int, default=5)
     parser.add_argument("--duration", type=float, default=None)
@@ -51,7 +51,10 @@ def main() -> None:
             print(recovered_line(study, method))
     print()
     for study in studies:
-        print(f"- {study.condition}: {verdict(study.rows)}")
+        print(f"- *{study.condition[:1].upper()}{study.condition[1:]}*: {verdict(study.rows)}")
+        print(f"  {best_linear_in_words(study.rows)}")
+        for text in study.refusals():
+            print(f"  - not claimed: {text}")
 
 
 def true_line(study: BandwidthStudy, joint: str) -> str:

@@ -135,6 +135,19 @@ def test_a_record_counts_once(capsys: pytest.CaptureFixture[str], tmp_path: Path
     assert "is given twice, also as siso-5-elbow_pitch" in complaint(capsys, path, named)
 
 
+def test_identify_finds_the_same_where_it_leaves_out_the_same(
+    capsys: pytest.CaptureFixture[str], tmp_path: Path, log: JointLog
+) -> None:
+    path = str(log.save(tmp_path / "a.nc"))
+    ours = printed(capsys, "--data", path, "--methods", "okid", "--no-bla")["rows"][0]["hz"]
+    found = []
+    for words in ((), ("--skip", "4")):
+        assert main(["identify", path, "--method", "okid", "--orders", "2", "5", *words, "--json"]) == 0
+        found.append(json.loads(capsys.readouterr().out)["bandwidth_hz"])
+    assert found[1] == pytest.approx(ours, rel=1e-5)
+    assert found[0] != pytest.approx(ours, rel=1e-4)
+
+
 def test_a_log_that_is_too_short_to_settle_is_refused(
     capsys: pytest.CaptureFixture[str], tmp_path: Path, log: JointLog
 ) -> None:

@@ -1,19 +1,22 @@
 """Verdicts follow from numbers."""
 
 from dataclasses import replace
+from typing import cast
 
 import numpy as np
 import pytest
 
+import scenarios.thesis.findings
 from scenarios.crossing import crossing, half_power_hz
 from scenarios.published import YAW_OE
 from scenarios.thesis.about_1_hz import near_1_hz
+from scenarios.thesis.claims import CLAIMS
 from scenarios.thesis.comparison import Comparison
-from scenarios.thesis.finding import verdict
+from scenarios.thesis.finding import Finding, verdict
 from scenarios.thesis.findings import findings
 from scenarios.thesis.probability import p_value
 from scenarios.thesis.results import answer, headline, results, stands
-from sysid import FrequencyResponse, StateSpace
+from sysid import FrequencyResponse, StateSpace, SysidError
 
 VERDICTS = {"reproduced", "partly", "not reproduced", "cannot be told"}
 
@@ -50,6 +53,23 @@ def test_what_the_twin_is_known_to_do(study: Comparison) -> None:
     assert isinstance(cutoff, dict)
     for name, entry in study.joints.items():
         assert cutoff[f"{name}, PRBS lines"] == pytest.approx(2 * np.pi * entry.truth.bandwidth_hz, rel=0.15)
+
+
+def test_what_an_estimator_refuses_cannot_be_told_and_a_fault_stays_one(monkeypatch: pytest.MonkeyPatch) -> None:
+    def refused(study: Comparison) -> Finding:
+        raise SysidError("6 samples given, expected 20 or more")
+
+    def broken(study: Comparison) -> Finding:
+        raise ZeroDivisionError
+
+    nothing = cast(Comparison, None)
+    monkeypatch.setattr(scenarios.thesis.findings, "FINDINGS", dict.fromkeys(CLAIMS, refused))
+    found = findings(nothing)
+    assert {entry.verdict for entry in found} == {"cannot be told"}
+    assert found[0].why == "an estimator refuses its record: 6 samples given, expected 20 or more"
+    monkeypatch.setattr(scenarios.thesis.findings, "FINDINGS", {"F1": broken})
+    with pytest.raises(ZeroDivisionError):
+        findings(nothing)
 
 
 def test_crossing_interpolates_between_lines() -> None:

@@ -6,7 +6,7 @@ from scipy.signal import lfilter
 
 from scenarios.errors import ScenarioError
 from scenarios.thesis.one_hertz import METHODS
-from scenarios.thesis.recovered_bandwidth import NONPARAMETRIC, Place, RecoveredBandwidth, recover, structure
+from scenarios.thesis.recovered_bandwidth import NONPARAMETRIC, Place, RecoveredBandwidth, _repeats, recover, structure
 from sysid import IOData, StateSpace
 
 DT = 0.02
@@ -49,6 +49,17 @@ def test_every_method_recovers_a_known_bandwidth(method: str) -> None:
 def test_intervals_hold_the_truth_as_often_as_they_say() -> None:
     held = sum(recovered("oe", seed=seed).covers for seed in range(20))
     assert held >= 16  # of 20 at 95 %: fewer in one of 400 such tests
+
+
+def test_a_noisy_command_repeats_all_the_same() -> None:
+    rng = np.random.default_rng(1)
+    u = np.tile(np.repeat(rng.choice([-1.0, 1.0], 50), 2), 40)
+    noisy = u + 0.1 * rng.standard_normal(len(u))
+    lone = np.repeat(rng.choice([-1.0, 1.0], 2000), 2)
+    assert _repeats(IOData(u, u, DT))
+    assert _repeats(IOData(noisy, noisy, DT))
+    assert not _repeats(IOData(lone, lone, DT))
+    assert not _repeats(IOData(u[:150], u[:150], DT)), "less than two periods tell nothing"
 
 
 @pytest.mark.parametrize("method", NONPARAMETRIC)
