@@ -143,7 +143,7 @@ class Disturbance:
         draws: How often chance is drawn; 1 where there is none.
         decibel: Whether the degree is a ratio in dB, otherwise it is drawn on a logarithmic axis.
         falling: Whether a smaller degree spoils more.
-        other_structures: Whether structures that the thesis did not choose are tried too.
+        other_structures: Whether structures that the thesis did not choose are tried too, on the first draw.
         whole: Whether it takes the whole record, to cut parts from it, or the part that all others are laid on.
     """
 
@@ -202,7 +202,7 @@ DISTURBANCES: Mapping[str, Disturbance] = MappingProxyType(
                 "outlier size",
                 f"outliers, {OUTLIER_SHARE:g} % of the samples",
                 "size, standard deviations",
-                (1.0, 3.0, 10.0, 30.0),
+                (3.0, 10.0, 30.0),
                 large_outliers,
                 draws=3,
             ),
@@ -238,7 +238,7 @@ DISTURBANCES: Mapping[str, Disturbance] = MappingProxyType(
                 "white noise",
                 "white noise added to the output",
                 "signal over noise, dB",
-                (40.0, 30.0, 20.0, 10.0, 0.0),
+                (30.0, 20.0, 10.0, 0.0),
                 white_noise,
                 decibel=True,
                 falling=True,
@@ -249,7 +249,7 @@ DISTURBANCES: Mapping[str, Disturbance] = MappingProxyType(
                 "coloured noise",
                 f"noise with a pole at {POLE:g} added to the output",
                 "signal over noise, dB",
-                (40.0, 30.0, 20.0, 10.0, 0.0),
+                (30.0, 20.0, 10.0, 0.0),
                 coloured_noise,
                 decibel=True,
                 falling=True,

@@ -81,6 +81,14 @@ def bias_and_outliers(study: Comparison) -> Finding:
     joints = tuple(study.robustness.judged_by)
     if not joints:
         raise MissingRecordError("no joint has a PRBS record and one of another waveform to judge by")
+    for methods in _methods(joints).values():
+        for joint, method in methods.items():
+            failure = clean(study.robustness, joint, method).failure
+            if failure:
+                raise MissingRecordError(
+                    f"the part of the PRBS record of {joint} that is spoilt gives {method} no bandwidth to compare "
+                    f"with even as it is ({failure})"
+                )
     value: dict[str, float] = {}
     for kind in CORE:
         for name, methods in _methods(joints).items():
@@ -119,15 +127,15 @@ def _why(study: Comparison, joints: tuple[str, ...], value: dict[str, float]) ->
         ]
         slow[name], spoilt[name] = sum(pole > 1 - NEAR_ONE for pole in ends), len(ends)
     share = min(CORE["outliers"])
-    fits = {
-        name: median(
+    fits = {}
+    for name in methods:
+        known = [
             entry.fit
             for joint in joints
             for entry in _draws(study, "outliers", joint, methods[name][joint])
-            if entry.degree == share
-        )
-        for name in methods
-    }
+            if entry.degree == share and entry.failure != "refused"
+        ]
+        fits[name] = f"{median(known):.1f} %" if known else "not known"
     percent, points = COMPARABLE
     return (
         f"four statements, each to hold on most of {all_of} joints: SysID stays comparable (bandwidth within "
@@ -140,7 +148,7 @@ def _why(study: Comparison, joints: tuple[str, ...], value: dict[str, float]) ->
         "without one a pole near z = 1, that of a sum, and outliers, which stand in OKID's regressors, bias it: at "
         f"{max(CORE['bias']):g} standard deviations {slow['SysID']} of {spoilt['SysID']} SysID and {slow['OKID']} of "
         f"{spoilt['OKID']} OKID models have such a pole, and at {share:g} % of outliers the median fit in simulation "
-        f"is {fits['OKID']:.1f} % (OKID) and {fits['SysID']:.1f} % (SysID)"
+        f"is {fits['OKID']} (OKID) and {fits['SysID']} (SysID)"
     )
 
 

@@ -107,7 +107,8 @@ class _Trial:
                         disturbance.spoil(clean, degree, self._chance(disturbance, degree, draw))
                     )
                     for structure in structures:
-                        if treatment != AS_IT_IS[0] and not structure.chosen:
+                        # The others stand beside the chosen ones, untreated and of the first draw.
+                        if not structure.chosen and (draw or treatment != AS_IT_IS[0]):
                             continue
                         place = (disturbance.key, treatment, degree, draw)
                         found.append(self._outcome(structure, spoilt, *place))

@@ -6,6 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from scenarios.errors import MissingRecordError
 from scenarios.thesis.comparison import Comparison
 from scenarios.thesis.disturbances import DISTURBANCES
 from scenarios.thesis.figures_robustness import errors
@@ -103,6 +104,18 @@ def test_finding_25_is_the_count_of_its_statements(study: Comparison) -> None:
     orders = {(e.joint, e.method, e.record): e.needed for e in study.robustness.orders}
     saved = max(orders[joint, "SysID", CONSTANT] - orders[joint, "SysID", DETRENDED] for joint in study.joints)
     assert found.value["orders that detrending saves: SysID"] == saved
+
+
+def test_finding_25_cannot_be_told_where_the_clean_record_gives_no_bandwidth(study: Comparison) -> None:
+    def failed(entry: Outcome) -> Outcome:
+        place = (entry.joint, entry.method, entry.disturbance, entry.treatment, entry.degree)
+        if place != ("elbow_pitch", "okid", "bias", "nothing removed", 0.0):
+            return entry
+        return replace(entry, failure="refused", bandwidth_hz=float("nan"), fit=float("nan"))
+
+    spoilt = replace(study.robustness, outcomes=tuple(map(failed, study.robustness.outcomes)))
+    with pytest.raises(MissingRecordError, match=r"elbow_pitch .* okid .*refused"):
+        bias_and_outliers(replace(study, robustness=spoilt))
 
 
 def test_failures_are_counted_and_hold_nothing() -> None:
