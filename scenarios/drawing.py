@@ -9,7 +9,6 @@ from typing import Any
 
 import matplotlib
 import numpy as np
-from matplotlib.backends.backend_svg import FigureCanvasSVG
 from matplotlib.figure import Figure
 
 from scenarios.whole_file import replacing
@@ -42,18 +41,6 @@ def save_figure(figure: Figure, path: Path, dpi: int = 100) -> None:
         figure.savefig(partial, format=kind, dpi=dpi, metadata=metadata)
 
 
-def lay_out(figure: Figure) -> None:
-    """Place the axes once for all files made of a figure: finding the places takes longer than drawing.
-
-    Args:
-        figure: The figure.
-    """
-    engine = figure.get_layout_engine()
-    if engine is not None:
-        engine.execute(figure)
-        figure.set_layout_engine("none")
-
-
 def svg(figure: Figure, description: str, mark: str) -> str:
     """Turn a figure into an `<svg>` element that scales with the page.
 
@@ -67,13 +54,7 @@ def svg(figure: Figure, description: str, mark: str) -> str:
     """
     buffer = io.StringIO()
     with matplotlib.rc_context(SETTINGS):
-        lay_out(figure)
-        # What savefig does beside, a whole drawing without result for the layout, has been done.
-        resolution = figure.dpi
-        FigureCanvasSVG(figure).print_svg(
-            buffer, metadata={"Date": None, "Creator": None, "Format": None, "Type": None}
-        )
-        figure.dpi = resolution
+        figure.savefig(buffer, format="svg", metadata={"Date": None, "Creator": None, "Format": None, "Type": None})
     text = buffer.getvalue()
     text = text[text.index("<svg") :]
     text = re.sub(r"<metadata>.*?</metadata>", "", text, flags=re.S)

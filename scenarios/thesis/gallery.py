@@ -7,7 +7,7 @@ from pathlib import Path
 
 from matplotlib.figure import Figure
 
-from scenarios.drawing import lay_out, save_figure, svg
+from scenarios.drawing import save_figure, svg
 from scenarios.errors import ScenarioError
 
 
@@ -68,7 +68,7 @@ class Gallery:
         if not re.fullmatch(r"[a-z0-9]+(-[a-z0-9]+)*", name) or any(entry.name == name for entry in self.pictures):
             raise ScenarioError(f"figure name {name!r}: expected words of a-z and 0-9 apart by hyphens, each name once")
         number = len(self.pictures) + 1
-        lay_out(figure)
+        _lay_out(figure)
         if self.folder is not None:
             for kind in ("svg", "png"):
                 save_figure(figure, self.folder / f"{name}.{kind}", dpi=200)
@@ -86,3 +86,11 @@ class Gallery:
             for entry in picture.thesis:
                 found[entry] = (*found.get(entry, ()), picture)
         return found
+
+
+def _lay_out(figure: Figure) -> None:
+    """Place the axes once for all files made of a figure: finding the places takes longer than drawing."""
+    engine = figure.get_layout_engine()
+    if engine is not None:
+        engine.execute(figure)
+        figure.set_layout_engine("none")
