@@ -8,20 +8,25 @@ from hmtb_twin import STUDIED_JOINTS
 from scenarios.thesis import figures_chapter_6 as draw
 from scenarios.thesis import figures_records as records
 from scenarios.thesis.block_diagrams import block_diagrams
-from scenarios.thesis.campaign import RPCM
+from scenarios.thesis.campaign import RPCM, same_sequence
 from scenarios.thesis.categories import categories
 from scenarios.thesis.comparison import Comparison
-from scenarios.thesis.coupled_response import off_diagonal
+from scenarios.thesis.coupled_response import off_diagonal, pushed_by_others
 from scenarios.thesis.figure_style import short
 from scenarios.thesis.gallery import Gallery, Picture
 from scenarios.thesis.multi_input import EXCITED
 from scenarios.thesis.multivariable import FAST_CHIRP, ThreeJointModel
+from scenarios.thesis.reference_fits import COUPLED, DIAGONAL, NOISELESS
 
 BODES = {"shoulder_yaw": ("58", "61"), "shoulder_pitch": ("59", "62"), "elbow_pitch": ("60", "63")}
 """The thesis' Bode plots of the SysID and of the OKID model."""
 
 SHOWN = (20.0, 4.0)
 """Where a part of the chirp begins behind the settled start, and how long it is, s: two sweeps."""
+
+
+PUSHED = (0.5, 1.0, 2.5, 5.0, 10.0)
+"""Where the true coupling is told, Hz."""
 
 
 def chapter_6(study: Comparison, gallery: Gallery) -> dict[str, object]:
@@ -42,11 +47,29 @@ def chapter_6(study: Comparison, gallery: Gallery) -> dict[str, object]:
         "figures": models,
         "full": found.full,
         "true_coupling": off_diagonal(found.truth, band=EXCITED),
+        "pushes": [
+            {
+                "hz": hz,
+                "share": {joint: 100 * part for joint, part in pushed_by_others(found.truth, band=(hz, hz)).items()},
+            }
+            for hz in PUSHED
+        ],
         "exchange": _exchange(study, gallery) if RPCM in found.records else {},
         "chirp": _chirp(study, gallery) if FAST_CHIRP in found.records else [],
+        "reach": _reach(study) if FAST_CHIRP in found.records else {},
+        "same": [name for name in found.records if same_sequence(name)],
         "records": found.records,
         "fits": _every_fit(study, gallery) if found.records else None,
         "categories": categories(study),
+    }
+
+
+def _reach(study: Comparison) -> dict[str, list[float]]:
+    """By joint, what the truth without coupling, with it, and the true angles follow of the fast chirp, percent."""
+    found = study.multivariable
+    return {
+        joint: [found.reference(kind, FAST_CHIRP)[joint] for kind in (DIAGONAL, COUPLED, NOISELESS)]
+        for joint in STUDIED_JOINTS
     }
 
 
@@ -78,9 +101,11 @@ def _models(study: Comparison, gallery: Gallery) -> dict[str, Picture | list[Pic
         ),
         "coupled": gallery.add(
             draw.coupled(study),
-            "gain from each commanded to each measured angle: the true arm couples its pitch joints a little, the "
-            "block-diagonal models by construction not at all, and a model of all nine responses finds couplings that "
-            "are not there when the axes share a waveform. Panels without a black line: true gain below 0.0001.",
+            "gain from each commanded to each measured angle: the true arm couples its pitch joints, the "
+            "block-diagonal "
+            "models by construction do not, and a model of all nine responses finds couplings that are not there when "
+            "the "
+            "axes share a waveform. Panels without a black line: true gain below 0.0001.",
             name="coupled",
         ),
     }
@@ -171,6 +196,8 @@ def _every_fit(study: Comparison, gallery: Gallery) -> Picture:
     return gallery.add(
         draw.every_fit(study),
         "fits of the SysID and the OKID model to every record of several joints: in simulation (filled) and one step "
-        "ahead (open). A mark without a partner has both at one place.",
+        "ahead (open). A mark without a partner has both at one place. Black bars: what the linear truth follows "
+        "without "
+        "its coupling (dashed) and with it (solid).",
         name="every-fit",
     )

@@ -11,6 +11,7 @@ from scenarios.thesis.figure_style import FREQUENCIES, WIDTH, dress, mark_excite
 from scenarios.thesis.findings_chapter_6 import ROUNDING
 from scenarios.thesis.multi_input import FULL_OKID, INDEPENDENT
 from scenarios.thesis.multivariable import Kind, ThreeJointModel
+from scenarios.thesis.reference_fits import COUPLED, DIAGONAL
 from sysid import StateSpace
 from sysid.plots import BOUND, PALETTE, Curve, Style, bode
 
@@ -121,7 +122,7 @@ def coupled(study: Comparison) -> Figure:
 
 
 def every_fit(study: Comparison) -> Figure:
-    """Fits of the SysID and the OKID model to every record of several joints, both ways."""
+    """Fits of the SysID and the OKID model to every record of several joints, both ways, and of the linear truth."""
     records = study.multivariable.records
     figure = Figure(figsize=(WIDTH, 0.27 * len(records) + 1.4), layout="constrained")
     panels = figure.subplots(1, len(study.joints), sharey=True)
@@ -129,6 +130,9 @@ def every_fit(study: Comparison) -> Figure:
     for axes, joint in zip(panels, study.joints, strict=True):
         for entry, shift in zip(study.multivariable.pair(), (-0.16, 0.16), strict=True):
             _fits(axes, entry, joint, records, place + shift)
+        for kind, line in ((DIAGONAL, (0, (1.5, 1.0))), (COUPLED, "-")):
+            reached = [study.multivariable.reference(kind, name)[joint] for name in records]
+            axes.vlines(reached, place - 0.4, place + 0.4, color=PALETTE["truth"].colour, lw=1.0, ls=line, label=kind)
         axes.set_title(short(joint), fontsize=8)
         axes.set_xlim(left=max(axes.get_xlim()[0], -20.0), right=102.0)
     panels[0].set_yticks(place, labels=list(records))
