@@ -105,10 +105,13 @@ def answer_text(tally: Tally) -> str:
     parts += [f"{', '.join(some)}"] if some else []
     parts += [f"with none {', '.join(none)}"] if none else []
     held = [found.covers for found in models]
-    return (
-        f"Over {seeds} seeds {'; '.join(parts)}. Of their {seeds * len(models)} intervals {sum(held)} hold the truth, "
-        f"by model between {min(held)} and {max(held)} of {seeds}."
+    intervals = (
+        f"{sum(held)} of their {seeds * len(models)} intervals hold the truth, by model between {min(held)} and "
+        f"{max(held)} of {seeds}"
+        if any(held)
+        else f"None of their {seeds * len(models)} intervals holds the truth"
     )
+    return f"Over {seeds} seeds {'; '.join(parts)}. {intervals}."
 
 
 def source_text(tally: Tally, seed: int | None = None) -> str:

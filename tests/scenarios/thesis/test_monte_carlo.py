@@ -387,6 +387,8 @@ def test_the_answer_says_how_often_it_comes_out() -> None:
     said = answer_text(found)
     assert said.startswith("Over 3 seeds 0 of ")
     assert "OE with 2" in said
+    assert "intervals hold the truth, by model between " in said
+    assert "None of their " in answer_text(Tally((made(1, hz=1.6),), {}))
     assert "models are near 1 Hz with every seed" in answer_text(Tally((made(1, hz=1.0),), {}))
 
 
