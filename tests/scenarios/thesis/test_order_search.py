@@ -4,6 +4,8 @@ import numpy as np
 import pytest
 from scipy.signal import lfilter
 
+import sysid
+from scenarios.thesis import order_search
 from scenarios.thesis.comparison import Comparison
 from scenarios.thesis.order_search import DELAYS, POLES, search, search_orders
 from sysid import IOData, SysidError
@@ -74,3 +76,14 @@ def test_a_search_knows_of_the_thesis_choice(study: Comparison) -> None:
                 assert entry.own.orders == entry.thesis
         assert np.isfinite(found.arx.validation).all()
         assert found.arx.best("aic")
+
+
+def test_the_test_of_the_same_sequence_judges_nothing(monkeypatch: pytest.MonkeyPatch) -> None:
+    data = {number: record(number, coloured=False, samples=200) for number in range(1, 9)}
+    judges: list[list[IOData]] = []
+    monkeypatch.setattr(sysid, "selstruc", lambda *_, validation: judges.append(validation))
+    monkeypatch.setattr(order_search, "search", lambda _, __, others, ___: judges.append(others))
+    order_search.search_orders("elbow_pitch", data, 5, {"armax": (2, 2, 2, 2), "oe": (2, 2, 2)})
+    assert len(judges) == 3
+    for others in judges:
+        assert [float(one.y[0, 0]) for one in others] == [float(data[n].y[0, 0]) for n in (1, 2, 3, 4, 7, 8)]
