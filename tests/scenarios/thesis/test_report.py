@@ -14,11 +14,16 @@ from matplotlib.figure import Figure
 from scenarios.drawing import SETTINGS, photograph, png, svg
 from scenarios.errors import ScenarioError
 from scenarios.thesis.comparison import Comparison
+from scenarios.thesis.finding import Verdict
 from scenarios.thesis.findings import findings
+from scenarios.thesis.frequencies import ORDER, chance
 from scenarios.thesis.gallery import Gallery
+from scenarios.thesis.outcome import outcome
 from scenarios.thesis.report import contents, numbered, page, signed, write_report
 from scenarios.thesis.report_context import context
 from scenarios.thesis.results import answers, headline
+from scenarios.thesis.tally import Tally
+from scenarios.thesis.wording import limits
 
 VOID = {"meta", "img", "br", "link", "hr", "input"}
 
@@ -176,6 +181,36 @@ def test_every_finding_is_listed_with_verdict_and_reason(text: str, study: Compa
     for (_, row), finding in zip(rows, findings(study), strict=True):
         assert f">{finding.verdict}</span>" in row
         assert len(row[row.index('data-label="Why"') :]) > 30
+
+
+def test_frequencies_and_ranges_stand_beside_the_findings(
+    text: str, study: Comparison, shown: dict[str, object]
+) -> None:
+    found = findings(study)
+    first, second = found[0], found[1]
+    here = outcome(study, found)
+    turned: Verdict = "partly" if second.verdict != "partly" else "reproduced"
+    moved = {name: 1.1 * value for name, value in here.numbers[first.key].items()}
+    other = replace(
+        here,
+        seed=12,
+        verdicts={**here.verdicts, second.key: turned},
+        numbers={**here.numbers, first.key: moved},
+    )
+    both = Tally((here, other), {})
+    many = page({**shown, "chance": chance(found, both, study.seed)})
+    Page(many)
+    rows = dict(re.findall(r'<tr id="(F\d+)">(.*?)</tr>', many, flags=re.S))
+    assert '<span class="note">2 of 2 seeds</span>' in rows[first.key]
+    for spread in both.spread(first.key).values():
+        assert limits(spread, first) in rows[first.key]
+    assert any(limits(spread, first) for spread in both.spread(first.key).values())
+    counts = [f"1 {verdict}" for verdict in sorted((turned, second.verdict), key=ORDER.index)]
+    assert f"depends on the seed: of 2 seeds {', '.join(counts)}" in rows[second.key]
+    assert "What another seed changes" in many
+    assert "of 2 seeds (11 to 12) on the same arm, records of 24 s, run for this report." in many
+    assert "depends on the seed: of" not in text, "nothing is said of seeds where there were none"
+    assert "What another seed changes" not in text
 
 
 def test_short_records_are_marked(text: str) -> None:
