@@ -34,7 +34,7 @@ WAVEFORMS = {
     "sine": "--frequency 1",
     "two_sines": "--frequency 1.25",
     "multisine": "--f-min 1 --f-max 5 --odd --seed 3",
-    "prbs": "--clock 3 --seed 2",
+    "prbs": "--clock 3 --seed 2 --register 12",
     "sign_recursion": "--memory 0.3 --as-printed --seed 2",
     "chirp": "--f-start 1 --f-end 5",
     "chirp_as_printed": "--f-low 1 --f-high 2 --f-center 3",
