@@ -89,7 +89,7 @@ def test_every_seed_agrees_with_the_tally_that_it_is_in() -> None:
 
 def test_whole_records_of_seeds_from_one_on_came_to_an_end() -> None:
     found = recorded()
-    assert [entry.seed for entry in found.outcomes] == list(range(1, len(found.outcomes) + 1))
+    assert [entry.seed for entry in found.outcomes] == list(range(1, 21))
     assert found.duration is None
     assert not found.failed
     assert not any(entry.failed for entry in found.outcomes)
