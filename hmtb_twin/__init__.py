@@ -15,6 +15,7 @@ from hmtb_twin.payloads import PAYLOADS
 from hmtb_twin.plant import NOMINAL_PLANT, Plant
 from hmtb_twin.rendering import render
 from hmtb_twin.simulation import Logs, simulate
+from hmtb_twin.specimen import NOMINAL_SPECIMEN, Specimen
 from hmtb_twin.status import Status
 from hmtb_twin.truth import JointTruth, Truth
 from hmtb_twin.variants import VARIANTS, Variant
@@ -24,6 +25,7 @@ __all__ = [
     "JOINTS",
     "MODES",
     "NOMINAL_PLANT",
+    "NOMINAL_SPECIMEN",
     "PAYLOADS",
     "POSES",
     "STUDIED_JOINTS",
@@ -42,6 +44,7 @@ __all__ = [
     "Operator",
     "OverloadError",
     "Plant",
+    "Specimen",
     "Status",
     "Truth",
     "TwinError",

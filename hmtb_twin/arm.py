@@ -18,6 +18,7 @@ from hmtb_twin.resources import model_file
 from hmtb_twin.rigid_bodies import write_bodies
 from hmtb_twin.seats import SEATS
 from hmtb_twin.servo import servo_gains
+from hmtb_twin.specimen import NOMINAL_SPECIMEN, Specimen
 from hmtb_twin.variants import Variant, variant_named
 from hmtb_twin.worksite_model import LATCH_WELD, worksite_spec
 
@@ -35,11 +36,12 @@ class Arm:
         variant: One of `VARIANTS`.
         payload: One of `PAYLOADS`; at the worksite, what the end effector holds at first.
         plant: What its drives run on and rub with.
+        specimen: How it deviates from its variant, which alone its controller knows.
         worksite: Whether the arm stands at its worksite: the model has contact, and the replacement unit as a free body
             behind the arm's joints.
         drives: Drive of each joint, as it is under the conditions of the plant.
         servos: Servo of each joint.
-        gains: kp (N m/rad) and kd (N m s/rad) of each joint.
+        gains: kp (N m/rad) and kd (N m s/rad) of each joint, as its servo has them.
     """
 
     model: mujoco.MjModel
@@ -47,6 +49,7 @@ class Arm:
     variant: str
     payload: str
     plant: Plant
+    specimen: Specimen
     worksite: bool
     drives: Mapping[str, Drive]
     servos: Mapping[str, Servo]
@@ -76,7 +79,7 @@ class Arm:
         No flow passes the valves, the oil is trapped but for the leakage; electric drives are held by their brakes.
         """
         shut = {name: drive.unpowered for name, drive in self.drives.items()}
-        return _compile(variant_named(self.variant), self.payload, self.plant, shut, self.worksite)
+        return _compile(self.variant, self.payload, self.plant, self.specimen, shut, self.gains, self.worksite)
 
     @property
     def friction(self) -> bool:
@@ -219,6 +222,7 @@ def load_arm(
     payload: str = "rpcm",
     *,
     plant: Plant = NOMINAL_PLANT,
+    specimen: Specimen = NOMINAL_SPECIMEN,
     friction: bool = True,
     worksite: bool = False,
 ) -> Arm:
@@ -229,6 +233,7 @@ def load_arm(
         payload: What the end effector holds, one of `PAYLOADS`. The servo gains are those of the RPCM either way. At
             the worksite, what it holds at first: "none" leaves the unit in its holster.
         plant: What the drives run on and rub with.
+        specimen: How this arm deviates from its variant.
         friction: Whether the seals rub as the plant says; without, the oil's drag is left, and the arm is what
             `linearize` describes.
         worksite: Whether the arm stands at the worksite, with contact, instead of in free space.
@@ -237,10 +242,10 @@ def load_arm(
         The arm. Calls with equal arguments return the same record.
 
     Raises:
-        TwinError: Unknown variant or payload, no `Plant` or one that the variant has not, or an arm or a payload for
-            which the worksite has no place.
+        TwinError: Unknown variant or payload, no `Plant` or `Specimen` or one that the variant has not, or an arm
+            or a payload for which the worksite has no place.
     """
-    check_arm(variant, payload, plant, worksite=bool(worksite))
+    check_arm(variant, payload, plant, worksite=bool(worksite), specimen=specimen)
     if not friction:
         plant = plant.sliding
     if plant.actuator == "orifice":
@@ -248,10 +253,12 @@ def load_arm(
 
         # An arm from the cache, too, needs them in force.
         install_valve_equations()
-    return _load(variant, payload, plant, bool(worksite))
+    return _load(variant, payload, plant, specimen, bool(worksite))
 
 
-def check_arm(variant: str, payload: str, plant: Plant, *, worksite: bool) -> None:
+def check_arm(
+    variant: str, payload: str, plant: Plant, *, worksite: bool, specimen: Specimen = NOMINAL_SPECIMEN
+) -> None:
     """Refuse what `load_arm` cannot load.
 
     Raises:
@@ -260,6 +267,8 @@ def check_arm(variant: str, payload: str, plant: Plant, *, worksite: bool) -> No
     arm = variant_named(variant)
     if not isinstance(plant, Plant):
         raise TwinError(f'plant = {plant!r} given, expected a Plant, such as Plant(actuator="orifice")')
+    if not isinstance(specimen, Specimen):
+        raise TwinError(f"specimen = {specimen!r} given, expected a Specimen, such as Specimen(payload_mass=1.1)")
     if not isinstance(payload, str) or payload not in PAYLOADS:
         raise TwinError(f"unknown payload {payload!r}, available: {', '.join(PAYLOADS)}")
     if worksite and payload not in WORKSITE_PAYLOADS:
@@ -272,58 +281,66 @@ def check_arm(variant: str, payload: str, plant: Plant, *, worksite: bool) -> No
             f"variant {variant!r} at the worksite given, expected an arm on the ground: the seats hold the unit by its "
             "weight"
         )
-    for drive in arm.actuators.values():
-        plant.applied(drive)
+    for joint, drive in arm.actuators.items():
+        specimen.applied(joint, plant.applied(drive))
 
 
 @lru_cache(maxsize=64)
-def _load(name: str, payload: str, plant: Plant, worksite: bool) -> Arm:
+def _load(name: str, payload: str, plant: Plant, specimen: Specimen, worksite: bool) -> Arm:
     variant = variant_named(name)
-    drives = {joint: plant.applied(drive) for joint, drive in variant.actuators.items()}
+    drives = {joint: specimen.applied(joint, plant.applied(drive)) for joint, drive in variant.actuators.items()}
+    gains = {joint: specimen.gains(joint, tuned) for joint, tuned in tuned_gains(variant).items()}
     return Arm(
-        model=_compile(variant, payload, plant, drives, worksite),
+        model=_compile(name, payload, plant, specimen, drives, gains, worksite),
         controller=controller_model(payload, name),
         variant=name,
         payload=payload,
         plant=plant,
+        specimen=specimen,
         worksite=worksite,
         drives=MappingProxyType(drives),
         servos=MappingProxyType(dict(variant.servos)),
-        gains=MappingProxyType(tuned_gains(variant)),
+        gains=MappingProxyType(gains),
     )
 
 
 def _compile(
-    variant: Variant, payload: str, plant: Plant, drives: Mapping[str, Drive], worksite: bool
+    name: str,
+    payload: str,
+    plant: Plant,
+    specimen: Specimen,
+    drives: Mapping[str, Drive],
+    gains: Mapping[str, tuple[float, float]],
+    worksite: bool,
 ) -> mujoco.MjModel:
-    gains = tuned_gains(variant)
+    variant = variant_named(name)
     if plant.actuator == "orifice":
         # The compiler behind it takes a second to load, and only this form needs it.
         from hmtb_twin.orifice import STEP, add_orifice_actuators
 
-        spec = _spec(variant, payload, worksite_spec(STEP) if worksite else None)
+        spec = _spec(variant, payload, specimen, worksite_spec(STEP) if worksite else None)
         # Only hydraulic drives pass `Plant.applied` with this form.
-        valves = {name: drive for name, drive in drives.items() if isinstance(drive, Actuator)}
+        valves = {joint: drive for joint, drive in drives.items() if isinstance(drive, Actuator)}
         add_orifice_actuators(spec, valves, gains)
     else:
-        spec = _spec(variant, payload, worksite_spec() if worksite else None)
-        for name in JOINTS:
-            configure(spec.actuator(name), drives[name], gains[name])
-    for name in JOINTS:
-        turn(spec.joint(name), drives[name])
+        spec = _spec(variant, payload, specimen, worksite_spec() if worksite else None)
+        for joint in JOINTS:
+            configure(spec.actuator(joint), drives[joint], gains[joint])
+    for joint in JOINTS:
+        turn(spec.joint(joint), drives[joint])
     return spec.compile()
 
 
-def _spec(variant: Variant, payload: str, scene: mujoco.MjSpec | None) -> mujoco.MjSpec:
+def _spec(variant: Variant, payload: str, specimen: Specimen, scene: mujoco.MjSpec | None) -> mujoco.MjSpec:
     if scene is not None:
         # There the unit is a body of its own, whoever holds it at first.
-        write_bodies(scene, variant, "rpcm")
+        write_bodies(scene, variant, "rpcm", specimen)
         return scene
     spec = mujoco.MjSpec.from_file(str(model_file("hmtb/hmtb.xml")))
     for key in list(spec.keys):
         # Its activations would not fit an arm without friction, and `Arm.rest` computes the same state.
         spec.delete(key)
-    write_bodies(spec, variant, payload)
+    write_bodies(spec, variant, payload, specimen)
     spec.option.timestep = variant.step
     return spec
 

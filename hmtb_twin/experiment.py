@@ -8,6 +8,7 @@ import numpy as np
 from hmtb_twin.chain import Chain
 from hmtb_twin.parameters import HandController
 from hmtb_twin.plant import Plant
+from hmtb_twin.specimen import Specimen
 
 
 @dataclass(frozen=True)
@@ -82,6 +83,7 @@ class Experiment(Protocol):
         variant: Arm variant.
         payload: What the end effector holds.
         plant: What the drives run on and rub with.
+        specimen: How this one arm deviates from its variant.
         pose: Keyframe at which the arm rests before the experiment and about which it is excited.
         worksite: Whether the arm works at the worksite, with contact, instead of in free space.
         mode: Control mode, one of `MODES`.
@@ -101,6 +103,8 @@ class Experiment(Protocol):
     def payload(self) -> str: ...  # noqa: D102
     @property
     def plant(self) -> Plant: ...  # noqa: D102
+    @property
+    def specimen(self) -> Specimen: ...  # noqa: D102
     @property
     def pose(self) -> str: ...  # noqa: D102
     @property

@@ -13,7 +13,7 @@ from hmtb_twin.errors import OverloadError, TwinError
 from hmtb_twin.innovations import Disturbances, innovations_form
 from hmtb_twin.joint_log import software_versions
 from hmtb_twin.joint_range import check_range, clear_of_stops
-from hmtb_twin.parameters import JOINTS, OPERATING_POSE, RECORDER, SAMPLE_TIME, STUDIED_JOINTS
+from hmtb_twin.parameters import JOINTS, OPERATING_POSE, SAMPLE_TIME, STUDIED_JOINTS
 from hmtb_twin.sample_map import sample_map
 from hmtb_twin.truth import Truth
 from sysid import StateSpace
@@ -74,6 +74,7 @@ def linearize(arm: Arm, pose: str | np.ndarray = OPERATING_POSE, *, amplitudes: 
         variant=arm.variant,
         payload=arm.payload,
         plant=arm.plant,
+        specimen=arm.specimen,
         pose=pose if isinstance(pose, str) else "given angles",
         angles=angles,
         small_signal_error=errors,
@@ -86,7 +87,7 @@ def sliding(arm: Arm) -> Arm:
     if not arm.worksite and not arm.friction:
         # It may have other valves or another step than `load_arm` gives.
         return arm
-    return load_arm(arm.variant, arm.payload, plant=arm.plant, friction=False)
+    return load_arm(arm.variant, arm.payload, plant=arm.plant, specimen=arm.specimen, friction=False)
 
 
 def _angles(pose: np.ndarray) -> np.ndarray:
@@ -118,7 +119,8 @@ def _sampled_model(arm: Arm, angles: np.ndarray) -> tuple[StateSpace, Disturbanc
     drives = np.zeros((path.order, len(JOINTS)))
     drives[:states] = torques * arm.process_noise
     # Readings reach the record as late as the angles; white noise delayed is white noise.
-    resolvers = (RECORDER.noise**2 + RECORDER.resolver_step**2 / 12.0) * np.eye(len(JOINTS))
+    recorder = arm.specimen.recorder
+    resolvers = (recorder.noise**2 + recorder.resolver_step**2 / 12.0) * np.eye(len(JOINTS))
     return path, Disturbances(drives, resolvers)
 
 

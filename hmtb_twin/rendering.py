@@ -33,7 +33,7 @@ def scene_model(arm: Arm) -> mujoco.MjModel:
     for key in list(spec.keys):
         # Its controls and activations would not fit a model without the unit, and a picture needs angles only.
         spec.delete(key)
-    write_bodies(spec, variant_named(arm.variant), arm.payload)
+    write_bodies(spec, variant_named(arm.variant), arm.payload, arm.specimen)
     return spec.compile()
 
 

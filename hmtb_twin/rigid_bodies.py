@@ -4,9 +4,11 @@ from collections.abc import Iterator
 from xml.etree import ElementTree
 
 import mujoco
+import numpy as np
 
 from hmtb_twin.parameters import JOINTS, LINKS, Link
 from hmtb_twin.payloads import PAYLOADS, Payload
+from hmtb_twin.specimen import LINK_NAMES, NOMINAL_SPECIMEN, Specimen
 from hmtb_twin.variants import Variant
 
 UNIT = "rpcm"
@@ -31,13 +33,14 @@ BODIES = dict(
 """The body that is each link."""
 
 
-def write_bodies(spec: mujoco.MjSpec, variant: Variant, payload: str) -> None:
+def write_bodies(spec: mujoco.MjSpec, variant: Variant, payload: str, specimen: Specimen = NOMINAL_SPECIMEN) -> None:
     """Write gravity, links and payload into a MuJoCo model that holds the RPCM.
 
     Args:
         spec: The model, of `hmtb.xml` or of a scene round it.
         variant: The arm; what it shares with the nominal one is left as it is.
         payload: One of `PAYLOADS`.
+        specimen: How links and payload deviate from these.
     """
     spec.option.gravity = [0.0, 0.0, -variant.gravity]
     for name, link in _other_links(variant):
@@ -53,6 +56,25 @@ def write_bodies(spec: mujoco.MjSpec, variant: Variant, payload: str) -> None:
         box, marking = unit.geoms[:2]
         box.pos, box.size = [x / 2, 0.0, 0.0], [x / 2, y / 2, z / 2]
         marking.pos, marking.size = [x / 2, 0.0, z / 2], [0.275 * x, 0.3 * y, 0.002]
+    _deviate(spec, specimen, held=held is not None)
+
+
+def _deviate(spec: mujoco.MjSpec, specimen: Specimen, *, held: bool) -> None:
+    """Write how a specimen's bodies deviate; what does not is left as it is, to the bit."""
+    for name in filter(specimen.deviating, LINK_NAMES):
+        body = spec.body(BODIES[name])
+        body.mass, body.ipos, inertia = specimen.body(name, body.mass, body.ipos.copy(), body.inertia.copy())
+        if not inertia[np.triu_indices(3, 1)].any():
+            body.inertia = np.diag(inertia)
+            continue
+        moments, axes = np.linalg.eigh(inertia)
+        if np.linalg.det(axes) < 0.0:
+            axes[:, 0] *= -1.0
+        body.inertia = moments
+        mujoco.mju_mat2Quat(body.iquat, axes.ravel())
+    if held and specimen.payload_mass != 1.0:
+        unit = spec.body(UNIT)
+        unit.mass, unit.inertia = specimen.payload_mass * unit.mass, specimen.payload_mass * unit.inertia
 
 
 def controllers_bodies(root: ElementTree.Element, variant: Variant, payload: str) -> None:

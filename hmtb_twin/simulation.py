@@ -4,6 +4,7 @@ from collections import defaultdict
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import partial
+from json import dumps
 from time import perf_counter
 from types import MappingProxyType
 from typing import overload
@@ -18,7 +19,7 @@ from hmtb_twin.engine_warnings import warned_of
 from hmtb_twin.errors import OverloadError, TwinError
 from hmtb_twin.experiment import Experiment, Operator, View
 from hmtb_twin.joint_log import WRENCH, JointLog, software_versions
-from hmtb_twin.parameters import JOINTS, RECORDER, SAMPLE_RATE, SAMPLE_TIME
+from hmtb_twin.parameters import JOINTS, SAMPLE_RATE, SAMPLE_TIME
 from hmtb_twin.recorder import delayed, read_resolvers
 from hmtb_twin.status import Status
 from hmtb_twin.worksite_run import WorksiteRun
@@ -135,6 +136,7 @@ def _arm(experiment: Experiment) -> Arm:
         experiment.variant,
         experiment.payload,
         plant=experiment.plant,
+        specimen=experiment.specimen,
         friction=experiment.chain.friction,
         worksite=experiment.worksite,
     )
@@ -277,7 +279,10 @@ def _drive_noise(rows: list[_Row], shape: tuple[int, ...]) -> np.ndarray | None:
 
 def _reading(row: _Row, tick: int, angles: np.ndarray) -> np.ndarray:
     """What the controller's own resolvers tell at a tick, (7,) rad."""
-    return read_resolvers(angles, row.resolver_noise[tick], RECORDER, resolver=row.experiment.chain.resolver)
+    experiment = row.experiment
+    return read_resolvers(
+        angles, row.resolver_noise[tick], experiment.specimen.recorder, resolver=experiment.chain.resolver
+    )
 
 
 def _switch_models(
@@ -297,7 +302,10 @@ def _reason(counts: np.ndarray, tick: int) -> str:
 def _log(row: _Row) -> JointLog:
     experiment, station = row.experiment, row.station
     readings = read_resolvers(
-        row.record["true_angles"], row.resolver_noise, RECORDER, resolver=experiment.chain.resolver
+        row.record["true_angles"],
+        row.resolver_noise,
+        experiment.specimen.recorder,
+        resolver=experiment.chain.resolver,
     )
     return JointLog(
         name=experiment.name,
@@ -315,6 +323,7 @@ def _log(row: _Row) -> JointLog:
             "payload": experiment.payload,
             "drives": _arm(experiment).drives_kind,
             **{f"plant_{name}": str(value) for name, value in vars(experiment.plant).items()},
+            **{f"specimen_{name}": dumps(value) for name, value in experiment.specimen.deviations.items()},
             "pose": experiment.pose,
             "mode": experiment.mode,
             **{name: str(on).lower() for name, on in vars(experiment.chain).items()},

@@ -12,6 +12,7 @@ from hmtb_twin.modal import modal
 from hmtb_twin.modes import joint_index
 from hmtb_twin.parameters import INDEXED_JOINTS, JOINTS
 from hmtb_twin.plant import Plant
+from hmtb_twin.specimen import Specimen
 from sysid import StateSpace
 
 MINIMAL = 1e-9
@@ -78,6 +79,7 @@ class Truth:
         variant: Arm variant.
         payload: What the end effector holds.
         plant: What the drives run on and rub with.
+        specimen: How the arm deviates from its variant.
         pose: Operating point, by name.
         angles: Operating point (7,), rad.
         small_signal_error: By amplitude in rad, the relative error of the linear model against simulation: root mean
@@ -91,6 +93,7 @@ class Truth:
     variant: str
     payload: str
     plant: Plant
+    specimen: Specimen
     pose: str
     angles: np.ndarray
     small_signal_error: Mapping[float, float]

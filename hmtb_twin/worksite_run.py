@@ -35,7 +35,7 @@ class WorksiteRun:
     def __init__(self, simulations: batch.Batch, arm: Arm) -> None:
         self._arm = arm
         self._arms = {
-            held: load_arm(arm.variant, payload, plant=arm.plant, worksite=True)
+            held: load_arm(arm.variant, payload, plant=arm.plant, specimen=arm.specimen, worksite=True)
             for payload, held in (("rpcm", True), ("none", False))
         }
         self.held = np.full(simulations.nsim, PAYLOADS[arm.payload] is not None)

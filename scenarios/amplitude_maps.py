@@ -104,7 +104,14 @@ def large_signals(
     for number, (joint, amplitude, each) in enumerate(todo):
         plant = replace(arm.plant, friction_level=each) if arm.friction else arm.plant
         setting = MultisineExperiment(
-            joint, (joint,), variant=arm.variant, payload=arm.payload, plant=plant, pose=pose, chain=CHAIN
+            joint,
+            (joint,),
+            variant=arm.variant,
+            payload=arm.payload,
+            plant=plant,
+            specimen=arm.specimen,
+            pose=pose,
+            chain=CHAIN,
         )
         measured = best_linear(setting, replace(measurement, rms=amplitude), threads=threads)
         found[joint, amplitude, each] = _summary(measured, truth, joint, amplitude, each)

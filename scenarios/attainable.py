@@ -244,7 +244,7 @@ def _noise_free(record: JointLog, arm: Arm, truth: Truth, true: FloatArray) -> t
         # Noise dithers what is not smooth: the mean is not the motion without noise.
         mean = conditional_mean(arm, truth.angles, record.commanded, draws=DRAWS, seed=record.seed)
         return mean, f"mean of {DRAWS} draws of process noise"
-    quiet = load_arm(arm.variant, arm.payload, plant=replace(arm.plant, process_noise=0.0))
+    quiet = load_arm(arm.variant, arm.payload, plant=replace(arm.plant, process_noise=0.0), specimen=arm.specimen)
     angles = simulated(quiet, truth.angles, record.commanded) + quiet.rest(truth.angles).qpos[: len(JOINTS)]
     return ConditionalMean(angles, np.zeros_like(angles)), "simulated anew without process noise"
 

@@ -79,7 +79,8 @@ class BestLinearTruth:
     def small_signal(self) -> Truth:
         """The small-signal truth of the same arm under the same conditions."""
         e = self.experiment
-        return linearize(load_arm(e.variant, e.payload, plant=e.plant, friction=e.chain.friction), e.pose)
+        arm = load_arm(e.variant, e.payload, plant=e.plant, specimen=e.specimen, friction=e.chain.friction)
+        return linearize(arm, e.pose)
 
     def servo_agreement(self, truth: Truth | None = None) -> Agreement:
         """Compare `servo` line by line with a small-signal truth, by default that of the same arm."""

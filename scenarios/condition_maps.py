@@ -5,7 +5,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from hmtb_twin import PAYLOADS, Arm, load_arm
+from hmtb_twin import PAYLOADS, Arm, Plant, load_arm
 from hmtb_twin.oil import COLDEST, HOTTEST
 from scenarios.local_dynamics import LocalDynamics, Progress, dynamics_at, together
 from scenarios.truth_summary import hydraulic
@@ -35,21 +35,21 @@ def payloads(arm: Arm, angles: np.ndarray) -> Conditions:
     """Linearise with everything that the end effector may hold, lightest first; the servos keep their gains."""
     masses = {name: payload.mass if payload else 0.0 for name, payload in PAYLOADS.items()}
     names = tuple(sorted(masses, key=lambda name: masses[name]))
-    arms = (load_arm(arm.variant, name, plant=arm.plant) for name in names)
+    arms = (load_arm(arm.variant, name, plant=arm.plant, specimen=arm.specimen) for name in names)
     return Conditions("payload", "", names, _dynamics(arms, angles))
 
 
 def supply_pressures(arm: Arm, angles: np.ndarray, count: int) -> Conditions:
     """Linearise over the pressure of the supply; the lowest may be too low to hold the arm."""
     values = tuple(float(value) for value in np.linspace(*PRESSURES, count))
-    arms = (load_arm(arm.variant, arm.payload, plant=replace(arm.plant, supply_pressure=value)) for value in values)
+    arms = (_under(arm, replace(arm.plant, supply_pressure=value)) for value in values)
     return Conditions("supply pressure", "MPa", values, _dynamics(arms, angles))
 
 
 def oil_temperatures(arm: Arm, angles: np.ndarray, count: int) -> Conditions:
     """Linearise over the temperature of the oil, which sets drag and leakage."""
     values = tuple(float(value) for value in np.linspace(COLDEST, HOTTEST, count))
-    arms = (load_arm(arm.variant, arm.payload, plant=replace(arm.plant, oil_temperature=value)) for value in values)
+    arms = (_under(arm, replace(arm.plant, oil_temperature=value)) for value in values)
     return Conditions("oil temperature", "°C", values, _dynamics(arms, angles))
 
 
@@ -69,6 +69,10 @@ def conditions(arm: Arm, angles: np.ndarray, count: int, progress: Progress | No
                 progress(len(done), 3)
             done.append(vary(arm, angles, count))
     return tuple(done)
+
+
+def _under(arm: Arm, plant: Plant) -> Arm:
+    return load_arm(arm.variant, arm.payload, plant=plant, specimen=arm.specimen)
 
 
 def _dynamics(arms: Iterable[Arm], angles: np.ndarray) -> LocalDynamics:

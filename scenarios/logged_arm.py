@@ -1,11 +1,12 @@
 """The arm that a log was recorded from, from what the log tells of itself."""
 
 from dataclasses import fields, replace
+from json import JSONDecodeError, loads
 from typing import Any, get_type_hints
 
 import numpy as np
 
-from hmtb_twin import Arm, JointLog, Plant, Truth, load_arm
+from hmtb_twin import Arm, JointLog, Plant, Specimen, Truth, TwinError, load_arm
 from scenarios.errors import ScenarioError
 
 NEEDED = ("variant", "payload", "pose", "friction")
@@ -31,6 +32,7 @@ def logged_arm(log: JointLog) -> Arm:
         log.provenance["variant"],
         log.provenance["payload"],
         plant=logged_plant(log),
+        specimen=logged_specimen(log),
         friction=log.provenance["friction"] == "true",
     )
 
@@ -65,6 +67,23 @@ def logged_plant(log: JointLog) -> Plant:
     return Plant(**values)
 
 
+def logged_specimen(log: JointLog) -> Specimen:
+    """Return how the arm of the record deviates from its variant: what the log does not tell of does not.
+
+    Raises:
+        ScenarioError: What it tells is nothing that an arm could be.
+    """
+    known = {f"specimen_{entry.name}": entry.name for entry in fields(Specimen)}
+    told = {key: text for key, text in log.provenance.items() if key.startswith("specimen_")}
+    unknown = sorted(told.keys() - known.keys())
+    if unknown:
+        raise ScenarioError(f"{log.name}: {unknown[0]} in its provenance, expected one of {', '.join(known)}")
+    try:
+        return Specimen(**{known[key]: loads(text) for key, text in told.items()})
+    except (JSONDecodeError, TwinError) as error:
+        raise ScenarioError(f"{log.name}: its provenance tells of no specimen of the arm: {error}") from error
+
+
 def check_truth(log: JointLog, arm: Arm, truth: Truth) -> None:
     """Refuse a truth that is not of a log's arm, conditions and pose; dry friction, which no truth knows, may differ.
 
@@ -81,6 +100,11 @@ def check_truth(log: JointLog, arm: Arm, truth: Truth) -> None:
         "variant": (truth.variant, arm.variant),
         "payload": (truth.payload, arm.payload),
         **{name: (given[name], logged[name]) for name in given},
+        **{
+            f"specimen_{entry.name}": (getattr(truth.specimen, entry.name), getattr(arm.specimen, entry.name))
+            for entry in fields(Specimen)
+            if entry.name != "dry_friction"
+        },
     }
     wrong = [f"{name} = {of_truth}, not {of_log}" for name, (of_truth, of_log) in pairs.items() if of_truth != of_log]
     pose = log.provenance["pose"]

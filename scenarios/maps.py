@@ -148,7 +148,7 @@ def maps(
     if density.amplitudes and not isinstance(pose, str):
         raise ScenarioError("large-signal maps start from a pose of the model; expected its name, given angles")
     # Noise of the drives changes no path from command to angle, but makes every linearisation slower.
-    quiet = load_arm(arm.variant, arm.payload, plant=replace(arm.plant, process_noise=0.0))
+    quiet = load_arm(arm.variant, arm.payload, plant=replace(arm.plant, process_noise=0.0), specimen=arm.specimen)
     truth = linearize(quiet, pose, amplitudes=())
     angles = truth.angles
     with stage("near the pose") as step:

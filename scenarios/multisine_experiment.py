@@ -4,7 +4,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from hmtb_twin import NOMINAL_PLANT, Chain, Experiment, HandController, Operator, Plant
+from hmtb_twin import NOMINAL_PLANT, NOMINAL_SPECIMEN, Chain, Experiment, HandController, Operator, Plant, Specimen
 from hmtb_twin.parameters import HAND_CONTROLLER, OPERATING_POSE
 from scenarios.errors import ScenarioError
 from scenarios.excitation_computer import BOARD
@@ -30,6 +30,7 @@ class MultisineExperiment:
         variant: Arm variant.
         payload: What the end effector holds.
         plant: What the drives run on and rub with.
+        specimen: How this one arm deviates from its variant.
         pose: Keyframe about which the joints are excited.
         worksite: Whether the arm stands at its worksite.
         chain: Which links of the chain act.
@@ -47,6 +48,7 @@ class MultisineExperiment:
     variant: str = "nominal"
     payload: str = "rpcm"
     plant: Plant = NOMINAL_PLANT
+    specimen: Specimen = NOMINAL_SPECIMEN
     pose: str = OPERATING_POSE
     worksite: bool = False
     chain: Chain = Chain()  # noqa: RUF009
@@ -87,8 +89,8 @@ def multisine_experiments(setting: Experiment, multisines: Multisines) -> tuple[
     """Return the records of a measurement: R realisations of as many records as axes, in this order.
 
     Args:
-        setting: Any experiment in single-joint mode: its arm, payload, plant, pose, axes, chain and hand controller are
-            taken, its seed draws those of the records; its excitation and length are not.
+        setting: Any experiment in single-joint mode: its arm, payload, plant, specimen, pose, axes, chain and hand
+            controller are taken, its seed draws those of the records; its excitation and length are not.
         multisines: The excitation class.
 
     Raises:
@@ -121,6 +123,7 @@ def multisine_experiments(setting: Experiment, multisines: Multisines) -> tuple[
         variant=setting.variant,
         payload=setting.payload,
         plant=setting.plant,
+        specimen=setting.specimen,
         pose=setting.pose,
         worksite=setting.worksite,
         chain=setting.chain,

@@ -13,6 +13,7 @@ import numpy as np
 from hmtb_twin import (
     MODES,
     NOMINAL_PLANT,
+    NOMINAL_SPECIMEN,
     PAYLOADS,
     POSES,
     VARIANTS,
@@ -20,6 +21,7 @@ from hmtb_twin import (
     HandController,
     Operator,
     Plant,
+    Specimen,
     TwinError,
     axis_names,
 )
@@ -55,6 +57,7 @@ class Scenario:
         shutdown: Emergency shutdowns: times of power off and of power on again in turn, s.
         independent_channels: As many different excitations as axes, beyond the two outputs of the excitation computer.
         plant: What the drives run on and rub with; a TOML table of what differs from the nominal plant.
+        specimen: How this one arm deviates from its variant; a TOML table of what does.
         chain: Which links of the chain act; a TOML table of truth values.
         hand_controller: The hand-controller interface; a TOML table of what differs from the nominal one.
         description: One line for the list.
@@ -75,6 +78,7 @@ class Scenario:
     shutdown: tuple[float, ...] = ()
     independent_channels: bool = False
     plant: Plant = NOMINAL_PLANT
+    specimen: Specimen = NOMINAL_SPECIMEN
     chain: Chain = Chain()  # noqa: RUF009
     hand_controller: HandController = HAND_CONTROLLER
     description: str = ""
@@ -117,7 +121,7 @@ class Scenario:
             )
         check_seed(self.seed)
         try:
-            check_arm(self.variant, self.payload, self.plant, worksite=self.worksite)
+            check_arm(self.variant, self.payload, self.plant, worksite=self.worksite, specimen=self.specimen)
         except TwinError as error:
             raise ScenarioError(f"scenario {self.name!r}: {error}") from error
 
@@ -153,7 +157,12 @@ class Scenario:
 
     def to_toml(self) -> str:
         """Write every field as TOML, such that `from_toml` gives an equal scenario back."""
-        tables = {"plant": NOMINAL_PLANT, "chain": Chain(), "hand_controller": HAND_CONTROLLER}
+        tables = {
+            "plant": NOMINAL_PLANT,
+            "specimen": NOMINAL_SPECIMEN,
+            "chain": Chain(),
+            "hand_controller": HAND_CONTROLLER,
+        }
         lines = [
             f"{entry.name} = {written(getattr(self, entry.name))}"
             for entry in fields(self)
@@ -202,7 +211,7 @@ class Scenario:
             if key == "excitation":
                 entries = value if isinstance(value, list) else [value]
                 values[key] = tuple(Excitation.from_table(entry, folder) for entry in entries)
-            elif key in ("plant", "chain", "hand_controller"):
+            elif key in ("plant", "specimen", "chain", "hand_controller"):
                 try:
                     values[key] = record(hints[key], key, value)
                 except TwinError as error:

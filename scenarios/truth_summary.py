@@ -146,6 +146,7 @@ def measured_best_linear(
             variant=arm.variant,
             payload=arm.payload,
             plant=arm.plant,
+            specimen=arm.specimen,
             pose=pose,
             seed=seed,
         )

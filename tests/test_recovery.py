@@ -8,7 +8,19 @@ import pytest
 from scipy.signal import max_len_seq
 
 import sysid
-from hmtb_twin import IDEAL, JOINTS, STUDIED_JOINTS, Chain, HandController, Plant, linearize, load_arm, simulate
+from hmtb_twin import (
+    IDEAL,
+    JOINTS,
+    NOMINAL_SPECIMEN,
+    STUDIED_JOINTS,
+    Chain,
+    HandController,
+    Plant,
+    Specimen,
+    linearize,
+    load_arm,
+    simulate,
+)
 from scenarios import load
 from scenarios.preparation import prepared
 from scenarios.thesis.attribution import conditions
@@ -33,6 +45,7 @@ class SmallSignal:
     variant: str = "nominal"
     payload: str = "rpcm"
     plant: Plant = Plant()  # noqa: RUF009
+    specimen: Specimen = NOMINAL_SPECIMEN
     pose: str = "rpcm_holster_out_approach"
     mode: str = "single_joint"
     worksite: bool = False

@@ -233,7 +233,9 @@ def from_logs(
         if round(len(log) * log.dt, 9) < SHORTEST:
             raise ScenarioError(f"{log.name}: a log of {len(log) * log.dt:g} s given, {ENOUGH}")
         arm, setting = logged_arm(log), _setting(log)
-        arms.setdefault((arm.variant, arm.payload, *vars(arm.plant).values(), arm.friction, setting.pose), (arm, log))
+        arms.setdefault(
+            (arm.variant, arm.payload, *vars(arm.plant).values(), arm.specimen, arm.friction, setting.pose), (arm, log)
+        )
         recordings.append(_Recording(joint, _test(log), log.seed, setting, prepared(log, joint)))
     if len(arms) > 1:
         raise ScenarioError(

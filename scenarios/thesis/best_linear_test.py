@@ -111,6 +111,7 @@ def best_linear_of_test(
         variant=setting.variant,
         payload=setting.payload,
         plant=setting.plant,
+        specimen=setting.specimen,
         pose=setting.pose,
         chain=setting.chain,
         hand_controller=setting.hand_controller,

@@ -10,7 +10,20 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 import sysid
-from hmtb_twin import IDEAL, JOINTS, Chain, HandController, JointLog, Plant, Truth, linearize, load_arm, simulate
+from hmtb_twin import (
+    IDEAL,
+    JOINTS,
+    NOMINAL_SPECIMEN,
+    Chain,
+    HandController,
+    JointLog,
+    Plant,
+    Specimen,
+    Truth,
+    linearize,
+    load_arm,
+    simulate,
+)
 from sysid import Estimate, IOData, StateSpace
 
 MOVING = JOINTS[1:]
@@ -38,6 +51,7 @@ class Binary:
     name: str = "binary"
     variant: str = "nominal"
     payload: str = "rpcm"
+    specimen: Specimen = NOMINAL_SPECIMEN
     pose: str = "rpcm_holster_out_approach"
     mode: str = "single_joint"
     worksite: bool = False

@@ -3,7 +3,18 @@ from dataclasses import dataclass, field
 import numpy as np
 import pytest
 
-from hmtb_twin import Arm, Chain, HandController, Operator, Plant, Truth, linearize, load_arm
+from hmtb_twin import (
+    NOMINAL_SPECIMEN,
+    Arm,
+    Chain,
+    HandController,
+    Operator,
+    Plant,
+    Specimen,
+    Truth,
+    linearize,
+    load_arm,
+)
 
 
 @dataclass(frozen=True)
@@ -19,6 +30,7 @@ class BinaryTest:
     variant: str = "nominal"
     payload: str = "rpcm"
     plant: Plant = Plant()  # noqa: RUF009
+    specimen: Specimen = NOMINAL_SPECIMEN
     pose: str = "rpcm_holster_out_approach"
     mode: str = "single_joint"
     worksite: bool = False
