@@ -1,0 +1,1 @@
+"""Benchmark data sets: drawn from a spec, built without loss, checked, exported and scored."""

@@ -1,0 +1,49 @@
+"""Hashes of arrays and files: what a citation can be held to."""
+
+from collections.abc import Mapping
+from hashlib import sha256
+from pathlib import Path
+
+import numpy as np
+
+
+def array_hash(array: np.ndarray) -> str:
+    """Hash numbers and shape of an array, whatever file they stand in.
+
+    Args:
+        array: Numbers of any shape; their type in little-endian order and the shape are part of the hash.
+
+    Returns:
+        SHA-256, hexadecimal.
+    """
+    ordered = np.ascontiguousarray(array, dtype=array.dtype.newbyteorder("<"))
+    digest = sha256(f"{ordered.dtype.str} {array.shape}\n".encode())
+    digest.update(ordered.data if ordered.size else b"")
+    return digest.hexdigest()
+
+
+def bytes_hash(content: bytes) -> str:
+    """SHA-256 of some bytes, hexadecimal."""
+    return sha256(content).hexdigest()
+
+
+def file_hash(path: Path) -> str:
+    """SHA-256 of a file, hexadecimal, as `sha256sum` gives it."""
+    digest = sha256()
+    with path.open("rb") as stream:
+        while block := stream.read(1 << 20):
+            digest.update(block)
+    return digest.hexdigest()
+
+
+def whole_hash(arrays: Mapping[str, Mapping[str, str]]) -> str:
+    """One hash for a data set: of the array hashes of every file, in the order of their names.
+
+    Args:
+        arrays: By file, by array, the hash.
+    """
+    digest = sha256()
+    for file in sorted(arrays):
+        for name in sorted(arrays[file]):
+            digest.update(f"{arrays[file][name]}  {file}:{name}\n".encode())
+    return digest.hexdigest()

@@ -1,0 +1,47 @@
+"""Where everything stands in the folder of a data set."""
+
+from pathlib import PurePosixPath
+
+PARTS = ("train", "validation", "test")
+"""What a record is for: to identify from, to choose a model by, and to score it on."""
+
+DATA = "data"
+"""Folder of what an analyst may see: `data/<part>/<experiment>.nc`."""
+
+TRUTH = "truth"
+"""Folder of what only a simulation knows; it travels beside the data and can be kept apart."""
+
+SPEC = "spec.toml"
+"""The spec, all defaults written out, from which the data set can be built again."""
+
+MANIFEST = "manifest.jsonl"
+"""What was done of the work so far: a line of JSON per experiment, only ever appended to."""
+
+INDEX = "experiments.json"
+"""Every experiment with its part, joints, seeds, conditions, file and array hashes, in the order of the plan."""
+
+SUMS = "SHA256SUMS"
+"""Checksum of every other file."""
+
+UNFINISHED = ".unfinished"
+"""Ending of the folder while the data set is being built."""
+
+
+def data_file(part: str, experiment: str) -> PurePosixPath:
+    """Where the record of an experiment stands."""
+    return PurePosixPath(DATA, part, f"{experiment}.nc")
+
+
+def signals_file(experiment: str) -> PurePosixPath:
+    """Where the signals that only the simulation knows stand."""
+    return PurePosixPath(TRUTH, "signals", f"{experiment}.nc")
+
+
+def arm_file(arm: str) -> PurePosixPath:
+    """Where the small-signal truth of an arm under its conditions stands."""
+    return PurePosixPath(TRUTH, "arms", f"{arm}.nc")
+
+
+def best_linear_file(experiment: str) -> PurePosixPath:
+    """Where the best linear approximation for the conditions of an experiment stands."""
+    return PurePosixPath(TRUTH, "best-linear", f"{experiment}.nc")

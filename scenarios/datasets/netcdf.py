@@ -1,0 +1,115 @@
+"""NetCDF4 files whose bytes depend on what they hold alone."""
+
+import io
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+
+import h5netcdf
+import h5py
+import numpy as np
+
+from scenarios.datasets.hashes import array_hash
+from scenarios.errors import ScenarioError
+
+Attribute = str | int | float | np.ndarray
+"""What an attribute may be."""
+
+
+@dataclass(frozen=True)
+class Variable:
+    """An array of a file.
+
+    Attributes:
+        dims: Names of its dimensions, one per axis.
+        values: Numbers, or texts.
+        attributes: Unit, meaning, role.
+    """
+
+    dims: tuple[str, ...]
+    values: np.ndarray
+    attributes: Mapping[str, Attribute]
+
+
+@dataclass(frozen=True)
+class Contents:
+    """What a file holds.
+
+    Attributes:
+        variables: By name.
+        attributes: Of the whole.
+    """
+
+    variables: Mapping[str, Variable]
+    attributes: Mapping[str, Attribute]
+
+    def array_hashes(self) -> dict[str, str]:
+        """Hash of every array of numbers, by name; names of channels are no numbers."""
+        return {name: array_hash(v.values) for name, v in self.variables.items() if v.values.dtype.kind in "biufc"}
+
+    def to_bytes(self) -> bytes:
+        """The file.
+
+        Raises:
+            ScenarioError: Two variables disagree about a dimension.
+        """
+        sizes: dict[str, int] = {}
+        for name, variable in self.variables.items():
+            for dim, size in zip(variable.dims, variable.values.shape, strict=True):
+                if sizes.setdefault(dim, size) != size:
+                    raise ScenarioError(f"{name} has {size} along {dim}, others have {sizes[dim]}")
+        target = io.BytesIO()
+        with h5netcdf.File(target, "w") as file:
+            file.dimensions = sizes
+            file.attrs.update(self.attributes)
+            for name, variable in self.variables.items():
+                _write(file, name, variable)
+        return target.getvalue()
+
+
+def _write(file: h5netcdf.File, name: str, variable: Variable) -> None:
+    if variable.values.dtype.kind == "U":
+        stored = file.create_variable(name, variable.dims, h5py.string_dtype(), data=variable.values.astype(object))
+    else:
+        packed = {"compression": "gzip", "compression_opts": 4, "shuffle": True} if variable.values.size > 64 else {}
+        stored = file.create_variable(name, variable.dims, data=variable.values, **packed)
+    stored.attrs.update(variable.attributes)
+
+
+def read_netcdf(path: Path) -> Contents:
+    """Read a file whole.
+
+    Args:
+        path: The file.
+
+    Raises:
+        ScenarioError: It is missing, or no NetCDF4 file, or a damaged one.
+    """
+    try:
+        with h5netcdf.File(path, "r") as file:
+            variables = {
+                name: Variable(tuple(entry.dimensions), _values(entry), {k: _plain(v) for k, v in entry.attrs.items()})
+                for name, entry in file.variables.items()
+            }
+            return Contents(variables, {key: _plain(value) for key, value in file.attrs.items()})
+    except FileNotFoundError:
+        raise ScenarioError(f"no file {path}: expected NetCDF4") from None
+    except (OSError, KeyError, ValueError, TypeError, RuntimeError) as error:
+        raise ScenarioError(f"{path} is not a NetCDF4 file, or a damaged one") from error
+
+
+def _values(entry: h5netcdf.Variable) -> np.ndarray:
+    values = np.asarray(entry[...])
+    return values if values.dtype.kind != "O" else np.array([_text(v) for v in values.ravel()]).reshape(values.shape)
+
+
+def _text(value: object) -> str:
+    return value.decode() if isinstance(value, bytes) else str(value)
+
+
+def _plain(value: object) -> Attribute:
+    if isinstance(value, np.ndarray):
+        return value
+    if isinstance(value, np.integer):
+        return int(value)
+    return float(value) if isinstance(value, float | np.floating) else _text(value)

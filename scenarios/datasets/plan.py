@@ -1,0 +1,264 @@
+"""What a spec asks for, experiment by experiment, made when it is asked for: a plan of any size weighs nothing."""
+
+from collections import Counter
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+from itertools import product
+from typing import overload
+
+import numpy as np
+
+from hmtb_twin import STUDIED_JOINTS, Experiment, Plant
+from hmtb_twin.parameters import JOINTS
+from scenarios.datasets.layout import arm_file, best_linear_file, data_file, signals_file
+from scenarios.datasets.records import Records
+from scenarios.datasets.spec import DataSetSpec
+from scenarios.errors import ScenarioError
+from scenarios.excitation_computer import Excitation
+from scenarios.multisine_experiment import MultisineExperiment, multisine_experiments
+from scenarios.registry import load, registered
+from scenarios.scenario import Scenario
+
+CONDITIONS = ("variants", "payloads", "poses", "actuators", "frictions", "process_noises")
+"""The lists of a block that make an arm and its surroundings, in the order of their product."""
+
+
+@dataclass(frozen=True)
+class Condition:
+    """On which arm, and where, an experiment is run."""
+
+    variant: str
+    payload: str
+    pose: str
+    actuator: str
+    friction: str
+    process_noise: float
+
+    @property
+    def plant(self) -> Plant:
+        """What the drives run on and rub with."""
+        return Plant(actuator=self.actuator, friction=self.friction, process_noise=self.process_noise)
+
+
+@dataclass(frozen=True)
+class Entry:
+    """One experiment of a data set.
+
+    Attributes:
+        name: Its own name, that of its files.
+        part: What it is for.
+        block: Name of the block of records that asks for it.
+        arm: Name of the arm under its conditions, that of the file of its truth.
+        twin: Number of the randomised twin; None for a variant itself.
+        joints: Whose commands are the inputs and whose angles the outputs.
+        experiment: What is run.
+    """
+
+    name: str
+    part: str
+    block: str
+    arm: str
+    twin: int | None
+    joints: tuple[str, ...]
+    experiment: Experiment
+
+    @property
+    def data(self) -> str:
+        """File of what an analyst may see."""
+        return str(data_file(self.part, self.name))
+
+    @property
+    def signals(self) -> str:
+        """File of what only the simulation knows."""
+        return str(signals_file(self.name))
+
+    @property
+    def arm_truth(self) -> str:
+        """File of the truth about its arm."""
+        return str(arm_file(self.arm))
+
+    @property
+    def best_linear(self) -> str:
+        """File of the best linear approximation for its conditions."""
+        return str(best_linear_file(self.name))
+
+
+@dataclass(frozen=True)
+class _Template:
+    """An experiment but for its twin and its seeds."""
+
+    name: str
+    block: Records
+    condition: Condition
+    experiment: Scenario | MultisineExperiment
+    joints: tuple[str, ...]
+
+
+class Plan(Sequence[Entry]):
+    """The experiments of a spec in order: all of one twin, then all of the next.
+
+    Args:
+        spec: The spec.
+
+    Raises:
+        ScenarioError: Two experiments of one name, or an experiment that the laboratory does not have.
+    """
+
+    def __init__(self, spec: DataSetSpec) -> None:
+        self.spec = spec
+        self._templates = tuple(entry for block in spec.records for entry in _templates(block))
+        twice = [name for name, count in Counter(entry.name for entry in self._templates).items() if count > 1]
+        if twice:
+            raise ScenarioError(
+                f"data set {spec.name!r}: two experiments are called {', '.join(twice[:3])}; name the blocks differently"
+            )
+        self._arms = tuple(dict.fromkeys(entry.condition for entry in self._templates))
+
+    @cached_property
+    def twins(self) -> int:
+        """How many arms every experiment is run on."""
+        return self.spec.twins.count if self.spec.twins else 1
+
+    def __len__(self) -> int:
+        return len(self._templates) * self.twins
+
+    @overload
+    def __getitem__(self, index: int) -> Entry: ...
+    @overload
+    def __getitem__(self, index: slice) -> tuple[Entry, ...]: ...
+    def __getitem__(self, index: int | slice) -> Entry | tuple[Entry, ...]:
+        if isinstance(index, slice):
+            return tuple(self[i] for i in range(*index.indices(len(self))))
+        if not -len(self) <= index < len(self):
+            raise IndexError(f"experiment {index} of {len(self)}")
+        twin, number = divmod(index % len(self), len(self._templates))
+        return self._entry(self._templates[number], twin if self.spec.twins else None)
+
+    def __iter__(self) -> Iterator[Entry]:
+        return (self[i] for i in range(len(self)))
+
+    @property
+    def seconds(self) -> float:
+        """Length of all records together, s."""
+        return self.twins * sum(entry.experiment.duration for entry in self._templates)
+
+    def _entry(self, template: _Template, twin: int | None) -> Entry:
+        mark = "" if twin is None else f"twin-{twin:0{len(str(self.twins - 1))}d}-"
+        name = f"{mark}{template.name}"
+        return Entry(
+            name=name,
+            part=template.block.part,
+            block=template.block.name,
+            arm=f"{mark}arm-{self._arms.index(template.condition)}",
+            twin=twin,
+            joints=template.joints,
+            experiment=self._experiment(template, name, twin),
+        )
+
+    def _experiment(self, template: _Template, name: str, twin: int | None) -> Experiment:
+        noise, waveform = _seeds(self.spec.seed, name)
+        one = template.experiment
+        if isinstance(one, MultisineExperiment):
+            drawn = replace(one.multisines, seed=self._of_block(template, twin)) if template.block.draw_waveforms else one.multisines
+            return replace(one, name=name, seed=noise, multisines=drawn)
+        if template.block.draw_waveforms:
+            one = replace(one, excitation=tuple(_reseeded(e, waveform + k) for k, e in enumerate(one.excitation)))
+        return replace(one, name=name, seed=noise)
+
+    def _of_block(self, template: _Template, twin: int | None) -> int:
+        """Seed that the records of one multisine measurement share."""
+        return _seeds(self.spec.seed, f"{template.block.name} of {twin}")[1]
+
+
+def _seeds(seed: int, name: str) -> tuple[int, int]:
+    """Seeds of the noise and of the waveform of an experiment, from the data set's and the name."""
+    drawn = np.random.SeedSequence([seed, *name.encode()]).generate_state(2)
+    return int(drawn[0]), int(drawn[1])
+
+
+def _reseeded(excitation: Excitation, seed: int) -> Excitation:
+    if "seed" not in excitation.parameters:
+        return excitation
+    return replace(excitation, parameters={**excitation.parameters, "seed": seed})
+
+
+def _templates(block: Records) -> Iterator[_Template]:
+    lists = {key: getattr(block, key) for key in CONDITIONS}
+    for played, values, repeat in product(_played(block), product(*lists.values()), range(block.repeats)):
+        name, experiment = played
+        varied = [_word(key, value) for (key, known), value in zip(lists.items(), values, strict=True) if len(known) > 1]
+        run = [f"r{repeat + 1:0{len(str(block.repeats))}d}"] if block.repeats > 1 else []
+        condition = Condition(*values)
+        yield _Template(
+            name="-".join((name, *varied, *run)),
+            block=block,
+            condition=condition,
+            experiment=_under(block, experiment, condition),
+            joints=block.joints or tuple(axis for axis in experiment.axes if axis in JOINTS) or STUDIED_JOINTS,
+        )
+
+
+def _word(key: str, value: object) -> str:
+    """A value in the name of an experiment."""
+    return f"noise{value:g}" if key == "process_noises" else str(value)
+
+
+def _under(block: Records, experiment: Scenario | MultisineExperiment, condition: Condition) -> Scenario | MultisineExperiment:
+    """The experiment on the arm and in the place that a condition names."""
+    return replace(
+        experiment, variant=condition.variant, payload=condition.payload, pose=condition.pose, plant=condition.plant
+    )
+
+
+def _played(block: Records) -> Iterator[tuple[str, Scenario | MultisineExperiment]]:
+    """What is played, with its name, on the nominal arm."""
+    if block.scenarios:
+        for name in block.scenarios:
+            for one in registered().names(name) if name in registered().tags() else (name,):
+                scenario = load(one)
+                shortened = scenario if block.duration is None else replace(scenario, duration=block.duration)
+                for mark, excitation in _amplified(block, shortened.excitation):
+                    yield f"{block.name}-{one}{mark}", replace(shortened, excitation=excitation)
+        return
+    for axes in [(axis,) for axis in block.axes] if block.each_axis else [block.axes]:
+        of_axis = f"-{axes[0]}" if block.each_axis else ""
+        if block.multisines is not None:
+            for amplitude in block.amplitudes or (block.multisines.rms,):
+                mark = f"-{1000 * amplitude:g}mrad" if len(block.amplitudes) > 1 else ""
+                multisines = replace(block.multisines, rms=amplitude)
+                setting = _scenario(block, axes, (Excitation("white_noise"),), 1.0)
+                for number, one in enumerate(multisine_experiments(setting, multisines), start=1):
+                    yield f"{block.name}{of_axis}{mark}-{number:02d}", one
+            continue
+        assert block.duration is not None  # noqa: S101 - the block has been checked
+        for mark, excitation in _amplified(block, block.excitation):
+            yield f"{block.name}{of_axis}{mark}", _scenario(block, axes, excitation, block.duration)
+
+
+def _scenario(block: Records, axes: tuple[str, ...], excitation: tuple[Excitation, ...], duration: float) -> Scenario:
+    return Scenario(
+        name=block.name,
+        axes=axes,
+        excitation=excitation,
+        duration=duration,
+        mode=block.mode,
+        independent_channels=True,
+        chain=block.chain,
+        hand_controller=block.hand_controller,
+    )
+
+
+def _amplified(block: Records, excitation: tuple[Excitation, ...]) -> Iterator[tuple[str, tuple[Excitation, ...]]]:
+    """The excitation at every amplitude of a block, with the word that names it."""
+    if not block.amplitudes:
+        yield "", excitation
+    for amplitude in block.amplitudes:
+        mark = f"-{amplitude:g}V" if len(block.amplitudes) > 1 else ""
+        yield mark, tuple(_with_amplitude(entry, amplitude) for entry in excitation)
+
+
+def _with_amplitude(entry: Excitation, amplitude: float) -> Excitation:
+    if "amplitude" not in entry.parameters:
+        raise ScenarioError(f"excitation {entry.kind!r} has no amplitude; given amplitudes for it")
+    return replace(entry, parameters={**entry.parameters, "amplitude": amplitude})

@@ -1,0 +1,164 @@
+"""The spec of a data set: a frozen record that is a TOML file."""
+
+import tomllib
+from collections.abc import Mapping
+from dataclasses import dataclass, fields
+from functools import cache
+from importlib.resources import files
+from pathlib import Path
+from typing import Any, get_type_hints
+
+from scenarios.datasets.layout import PARTS
+from scenarios.datasets.records import Records
+from scenarios.datasets.scoring import Scoring
+from scenarios.datasets.twins import Twins
+from scenarios.errors import ScenarioError
+from scenarios.scenario import NAME
+from scenarios.suggest import unknown
+from scenarios.toml_values import record, typed, written
+from scenarios.waveform import check_seed
+
+
+@dataclass(frozen=True)
+class DataSetSpec:
+    """Everything that a data set is built from.
+
+    Attributes:
+        name: Its name without the version, e.g. ``"hmtb-siso"``.
+        version: Its version; whatever changes the numbers takes a new one.
+        title: One line for readers.
+        seed: All chance of the data set comes from it.
+        records: The blocks of records.
+        description: What it is for, a paragraph.
+        window: Samples at the start of every scored record in which the outputs are given, to find an initial state.
+        scoring: The primary score.
+        twins: Randomised twins: every block is run on each of them; none: the variants themselves.
+        creators: Who is cited.
+        keywords: Words to find it by.
+    """
+
+    name: str
+    version: int
+    title: str
+    seed: int
+    records: tuple[Records, ...]
+    description: str = ""
+    window: int = 100
+    scoring: Scoring = Scoring()  # noqa: RUF009
+    twins: Twins | None = None
+    creators: tuple[str, ...] = ("The HMTB twin contributors",)
+    keywords: tuple[str, ...] = ("system identification", "robotics", "hydraulics", "benchmark", "MuJoCo")
+
+    def __post_init__(self) -> None:
+        if not NAME.fullmatch(self.name):
+            raise ScenarioError(
+                f"data set {self.name!r}: expected 1 to 100 letters, digits, '.', '_', '-' or '+' as a name, the first a "
+                "letter or digit, because folders are named after it"
+            )
+        if self.version < 1:
+            raise ScenarioError(f"data set {self.name!r}: version = {self.version} given, expected 1 or more")
+        if not self.title.strip():
+            raise ScenarioError(f"data set {self.name!r}: expected a title, given none")
+        if self.window < 0:
+            raise ScenarioError(f"data set {self.name!r}: window = {self.window} given, expected 0 samples or more")
+        check_seed(self.seed)
+        if not self.records:
+            raise ScenarioError(f"data set {self.name!r}: no records given, expected one or more blocks [[records]]")
+        names = [block.name for block in self.records]
+        twice = sorted({name for name in names if names.count(name) > 1})
+        if twice:
+            raise ScenarioError(f"data set {self.name!r}: records {', '.join(twice)} given twice, expected each name once")
+        absent = [part for part in PARTS if part not in {block.part for block in self.records}]
+        if "train" in absent or "test" in absent:
+            raise ScenarioError(f"data set {self.name!r}: no records for {' and '.join(absent)}; expected some for train and test")
+
+    @property
+    def label(self) -> str:
+        """Name with version, e.g. ``"hmtb-siso-v1"``: that of the folder."""
+        return f"{self.name}-v{self.version}"
+
+    def to_toml(self) -> str:
+        """Write every field as TOML, such that `from_toml` gives an equal spec back."""
+        own = [entry.name for entry in fields(self) if entry.name not in ("records", "scoring", "twins")]
+        lines = [f"{name} = {written(getattr(self, name))}" for name in own]
+        lines += ["", "[scoring]", *(f"{key} = {written(value)}" for key, value in vars(self.scoring).items())]
+        if self.twins is not None:
+            lines += ["", self.twins.to_toml().rstrip()]
+        for block in self.records:
+            lines += ["", block.to_toml().rstrip()]
+        return "\n".join(lines) + "\n"
+
+    @classmethod
+    def from_toml(cls, text: str, *, source: str = "TOML text") -> "DataSetSpec":
+        """Read a spec, strictly.
+
+        Args:
+            text: The TOML text.
+            source: Where it came from, for messages.
+
+        Raises:
+            ScenarioError: The text is not TOML, or a key, a type, a name or a value is wrong.
+        """
+        try:
+            return cls.from_table(tomllib.loads(text))
+        except tomllib.TOMLDecodeError as error:
+            raise ScenarioError(f"{source}: not a TOML file ({error})") from error
+        except ScenarioError as error:
+            raise ScenarioError(f"{source}: {error}") from error
+
+    @classmethod
+    def from_table(cls, table: Mapping[str, Any]) -> "DataSetSpec":
+        """Build a spec from parsed TOML; see `from_toml`."""
+        hints = get_type_hints(cls)
+        values: dict[str, Any] = {}
+        for key, value in table.items():
+            if key not in hints:
+                raise ScenarioError(unknown("key", key, hints))
+            if key == "records":
+                if not isinstance(value, list):
+                    raise ScenarioError(f"records must be blocks [[records]], given {value!r}")
+                values[key] = tuple(Records.from_table(entry) for entry in value)
+            elif key == "scoring":
+                values[key] = record(Scoring, key, value)
+            elif key == "twins":
+                values[key] = Twins.from_table(value)
+            else:
+                values[key] = typed(key, value, hints[key])
+        missing = [key for key in ("name", "version", "title", "seed", "records") if key not in values]
+        if missing:
+            raise ScenarioError(f"missing {', '.join(missing)}; a data set needs name, version, title, seed and records")
+        return cls(**values)
+
+
+@cache
+def shipped() -> Mapping[str, DataSetSpec]:
+    """The specs that come with the package, by label."""
+    found: dict[str, DataSetSpec] = {}
+    for entry in sorted(files("scenarios").joinpath("data", "datasets").iterdir(), key=lambda path: path.name):
+        if entry.name.endswith(".toml"):
+            spec = DataSetSpec.from_toml(entry.read_text(encoding="utf-8"), source=entry.name)
+            found[spec.label] = spec
+    return found
+
+
+def load_spec(name: str | Path) -> DataSetSpec:
+    """The spec of that label, or of a TOML file.
+
+    Args:
+        name: A label of `shipped`, or the path of a file.
+
+    Raises:
+        ScenarioError: There is neither, or the file holds no spec.
+    """
+    text = str(name)
+    if text in shipped():
+        return shipped()[text]
+    path = Path(name)
+    if not path.is_file():
+        if path.suffix == ".toml":
+            raise ScenarioError(f"no file {text}: expected a spec, TOML; or one of {', '.join(shipped())}")
+        raise ScenarioError(unknown("data set", text, shipped(), listing="hmtb dataset list"))
+    try:
+        return DataSetSpec.from_toml(path.read_text(encoding="utf-8"), source=text)
+    except (OSError, UnicodeDecodeError) as error:
+        raise ScenarioError(f"cannot read the spec {text!r}: {error}") from error
