@@ -2,12 +2,14 @@
 
 from collections.abc import Sequence
 from copy import copy
+from dataclasses import replace
 
 import mujoco
 import numpy as np
 from mujoco import batch
 
-from hmtb_twin.arm import Arm, load_arm
+from hmtb_twin.arm import Arm
+from hmtb_twin.controller_model import controller_model
 from hmtb_twin.experiment import UnitView
 from hmtb_twin.parameters import JOINTS
 from hmtb_twin.payloads import PAYLOADS
@@ -26,28 +28,24 @@ class WorksiteRun:
 
     Args:
         simulations: The batch, in its first state.
-        arm: The arm at the worksite that all of them run.
+        arms: The arm at the worksite that each of them runs, all of one structure.
 
     Attributes:
         held: Whether the end effector holds the unit, per simulation.
     """
 
-    def __init__(self, simulations: batch.Batch, arm: Arm) -> None:
-        self._arm = arm
-        self._arms = {
-            held: load_arm(arm.variant, payload, plant=arm.plant, specimen=arm.specimen, worksite=True)
-            for payload, held in (("rpcm", True), ("none", False))
-        }
-        self.held = np.full(simulations.nsim, PAYLOADS[arm.payload] is not None)
+    def __init__(self, simulations: batch.Batch, arms: Sequence[Arm]) -> None:
+        self._arms = arms
+        self.held = np.array([PAYLOADS[arm.payload] is not None for arm in arms])
         self._closed = self.held.copy()
         # Each simulation has models of its own: where the unit sits between the fingers is written in them.
-        self._working = [copy(arm.model) for _ in self.held]
+        self._working = [copy(arm.model) for arm in arms]
         self._shut: list[mujoco.MjModel | None] = [None for _ in self.held]
         self._angles, self._active, history, self._places, self._turns, self._sites, self._axes = (
             simulations.bind(name)
             for name in ("qpos", "eq_active", "history", "xpos", "xmat", "site_xpos", "site_xmat")
         )
-        model = arm.model
+        model = arms[0].model
         self._weld = model.equality(LATCH_WELD).id
         self._unit, self._hand, self._tool = (
             model.body(UNIT_BODY).id,
@@ -59,7 +57,6 @@ class WorksiteRun:
         # A history is two numbers of its own, the times, the values.
         first = model.sensor_historyadr[sensor] + 2 + samples
         self._touch = history[:, first : first + samples]
-        simulations.set_models(self._working)
 
     @property
     def unit_pose(self) -> np.ndarray:
@@ -88,22 +85,14 @@ class WorksiteRun:
                 self._hold(i, model)
         return bool(self.held[i])
 
-    def models(self, powered: Sequence[bool]) -> list[mujoco.MjModel]:
-        """Return the model that each simulation runs on: with working valves, or with closed ones without power."""
-        return [
-            working if on else self._without_power(i)
-            for i, (working, on) in enumerate(zip(self._working, powered, strict=True))
-        ]
+    def model(self, i: int, *, powered: bool) -> mujoco.MjModel:
+        """Return the model that simulation i runs on: with working valves, or with closed ones without power."""
+        return self._working[i] if powered else self._without_power(i)
 
-    def controls(self, command: np.ndarray, noise: np.ndarray | None, ids: np.ndarray) -> np.ndarray:
-        """Return the controls of simulations `ids` for commands (n, 7), rad, and noise of the valve drives, N m."""
-        held = self.held[ids]
-        controls = np.empty((len(command), self._arm.model.nu))
-        for carries, arm in self._arms.items():
-            rows = held == carries
-            if rows.any():
-                controls[rows] = arm.controls(command[rows], None if noise is None else noise[rows])
-        return controls
+    def carrying(self, i: int) -> Arm:
+        """Return the arm of simulation i with the controller's model of what the end effector now holds."""
+        arm, payload = self._arms[i], "rpcm" if self.held[i] else "none"
+        return arm if payload == arm.payload else replace(arm, controller=controller_model(payload, arm.variant))
 
     def _where(self, i: int) -> tuple[np.ndarray, np.ndarray]:
         return self._places[i, self._unit], self._turns[i, self._unit].reshape(3, 3)
@@ -111,7 +100,7 @@ class WorksiteRun:
     def _without_power(self, i: int) -> mujoco.MjModel:
         shut = self._shut[i]
         if shut is None:
-            shut = self._shut[i] = copy(self._arm.unpowered)
+            shut = self._shut[i] = copy(self._arms[i].unpowered)
             shut.eq_data[self._weld] = self._working[i].eq_data[self._weld]
         return shut
 
