@@ -8,19 +8,18 @@ from types import MappingProxyType
 import mujoco
 import numpy as np
 
+from hmtb_twin.arm_model import compile_arm, tuned_gains
 from hmtb_twin.controller_model import ControllerModel, controller_model
 from hmtb_twin.electric_drive import Drive
 from hmtb_twin.errors import OverloadError, TwinError
-from hmtb_twin.parameters import INDEXED_JOINTS, JOINTS, MOTIONS, OPERATING_POSE, POSES, Actuator, Servo
+from hmtb_twin.parameters import INDEXED_JOINTS, JOINTS, MOTIONS, POSES, Actuator, Servo
 from hmtb_twin.payloads import PAYLOADS, WORKSITE_PAYLOADS
 from hmtb_twin.plant import NOMINAL_PLANT, Plant
-from hmtb_twin.resources import model_file
-from hmtb_twin.rigid_bodies import write_bodies
 from hmtb_twin.seats import SEATS
-from hmtb_twin.servo import servo_gains
+from hmtb_twin.servo_rest import drooping, lean_on_pins, weight
 from hmtb_twin.specimen import NOMINAL_SPECIMEN, Specimen
-from hmtb_twin.variants import Variant, variant_named
-from hmtb_twin.worksite_model import LATCH_WELD, worksite_spec
+from hmtb_twin.variants import variant_named
+from hmtb_twin.worksite_model import LATCH_WELD
 
 
 @dataclass(frozen=True, eq=False)
@@ -79,7 +78,7 @@ class Arm:
         No flow passes the valves, the oil is trapped but for the leakage; electric drives are held by their brakes.
         """
         shut = {name: drive.unpowered for name, drive in self.drives.items()}
-        return _compile(self.variant, self.payload, self.plant, self.specimen, shut, self.gains, self.worksite)
+        return compile_arm(self.variant, self.payload, self.plant, self.specimen, shut, self.gains, self.worksite)
 
     @property
     def friction(self) -> bool:
@@ -158,7 +157,8 @@ class Arm:
     def rest(self, angles: np.ndarray) -> mujoco.MjData:
         """Return the state of the arm at rest at a commanded pose, its oil already carrying the load.
 
-        A linear arm stands exactly there; servo valves under load leave it a little off. At the worksite the unit is
+        A linear arm that weighs what its controller feeds forward stands exactly there; one that does not droops, and
+        servo valves under load leave any arm a little off. At the worksite the unit is
         where the end effector holds it, or stands in the holster.
 
         Args:
@@ -175,6 +175,8 @@ class Arm:
         data.ctrl[:] = self.controls(angles[None])[0]
         command = angles
         angles, data.act[:] = self._settled(command)
+        if not self.specimen.as_designed:
+            self._check_load(angles)
         data.qpos[: len(JOINTS)] = angles
         if self.worksite:
             held = PAYLOADS[self.payload] is not None
@@ -183,15 +185,17 @@ class Arm:
             data.qpos[len(JOINTS) : len(JOINTS) + 3] = position
             mujoco.mju_mat2Quat(data.qpos[len(JOINTS) + 3 :], rotation.ravel())
         if self.plant.actuator == "orifice":
-            from hmtb_twin.oil_rest import lean_on_pins
+            from hmtb_twin.orifice import install_valve_equations
 
-            lean_on_pins(self.model, self.controller, command, data)
+            install_valve_equations()
+            lean_on_pins(self.model, data)
+            data.qpos[: len(JOINTS)], data.act[:] = self._settled(command, data.qpos[: len(JOINTS)].copy())
         mujoco.mj_forward(self.model, data)
         return data
 
     def _check_load(self, angles: np.ndarray) -> None:
         """Refuse a pose (7,), rad, whose weight takes all the torque of a drive; pins need none."""
-        needed = np.abs(self.controller.gravity_torque(angles[None])[0])
+        needed = np.abs(self.weight(angles))
         # What servo valves leak at rest is not known before their balance is.
         valves = self.plant.actuator == "orifice"
         drives = [self.drives[name] for name in JOINTS]
@@ -205,16 +209,52 @@ class Arm:
             at = f"at {self.plant.supply_pressure:g} MPa " if self.drives_kind == "hydraulic" else ""
             raise OverloadError(f"{at}the drives cannot hold the arm at this pose: {', '.join(short)}")
 
-    def _settled(self, command: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Return angles (7,) and activations at which the commanded arm rests."""
+    def _settled(self, command: np.ndarray, pinned: np.ndarray | None = None) -> tuple[np.ndarray, np.ndarray]:
+        """Return angles (7,) and activations at which the commanded arm rests.
+
+        Args:
+            command: Commanded angles (7,), rad.
+            pinned: Angles (7,) of which pins hold those of the indexed joints; the commanded ones by default. Of servo
+                valves only: linear actuators settle with their pins.
+        """
+        feedforward = self.controller.gravity_torque(command[None])[0]
         if self.plant.actuator == "orifice":
             from hmtb_twin.oil_rest import settled_arm
 
-            return settled_arm(self.model, self.controller, command)
+            return settled_arm(self.model, command, feedforward, self.weight, pinned)
+        if self.specimen.as_designed:
+            # What is fed forward is what it weighs.
+            return command, self._pressed(feedforward)
+        stiffness = np.array([self.gains[name][0] for name in JOINTS])
+        angles, torque = drooping(self._in_free_space, command, feedforward, stiffness, self._pressed)
+        return angles, self._pressed(torque)
+
+    def _pressed(self, torque: np.ndarray) -> np.ndarray:
+        """Return the activations at which linear drives exert torques (7,), N m."""
         act = np.zeros(self.model.na)
         constant = np.array([self.drives[name].motor.constant for name in JOINTS])
-        act[self.pressure_states] = self.controller.gravity_torque(command[None])[0] / constant
-        return command, act
+        act[self.pressure_states] = torque / constant
+        return act
+
+    def weight(self, angles: np.ndarray) -> np.ndarray:
+        """Return the torques that hold the arm at a pose, which its controller may not know.
+
+        Args:
+            angles: Joint angles (7,), rad.
+
+        Returns:
+            Torques (7,), N m.
+        """
+        if self.specimen.as_designed:
+            return self.controller.gravity_torque(angles[None])[0]
+        return weight(self._in_free_space, angles)
+
+    @cached_property
+    def _in_free_space(self) -> mujoco.MjModel:
+        """The model in which what the end effector holds is part of the arm."""
+        if not self.worksite:
+            return self.model
+        return load_arm(self.variant, self.payload, plant=self.plant, specimen=self.specimen).model
 
 
 def load_arm(
@@ -291,7 +331,7 @@ def _load(name: str, payload: str, plant: Plant, specimen: Specimen, worksite: b
     drives = {joint: specimen.applied(joint, plant.applied(drive)) for joint, drive in variant.actuators.items()}
     gains = {joint: specimen.gains(joint, tuned) for joint, tuned in tuned_gains(variant).items()}
     return Arm(
-        model=_compile(name, payload, plant, specimen, drives, gains, worksite),
+        model=compile_arm(name, payload, plant, specimen, drives, gains, worksite),
         controller=controller_model(payload, name),
         variant=name,
         payload=payload,
@@ -301,89 +341,4 @@ def _load(name: str, payload: str, plant: Plant, specimen: Specimen, worksite: b
         drives=MappingProxyType(drives),
         servos=MappingProxyType(dict(variant.servos)),
         gains=MappingProxyType(gains),
-    )
-
-
-def _compile(
-    name: str,
-    payload: str,
-    plant: Plant,
-    specimen: Specimen,
-    drives: Mapping[str, Drive],
-    gains: Mapping[str, tuple[float, float]],
-    worksite: bool,
-) -> mujoco.MjModel:
-    variant = variant_named(name)
-    if plant.actuator == "orifice":
-        # The compiler behind it takes a second to load, and only this form needs it.
-        from hmtb_twin.orifice import STEP, add_orifice_actuators
-
-        spec = _spec(variant, payload, specimen, worksite_spec(STEP) if worksite else None)
-        # Only hydraulic drives pass `Plant.applied` with this form.
-        valves = {joint: drive for joint, drive in drives.items() if isinstance(drive, Actuator)}
-        add_orifice_actuators(spec, valves, gains)
-    else:
-        spec = _spec(variant, payload, specimen, worksite_spec() if worksite else None)
-        for joint in JOINTS:
-            configure(spec.actuator(joint), drives[joint], gains[joint])
-    for joint in JOINTS:
-        turn(spec.joint(joint), drives[joint])
-    return spec.compile()
-
-
-def _spec(variant: Variant, payload: str, specimen: Specimen, scene: mujoco.MjSpec | None) -> mujoco.MjSpec:
-    if scene is not None:
-        # There the unit is a body of its own, whoever holds it at first.
-        write_bodies(scene, variant, "rpcm", specimen)
-        return scene
-    spec = mujoco.MjSpec.from_file(str(model_file("hmtb/hmtb.xml")))
-    for key in list(spec.keys):
-        # Its activations would not fit an arm without friction, and `Arm.rest` computes the same state.
-        spec.delete(key)
-    write_bodies(spec, variant, payload, specimen)
-    spec.option.timestep = variant.step
-    return spec
-
-
-def tuned_gains(variant: Variant) -> dict[str, tuple[float, float]]:
-    """Return kp and kd of each joint, tuned at the operating pose with the RPCM on the controller's own model."""
-    inertia = np.diag(controller_model("rpcm", variant.name).inertia_matrix(np.array(POSES[OPERATING_POSE])))
-    return {
-        name: servo_gains(float(seen), variant.servos[name], variant.actuators[name])
-        for name, seen in zip(JOINTS, inertia, strict=True)
-    }
-
-
-def turn(joint: mujoco.MjsJoint, drive: Drive) -> None:
-    """Write to a joint what turns and rubs with its drive: rotor, drag, brake, Coulomb friction without bristles."""
-    bristles = drive.friction is not None and drive.friction.bristles
-    joint.armature = drive.motor.armature
-    joint.damping = [drive.drag, 0.0, 0.0]
-    joint.frictionloss = drive.motor.brake + (0.0 if bristles else drive.coulomb_torque)
-    # As hard as the constraint gets: the softer default lets a stuck joint creep.
-    joint.solref_friction, joint.solimp_friction = [0.002, 1.0], [0.9999, 0.9999, 0.001, 0.5, 2.0]
-
-
-def configure(target: mujoco.MjsActuator, drive: Drive, gains: tuple[float, float]) -> None:
-    """Write a drive and its servo into a MuJoCo `dcmotor`; pressure for current, flow for voltage if hydraulic."""
-    kp, kd = gains
-    motor, friction, coulomb = drive.motor, drive.friction, drive.coulomb_torque
-    lugre = [0.0] * 5
-    if friction is not None and friction.bristles:
-        stiffness = coulomb / friction.presliding
-        lugre = [
-            stiffness,
-            stiffness * friction.bristle_time,
-            coulomb,
-            coulomb * friction.static_ratio,
-            friction.stribeck_velocity,
-        ]
-    target.set_to_dcmotor(
-        motorconst=[motor.constant, 0.0],
-        resistance=motor.resistance,
-        saturation=[motor.maximum_torque, 0.0, 0.0],
-        inductance=[motor.inductance, 0.0],
-        controller=[kp, 0.0, kd, 0.0, 0.0, motor.largest_input],
-        lugre=lugre,
-        ctrlspec=target.ctrlspec,
     )

@@ -6,9 +6,9 @@ import mujoco
 import numpy as np
 
 from hmtb_twin import valve_equations as eq
-from hmtb_twin.controller_model import ControllerModel
 from hmtb_twin.errors import OverloadError
-from hmtb_twin.orifice import arm_parameters, install_valve_equations
+from hmtb_twin.newton import newton
+from hmtb_twin.orifice import arm_parameters
 from hmtb_twin.parameters import INDEXED_JOINTS, JOINTS
 
 
@@ -63,7 +63,7 @@ def settled_oil(
             np.zeros(n),
         ]
     )
-    found = _newton(imbalance, start)
+    found = newton(imbalance, start)
     if not np.abs(imbalance(found)).max() < 1e-9:
         stall = parameters[:, eq.DISPLACEMENT] * (oil[eq.SET] - oil[eq.RETURN])
         most = np.max(np.abs(load(command) / stall), where=np.isnan(pins), initial=0.0)
@@ -75,14 +75,19 @@ def settled_oil(
 
 
 def settled_arm(
-    model: mujoco.MjModel, controller: ControllerModel, command: np.ndarray, pinned: np.ndarray | None = None
+    model: mujoco.MjModel,
+    command: np.ndarray,
+    feedforward: np.ndarray,
+    weight: Callable[[np.ndarray], np.ndarray],
+    pinned: np.ndarray | None = None,
 ) -> tuple[np.ndarray, np.ndarray]:
     """Find where an arm with orifice actuators rests under a commanded pose.
 
     Args:
         model: The arm's model.
-        controller: The rigid-body model that tells the torque of gravity.
         command: Commanded joint angles (7,), rad.
+        feedforward: Torques (7,) that the controller feeds forward, N m.
+        weight: Torques (7,) in N m that hold the arm at angles (7,) in rad; the controller may think of others.
         pinned: Angles (7,) of which those of the indexed joints hold, rad; the commanded ones by default.
 
     Returns:
@@ -91,51 +96,5 @@ def settled_arm(
     Raises:
         OverloadError: The valves cannot carry the load.
     """
-
-    def gravity(angles: np.ndarray) -> np.ndarray:
-        return controller.gravity_torque(angles[None])[0]
-
     pins = np.where([name in INDEXED_JOINTS for name in JOINTS], command if pinned is None else pinned, np.nan)
-    return settled_oil(arm_parameters(model), command, gravity(command), pins, gravity)
-
-
-def lean_on_pins(model: mujoco.MjModel, controller: ControllerModel, command: np.ndarray, data: mujoco.MjData) -> None:
-    """Let indexed joints lean on their pins, some 1e-8 rad, until these carry what the valves leave.
-
-    Args:
-        model: The arm's model.
-        controller: The rigid-body model that tells the torque of gravity.
-        command: Commanded joint angles (7,), rad.
-        data: The arm at rest, settled but for the pins; it is changed.
-    """
-    install_valve_equations()
-    lean, n = 1e-8, len(JOINTS)
-    for name in INDEXED_JOINTS:
-        joint = model.joint(name)
-        angle, speed = joint.qposadr[0], joint.dofadr[0]
-        mujoco.mj_forward(model, data)
-        before = data.qacc[speed]
-        data.qpos[angle] += lean
-        mujoco.mj_forward(model, data)
-        # A pin's force is linear in how far it is pushed aside.
-        data.qpos[angle] -= lean * (1.0 + before / (data.qacc[speed] - before))
-    data.qpos[:n], data.act[:] = settled_arm(model, controller, command, data.qpos[:n].copy())
-
-
-def _newton(function: Callable[[np.ndarray], np.ndarray], start: np.ndarray) -> np.ndarray:
-    """Solve by Newton's method with centred differences, halving steps that make matters worse."""
-    point, value = start, function(start)
-    for _ in range(50):
-        if np.abs(value).max() < 1e-12:
-            break
-        columns = [(function(point + e) - function(point - e)) / 2e-6 for e in 1e-6 * np.eye(len(point))]
-        step = np.linalg.solve(np.column_stack(columns), -value)
-        for _ in range(20):
-            trial = function(point + step)
-            if np.linalg.norm(trial) < np.linalg.norm(value):
-                break
-            step = 0.5 * step
-        else:
-            break
-        point, value = point + step, trial
-    return point
+    return settled_oil(arm_parameters(model), command, feedforward, pins, weight)

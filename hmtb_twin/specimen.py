@@ -107,7 +107,7 @@ class Specimen:
         return {name: value for name, value in vars(self).items() if value != getattr(NOMINAL_SPECIMEN, name)}
 
     @property
-    def rigid(self) -> bool:
+    def as_designed(self) -> bool:
         """Whether links and payload are those of the variant."""
         return not self.deviations.keys() & {"mass", "payload_mass", *_DEVIATIONS}
 
