@@ -16,6 +16,7 @@ from hmtb_twin.plant import NOMINAL_PLANT, Plant
 from hmtb_twin.rendering import render
 from hmtb_twin.simulation import Logs, simulate
 from hmtb_twin.specimen import NOMINAL_SPECIMEN, Specimen
+from hmtb_twin.specimen_draw import Distribution, TwinDistributions, drawn
 from hmtb_twin.status import Status
 from hmtb_twin.truth import JointTruth, Truth
 from hmtb_twin.variants import VARIANTS, Variant
@@ -35,6 +36,7 @@ __all__ = [
     "BusRecord",
     "BusRun",
     "Chain",
+    "Distribution",
     "Experiment",
     "HandController",
     "JointLog",
@@ -47,12 +49,14 @@ __all__ = [
     "Specimen",
     "Status",
     "Truth",
+    "TwinDistributions",
     "TwinError",
     "TwinWarning",
     "UnitView",
     "Variant",
     "View",
     "axis_names",
+    "drawn",
     "linearize",
     "load_arm",
     "read_run",

@@ -16,7 +16,7 @@ from hmtb_twin.parameters import INDEXED_JOINTS, JOINTS, MOTIONS, POSES, Actuato
 from hmtb_twin.payloads import PAYLOADS, WORKSITE_PAYLOADS
 from hmtb_twin.plant import NOMINAL_PLANT, Plant
 from hmtb_twin.seats import SEATS
-from hmtb_twin.servo_rest import drooping, lean_on_pins, weight
+from hmtb_twin.servo_rest import drooping, inertia, lean_on_pins, weight
 from hmtb_twin.specimen import NOMINAL_SPECIMEN, Specimen
 from hmtb_twin.variants import variant_named
 from hmtb_twin.worksite_model import LATCH_WELD
@@ -248,6 +248,19 @@ class Arm:
         if self.specimen.as_designed:
             return self.controller.gravity_torque(angles[None])[0]
         return weight(self._in_free_space, angles)
+
+    def inertia(self, angles: np.ndarray) -> np.ndarray:
+        """Return the joint-space inertia matrix at a pose, which its controller may not know.
+
+        Args:
+            angles: Joint angles (7,), rad.
+
+        Returns:
+            Inertia (7, 7), kg m^2.
+        """
+        if self.specimen.as_designed:
+            return self.controller.inertia_matrix(angles)
+        return inertia(self._in_free_space, angles)
 
     @cached_property
     def _in_free_space(self) -> mujoco.MjModel:

@@ -25,6 +25,16 @@ def weight(model: mujoco.MjModel, angles: np.ndarray) -> np.ndarray:
     return torques
 
 
+def inertia(model: mujoco.MjModel, angles: np.ndarray) -> np.ndarray:
+    """Return the inertia matrix (7, 7) of a model in free space at joint angles (7,), kg m^2 and rad."""
+    data = mujoco.MjData(model)
+    data.qpos[:] = angles
+    mujoco.mj_forward(model, data)
+    matrix = np.empty((model.nv, model.nv))
+    mujoco.mj_fullM(model, matrix, data.qM)
+    return matrix
+
+
 def drooping(
     model: mujoco.MjModel,
     command: np.ndarray,

@@ -29,12 +29,15 @@ MAY_VANISH = ("dry_friction", "drag", "resolver_noise")
 OIL = ("bulk_modulus", "leakage")
 """What electric drives have not."""
 
-_LENGTHS = {
+DEVIATIONS = ("stretch", "shear", "shift")
+"""What is nominally 0; the rest are factors, nominally 1."""
+
+LENGTHS = {
     "mass": len(LINK_NAMES),
-    **{name: AXES * len(LINK_NAMES) for name in ("stretch", "shear", "shift")},
+    **{name: AXES * len(LINK_NAMES) for name in DEVIATIONS},
     **{name: len(JOINTS) for name in ("dry_friction", "drag", "kp", "kd")},
 }
-_DEVIATIONS = ("stretch", "shear", "shift")
+"""How many numbers a quantity has that is not the same for the whole arm."""
 
 
 @dataclass(frozen=True)
@@ -86,18 +89,18 @@ class Specimen:
     def __post_init__(self) -> None:
         for name, given in vars(self).items():
             lower, upper = _range(name)
-            if name not in _LENGTHS:
+            if name not in LENGTHS:
                 object.__setattr__(self, name, _number(name, given, lower, upper))
                 continue
             if isinstance(given, str) or not isinstance(given, Sequence | np.ndarray):
                 raise TwinError(f"specimen: {name} = {given!r} given, expected a tuple of numbers")
-            if len(given) not in (0, _LENGTHS[name]):
+            if len(given) not in (0, LENGTHS[name]):
                 raise TwinError(
-                    f"specimen: {len(given)} entries of {name} given, expected {_LENGTHS[name]}, or none where nothing "
+                    f"specimen: {len(given)} entries of {name} given, expected {LENGTHS[name]}, or none where nothing "
                     "deviates"
                 )
             values = tuple(_number(f"{name}[{i}]", value, lower, upper) for i, value in enumerate(given))
-            nominal = 0.0 if name in _DEVIATIONS else 1.0
+            nominal = 0.0 if name in DEVIATIONS else 1.0
             # Equal arms are equal records, whichever way they were written.
             object.__setattr__(self, name, () if all(value == nominal for value in values) else values)
 
@@ -109,7 +112,7 @@ class Specimen:
     @property
     def as_designed(self) -> bool:
         """Whether links and payload are those of the variant."""
-        return not self.deviations.keys() & {"mass", "payload_mass", *_DEVIATIONS}
+        return not self.deviations.keys() & {"mass", "payload_mass", *DEVIATIONS}
 
     @property
     def recorder(self) -> Recorder:
@@ -164,7 +167,7 @@ class Specimen:
         factor = self.mass[i] if self.mass else 1.0
         d, s, t = (
             np.array(given[AXES * i : AXES * (i + 1)]) if (given := getattr(self, entry)) else np.zeros(AXES)
-            for entry in _DEVIATIONS
+            for entry in DEVIATIONS
         )
         shape = np.diag(np.exp(d))
         shape[0, 1], shape[1, 2], shape[0, 2] = s
@@ -177,7 +180,7 @@ class Specimen:
     def deviating(self, name: str) -> bool:
         """Whether one of `LINK_NAMES` is not that of the variant."""
         i = LINK_NAMES.index(name)
-        shapes = (getattr(self, entry)[AXES * i : AXES * (i + 1)] for entry in _DEVIATIONS)
+        shapes = (getattr(self, entry)[AXES * i : AXES * (i + 1)] for entry in DEVIATIONS)
         return (bool(self.mass) and self.mass[i] != 1.0) or any(any(shape) for shape in shapes)
 
     def _of_joint(self, name: str, joint: str) -> float:
@@ -186,7 +189,7 @@ class Specimen:
 
 
 def _range(name: str) -> tuple[float, float]:
-    if name in _DEVIATIONS:
+    if name in DEVIATIONS:
         return -FARTHEST, FARTHEST
     return (0.0 if name in MAY_VANISH else 1.0 / LARGEST), LARGEST
 

@@ -62,6 +62,7 @@ class TruthSummary:
             "pose": truth.pose,
             "angles_rad": truth.angles,
             "plant": vars(truth.plant),
+            "specimen": truth.specimen.deviations,
             "joints": {name: self._joint(name) for name in self.joints},
             "small_signal_error": truth.small_signal_error,
             "provenance": truth.provenance,
@@ -173,7 +174,7 @@ def attainable_on(log: JointLog, truth: Truth) -> dict[str, Attainable]:
 def _hydraulics(arm: Arm, angles: np.ndarray) -> dict[str, LinearHydraulics]:
     if not hydraulic(arm) or arm.plant.actuator != "linear":
         return {}
-    inertia = np.diag(arm.controller.inertia_matrix(angles))
+    inertia = np.diag(arm.inertia(angles))
     return {
         name: linear_hydraulics(arm.actuators[name], float(seen)) for name, seen in zip(JOINTS, inertia, strict=True)
     }
@@ -194,7 +195,7 @@ def conditions_in_words(arm: Arm) -> str:
         said += [f"supply pressure {plant.supply_pressure:g} MPa", f"oil at {plant.oil_temperature:g} °C"]
     if plant.process_noise:
         said.append(f"process noise {plant.process_noise:g} of the rated torque")
-    return ", ".join(said)
+    return ", ".join([*said, *_deviations(arm)])
 
 
 def departures_in_words(arm: Arm) -> str:
@@ -213,7 +214,13 @@ def departures_in_words(arm: Arm) -> str:
         said.append(f"oil at {plant.oil_temperature:g} °C")
     if plant.process_noise != nominal.process_noise:
         said.append(f"process noise {plant.process_noise:g} of the rated torque")
-    return ", ".join(said)
+    return ", ".join([*said, *_deviations(arm)])
+
+
+def _deviations(arm: Arm) -> list[str]:
+    """What of the arm is not its variant's, by name: a value for each body would fill the page."""
+    names = [name.replace("_", " ") for name in arm.specimen.deviations]
+    return [f"a specimen whose {', '.join(names)} deviate"] if names else []
 
 
 def pose_in_words(truth: Truth) -> str:
