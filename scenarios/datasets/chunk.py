@@ -4,6 +4,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 
 from hmtb_twin import simulate
+from hmtb_twin.parameters import SAMPLE_RATE
 from hmtb_twin.simulation import Progress
 from scenarios.datasets.experiment_file import data_contents, signal_contents
 from scenarios.datasets.netcdf import Contents
@@ -45,7 +46,7 @@ def chunks(plan: Plan, left: Sequence[int]) -> Iterator[tuple[int, ...]]:
     chunk: list[int] = []
     samples = 0
     for number in left:
-        length = round(50 * plan[number].experiment.duration)
+        length = round(SAMPLE_RATE * plan.duration(number))
         if chunk and (len(chunk) >= MOST_ROWS or samples + length > MOST_SAMPLES):
             yield tuple(chunk)
             chunk, samples = [], 0

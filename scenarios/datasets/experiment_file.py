@@ -28,14 +28,11 @@ def data_contents(spec: DataSetSpec, entry: Entry, log: JointLog) -> Contents:
         `u` (sample, input) and `y` (sample, output), rad; the joints beside them, the wrench and the status of the bus.
     """
     chosen = [joint_index(name) for name in entry.joints]
-    others = [number for number in range(len(JOINTS)) if number not in chosen]
     angle = {"units": "rad"}
     variables = {
         **_samples(log),
         "input": _names("input", entry.joints),
         "output": _names("output", entry.joints),
-        "joint": _names("joint", [JOINTS[number] for number in others]),
-        "component": _names("component", WRENCH),
         "u": Variable(
             ("sample", "input"),
             log.commanded[:, chosen],
@@ -46,18 +43,32 @@ def data_contents(spec: DataSetSpec, entry: Entry, log: JointLog) -> Contents:
             log.measured[:, chosen],
             {**angle, "role": "output", "long_name": "measured joint angle"},
         ),
-        "joint_commanded": Variable(
-            ("sample", "joint"), log.commanded[:, others], {**angle, "role": "auxiliary", "intersample": "zoh"}
+        "status": Variable(
+            ("sample",), log.status, {"units": "1", "role": "auxiliary", "long_name": "flags of the tick"}
         ),
-        "joint_measured": Variable(("sample", "joint"), log.measured[:, others], {**angle, "role": "auxiliary"}),
-        "wrench": Variable(
-            ("sample", "component"),
-            log.wrench,
-            {"units": "N, N m", "role": "auxiliary", "long_name": "wrist force and torque"},
-        ),
-        "status": Variable(("sample",), log.status, {"units": "1", "role": "auxiliary", "long_name": "flags of the tick"}),
+        **(_beside(log, chosen) if spec.channels == "all" else {}),
     }
     return Contents(variables, _attributes(spec, entry, log))
+
+
+def _beside(log: JointLog, chosen: list[int]) -> Mapping[str, Variable]:
+    """What the bus recorded beside the joints chosen."""
+    others = [number for number in range(len(JOINTS)) if number not in chosen]
+    command = {
+        "units": "rad",
+        "role": "auxiliary",
+        "intersample": "zoh",
+        "long_name": "commanded angle of another joint",
+    }
+    angle = {"units": "rad", "role": "auxiliary", "long_name": "measured angle of another joint"}
+    wrench = {"units": "N, N m", "role": "auxiliary", "long_name": "wrist force and torque"}
+    return {
+        "joint": _names("joint", [JOINTS[number] for number in others]),
+        "component": _names("component", WRENCH),
+        "joint_commanded": Variable(("sample", "joint"), log.commanded[:, others], command),
+        "joint_measured": Variable(("sample", "joint"), log.measured[:, others], angle),
+        "wrench": Variable(("sample", "component"), log.wrench, wrench),
+    }
 
 
 def signal_contents(spec: DataSetSpec, entry: Entry, log: JointLog) -> Contents:
@@ -73,17 +84,19 @@ def signal_contents(spec: DataSetSpec, entry: Entry, log: JointLog) -> Contents:
     """
     angles = {"units": "rad", "role": "truth", "long_name": "joint angle without noise and quantisation"}
     pressure = {"units": "MPa", "role": "truth", "long_name": "pressure across each actuator"}
+    names = JOINTS if spec.channels == "all" else entry.joints
+    shown = [joint_index(name) for name in names]
     variables = {
         **_samples(log),
-        "joint": _names("joint", JOINTS),
+        "joint": _names("joint", names),
         "axis": _names("axis", log.axes),
-        "true_angles": Variable(("sample", "joint"), log.true_angles, angles),
-        "load_pressure": Variable(("sample", "joint"), log.load_pressure, pressure),
+        "true_angles": Variable(("sample", "joint"), log.true_angles[:, shown], angles),
+        "load_pressure": Variable(("sample", "joint"), log.load_pressure[:, shown], pressure),
         "volts": Variable(("sample", "axis"), log.volts, {"units": "V", "role": "truth"}),
         "counts": Variable(("sample", "axis"), log.counts, {"units": "1", "role": "truth"}),
     }
     if log.spool is not None and log.supply_pressure is not None:
-        variables["spool"] = Variable(("sample", "joint"), log.spool, {"units": "1", "role": "truth"})
+        variables["spool"] = Variable(("sample", "joint"), log.spool[:, shown], {"units": "1", "role": "truth"})
         variables["supply_pressure"] = Variable(("sample",), log.supply_pressure, {"units": "MPa", "role": "truth"})
     if log.unit_pose is not None and log.contact_force is not None:
         variables["pose"] = _names("pose", POSE)

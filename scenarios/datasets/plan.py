@@ -1,7 +1,7 @@
 """What a spec asks for, experiment by experiment, made when it is asked for: a plan of any size weighs nothing."""
 
 from collections import Counter
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import product
@@ -9,10 +9,11 @@ from typing import overload
 
 import numpy as np
 
-from hmtb_twin import STUDIED_JOINTS, Experiment, Plant
-from hmtb_twin.parameters import JOINTS
+from hmtb_twin import STUDIED_JOINTS, Experiment, Plant, Specimen
+from hmtb_twin.parameters import JOINTS, OPERATING_POSE
+from hmtb_twin.specimen_draw import drawn
 from scenarios.datasets.layout import arm_file, best_linear_file, data_file, signals_file
-from scenarios.datasets.records import Records
+from scenarios.datasets.records import PAYLOAD, Records
 from scenarios.datasets.spec import DataSetSpec
 from scenarios.errors import ScenarioError
 from scenarios.excitation_computer import Excitation
@@ -111,8 +112,10 @@ class Plan(Sequence[Entry]):
         twice = [name for name, count in Counter(entry.name for entry in self._templates).items() if count > 1]
         if twice:
             raise ScenarioError(
-                f"data set {spec.name!r}: two experiments are called {', '.join(twice[:3])}; name the blocks differently"
+                f"data set {spec.name!r}: two experiments are called {', '.join(twice[:3])}; "
+                "name the blocks differently"
             )
+        self._last: tuple[int, tuple[Specimen, Mapping[str, float]]] | None = None
         self._arms = tuple(dict.fromkeys(entry.condition for entry in self._templates))
 
     @cached_property
@@ -138,6 +141,10 @@ class Plan(Sequence[Entry]):
     def __iter__(self) -> Iterator[Entry]:
         return (self[i] for i in range(len(self)))
 
+    def duration(self, index: int) -> float:
+        """Length of the record at a place in the plan, s."""
+        return self._templates[index % len(self._templates)].experiment.duration
+
     @property
     def seconds(self) -> float:
         """Length of all records together, s."""
@@ -158,17 +165,24 @@ class Plan(Sequence[Entry]):
 
     def _experiment(self, template: _Template, name: str, twin: int | None) -> Experiment:
         noise, waveform = _seeds(self.spec.seed, name)
-        one = template.experiment
+        one = replace(template.experiment, name=name, seed=noise)
+        if self.spec.twins is not None and twin is not None:
+            specimen, of_plant = self._drawn(twin)
+            one = replace(one, specimen=specimen, plant=replace(one.plant, **of_plant))  # type: ignore[arg-type]
+        if not template.block.draw_waveforms:
+            return one
         if isinstance(one, MultisineExperiment):
-            drawn = replace(one.multisines, seed=self._of_block(template, twin)) if template.block.draw_waveforms else one.multisines
-            return replace(one, name=name, seed=noise, multisines=drawn)
-        if template.block.draw_waveforms:
-            one = replace(one, excitation=tuple(_reseeded(e, waveform + k) for k, e in enumerate(one.excitation)))
-        return replace(one, name=name, seed=noise)
+            # The records of one measurement share their seed.
+            shared = _seeds(self.spec.seed, f"{template.block.name} of {twin}")[1]
+            return replace(one, multisines=replace(one.multisines, seed=shared))
+        return replace(one, excitation=tuple(_reseeded(e, waveform + k) for k, e in enumerate(one.excitation)))
 
-    def _of_block(self, template: _Template, twin: int | None) -> int:
-        """Seed that the records of one multisine measurement share."""
-        return _seeds(self.spec.seed, f"{template.block.name} of {twin}")[1]
+    def _drawn(self, twin: int) -> tuple[Specimen, Mapping[str, float]]:
+        """The arm of a twin, and what changes of its plant; experiments of one twin follow each other."""
+        assert self.spec.twins is not None  # noqa: S101 - only a spec with twins has any
+        if self._last is None or self._last[0] != twin:
+            self._last = (twin, drawn(self.spec.twins.distributions, np.random.SeedSequence([self.spec.seed, twin])))
+        return self._last[1]
 
 
 def _seeds(seed: int, name: str) -> tuple[int, int]:
@@ -187,14 +201,16 @@ def _templates(block: Records) -> Iterator[_Template]:
     lists = {key: getattr(block, key) for key in CONDITIONS}
     for played, values, repeat in product(_played(block), product(*lists.values()), range(block.repeats)):
         name, experiment = played
-        varied = [_word(key, value) for (key, known), value in zip(lists.items(), values, strict=True) if len(known) > 1]
+        varied = [
+            _word(key, value) for (key, known), value in zip(lists.items(), values, strict=True) if len(known) > 1
+        ]
         run = [f"r{repeat + 1:0{len(str(block.repeats))}d}"] if block.repeats > 1 else []
-        condition = Condition(*values)
+        under = _under(block, experiment, Condition(*values))
         yield _Template(
             name="-".join((name, *varied, *run)),
             block=block,
-            condition=condition,
-            experiment=_under(block, experiment, condition),
+            condition=replace(Condition(*values), payload=under.payload, pose=under.pose),
+            experiment=under,
             joints=block.joints or tuple(axis for axis in experiment.axes if axis in JOINTS) or STUDIED_JOINTS,
         )
 
@@ -204,10 +220,18 @@ def _word(key: str, value: object) -> str:
     return f"noise{value:g}" if key == "process_noises" else str(value)
 
 
-def _under(block: Records, experiment: Scenario | MultisineExperiment, condition: Condition) -> Scenario | MultisineExperiment:
+def _under(
+    block: Records, experiment: Scenario | MultisineExperiment, condition: Condition
+) -> Scenario | MultisineExperiment:
     """The experiment on the arm and in the place that a condition names."""
+    # Registered scenarios have a payload and a pose of their own, unless the block names others.
+    own = bool(block.scenarios)
     return replace(
-        experiment, variant=condition.variant, payload=condition.payload, pose=condition.pose, plant=condition.plant
+        experiment,
+        variant=condition.variant,
+        payload=experiment.payload if own and block.payloads == (PAYLOAD,) else condition.payload,
+        pose=experiment.pose if own and block.poses == (OPERATING_POSE,) else condition.pose,
+        plant=condition.plant,
     )
 
 
@@ -219,7 +243,7 @@ def _played(block: Records) -> Iterator[tuple[str, Scenario | MultisineExperimen
                 scenario = load(one)
                 shortened = scenario if block.duration is None else replace(scenario, duration=block.duration)
                 for mark, excitation in _amplified(block, shortened.excitation):
-                    yield f"{block.name}-{one}{mark}", replace(shortened, excitation=excitation)
+                    yield f"{one}{mark}", replace(shortened, excitation=excitation)
         return
     for axes in [(axis,) for axis in block.axes] if block.each_axis else [block.axes]:
         of_axis = f"-{axes[0]}" if block.each_axis else ""
@@ -228,8 +252,8 @@ def _played(block: Records) -> Iterator[tuple[str, Scenario | MultisineExperimen
                 mark = f"-{1000 * amplitude:g}mrad" if len(block.amplitudes) > 1 else ""
                 multisines = replace(block.multisines, rms=amplitude)
                 setting = _scenario(block, axes, (Excitation("white_noise"),), 1.0)
-                for number, one in enumerate(multisine_experiments(setting, multisines), start=1):
-                    yield f"{block.name}{of_axis}{mark}-{number:02d}", one
+                for number, record in enumerate(multisine_experiments(setting, multisines), start=1):
+                    yield f"{block.name}{of_axis}{mark}-{number:02d}", record
             continue
         assert block.duration is not None  # noqa: S101 - the block has been checked
         for mark, excitation in _amplified(block, block.excitation):

@@ -15,6 +15,9 @@ from scenarios.scenario import NAME
 from scenarios.suggest import unknown
 from scenarios.toml_values import record, typed, written
 
+PAYLOAD = "rpcm"
+"""What the end effector holds unless the block says otherwise."""
+
 MOST_REPEATS = 10_000
 """More repeats of one record than that are a slip of the keyboard."""
 
@@ -71,7 +74,7 @@ class Records:
     amplitudes: tuple[float, ...] = ()
     joints: tuple[str, ...] = ()
     variants: tuple[str, ...] = ("nominal",)
-    payloads: tuple[str, ...] = ("rpcm",)
+    payloads: tuple[str, ...] = (PAYLOAD,)
     poses: tuple[str, ...] = (OPERATING_POSE,)
     actuators: tuple[str, ...] = ("linear",)
     frictions: tuple[str, ...] = ("lugre",)
@@ -96,7 +99,11 @@ class Records:
                     raise ScenarioError(f"{where}: {unknown(key, value, known)}")
         for entry in fields(self):
             values = getattr(self, entry.name)
-            if entry.name not in ("excitation", "axes") and isinstance(values, tuple) and len(set(values)) < len(values):
+            if (
+                entry.name not in ("excitation", "axes")
+                and isinstance(values, tuple)
+                and len(set(values)) < len(values)
+            ):
                 raise ScenarioError(f"{where}: {entry.name} = {values} given, expected each once")
         empty = [key for key in CHOICES if key != "joints" and not getattr(self, key)]
         if empty or not self.process_noises:

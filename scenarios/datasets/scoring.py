@@ -6,7 +6,7 @@ from scenarios.errors import ScenarioError
 from scenarios.suggest import unknown
 
 METRICS = ("rmse", "nrmse", "fit")
-"""Root mean square error; that over the spread of the output, percent; and 100 (1 - |error| / |y - mean y|), percent."""
+"""Root mean square error; that over the spread of the output in percent; 100 (1 - |error| / |y - mean y|) percent."""
 
 UNITS = {"rad": 1.0, "mrad": 1e3, "deg": 57.29577951308232}
 """Units of a root mean square error, per rad."""

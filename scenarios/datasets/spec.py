@@ -18,6 +18,9 @@ from scenarios.suggest import unknown
 from scenarios.toml_values import record, typed, written
 from scenarios.waveform import check_seed
 
+CHANNELS = ("all", "studied")
+"""How much the files hold."""
+
 
 @dataclass(frozen=True)
 class DataSetSpec:
@@ -32,6 +35,8 @@ class DataSetSpec:
         description: What it is for, a paragraph.
         window: Samples at the start of every scored record in which the outputs are given, to find an initial state.
         scoring: The primary score.
+        channels: What the files hold: "all" that the bus recorded and the simulation knows, or only what concerns the
+            "studied" joints.
         twins: Randomised twins: every block is run on each of them; none: the variants themselves.
         creators: Who is cited.
         keywords: Words to find it by.
@@ -44,6 +49,7 @@ class DataSetSpec:
     records: tuple[Records, ...]
     description: str = ""
     window: int = 100
+    channels: str = "all"
     scoring: Scoring = Scoring()  # noqa: RUF009
     twins: Twins | None = None
     creators: tuple[str, ...] = ("The HMTB twin contributors",)
@@ -52,8 +58,8 @@ class DataSetSpec:
     def __post_init__(self) -> None:
         if not NAME.fullmatch(self.name):
             raise ScenarioError(
-                f"data set {self.name!r}: expected 1 to 100 letters, digits, '.', '_', '-' or '+' as a name, the first a "
-                "letter or digit, because folders are named after it"
+                f"data set {self.name!r}: expected 1 to 100 letters, digits, '.', '_', '-' or '+' as a name, the first "
+                "a letter or digit, because folders are named after it"
             )
         if self.version < 1:
             raise ScenarioError(f"data set {self.name!r}: version = {self.version} given, expected 1 or more")
@@ -61,16 +67,22 @@ class DataSetSpec:
             raise ScenarioError(f"data set {self.name!r}: expected a title, given none")
         if self.window < 0:
             raise ScenarioError(f"data set {self.name!r}: window = {self.window} given, expected 0 samples or more")
+        if self.channels not in CHANNELS:
+            raise ScenarioError(f"data set {self.name!r}: {unknown('channels', self.channels, CHANNELS)}")
         check_seed(self.seed)
         if not self.records:
             raise ScenarioError(f"data set {self.name!r}: no records given, expected one or more blocks [[records]]")
         names = [block.name for block in self.records]
         twice = sorted({name for name in names if names.count(name) > 1})
         if twice:
-            raise ScenarioError(f"data set {self.name!r}: records {', '.join(twice)} given twice, expected each name once")
+            raise ScenarioError(
+                f"data set {self.name!r}: records {', '.join(twice)} given twice, expected each name once"
+            )
         absent = [part for part in PARTS if part not in {block.part for block in self.records}]
         if "train" in absent or "test" in absent:
-            raise ScenarioError(f"data set {self.name!r}: no records for {' and '.join(absent)}; expected some for train and test")
+            raise ScenarioError(
+                f"data set {self.name!r}: no records for {' and '.join(absent)}; expected some for train and test"
+            )
 
     @property
     def label(self) -> str:
@@ -126,7 +138,9 @@ class DataSetSpec:
                 values[key] = typed(key, value, hints[key])
         missing = [key for key in ("name", "version", "title", "seed", "records") if key not in values]
         if missing:
-            raise ScenarioError(f"missing {', '.join(missing)}; a data set needs name, version, title, seed and records")
+            raise ScenarioError(
+                f"missing {', '.join(missing)}; a data set needs name, version, title, seed and records"
+            )
         return cls(**values)
 
 
