@@ -17,6 +17,8 @@ import tyro
 from scenarios.commands.bandwidth import bandwidth
 from scenarios.commands.compare import compare
 from scenarios.commands.convert import convert
+from scenarios.commands.dataset import DATASET, dataset
+from scenarios.commands.dataset import DESCRIPTION as DATASET_DESCRIPTION
 from scenarios.commands.identify import identify
 from scenarios.commands.output import reason
 from scenarios.commands.preview import preview
@@ -43,6 +45,7 @@ Start with:
   hmtb compare siso-8-elbow_pitch.nc --estimation siso-5-elbow_pitch.nc --models truth published oe:2/2/1
   hmtb truth                                      what an estimator should have found
   hmtb bandwidth                                  is every joint's bandwidth about 1 Hz?
+  hmtb dataset list                               benchmark data sets, to build, check and score
 
 Every command has its own --help; hmtb --version says which release this is.
 Exit codes: 0 done, 1 a check found a difference, 2 bad input, 130 interrupted.
@@ -59,9 +62,13 @@ COMMANDS: dict[str, Callable[..., int]] = {
     "identify": identify,
     "compare": compare,
     "convert": convert,
+    "dataset": dataset,
     "view": view,
     "video": video,
 }
+
+GROUPS: dict[str, tuple[str, dict[str, Callable[..., int]]]] = {"dataset": (DATASET_DESCRIPTION, DATASET)}
+"""Commands that the first word only groups: the text of its help, and the commands by the second word."""
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -116,14 +123,17 @@ def _understand(words: list[str]) -> Callable[[], int]:
         ScenarioError: The words name no command, or the command does not take them.
         SystemExit: Help was asked for and is printed.
     """
-    if words[0] not in COMMANDS and words[0] not in ("-h", "--help"):
-        raise ScenarioError(unknown("command", words[0], COMMANDS))
+    program, description, commands = "hmtb", DESCRIPTION, COMMANDS
+    if words[0] in GROUPS:
+        program, (description, commands), words = f"hmtb {words[0]}", GROUPS[words[0]], words[1:] or ["--help"]
+    if words[0] not in commands and words[0] not in ("-h", "--help"):
+        raise ScenarioError(unknown("command", words[0], commands))
 
     def parse() -> Callable[[], int]:
         parsed: Callable[[], int] = tyro.extras.subcommand_cli_from_dict(
-            {name: _later(command) for name, command in COMMANDS.items()},
-            prog="hmtb",
-            description=DESCRIPTION,
+            {name: _later(command) for name, command in commands.items()},
+            prog=program,
+            description=description,
             args=words,
             config=(tyro.conf.FlagCreatePairsOff, tyro.conf.HelptextFromCommentsOff),
         )
@@ -140,7 +150,7 @@ def _understand(words: list[str]) -> Callable[[], int]:
             help_text.seek(0)
             sys.stdout.write(wrapped(help_text.read()))
             raise
-        raise ScenarioError(one_line(parse, f"hmtb {words[0]}")) from None
+        raise ScenarioError(one_line(parse, f"{program} {words[0]}")) from None
 
 
 def _later(command: Callable[Options, int]) -> Callable[Options, Callable[[], int]]:
