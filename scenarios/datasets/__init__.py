@@ -1,1 +1,19 @@
 """Benchmark data sets: drawn from a spec, built without loss, checked, exported and scored."""
+
+from importlib import import_module
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from scenarios.datasets.data_record import DataRecord
+    from scenarios.datasets.data_set import DataSet, load, open_data_set
+
+__all__ = ["DataRecord", "DataSet", "load", "open_data_set"]
+
+_ROOMS = {"DataRecord": "data_record", "DataSet": "data_set", "load": "data_set", "open_data_set": "data_set"}
+
+
+def __getattr__(name: str) -> object:
+    # The command line's help does not wait for the laboratory.
+    if name not in _ROOMS:
+        raise AttributeError(f"module 'scenarios.datasets' has no attribute {name!r}")
+    return getattr(import_module(f"scenarios.datasets.{_ROOMS[name]}"), name)
