@@ -31,7 +31,7 @@ def inertia(model: mujoco.MjModel, angles: np.ndarray) -> np.ndarray:
     data.qpos[:] = angles
     mujoco.mj_forward(model, data)
     matrix = np.empty((model.nv, model.nv))
-    mujoco.mj_fullM(model, matrix, data.qM)
+    mujoco.mj_fullM(model, data, matrix)
     return matrix
 
 

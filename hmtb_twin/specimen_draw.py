@@ -119,7 +119,10 @@ class TwinDistributions:
                 continue
             if not isinstance(given, Distribution):
                 raise TwinError(f"{name} = {given!r} given, expected a Distribution")
-            stated = given if given.centre is not None else replace(given, centre=_nominal(name))
+            try:
+                stated = given if given.centre is not None else replace(given, centre=_nominal(name))
+            except TwinError as error:
+                raise TwinError(f"{name}: {error}") from error
             object.__setattr__(self, name, stated)
             try:
                 for value in stated.support():

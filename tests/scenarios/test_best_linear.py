@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from scipy.stats import binom, kstest
 
-from hmtb_twin import IDEAL, STUDIED_JOINTS, Chain, HandController, Plant, linearize, load_arm
+from hmtb_twin import IDEAL, STUDIED_JOINTS, Chain, HandController, Plant, Specimen, linearize, load_arm
 from scenarios import ScenarioError, load
 from scenarios.agreement import agreement
 from scenarios.best_linear import best_linear
@@ -108,19 +108,22 @@ def test_the_same_seeds_give_the_same_bits_on_any_number_of_threads() -> None:
 
 def test_any_single_joint_experiment_is_a_setting() -> None:
     scenario = replace(load("siso-5-elbow_pitch"), payload="none", plant=Plant(friction_level=3.0), seed=9)
+    scenario = replace(scenario, specimen=Specimen(mass=(1.1,) * 8))
     records = multisine_experiments(scenario, SHORT)
     assert len({record.seed for record in records}) == len(records) == 8
     first = records[0]
-    assert (first.axes, first.payload, first.plant, first.duration) == (
+    assert (first.axes, first.payload, first.plant, first.specimen, first.duration) == (
         ("elbow_pitch",),
         "none",
         scenario.plant,
+        scenario.specimen,
         SHORT.duration,
     )
     found = best_linear(scenario, replace(SHORT, realisations=2))
     assert found.provenance["plant_friction_level"] == "3.0"
     assert found.provenance["multisines_rms"] == "0.01"
     assert found.small_signal.payload == "none"
+    assert found.small_signal.specimen == scenario.specimen
 
 
 @pytest.mark.parametrize(

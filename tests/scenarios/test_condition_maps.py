@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-from hmtb_twin import PAYLOADS, Plant, linearize, load_arm
+from hmtb_twin import PAYLOADS, Plant, Specimen, linearize, load_arm
 from hmtb_twin.parameters import OPERATING_POSE, POSES
-from scenarios.condition_maps import conditions
+from scenarios.condition_maps import conditions, payloads, supply_pressures
 
 HERE = np.array(POSES[OPERATING_POSE])
 
@@ -32,6 +32,15 @@ def test_servo_valves_have_the_same_gap_at_low_pressure() -> None:
     assert pressures.dynamics.stable[:2].tolist() == [False, True]
     assert np.isnan(pressures.dynamics.bandwidth[0]).all()
     assert np.isfinite(pressures.dynamics.bandwidth[1]).all()
+
+
+def test_a_specimen_stays_itself_under_all_of_them() -> None:
+    arm = load_arm(specimen=Specimen(mass=(1.1,) * 8, payload_mass=1.3))
+    bare = linearize(load_arm(payload="none", specimen=arm.specimen), amplitudes=()).joint("elbow_pitch").bandwidth_hz
+    assert payloads(arm, HERE).dynamics.of("elbow_pitch")[0] == pytest.approx(bare, rel=1e-7)
+    plant = Plant(supply_pressure=35.0)
+    strong = linearize(load_arm(plant=plant, specimen=arm.specimen), amplitudes=()).joint("elbow_pitch").bandwidth_hz
+    assert supply_pressures(arm, HERE, 2).dynamics.of("elbow_pitch")[1] == pytest.approx(strong, rel=1e-7)
 
 
 def test_electric_drives_have_no_oil() -> None:

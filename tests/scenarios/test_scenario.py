@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from hmtb_twin import JOINTS, Chain, HandController, Plant
+from hmtb_twin import JOINTS, Chain, HandController, Plant, Specimen
 from scenarios import Excitation, Scenario, ScenarioError, load
 from scenarios.scenario import NAME
 
@@ -48,6 +48,14 @@ def scenarios(draw: st.DrawFn) -> Scenario:
                 friction=st.sampled_from(["none", "viscous", "coulomb", "lugre"]),
                 oil_temperature=st.floats(0.0, 100.0),
                 process_noise=st.floats(0.0, 1.0),
+            )
+        ),
+        specimen=draw(
+            st.builds(
+                Specimen,
+                payload_mass=st.floats(0.01, 100.0),
+                shift=st.lists(st.floats(-3.0, 3.0), min_size=24, max_size=24),
+                kp=st.lists(st.floats(0.01, 100.0), min_size=7, max_size=7) | st.just(()),
             )
         ),
         chain=draw(st.builds(Chain, friction=st.booleans(), adc=st.booleans())),
@@ -138,6 +146,9 @@ def test_reseeding_draws_another_seed_for_every_name_and_keeps_the_file() -> Non
         (lambda t: t + "kind = 3", "not a TOML file"),
         (lambda t: t + "[plant]\nprocess_noise = 2\n", "mine.toml: plant: process_noise = 2.0 given, expected 0 to 1"),
         (lambda t: t + "[plant]\nfriction = 'ice'\n", "mine.toml: plant: unknown friction 'ice', available: none"),
+        (lambda t: t + "[specimen]\nmass = [1.1]\n", "mine.toml: specimen: 1 entries of mass given, expected 8"),
+        (lambda t: t + "[specimen]\nkp = 1.1\n", "mine.toml: specimen.kp must be a list of finite numbers"),
+        (lambda t: t + "[specimen]\nkg = 1.1\n", "mine.toml: specimen: unknown key 'kg'"),
         (lambda t: t + "[plant]\nfriction_level = true\n", "mine.toml: plant.friction_level must be a finite number"),
         (lambda t: t + "iterations = 1.5\n", "iterations must be a whole number"),
         (lambda t: t + "iterations = 0\n", "iterations must be 1 or more, given 0"),
@@ -165,6 +176,8 @@ def test_one_excitation_per_axis_or_one_for_all() -> None:
         ({"variant": "flight", "worksite": True}, "'flight' at the worksite"),
         ({"payload": "mdm", "worksite": True}, "'mdm' at the worksite given, expected rpcm or none"),
         ({"plant": None}, "plant = None given, expected a Plant"),
+        ({"specimen": None}, "specimen = None given, expected a Specimen"),
+        ({"variant": "flight", "specimen": Specimen(leakage=2.0)}, "leakage = 2.0 given.*electric"),
     ],
 )
 def test_arms_that_cannot_be_loaded_are_refused(changes, told):
