@@ -116,7 +116,9 @@ class Plan(Sequence[Entry]):
                 "name the blocks differently"
             )
         self._last: tuple[int, tuple[Specimen, Mapping[str, float]]] | None = None
-        self._arms = tuple(dict.fromkeys(entry.condition for entry in self._templates))
+        self._arms = {c: n for n, c in enumerate(dict.fromkeys(entry.condition for entry in self._templates))}
+        first = {entry.condition: number for number, entry in reversed(list(enumerate(self._templates)))}
+        self._first = frozenset(first.values())
 
     @cached_property
     def twins(self) -> int:
@@ -145,6 +147,10 @@ class Plan(Sequence[Entry]):
         """Length of the record at a place in the plan, s."""
         return self._templates[index % len(self._templates)].experiment.duration
 
+    def brings_arm(self, index: int) -> bool:
+        """Whether the experiment at a place in the plan is the first on its arm: the truth of that is made with it."""
+        return index % len(self._templates) in self._first
+
     @property
     def seconds(self) -> float:
         """Length of all records together, s."""
@@ -157,7 +163,7 @@ class Plan(Sequence[Entry]):
             name=name,
             part=template.block.part,
             block=template.block.name,
-            arm=f"{mark}arm-{self._arms.index(template.condition)}",
+            arm=f"{mark}arm-{self._arms[template.condition]}",
             twin=twin,
             joints=template.joints,
             experiment=self._experiment(template, name, twin),
