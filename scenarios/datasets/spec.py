@@ -1,5 +1,7 @@
 """The spec of a data set: a frozen record that is a TOML file."""
 
+import datetime
+import re
 import tomllib
 from collections.abc import Mapping
 from dataclasses import dataclass, fields
@@ -8,9 +10,11 @@ from importlib.resources import files
 from pathlib import Path
 from typing import Any, get_type_hints
 
+from scenarios.datasets.baselines_asked import BaselinesAsked
 from scenarios.datasets.layout import PARTS
 from scenarios.datasets.records import Records
 from scenarios.datasets.scoring import Scoring
+from scenarios.datasets.truth_asked import TruthAsked
 from scenarios.datasets.twins import Twins
 from scenarios.errors import ScenarioError
 from scenarios.scenario import NAME
@@ -20,6 +24,9 @@ from scenarios.waveform import check_seed
 
 CHANNELS = ("all", "studied")
 """How much the files hold."""
+
+TABLES: Mapping[str, Any] = {"scoring": Scoring, "truth": TruthAsked, "baselines": BaselinesAsked}
+"""Tables of a spec that are flat records."""
 
 
 @dataclass(frozen=True)
@@ -35,11 +42,15 @@ class DataSetSpec:
         description: What it is for, a paragraph.
         window: Samples at the start of every scored record in which the outputs are given, to find an initial state.
         scoring: The primary score.
+        truth: How much is told of the truth.
+        baselines: Which models it is published with.
         channels: What the files hold: "all" that the bus recorded and the simulation knows, or only what concerns the
             "studied" joints.
         twins: Randomised twins: every block is run on each of them; none: the variants themselves.
         creators: Who is cited.
         keywords: Words to find it by.
+        date: Day of release, YYYY-MM-DD; empty: none, then the papers name none, because a build has no clock.
+        url: Page of the data set on the web; empty: none.
     """
 
     name: str
@@ -51,9 +62,13 @@ class DataSetSpec:
     window: int = 100
     channels: str = "all"
     scoring: Scoring = Scoring()  # noqa: RUF009
+    truth: TruthAsked = TruthAsked()  # noqa: RUF009
+    baselines: BaselinesAsked = BaselinesAsked()  # noqa: RUF009
     twins: Twins | None = None
     creators: tuple[str, ...] = ("The HMTB twin contributors",)
     keywords: tuple[str, ...] = ("system identification", "robotics", "hydraulics", "benchmark", "MuJoCo")
+    date: str = ""
+    url: str = ""
 
     def __post_init__(self) -> None:
         if not NAME.fullmatch(self.name):
@@ -69,6 +84,14 @@ class DataSetSpec:
             raise ScenarioError(f"data set {self.name!r}: window = {self.window} given, expected 0 samples or more")
         if self.channels not in CHANNELS:
             raise ScenarioError(f"data set {self.name!r}: {unknown('channels', self.channels, CHANNELS)}")
+        if self.date and not _is_day(self.date):
+            raise ScenarioError(f"data set {self.name!r}: date = {self.date!r} given, expected a day as YYYY-MM-DD")
+        if self.url and not re.fullmatch(r"https?://\S+", self.url):
+            raise ScenarioError(
+                f"data set {self.name!r}: url = {self.url!r} given, expected one of http:// or https://"
+            )
+        if not self.creators or not all(name.strip() for name in self.creators):
+            raise ScenarioError(f"data set {self.name!r}: creators = {self.creators} given, expected names to cite")
         check_seed(self.seed)
         if not self.records:
             raise ScenarioError(f"data set {self.name!r}: no records given, expected one or more blocks [[records]]")
@@ -78,6 +101,9 @@ class DataSetSpec:
             raise ScenarioError(
                 f"data set {self.name!r}: records {', '.join(twice)} given twice, expected each name once"
             )
+        strange = [name for name in self.truth.best_linear if name not in names]
+        if strange:
+            raise ScenarioError(f"data set {self.name!r}: truth.best_linear: {unknown('block', strange[0], names)}")
         absent = [part for part in PARTS if part not in {block.part for block in self.records}]
         if "train" in absent or "test" in absent:
             raise ScenarioError(
@@ -91,9 +117,10 @@ class DataSetSpec:
 
     def to_toml(self) -> str:
         """Write every field as TOML, such that `from_toml` gives an equal spec back."""
-        own = [entry.name for entry in fields(self) if entry.name not in ("records", "scoring", "twins")]
+        own = [entry.name for entry in fields(self) if entry.name not in ("records", "twins", *TABLES)]
         lines = [f"{name} = {written(getattr(self, name))}" for name in own]
-        lines += ["", "[scoring]", *(f"{key} = {written(value)}" for key, value in vars(self.scoring).items())]
+        for table in TABLES:
+            lines += ["", f"[{table}]", *(f"{k} = {written(v)}" for k, v in vars(getattr(self, table)).items())]
         if self.twins is not None:
             lines += ["", self.twins.to_toml().rstrip()]
         for block in self.records:
@@ -130,8 +157,8 @@ class DataSetSpec:
                 if not isinstance(value, list):
                     raise ScenarioError(f"records must be blocks [[records]], given {value!r}")
                 values[key] = tuple(Records.from_table(entry) for entry in value)
-            elif key == "scoring":
-                values[key] = record(Scoring, key, value)
+            elif key in TABLES:
+                values[key] = record(TABLES[key], key, value)
             elif key == "twins":
                 values[key] = Twins.from_table(value)
             else:
@@ -142,6 +169,13 @@ class DataSetSpec:
                 f"missing {', '.join(missing)}; a data set needs name, version, title, seed and records"
             )
         return cls(**values)
+
+
+def _is_day(text: str) -> bool:
+    try:
+        return datetime.date.fromisoformat(text).isoformat() == text
+    except ValueError:
+        return False
 
 
 @cache
