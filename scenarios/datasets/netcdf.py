@@ -4,6 +4,7 @@ import io
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
+from typing import BinaryIO
 
 import h5netcdf
 import h5py
@@ -14,6 +15,10 @@ from scenarios.errors import ScenarioError
 
 Attribute = str | int | float | np.ndarray
 """What an attribute may be."""
+
+
+MOST_BYTES = 2**31
+"""Arrays of one file together; more is no record of an experiment."""
 
 
 @dataclass(frozen=True)
@@ -76,17 +81,18 @@ def _write(file: h5netcdf.File, name: str, variable: Variable) -> None:
     stored.attrs.update(variable.attributes)
 
 
-def read_netcdf(path: Path) -> Contents:
-    """Read a file whole.
+def read_netcdf(path: Path | BinaryIO) -> Contents:
+    """Read a file whole, and nothing but that file.
 
     Args:
-        path: The file.
+        path: The file, or its bytes as a stream.
 
     Raises:
-        ScenarioError: It is missing, or no NetCDF4 file, or a damaged one.
+        ScenarioError: It is missing, or no NetCDF4 file, or a damaged one, or one that refers to other files or claims
+            to hold more than `MOST_BYTES`.
     """
     try:
-        with h5netcdf.File(path, "r") as file:
+        with h5py.File(path, "r") as raw, h5netcdf.File(_checked(raw, path), "r") as file:
             variables = {
                 name: Variable(tuple(entry.dimensions), _values(entry), {k: _plain(v) for k, v in entry.attrs.items()})
                 for name, entry in file.variables.items()
@@ -96,6 +102,21 @@ def read_netcdf(path: Path) -> Contents:
         raise ScenarioError(f"no file {path}: expected NetCDF4") from None
     except (OSError, KeyError, ValueError, TypeError, RuntimeError) as error:
         raise ScenarioError(f"{path} is not a NetCDF4 file, or a damaged one") from error
+
+
+def _checked(raw: h5py.File, path: Path | BinaryIO) -> h5py.File:
+    """The file, unless reading it would read others or fill the memory: HDF5 knows links, and packs zeros well."""
+    size = 0
+    for name in raw:
+        if not isinstance(raw.get(name, getlink=True), h5py.HardLink):
+            raise ScenarioError(f"{path}: {name!r} is a link; expected arrays that stand in the file itself")
+        entry = raw[name]
+        if not isinstance(entry, h5py.Dataset) or entry.external or entry.is_virtual:
+            raise ScenarioError(f"{path}: {name!r} is no array that stands in the file itself")
+        size += entry.nbytes
+    if size > MOST_BYTES:
+        raise ScenarioError(f"{path}: arrays of {size} bytes given, expected at most {MOST_BYTES}")
+    return raw
 
 
 def _values(entry: h5netcdf.Variable) -> np.ndarray:
