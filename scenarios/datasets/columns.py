@@ -1,0 +1,76 @@
+"""The numbers of a record as columns of a table, each with a name and a unit."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from hmtb_twin.bus_record import CHANNELS
+from scenarios.datasets.netcdf import Contents, Variable
+from scenarios.errors import ScenarioError
+
+_NAMES = {
+    "u": "u_{}",
+    "y": "y_{}",
+    "joint_commanded": "{}_commanded",
+    "joint_measured": "{}_measured",
+    "wrench": "{}",
+}
+"""How the columns of a variable are named after its channels; others are prefixed by their own name."""
+
+
+@dataclass(frozen=True)
+class Column:
+    """A column.
+
+    Attributes:
+        name: Its name, e.g. `u_elbow_pitch`; a valid name in MATLAB, too.
+        unit: Of the values, `1` for whole numbers without one.
+        role: What the values are for: `input`, `output`, `auxiliary`, or `index`.
+        meaning: In words; empty where the file says none.
+        values: The values (N,), whole numbers or float64.
+    """
+
+    name: str
+    unit: str
+    role: str
+    meaning: str
+    values: np.ndarray
+
+
+def columns(contents: Contents) -> tuple[Column, ...]:
+    """All numbers of a record, a column per channel, the sample's number first.
+
+    Args:
+        contents: What its file holds.
+
+    Raises:
+        ScenarioError: Numbers that do not run over the samples.
+    """
+    made: list[Column] = []
+    for name, variable in contents.variables.items():
+        if variable.values.dtype.kind == "U":
+            continue
+        if variable.dims[0] != "sample" or variable.values.ndim > 2:
+            raise ScenarioError(
+                f"{name} has dimensions {', '.join(variable.dims)}, expected sample, or sample and another"
+            )
+        if variable.values.ndim == 1:
+            made.append(_column(name, variable, _unit(name, name, variable), variable.values))
+            continue
+        channels = contents.variables[variable.dims[1]].values
+        for channel, values in zip(channels, variable.values.T, strict=True):
+            full = _NAMES.get(name, name + "_{}").format(channel)
+            made.append(_column(full, variable, _unit(name, str(channel), variable), values))
+    return tuple(sorted(made, key=lambda column: column.name != "sample"))
+
+
+def _column(name: str, variable: Variable, unit: str, values: np.ndarray) -> Column:
+    role = "index" if name == "sample" else str(variable.attributes.get("role", ""))
+    return Column(name, unit, role, str(variable.attributes.get("long_name", "")), values)
+
+
+def _unit(name: str, channel: str, variable: Variable) -> str:
+    """Unit of a channel: forces and torques stand in one variable."""
+    if name == "wrench":
+        return dict(zip(*CHANNELS["wrench"], strict=True))[channel]
+    return str(variable.attributes["units"])

@@ -1,0 +1,171 @@
+"""Every format holds the same numbers, to the last bit, and nothing of the truth."""
+
+import json
+import os
+import shutil
+from hashlib import sha256
+from pathlib import Path
+
+import numpy as np
+import pytest
+from scipy.io import loadmat
+
+import sysid
+from scenarios.cli import main
+from scenarios.datasets import open_data_set
+from scenarios.datasets.columns import columns
+from scenarios.datasets.export import FORMATS, export
+from scenarios.datasets.export_mat import LARGEST, mat
+from scenarios.datasets.export_parquet import parquet
+from scenarios.datasets.export_text import ascii_table, csv
+from scenarios.datasets.netcdf import Contents, Variable, read_netcdf
+from scenarios.errors import ScenarioError
+
+
+@pytest.fixture(scope="module")
+def exported(tiny: Path, tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
+    # A copy without its truth: nothing but the index and the data may be needed.
+    place = tmp_path_factory.mktemp("exported")
+    folder = shutil.copytree(tiny, place / "set", ignore=shutil.ignore_patterns("truth", "spec.toml", "manifest.jsonl"))
+    (folder / "LICENSE").write_text("CC BY 4.0\n")
+    return dict(zip(FORMATS, export(folder, place / "out", tuple(FORMATS)), strict=True))
+
+
+@pytest.fixture
+def contents(tiny: Path) -> Contents:
+    return read_netcdf(tiny / "data/test/noise.nc")
+
+
+def same_bits(found: np.ndarray, expected: np.ndarray) -> bool:
+    """Also minus zero is one, and the types agree."""
+    return found.dtype == expected.dtype and found.shape == expected.shape and found.tobytes() == expected.tobytes()
+
+
+def test_the_mat_file_holds_the_bits(exported: dict[str, Path], contents: Contents) -> None:
+    found = loadmat(exported["mat"] / "test/noise.mat")
+    for name, variable in contents.variables.items():
+        if variable.values.dtype.kind == "U":
+            assert [str(cell[0]) for cell in found[f"{name}_names"].ravel()] == list(variable.values)
+        else:
+            expected = variable.values if variable.values.ndim == 2 else variable.values[:, None]
+            assert same_bits(np.ascontiguousarray(found[name]), np.ascontiguousarray(expected)), name
+    assert found["dt"].item() == 0.02
+    plain = loadmat(exported["mat"] / "test/noise.mat", simplify_cells=True)
+    assert plain["units"]["u"] == "rad" and list(plain["units"]["wrench"]) == ["N"] * 3 + ["N m"] * 3
+    assert plain["about"]["sampling_time_denominator"] == 50 and plain["about"]["part"] == "test"
+
+
+def test_the_csv_holds_the_bits(exported: dict[str, Path], contents: Contents) -> None:
+    path = exported["csv"] / "test/noise.csv"
+    header, *lines = path.read_text().splitlines()
+    cells = [line.split(",") for line in lines]
+    table = columns(contents)
+    assert header.split(",") == [f"{column.name} [{column.unit}]" for column in table]
+    assert header.startswith("sample [1],u_elbow_pitch [rad],y_elbow_pitch [rad],") and "torque_z [N m]" in header
+    for number, column in enumerate(table):
+        assert same_bits(np.array([row[number] for row in cells]).astype(column.values.dtype), column.values)
+    said = json.loads((exported["csv"] / "test/noise.csv-metadata.json").read_text())
+    assert said["url"] == "noise.csv" and said["hmtb:sampling_time_denominator"] == 50
+    assert [entry["titles"] for entry in said["tableSchema"]["columns"]] == header.split(",")
+    assert [entry["datatype"] for entry in said["tableSchema"]["columns"]][:2] == ["integer", "double"]
+
+
+def test_the_analyst_reads_mat_and_csv(exported: dict[str, Path], tiny: Path) -> None:
+    expected = open_data_set(tiny).record("noise").iodata()
+    named = {"inputs": ("u_elbow_pitch [rad]",), "outputs": ("y_elbow_pitch [rad]",)}
+    for data in (
+        sysid.read_csv(exported["csv"] / "test/noise.csv", **named, dt=0.02),
+        sysid.read_mat(exported["mat"] / "test/noise.mat"),
+    ):
+        assert np.array_equal(data.u, expected.u) and np.array_equal(data.y, expected.y) and data.dt == expected.dt
+
+
+def test_the_parquet_file_holds_the_bits_and_the_units(exported: dict[str, Path], contents: Contents) -> None:
+    pq = pytest.importorskip("pyarrow.parquet")
+    found = pq.read_table(exported["parquet"] / "test/noise.parquet")
+    table = columns(contents)
+    assert found.column_names == [column.name for column in table]
+    for column in table:
+        assert same_bits(found[column.name].to_numpy(), np.ascontiguousarray(column.values)), column.name
+        assert found.schema.field(column.name).metadata[b"unit"] == column.unit.encode()
+    assert found.schema.metadata[b"experiment"] == b"noise" and found.schema.metadata[b"seed"].isdigit()
+
+
+def test_the_ascii_file_holds_the_bits(exported: dict[str, Path], contents: Contents) -> None:
+    path = exported["ascii"] / "test/noise.txt"
+    numbers, table = np.loadtxt(path, comments="%"), columns(contents)
+    assert same_bits(numbers, np.column_stack([column.values.astype(float) for column in table]))
+    lines = path.read_text().splitlines()
+    assert "% column 2: u_elbow_pitch, rad" in lines and "% sampling time: 1/50 s" in lines
+
+
+def test_an_export_is_described_and_has_checksums(exported: dict[str, Path], tiny: Path) -> None:
+    assert set(exported) == set(FORMATS)
+    for name, folder in exported.items():
+        assert folder.name == f"tiny-v1-{name}" and (folder / "LICENSE").read_text() == "CC BY 4.0\n"
+        index = json.loads((folder / "export.json").read_text())
+        assert index["hash"] == open_data_set(tiny).hash and len(index["records"]) == 3
+        assert all((folder / record["file"]).is_file() for record in index["records"])
+        sums = dict(reversed(line.split("  ")) for line in (folder / "SHA256SUMS").read_text().splitlines())
+        files = {p.relative_to(folder).as_posix() for p in folder.rglob("*") if p.is_file()} - {"SHA256SUMS"}
+        assert set(sums) == files
+        assert all(sha256((folder / file).read_bytes()).hexdigest() == hash for file, hash in sums.items())
+
+
+def test_equal_records_give_equal_files(contents: Contents, monkeypatch: pytest.MonkeyPatch) -> None:
+    first = [to_bytes(contents) for to_bytes in (mat, csv, parquet, ascii_table)]
+    monkeypatch.setattr("time.asctime", lambda: "another time")
+    assert [to_bytes(contents) for to_bytes in (mat, csv, parquet, ascii_table)] == first
+
+
+def test_lost_samples_and_extremes_come_back() -> None:
+    values = np.array([[np.nan], [-0.0], [5e-324], [1.7976931348623157e308], [0.1]])
+    names = Variable(("output",), np.array(["a"]), {})
+    y = Variable(("sample", "output"), values, {"units": "rad", "role": "output"})
+    about = {"sampling_time_numerator": 1, "sampling_time_denominator": 50}
+    contents = Contents({"y": y, "output": names}, about)
+    text = csv(contents).decode().splitlines()
+    assert text == ["y_a [rad]", "NaN", "-0.0", "5e-324", "1.7976931348623157e+308", "0.1"]
+    assert np.array([float(line) for line in text[1:]]).tobytes() == values.tobytes()
+
+
+def test_a_variable_too_large_for_a_mat_file_is_refused(contents: Contents) -> None:
+    huge = np.broadcast_to(0.0, (LARGEST // 8 + 1, 1))  # weighs nothing
+    variables = {**contents.variables, "u": Variable(("sample", "input"), huge, {"units": "rad"})}
+    with pytest.raises(ScenarioError, match=r"u has 2 GiB.*ncread"):
+        mat(Contents(variables, contents.attributes))
+
+
+def test_what_is_there_is_not_overwritten(tiny: Path, tmp_path: Path) -> None:
+    (tmp_path / "tiny-v1-mat").mkdir()
+    with pytest.raises(ScenarioError, match="already there"):
+        export(tiny, tmp_path, ("csv", "mat"))
+    assert os.listdir(tmp_path) == ["tiny-v1-mat"]
+
+
+def test_nothing_stays_of_an_export_that_fails(tiny: Path, tmp_path: Path) -> None:
+    folder = shutil.copytree(tiny, tmp_path / "set")
+    index = json.loads((folder / "experiments.json").read_text())
+    index["experiments"][2]["arrays"]["data/test/noise.nc"]["y"] = "0" * 64
+    (folder / "experiments.json").write_text(json.dumps(index))
+    with pytest.raises(ScenarioError, match=r"noise\.nc: y differ"):
+        export(folder, tmp_path / "new/out", ("csv",))
+    assert os.listdir(tmp_path) == ["set"]
+
+
+def test_formats_are_checked_before_the_work(tiny: Path, tmp_path: Path) -> None:
+    with pytest.raises(ScenarioError, match="unknown format 'matlab'"):
+        export(tiny, tmp_path, ("csv", "matlab"))
+    with pytest.raises(ScenarioError, match="no format given"):
+        export(tiny, tmp_path, ())
+    assert not os.listdir(tmp_path)
+
+
+def test_the_command_exports(tiny: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    words = ["dataset", "export", str(tiny), "--format", "ascii, csv", "--out", str(tmp_path), "--json"]
+    assert main(words) == 0
+    folders = [Path(path) for path in json.loads(capsys.readouterr().out)["folders"]]
+    assert [folder.name for folder in folders] == ["tiny-v1-ascii", "tiny-v1-csv"]
+    assert (folders[1] / "train/binary-shoulder_yaw.csv").is_file()
+    assert main(words) == 2
+    assert "already there" in capsys.readouterr().err
