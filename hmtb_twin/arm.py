@@ -1,6 +1,6 @@
 """The arm as MuJoCo runs it: the MJCF of `models/hmtb` with the actuators and servos of one variant."""
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
 from types import MappingProxyType
@@ -16,7 +16,7 @@ from hmtb_twin.parameters import INDEXED_JOINTS, JOINTS, MOTIONS, POSES, Actuato
 from hmtb_twin.payloads import PAYLOADS, WORKSITE_PAYLOADS
 from hmtb_twin.plant import NOMINAL_PLANT, Plant
 from hmtb_twin.seats import SEATS
-from hmtb_twin.servo_rest import drooping, inertia, lean_on_pins, weight
+from hmtb_twin.servo_rest import drooping, inertia, lean_on_pins, scales
 from hmtb_twin.specimen import NOMINAL_SPECIMEN, Specimen
 from hmtb_twin.variants import variant_named
 from hmtb_twin.worksite_model import LATCH_WELD
@@ -226,7 +226,7 @@ class Arm:
             # What is fed forward is what it weighs.
             return command, self._pressed(feedforward)
         stiffness = np.array([self.gains[name][0] for name in JOINTS])
-        angles, torque = drooping(self._in_free_space, command, feedforward, stiffness, self._pressed)
+        angles, torque = drooping(self._in_free_space, self._scales, command, feedforward, stiffness, self._pressed)
         return angles, self._pressed(torque)
 
     def _pressed(self, torque: np.ndarray) -> np.ndarray:
@@ -247,7 +247,7 @@ class Arm:
         """
         if self.specimen.as_designed:
             return self.controller.gravity_torque(angles[None])[0]
-        return weight(self._in_free_space, angles)
+        return self._scales(angles)
 
     def inertia(self, angles: np.ndarray) -> np.ndarray:
         """Return the joint-space inertia matrix at a pose, which its controller may not know.
@@ -261,6 +261,10 @@ class Arm:
         if self.specimen.as_designed:
             return self.controller.inertia_matrix(angles)
         return inertia(self._in_free_space, angles)
+
+    @cached_property
+    def _scales(self) -> Callable[[np.ndarray], np.ndarray]:
+        return scales(self._in_free_space)
 
     @cached_property
     def _in_free_space(self) -> mujoco.MjModel:

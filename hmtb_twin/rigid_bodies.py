@@ -61,17 +61,22 @@ def write_bodies(spec: mujoco.MjSpec, variant: Variant, payload: str, specimen: 
 
 def _deviate(spec: mujoco.MjSpec, specimen: Specimen, *, held: bool) -> None:
     """Write how a specimen's bodies deviate; what does not is left as it is, to the bit."""
-    for name in filter(specimen.deviating, LINK_NAMES):
-        body = spec.body(BODIES[name])
-        body.mass, body.ipos, inertia = specimen.body(name, body.mass, body.ipos.copy(), body.inertia.copy())
-        if not inertia[np.triu_indices(3, 1)].any():
-            body.inertia = np.diag(inertia)
-            continue
-        moments, axes = np.linalg.eigh(inertia)
-        if np.linalg.det(axes) < 0.0:
-            axes[:, 0] *= -1.0
-        body.inertia = moments
-        mujoco.mju_mat2Quat(body.iquat, axes.ravel())
+    names = specimen.deviating
+    if names:
+        links = [spec.body(BODIES[name]) for name in LINK_NAMES]
+        masses, centres, inertias = specimen.bodies(
+            *(np.array([getattr(link, entry) for link in links]) for entry in ("mass", "ipos", "inertia"))
+        )
+        moments, axes = np.linalg.eigh(inertias)
+        axes[np.linalg.det(axes) < 0.0, :, 0] *= -1.0
+        for i in map(LINK_NAMES.index, names):
+            links[i].mass, links[i].ipos = masses[i], centres[i]
+            if not inertias[i][np.triu_indices(3, 1)].any():
+                # Still principal along the body's axes.
+                links[i].inertia = np.diag(inertias[i])
+                continue
+            links[i].inertia = moments[i]
+            mujoco.mju_mat2Quat(links[i].iquat, axes[i].ravel())
     if held and specimen.payload_mass != 1.0:
         unit = spec.body(UNIT)
         unit.mass, unit.inertia = specimen.payload_mass * unit.mass, specimen.payload_mass * unit.inertia

@@ -14,15 +14,19 @@ LEAN = 1e-8
 """How far a joint is pushed aside to feel its pin, rad: about as far as it leans."""
 
 
-def weight(model: mujoco.MjModel, angles: np.ndarray) -> np.ndarray:
-    """Return the torques (7,) that hold a model in free space at joint angles (7,), N m and rad."""
+def scales(model: mujoco.MjModel) -> Callable[[np.ndarray], np.ndarray]:
+    """Return the function that gives the torques (7,) in N m that hold a model in free space at angles (7,) in rad."""
     data = mujoco.MjData(model)
-    data.qpos[:] = angles
-    mujoco.mj_kinematics(model, data)
-    mujoco.mj_comPos(model, data)
-    torques = np.empty(model.nv)
-    mujoco.mj_rne(model, data, 0, torques)
-    return torques
+
+    def weight(angles: np.ndarray) -> np.ndarray:
+        data.qpos[:] = angles
+        mujoco.mj_kinematics(model, data)
+        mujoco.mj_comPos(model, data)
+        torques = np.empty(model.nv)
+        mujoco.mj_rne(model, data, 0, torques)
+        return torques
+
+    return weight
 
 
 def inertia(model: mujoco.MjModel, angles: np.ndarray) -> np.ndarray:
@@ -37,6 +41,7 @@ def inertia(model: mujoco.MjModel, angles: np.ndarray) -> np.ndarray:
 
 def drooping(
     model: mujoco.MjModel,
+    weight: Callable[[np.ndarray], np.ndarray],
     command: np.ndarray,
     feedforward: np.ndarray,
     stiffness: np.ndarray,
@@ -48,6 +53,7 @@ def drooping(
 
     Args:
         model: The arm in free space.
+        weight: Gives the torques (7,) in N m that hold it at angles (7,) in rad.
         command: Commanded angles (7,), rad.
         feedforward: Feedforward torques (7,), N m.
         stiffness: kp of each joint (7,), N m/rad.
@@ -66,16 +72,18 @@ def drooping(
 
     def settled(pins: np.ndarray) -> np.ndarray:
         def imbalance(angles: np.ndarray) -> np.ndarray:
-            return np.where(indexed, angles - pins, (torque(angles) - weight(model, angles)) / stiffness)
+            return np.where(indexed, angles - pins, (torque(angles) - weight(angles)) / stiffness)
 
         found = newton(imbalance, command)
         if not np.abs(imbalance(found)).max() < 1e-9:
             raise OverloadError("the servos cannot hold the arm at this pose: it weighs more than its controller knows")
         return found
 
-    # Dry friction would hide what the pin carries.
-    smooth = copy(model)
-    smooth.dof_frictionloss[:] = 0.0
+    smooth = model
+    if model.dof_frictionloss.any():
+        # Dry friction would hide what the pin carries.
+        smooth = copy(model)
+        smooth.dof_frictionloss[:] = 0.0
 
     def exerting(angles: np.ndarray) -> mujoco.MjData:
         data = mujoco.MjData(smooth)

@@ -149,39 +149,45 @@ class Specimen:
         kp, kd = tuned
         return self._of_joint("kp", joint) * kp, self._of_joint("kd", joint) * kd
 
-    def body(
-        self, name: str, mass: float, centre: np.ndarray, moments: np.ndarray
-    ) -> tuple[float, np.ndarray, np.ndarray]:
-        """Return the mass properties of a body on this arm.
+    def bodies(
+        self, masses: np.ndarray, centres: np.ndarray, moments: np.ndarray
+    ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Return the mass properties of the bodies on this arm, in the sequence of `LINK_NAMES`.
 
         Args:
-            name: One of `LINK_NAMES`.
-            mass: Mass of the variant's body, kg.
-            centre: Its centre of mass (3,), m.
-            moments: Its moments of inertia about that, principal along the body's axes (3,), kg m^2.
+            masses: Masses of the variant's bodies (8,), kg.
+            centres: Their centres of mass (8, 3), m.
+            moments: Their moments of inertia about these, principal along the bodies' axes (8, 3), kg m^2.
 
         Returns:
-            Mass in kg, centre of mass (3,) in m, and inertia about it (3, 3) in kg m^2.
+            Masses (8,) in kg, centres of mass (8, 3) in m, and inertias about them (8, 3, 3) in kg m^2.
         """
-        i = LINK_NAMES.index(name)
-        factor = self.mass[i] if self.mass else 1.0
-        d, s, t = (
-            np.array(given[AXES * i : AXES * (i + 1)]) if (given := getattr(self, entry)) else np.zeros(AXES)
-            for entry in DEVIATIONS
-        )
-        shape = np.diag(np.exp(d))
-        shape[0, 1], shape[1, 2], shape[0, 2] = s
-        # Second moments of the mass per mass, and their roots: the body's extent along its axes.
-        extent = np.sqrt((0.5 * moments.sum() - moments) / mass)
-        half = extent[:, None] * shape
-        second = factor * mass * half @ half.T
-        return factor * mass, centre + extent * t, np.trace(second) * np.eye(AXES) - second
+        count = len(LINK_NAMES)
+        factors = np.array(self.mass) if self.mass else np.ones(count)
+        stretch, shear, shift = self._shapes
+        # U but for its last row and column.
+        shape = np.zeros((count, AXES, AXES))
+        shape[:, range(AXES), range(AXES)] = np.exp(stretch)
+        shape[:, [0, 1, 0], [1, 2, 2]] = shear
+        # Second moments of the mass per mass, and their roots: the bodies' extents along their axes.
+        extents = np.sqrt((0.5 * moments.sum(axis=1, keepdims=True) - moments) / masses[:, None])
+        half = extents[:, :, None] * shape
+        second = (factors * masses)[:, None, None] * (half @ half.transpose(0, 2, 1))
+        spread = np.trace(second, axis1=1, axis2=2)
+        return factors * masses, centres + extents * shift, spread[:, None, None] * np.eye(AXES) - second
 
-    def deviating(self, name: str) -> bool:
-        """Whether one of `LINK_NAMES` is not that of the variant."""
-        i = LINK_NAMES.index(name)
-        shapes = (getattr(self, entry)[AXES * i : AXES * (i + 1)] for entry in DEVIATIONS)
-        return (bool(self.mass) and self.mass[i] != 1.0) or any(any(shape) for shape in shapes)
+    @property
+    def deviating(self) -> tuple[str, ...]:
+        """The bodies of `LINK_NAMES` that are not those of the variant."""
+        moved = np.any(self._shapes, axis=(0, 2))
+        if self.mass:
+            moved |= np.array(self.mass) != 1.0
+        return tuple(name for name, other in zip(LINK_NAMES, moved, strict=True) if other)
+
+    @property
+    def _shapes(self) -> np.ndarray:
+        """Stretch, shear and shift (3, 8, 3)."""
+        return np.array([getattr(self, name) or [0.0] * LENGTHS[name] for name in DEVIATIONS]).reshape(3, -1, AXES)
 
     def _of_joint(self, name: str, joint: str) -> float:
         values = getattr(self, name)

@@ -46,15 +46,12 @@ def deviating(seed: int) -> Specimen:
 
 def bodies(specimen: Specimen) -> dict[str, tuple[float, np.ndarray, np.ndarray]]:
     """Mass, centre of mass and inertia of each link of the nominal arm on this specimen."""
-    return {
-        name: specimen.body(
-            name,
-            link.mass,
-            np.array([link.length / 2.0, 0.0, 0.0]),
-            np.array([link.axial_inertia, link.transverse_inertia, link.transverse_inertia]),
-        )
-        for name, link in LINKS.items()
-    }
+    found = specimen.bodies(
+        np.array([link.mass for link in LINKS.values()]),
+        np.array([[link.length / 2.0, 0.0, 0.0] for link in LINKS.values()]),
+        np.array([[link.axial_inertia, *2 * [link.transverse_inertia]] for link in LINKS.values()]),
+    )
+    return dict(zip(LINKS, zip(*found, strict=True), strict=True))
 
 
 @given(st.lists(st.floats(-FARTHEST, FARTHEST), min_size=9, max_size=9), st.floats(0.01, 100.0))
@@ -68,7 +65,9 @@ def test_the_log_cholesky_parameters_are_those_of_pinocchio(theta: list[float], 
         shear=(*theta[3:6], *rest[1]),
         shift=(*theta[6:], *rest[1]),
     )
-    mass, centre, inertia = specimen.body("shoulder_roll", 1.0, np.zeros(3), np.full(3, 2.0))
+    masses, centres, inertias = specimen.bodies(np.ones(8), np.zeros((8, 3)), np.full((8, 3), 2.0))
+    np.testing.assert_array_equal(inertias[1:], np.tile(2.0 * np.eye(3), (7, 1, 1)))
+    mass, centre, inertia = masses[0], centres[0], inertias[0]
     known = pin.Inertia.FromLogCholeskyParameters(
         pin.LogCholeskyParameters(np.array([0.5 * np.log(factor), *theta[:3], *theta[3:6], *theta[6:]]))
     )
@@ -102,7 +101,7 @@ def test_the_plant_has_the_bodies_that_pinocchio_is_told_of() -> None:
         inertial = written[BODIES[name]]
         assert inertial is not None
         inertial.attrib = {
-            "mass": repr(mass),
+            "mass": repr(float(mass)),
             "pos": " ".join(map(repr, map(float, centre))),
             "fullinertia": " ".join(
                 repr(float(inertia[i, j])) for i, j in ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))
