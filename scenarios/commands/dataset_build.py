@@ -27,8 +27,8 @@ def build(
     from scenarios.datasets.build import build as build_data_set
     from scenarios.datasets.spec import load_spec
 
-    with progress("building") as report:
-        built = build_data_set(load_spec(spec), out, workers=workers, progress=report)
+    with progress("building") as bar:
+        built = build_data_set(load_spec(spec), out, workers=workers, progress=lambda p: bar(p.done, p.total, p.step))
     if json:
         print_json({"path": built.path, "experiments": built.experiments, "failed": built.failed, "hash": built.hash})
     else:

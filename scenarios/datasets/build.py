@@ -1,23 +1,28 @@
-"""Build a data set into a folder of its own."""
+"""Build a data set into a folder of its own, and lose nothing of it however often the build ends before its end."""
 
-import json
 import os
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from scenarios.datasets import manifest
-from scenarios.datasets.chunk import Made, chunks, run_chunk
-from scenarios.datasets.hashes import bytes_hash, file_hash, whole_hash
-from scenarios.datasets.layout import INDEX, MANIFEST, SPEC, SUMS, UNFINISHED
+from hmtb_twin.parameters import SAMPLE_RATE
+from scenarios.datasets import build_record
+from scenarios.datasets.chunk import MOST_ROWS, Made, chunks
+from scenarios.datasets.executor import Executor, Threads
+from scenarios.datasets.finish import finish, finished
+from scenarios.datasets.hashes import bytes_hash, file_hash
+from scenarios.datasets.layout import MANIFEST, UNFINISHED
+from scenarios.datasets.lock import locked
+from scenarios.datasets.manifest import Manifest
 from scenarios.datasets.plan import Plan
+from scenarios.datasets.progress import RECORDS, Progress, Told
+from scenarios.datasets.safe_write import make_folder, remove_partial, write_files
 from scenarios.datasets.spec import DataSetSpec
 from scenarios.errors import ScenarioError
-from scenarios.whole_file import write_whole
 
-Progress = Callable[[int, int], None]
-"""Called with the experiments done and those there are."""
+TOGETHER = 16
+"""Experiments that are seen on the disk together: fewer waits for the disk."""
 
 
 @dataclass(frozen=True)
@@ -27,7 +32,7 @@ class Built:
     Attributes:
         path: Its folder.
         experiments: How many experiments have a record.
-        failed: Why others have none, by name.
+        failed: Why others have none, and what else could not be made, by name.
         hash: Of all arrays together.
     """
 
@@ -37,77 +42,126 @@ class Built:
     hash: str
 
 
-def build(spec: DataSetSpec, out: Path, *, workers: int | None = None, progress: Progress | None = None) -> Built:
+def build(
+    spec: DataSetSpec,
+    out: Path,
+    *,
+    workers: int | None = None,
+    rows: int = MOST_ROWS,
+    executor: Executor | None = None,
+    progress: Told | None = None,
+) -> Built:
     """Build a data set, or go on with a build that was interrupted.
 
     Args:
         spec: The spec.
         out: The folder in which that of the data set is made.
         workers: Threads for the physics; all processors by default. The bits do not depend on it.
-        progress: Told how many experiments are done.
+        rows: Experiments that run side by side at most: less memory and less to lose, or more speed. The bits do not
+            depend on it.
+        executor: Who runs the experiments instead of this process.
+        progress: Told how far the build is.
 
     Raises:
-        ScenarioError: The data set is already there, or another spec's build has been left unfinished.
-        OSError: A file cannot be written; what is written stays, and the next build goes on from there.
+        ScenarioError: The data set is already there; another build is at work on it; what is there was begun with
+            another spec or by other software; or a file cannot be written: then what is written stays, and the next
+            build goes on from there.
     """
+    if rows < 1:
+        raise ScenarioError(f"rows = {rows} given, expected 1 experiment side by side or more")
     final, folder = out / spec.label, out / (spec.label + UNFINISHED)
-    if final.exists():
-        raise ScenarioError(f"{final} is already there: a version is never overwritten; give the spec another version")
     plan = Plan(spec)
-    folder.mkdir(parents=True, exist_ok=True)
-    if (folder / SPEC).exists() and (folder / SPEC).read_text(encoding="utf-8") != spec.to_toml():
-        raise ScenarioError(f"{folder} holds the unfinished build of another spec; remove it, or give that spec")
-    write_whole(folder / SPEC, spec.to_toml())
-    done = manifest.read(folder / MANIFEST)
-    left = [number for number in range(len(plan)) if number not in done]
-    for chunk in chunks(plan, left):
-        lines = [_kept(folder, made) for made in run_chunk(plan, chunk, threads=workers)]
-        manifest.append(folder / MANIFEST, lines)
-        done |= {line["number"]: line for line in lines}
-        if progress is not None:
-            progress(len(done), len(plan))
-    return _finished(plan, folder, final, done)
+    told = progress or (lambda _: None)
+    try:
+        if final.exists() or final.is_symlink():
+            if (summary := finished(final)) is None:
+                raise ScenarioError(
+                    f"{final} is already there: a version is never overwritten; give the spec another version, or "
+                    "build in another folder"
+                )
+            return Built(final, summary.experiments, summary.failed, summary.hash)
+        make_folder(folder)
+        with locked(folder):
+            remove_partial(folder)
+            build_record.begin(folder, spec)
+            with Manifest(folder / MANIFEST, len(plan)) as manifest:
+                _check(folder, manifest, told)
+                _run(plan, folder, manifest, executor or Threads(workers), rows, told)
+                summary = finish(plan, folder, final, manifest, told)
+    except OSError as error:
+        raise ScenarioError(_said(error, folder)) from error
+    return Built(final, summary.experiments, summary.failed, summary.hash)
 
 
-def _kept(folder: Path, made: Made) -> dict[str, Any]:
-    """Write the files of an experiment and return its line of the manifest."""
-    for place, content in made.files.items():
-        path = folder / place
-        path.parent.mkdir(parents=True, exist_ok=True)
-        partial = path.with_name(path.name + ".partial")
-        with partial.open("wb") as stream:
-            stream.write(content)
-            stream.flush()
-            os.fsync(stream.fileno())
-        partial.replace(path)
-    return manifest.line_of(made, {place: bytes_hash(content) for place, content in made.files.items()})
+def _check(folder: Path, manifest: Manifest, told: Told) -> None:
+    """Look at every file that is noted; what is missing or damaged is made anew."""
+    total = manifest.done
+    for number, line in enumerate(manifest.noted(), start=1):
+        if not _holds(folder, line):
+            manifest.forget(line)
+        told(Progress("check", number, total))
+    for line in list(manifest.pieces()):
+        if not _holds(folder, line):
+            manifest.forget(line)
 
 
-def _finished(plan: Plan, folder: Path, final: Path, done: Mapping[int, Mapping[str, Any]]) -> Built:
-    """Write what is said of the whole, and give the folder its name."""
-    lines = [done[number] for number in range(len(plan))]
-    arrays = {file: hashes for line in lines for file, hashes in line.get("arrays", {}).items()}
-    failed = {line["experiment"]: line["failed"] for line in lines if "failed" in line}
-    whole = whole_hash(arrays)
-    entries = [
-        {
-            "name": entry.name,
-            "part": entry.part,
-            "block": entry.block,
-            "arm": entry.arm,
-            "twin": entry.twin,
-            "joints": list(entry.joints),
-            "file": entry.data,
-            "seed": entry.experiment.seed,
-            "arrays": line.get("arrays", {}),
-            "failed": line.get("failed"),
-        }
-        for entry, line in zip(plan, lines, strict=True)
-    ]
-    index = {"data_set": plan.spec.label, "hash": whole, "experiments": entries}
-    write_whole(folder / INDEX, json.dumps(index, indent=1, allow_nan=False) + "\n")
-    files = sorted(path for path in folder.rglob("*") if path.is_file() and path.name != SUMS)
-    sums = "".join(f"{file_hash(path)}  {path.relative_to(folder).as_posix()}\n" for path in files)
-    write_whole(folder / SUMS, sums)
-    folder.rename(final)
-    return Built(final, len(lines) - len(failed), failed, whole)
+def _holds(folder: Path, line: Mapping[str, Any]) -> bool:
+    return all(
+        (folder / place).is_file() and file_hash(folder / place) == expected
+        for place, expected in line["files"].items()
+    )
+
+
+def _run(plan: Plan, folder: Path, manifest: Manifest, executor: Executor, rows: int, told: Told) -> None:
+    """Run what is left of the experiments; what is done when something fails is kept."""
+    done, total, whole = manifest.done, len(plan), plan.seconds
+    seconds = max(whole - sum(map(plan.duration, manifest.left)), 0.0)
+    told(Progress(RECORDS, done, total, seconds, whole))
+
+    def ticked(ticks: int) -> None:
+        told(Progress(RECORDS, done, total, seconds + ticks / SAMPLE_RATE, whole))
+
+    waiting: list[Made] = []
+
+    def keep() -> None:
+        nonlocal done, seconds
+        for made in waiting:
+            write_files(folder, made.files)
+        manifest.append([_line(made) for made in waiting])
+        done += len(waiting)
+        seconds += sum(plan.duration(made.number) for made in waiting)
+        waiting.clear()
+        told(Progress(RECORDS, done, total, seconds, whole))
+
+    try:
+        for made in executor(plan, chunks(plan, manifest.left, rows=rows), ticked):
+            waiting.append(made)
+            if len(waiting) >= TOGETHER:
+                keep()
+    except KeyboardInterrupt:
+        keep()
+        raise
+    keep()
+    if manifest.done < total:
+        raise ScenarioError(f"{total - manifest.done} experiments were given to run, and nothing has come of them")
+
+
+def _line(made: Made) -> dict[str, Any]:
+    """The entry of the manifest about an experiment."""
+    return {
+        "number": made.number,
+        "about": dict(made.about),
+        "files": {place: bytes_hash(content) for place, content in made.files.items()},
+        "arrays": {place: dict(hashes) for place, hashes in made.arrays.items()},
+        **({"failed": made.failed} if made.failed else {}),
+        **({"missing": dict(made.missing)} if made.missing else {}),
+    }
+
+
+def _said(error: OSError, folder: Path) -> str:
+    """One line about what the system refused, and what becomes of what is there."""
+    why = os.strerror(error.errno) if error.errno else str(error)
+    line = f"cannot write or read {error.filename or folder}: {why}"
+    if not os.path.exists(folder / MANIFEST):
+        return line
+    return f"{line}; what is done stays in {folder}: the same command goes on from there"

@@ -1,6 +1,5 @@
 """Hashes of arrays and files: what a citation can be held to."""
 
-from collections.abc import Mapping
 from hashlib import sha256
 from pathlib import Path
 
@@ -33,17 +32,4 @@ def file_hash(path: Path) -> str:
     with path.open("rb") as stream:
         while block := stream.read(1 << 20):
             digest.update(block)
-    return digest.hexdigest()
-
-
-def whole_hash(arrays: Mapping[str, Mapping[str, str]]) -> str:
-    """One hash for a data set: of the array hashes of every file, in the order of their names.
-
-    Args:
-        arrays: By file, by array, the hash.
-    """
-    digest = sha256()
-    for file in sorted(arrays):
-        for name in sorted(arrays[file]):
-            digest.update(f"{arrays[file][name]}  {file}:{name}\n".encode())
     return digest.hexdigest()

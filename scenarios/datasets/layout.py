@@ -15,10 +15,14 @@ SPEC = "spec.toml"
 """The spec, all defaults written out, from which the data set can be built again."""
 
 MANIFEST = "manifest.jsonl"
-"""What was done of the work so far: a line of JSON per experiment, only ever appended to."""
+"""What was done of the work: a line of JSON per experiment and per piece of what comes after. Only ever appended to
+while the data set is being built; in order at its end."""
 
 INDEX = "experiments.json"
 """Every experiment with its part, joints, seeds, conditions, file and array hashes, in the order of the plan."""
+
+BUILD = "build.json"
+"""Which software the data set was built with."""
 
 SUMS = "SHA256SUMS"
 """Checksum of every other file."""

@@ -1,0 +1,26 @@
+"""What is made of a data set beside its records, and in which order: where every other part of the work hooks in."""
+
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from typing import Any
+
+from scenarios.datasets.netcdf import Contents
+from scenarios.datasets.plan import Entry, Plan
+from scenarios.datasets.spec import DataSetSpec
+from scenarios.datasets.stage import Stage
+
+ArmTruth = Callable[[Plan, Entry], Mapping[str, Contents]]
+"""Makes the files of the truth about the arm that an experiment runs on, by place in the folder."""
+
+Papers = Callable[[Path, DataSetSpec, Mapping[str, Any]], None]
+"""Writes what is said of a data set (folder, spec, index) by `safe_write`; the same files at every call."""
+
+ARM_TRUTH: tuple[ArmTruth, ...] = ()
+"""Run with the first experiment of every arm, by the process that ran it, while the arm is still loaded; the files
+are noted with those of the experiment. An error of ours (`TwinError`, `ScenarioError`) is noted and the rest goes on."""
+
+STAGES: tuple[Stage, ...] = ()
+"""Run one after the other when all experiments and the index are there."""
+
+PAPERS: tuple[Papers, ...] = ()
+"""Run after the stages, at every build that comes so far. The builder writes the checksums of all files last."""
