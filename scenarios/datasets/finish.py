@@ -42,7 +42,7 @@ def finish(plan: Plan, folder: Path, final: Path, manifest: Manifest, told: Told
     told(Progress("finish", 0, 1))
     manifest.put_in_order()
     for papers in PAPERS:
-        papers(folder, plan.spec, read_index(folder))
+        write_files(folder, papers(folder, plan.spec, read_index(folder)))
     write_sums(folder, manifest)
     folder.rename(final)
     sync_folder(final.parent)

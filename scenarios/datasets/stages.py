@@ -12,12 +12,13 @@ from scenarios.datasets.stage import Stage
 ArmTruth = Callable[[Plan, Entry], Mapping[str, Contents]]
 """Makes the files of the truth about the arm that an experiment runs on, by place in the folder."""
 
-Papers = Callable[[Path, DataSetSpec, Mapping[str, Any]], None]
-"""Writes what is said of a data set (folder, spec, index) by `safe_write`; the same files at every call."""
+Papers = Callable[[Path, DataSetSpec, Mapping[str, Any]], Mapping[str, bytes]]
+"""Makes the files that say something of a whole data set (its folder, spec and index), by place in the folder; the same
+bytes at every call."""
 
 ARM_TRUTH: tuple[ArmTruth, ...] = ()
 """Run with the first experiment of every arm, by the process that ran it, while the arm is still loaded; the files
-are noted with those of the experiment. An error of ours (`TwinError`, `ScenarioError`) is noted and the rest goes on."""
+are noted with those of the experiment. Errors of ours (`TwinError`, `ScenarioError`) are noted; the rest goes on."""
 
 STAGES: tuple[Stage, ...] = ()
 """Run one after the other when all experiments and the index are there."""
