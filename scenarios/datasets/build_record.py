@@ -6,8 +6,7 @@ from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
-from scenarios.datasets.layout import BUILD, SPEC
-from scenarios.datasets.lock import LOCK
+from scenarios.datasets.layout import BUILD, LOCK, SPEC
 from scenarios.datasets.safe_write import write_text
 from scenarios.datasets.spec import DataSetSpec
 from scenarios.errors import ScenarioError

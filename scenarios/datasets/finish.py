@@ -6,8 +6,8 @@ from typing import Any
 from hmtb_twin import TwinError
 from scenarios.datasets.hashes import bytes_hash
 from scenarios.datasets.index import Summary, failures, read_index, summary, write_index
-from scenarios.datasets.layout import SUMS
-from scenarios.datasets.lock import LOCK, locked, unlock_file
+from scenarios.datasets.layout import LOCK, SUMS
+from scenarios.datasets.lock import locked, unlock_file
 from scenarios.datasets.manifest import Manifest
 from scenarios.datasets.netcdf import Contents
 from scenarios.datasets.plan import Plan

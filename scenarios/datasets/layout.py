@@ -24,8 +24,17 @@ INDEX = "experiments.json"
 BUILD = "build.json"
 """Which software the data set was built with."""
 
+LOCK = "lock"
+"""Held by the builder at work, and let go of by the kernel however the builder ends; gone from a data set that is done."""
+
 SUMS = "SHA256SUMS"
 """Checksum of every other file."""
+
+BASELINES = "baselines.csv"
+"""What known methods reach, a row for each."""
+
+ATTAINABLE = "truth/attainable.csv"
+"""What any model could reach, a row for each scored record and output."""
 
 UNFINISHED = ".unfinished"
 """Ending of the folder while the data set is being built."""
@@ -49,3 +58,17 @@ def arm_file(arm: str) -> PurePosixPath:
 def best_linear_file(experiment: str) -> PurePosixPath:
     """Where the best linear approximation for the conditions of an experiment stands."""
     return PurePosixPath(TRUTH, "best-linear", f"{experiment}.nc")
+
+
+def attainable_file(experiment: str) -> PurePosixPath:
+    """Where all floors of a scored record stand."""
+    return PurePosixPath(TRUTH, "attainable", f"{experiment}.json")
+
+
+def baseline_file(method: str) -> PurePosixPath:
+    """Where the scores of a baseline on every record stand.
+
+    Args:
+        method: As it is written in a spec, ``"oe:2/2/1"``.
+    """
+    return PurePosixPath("baselines", f"{method.replace(':', '-').replace('/', '-')}.json")

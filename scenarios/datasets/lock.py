@@ -6,10 +6,8 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
+from scenarios.datasets.layout import LOCK
 from scenarios.errors import ScenarioError
-
-LOCK = "lock"
-"""Name of the file that a builder holds; the kernel lets go of it however the builder ends."""
 
 
 @contextmanager

@@ -5,8 +5,7 @@ from collections.abc import Iterator
 from pathlib import Path
 
 from scenarios.datasets.hashes import file_hash
-from scenarios.datasets.layout import DATA, SUMS, TRUTH
-from scenarios.datasets.lock import LOCK
+from scenarios.datasets.layout import DATA, LOCK, SUMS, TRUTH
 from scenarios.datasets.manifest import Manifest
 from scenarios.datasets.safe_write import writing
 
