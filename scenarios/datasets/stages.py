@@ -5,6 +5,7 @@ from pathlib import Path
 from typing import Any
 
 from scenarios.datasets.netcdf import Contents
+from scenarios.datasets.papers import papers
 from scenarios.datasets.plan import Entry, Plan
 from scenarios.datasets.spec import DataSetSpec
 from scenarios.datasets.stage import Stage
@@ -23,5 +24,5 @@ are noted with those of the experiment. Errors of ours (`TwinError`, `ScenarioEr
 STAGES: tuple[Stage, ...] = ()
 """Run one after the other when all experiments and the index are there."""
 
-PAPERS: tuple[Papers, ...] = ()
+PAPERS: tuple[Papers, ...] = (papers,)
 """Run after the stages, at every build that comes so far. The builder writes the checksums of all files last."""

@@ -14,6 +14,7 @@ title = "Three short records"
 description = "For tests."
 seed = 7
 window = 20
+date = "2026-01-31"
 
 [[records]]
 name = "binary"
