@@ -91,9 +91,11 @@ def main(arguments: Sequence[str] | None = None) -> int:
         return code
     except SystemExit:  # --help
         return 0
-    except KeyboardInterrupt:
+    except KeyboardInterrupt as interruption:
         again = shlex.join(["hmtb", *words])
-        print(f"hmtb: interrupted; to start again: {again}", file=sys.stderr)
+        # What has been kept, where a command keeps anything.
+        kept = f"{interruption}; to go on" if str(interruption) else "to start again"
+        print(f"hmtb: interrupted; {kept}: {again}", file=sys.stderr)
         return 130
     except BrokenPipeError:  # `hmtb ... | head`: nobody reads on, which is no fault
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())

@@ -25,7 +25,7 @@ BUILD = "build.json"
 """Which software the data set was built with."""
 
 LOCK = "lock"
-"""Held by the builder at work, and let go of by the kernel however the builder ends; gone from a data set that is done."""
+"""Held by the builder at work, let go of by the kernel however the builder ends; gone from a data set that is done."""
 
 SUMS = "SHA256SUMS"
 """Checksum of every other file."""
