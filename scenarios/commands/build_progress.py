@@ -68,6 +68,7 @@ def _bar(label: str) -> "Iterator[Told]":
     from rich.console import Console
     from rich.progress import BarColumn, ProgressColumn, TextColumn, TimeRemainingColumn
     from rich.progress import Progress as Bars
+    from rich.table import Column
     from rich.text import Text
 
     latest: Progress | None = None
@@ -79,9 +80,9 @@ def _bar(label: str) -> "Iterator[Told]":
 
     columns = (
         TextColumn("{task.description}"),
-        BarColumn(),
-        TextColumn("{task.fields[count]}"),
-        Rate(),
+        BarColumn(bar_width=20),
+        TextColumn("{task.fields[count]}", table_column=Column(no_wrap=True)),
+        Rate(table_column=Column(no_wrap=True)),
         TimeRemainingColumn(),
     )
     with Bars(*columns, console=Console(stderr=True), transient=True) as bars:
@@ -115,7 +116,7 @@ def _count(progress: "Progress") -> str:
 
 
 def _rate(progress: "Progress", rate: float) -> str:
-    return f"{rate:.3g} times real time" if progress.seconds_total else f"{rate:.3g} a second"
+    return f"{rate:.3g} x real time" if progress.seconds_total else f"{rate:.3g} a second"
 
 
 def _time(seconds: float) -> str:

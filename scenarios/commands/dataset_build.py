@@ -25,7 +25,7 @@ def build(
     """Build a data set into a folder of its own, or go on with a build that was interrupted.
 
     Nothing is lost if a build is interrupted, killed or out of disk: the same command goes on from there and ends in
-    the same bytes. An experiment that fails is noted with its reason and does not stop the rest; the exit code is 1 then.
+    the same bytes. An experiment that fails is noted with its reason; the rest goes on, and the exit code is 1.
 
     Args:
         spec: One that comes with the package (hmtb dataset list) or a TOML file.
