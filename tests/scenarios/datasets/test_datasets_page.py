@@ -1,0 +1,122 @@
+"""The page on data sets: its snippets run as they stand, in Python and in Octave, and give the same numbers."""
+
+import os
+import re
+import shutil
+import subprocess
+import sys
+from hashlib import sha256
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from scenarios.datasets import open_data_set
+from scenarios.datasets.export import FORMATS, export
+
+ROOT = Path(__file__).parents[3]
+PAGE = (ROOT / "docs/datasets.md").read_text(encoding="utf-8")
+OCTAVE = shutil.which("octave-cli") or shutil.which("octave")
+
+TINY = {
+    "multisine-elbow_pitch-01": "noise",
+    "prbs-elbow_pitch": "binary-elbow_pitch",
+    "hmtb-siso-v1": "tiny-v1",
+}
+"""What the tiny data set has in the place of what the page speaks of."""
+
+
+@pytest.fixture(scope="module")
+def place(tiny: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A folder as a reader of the page has it: the data set, and its records as .mat and CSV."""
+    folder = tmp_path_factory.mktemp("reader")
+    (folder / tiny.name).symlink_to(tiny, target_is_directory=True)
+    export(tiny, folder, ("mat", "csv"))
+    return folder
+
+
+def snippets(language: str) -> list[str]:
+    found = re.findall(rf"^```{language}\n(.*?)^```", PAGE, re.M | re.S)
+    for name, tiny in TINY.items():
+        found = [text.replace(name, tiny) for text in found]
+    return found
+
+
+def digest(values: np.ndarray) -> str:
+    """SHA-256 of the bytes of an array in Octave's order."""
+    return sha256(np.asfortranarray(values).tobytes(order="F")).hexdigest()
+
+
+def test_the_python_snippets_run(place: Path) -> None:
+    text = "\n".join(snippets("python"))
+    env = {**os.environ, "PYTHONPATH": str(ROOT)}
+    done = subprocess.run([sys.executable, "-c", text], cwd=place, env=env, capture_output=True, text=True, timeout=60)
+    assert done.returncode == 0, done.stderr
+    assert "0.02 binary-elbow_pitch (200,)" in done.stdout and "noise: " in done.stdout
+
+
+@pytest.mark.skipif(OCTAVE is None, reason="Octave is not installed: apt-get install octave")
+def test_octave_reads_the_same_numbers(place: Path) -> None:
+    mat, csv, _ = snippets("matlab")
+    said = """
+    printf('%s %s %s ', num2hex(u(1)), num2hex(u(end)), num2hex(sum(y)));
+    printf('%s %s\\n', hash('sha256', char(typecast(u', 'uint8'))), hash('sha256', char(typecast(y', 'uint8'))));
+    """
+    rest = """
+    printf('%s %d %s %s\\n', num2hex(dt), window, class(train.sample), num2hex(t(end)));
+    printf('%s %s %s\\n', train.output_names{1}, train.units.y, test.about.part);
+    printf('%s\\n', hash('sha256', char(typecast(test.wrench(:)', 'uint8'))));
+    printf('%s\\n', hash('sha256', char(typecast(table(:)', 'uint8'))));
+    """
+    command = [str(OCTAVE), "--no-gui", "--no-init-file", "--quiet", "--eval", mat + said + csv + said + rest]
+    done = subprocess.run(command, cwd=place, capture_output=True, text=True, timeout=120)
+    assert done.returncode == 0, done.stderr
+    of_mat, of_csv, *others = done.stdout.splitlines()
+    record, test = (open_data_set(place / "tiny-v1").record(name) for name in ("binary-elbow_pitch", "noise"))
+    first, last, total, u_hash, y_hash = of_mat.split()
+    assert of_csv == of_mat
+    assert [bits(first), bits(last)] == [record.u[0], record.u[-1]]
+    assert bits(total) == pytest.approx(record.y.sum(), rel=1e-12)  # sums depend on their order
+    assert (u_hash, y_hash) == (digest(record.u), digest(record.y))
+    dt, window, kind, end = others[0].split()
+    assert (bits(dt), window, kind, bits(end)) == (0.02, "20", "int64", 199 * 0.02)
+    assert others[1].split() == ["elbow_pitch", "rad", "test"]
+    import h5py
+
+    with h5py.File(place / "tiny-v1" / "data/test/noise.nc") as file:
+        assert others[2] == digest(file["wrench"][:])
+    table = np.loadtxt(place / "tiny-v1-csv/train/binary-elbow_pitch.csv", delimiter=",", skiprows=1)
+    assert others[3] == digest(table) and np.array_equal(table[:, 1], record.u)
+    assert test.state_initialization_window_length == int(window)
+
+
+def bits(text: str) -> float:
+    """The number that Octave's `num2hex` writes."""
+    return float(np.frombuffer(bytes.fromhex(text), ">f8")[0])
+
+
+@pytest.mark.skipif(
+    OCTAVE is None or not list(Path("/usr/share/octave/packages").glob("netcdf*")),
+    reason="Octave's netcdf package is not installed: apt-get install octave-netcdf",
+)
+def test_octave_reads_the_files_themselves(place: Path) -> None:
+    said = (
+        "printf('%s\\n', hash('sha256', char(typecast(u(:)', 'uint8'))), hash('sha256', char(typecast(y', 'uint8'))));"
+    )
+    command = [
+        str(OCTAVE),
+        "--no-gui",
+        "--no-init-file",
+        "--quiet",
+        "--eval",
+        "pkg load netcdf\n" + snippets("matlab")[2] + said,
+    ]
+    done = subprocess.run(command, cwd=place, capture_output=True, text=True, timeout=120)
+    assert done.returncode == 0, done.stderr
+    record = open_data_set(place / "tiny-v1").record("binary-elbow_pitch")
+    assert done.stdout.split() == [digest(record.u), digest(record.y)]
+
+
+def test_every_format_stands_on_the_page() -> None:
+    table = PAGE.split("### Formats")[1].split("\n## ")[0]
+    assert re.findall(r"^\| `(\w+)` \|", table, re.M) == list(FORMATS)
