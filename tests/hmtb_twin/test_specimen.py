@@ -11,7 +11,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from hmtb_twin import JOINTS, NOMINAL_SPECIMEN, Arm, Plant, Specimen, TwinError, linearize, load_arm
+from hmtb_twin import JOINTS, NOMINAL_SPECIMEN, Arm, OverloadError, Plant, Specimen, TwinError, linearize, load_arm
 from hmtb_twin.chain import IDEAL
 from hmtb_twin.controller_model import ControllerModel
 from hmtb_twin.linearization import sliding, small_signal_error
@@ -172,6 +172,14 @@ def test_a_drooping_arm_stands_still_where_it_rests(variant, payload, plant, fri
     excess = arm.weight(angles + droop) - arm.controller.gravity_torque(angles[None])[0]
     if plant.actuator == "linear":
         np.testing.assert_allclose(-kp[1:] * droop[1:], excess[1:], atol=1e-9)
+
+
+@pytest.mark.parametrize("form", ["linear", "orifice"])
+def test_an_arm_heavier_than_its_drives_hold_is_refused(form) -> None:
+    """Its controller feeds forward what these would hold."""
+    arm = load_arm(plant=Plant(form), specimen=Specimen(mass=(6.0,) * 8))
+    with pytest.raises(OverloadError, match="cannot hold the arm at this pose: shoulder pitch needs"):
+        arm.rest(arm.pose(OPERATING_POSE))
 
 
 def test_gains_and_oil_alone_let_nothing_droop() -> None:
