@@ -4,6 +4,10 @@ from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
 
+from scenarios.datasets.arm_truth import arm_files
+from scenarios.datasets.baseline_table import BaselineStage
+from scenarios.datasets.best_linear_truth import BestLinearStage
+from scenarios.datasets.floors import FloorStage
 from scenarios.datasets.netcdf import Contents
 from scenarios.datasets.papers import papers
 from scenarios.datasets.plan import Entry, Plan
@@ -17,11 +21,11 @@ Papers = Callable[[Path, DataSetSpec, Mapping[str, Any]], Mapping[str, bytes]]
 """Makes the files that say something of a whole data set (its folder, spec and index), by place in the folder; the same
 bytes at every call."""
 
-ARM_TRUTH: tuple[ArmTruth, ...] = ()
+ARM_TRUTH: tuple[ArmTruth, ...] = (arm_files,)
 """Run with the first experiment of every arm, by the process that ran it, while the arm is still loaded; the files
 are noted with those of the experiment. Errors of ours (`TwinError`, `ScenarioError`) are noted; the rest goes on."""
 
-STAGES: tuple[Stage, ...] = ()
+STAGES: tuple[Stage, ...] = (BestLinearStage(), FloorStage(), BaselineStage())
 """Run one after the other when all experiments and the index are there."""
 
 PAPERS: tuple[Papers, ...] = (papers,)

@@ -102,8 +102,46 @@ def best_linear_of_test(
     Raises:
         ScenarioError: See `scenarios.best_linear.best_linear`.
     """
+    base, multisines, wanted = multisine_like(setting, arm, records, seed=seed)
+    found = best_linear(base, multisines, threads=threads)
+    band, response = found.bandwidth, found.servo.response
+    return BestLinearOfTest(
+        joint=base.name,
+        test=test,
+        hz=float(band.hz[0, 0]),
+        ci95=(float(band.ci95[0][0, 0]), float(band.ci95[1][0, 0])),
+        half_power_hz=crossing(_single(response), HALF_POWER),
+        wanted_rms=wanted,
+        command_rms=float(found.command_rms[0]),
+        f_max=multisines.f_max,
+        f_min=float(response.frequencies[0]),
+        realisations=REALISATIONS,
+        slewing=found.slewing,
+        distortion_percent=float(found.distortion_percent[0]),
+        physics_s=found.physics_seconds,
+        cautions=cautions(found, linearize(arm, setting.pose, amplitudes=())),
+    )
+
+
+def multisine_like(
+    setting: Experiment, arm: Arm, records: Sequence[IOData], *, seed: int = 0
+) -> tuple[MultisineExperiment, Multisines, float]:
+    """Choose the multisine that is like a test's command; see `best_linear_of_test`.
+
+    Args:
+        setting: Any experiment of the joint on the arm: its conditions are taken.
+        arm: The arm of the experiment.
+        records: Records of the test without means, of one seed or more, rad.
+        seed: Draws phases and noise.
+
+    Returns:
+        The setting for `scenarios.best_linear.best_linear`, the multisine, and the root mean square of the test's
+        command, rad.
+
+    Raises:
+        ScenarioError: The multisine cannot be played.
+    """
     rms = float(np.sqrt(np.mean([np.var(part.u) for part in records])))
-    f_max = _band(records)
     (joint,) = setting.axes
     base = MultisineExperiment(
         joint,
@@ -117,25 +155,8 @@ def best_linear_of_test(
         hand_controller=setting.hand_controller,
         seed=seed,
     )
-    multisines = _matched(base, arm, Multisines(rms=rms, f_max=f_max, realisations=REALISATIONS, seed=seed))
-    found = best_linear(base, multisines, threads=threads)
-    band, response = found.bandwidth, found.servo.response
-    return BestLinearOfTest(
-        joint=joint,
-        test=test,
-        hz=float(band.hz[0, 0]),
-        ci95=(float(band.ci95[0][0, 0]), float(band.ci95[1][0, 0])),
-        half_power_hz=crossing(_single(response), HALF_POWER),
-        wanted_rms=rms,
-        command_rms=float(found.command_rms[0]),
-        f_max=f_max,
-        f_min=float(response.frequencies[0]),
-        realisations=REALISATIONS,
-        slewing=found.slewing,
-        distortion_percent=float(found.distortion_percent[0]),
-        physics_s=found.physics_seconds,
-        cautions=cautions(found, linearize(arm, setting.pose, amplitudes=())),
-    )
+    wanted = Multisines(rms=rms, f_max=_band(records), realisations=REALISATIONS, seed=seed)
+    return base, _matched(base, arm, wanted), rms
 
 
 def _single(response: FrequencyResponse) -> FrequencyResponse:
