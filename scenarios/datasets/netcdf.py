@@ -1,6 +1,5 @@
 """NetCDF4 files whose bytes depend on what they hold alone."""
 
-import io
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -11,11 +10,8 @@ import h5py
 import numpy as np
 
 from scenarios.datasets.hashes import array_hash
+from scenarios.datasets.netcdf_bytes import Attribute, netcdf_bytes
 from scenarios.errors import ScenarioError
-
-Attribute = str | int | float | np.ndarray
-"""What an attribute may be."""
-
 
 MOST_BYTES = 2**31
 """Arrays of one file together; more is no record of an experiment."""
@@ -56,29 +52,19 @@ class Contents:
         """The file.
 
         Raises:
-            ScenarioError: Two variables disagree about a dimension.
+            ScenarioError: Two variables disagree about a dimension, or a variable is no NetCDF variable.
         """
         sizes: dict[str, int] = {}
         for name, variable in self.variables.items():
+            if variable.values.dtype.kind not in "iufU":
+                raise ScenarioError(f"{name} is of type {variable.values.dtype}, expected real numbers or texts")
             for dim, size in zip(variable.dims, variable.values.shape, strict=True):
                 if sizes.setdefault(dim, size) != size:
                     raise ScenarioError(f"{name} has {size} along {dim}, others have {sizes[dim]}")
-        target = io.BytesIO()
-        with h5netcdf.File(target, "w") as file:
-            file.dimensions = sizes
-            file.attrs.update(self.attributes)
-            for name, variable in self.variables.items():
-                _write(file, name, variable)
-        return target.getvalue()
-
-
-def _write(file: h5netcdf.File, name: str, variable: Variable) -> None:
-    if variable.values.dtype.kind == "U":
-        stored = file.create_variable(name, variable.dims, h5py.string_dtype(), data=variable.values.astype(object))
-    else:
-        packed = {"compression": "gzip", "compression_opts": 4, "shuffle": True} if variable.values.size > 64 else {}
-        stored = file.create_variable(name, variable.dims, data=variable.values, **packed)
-    stored.attrs.update(variable.attributes)
+        for name in sizes.keys() & self.variables.keys():
+            if self.variables[name].dims != (name,):
+                raise ScenarioError(f"{name} is a dimension, expected its variable to run along itself alone")
+        return netcdf_bytes(sizes, self.variables, self.attributes)
 
 
 def read_netcdf(path: Path | BinaryIO) -> Contents:

@@ -1,0 +1,106 @@
+"""NetCDF4 files: what goes in comes out, in other readers too, and the same contents are the same bytes."""
+
+import time
+from pathlib import Path
+
+import h5netcdf
+import numpy as np
+import pytest
+import xarray
+
+from scenarios.datasets.netcdf import Contents, Variable, read_netcdf
+from scenarios.errors import ScenarioError
+
+RNG = np.random.default_rng(3)
+LONG = 40_000
+"""Rows of an array that does not fit in one chunk."""
+
+
+@pytest.fixture(scope="module")
+def contents() -> Contents:
+    text = {"long_name": "°, µ and \n", "units": "V", "empty": ""}
+    return Contents(
+        {
+            "sample": Variable(("sample",), np.arange(LONG), {"units": "1"}),
+            "joint": Variable(("joint",), np.array(["elbow", "Schultergelenk"]), {}),
+            "wide": Variable(("sample", "joint", "part"), RNG.standard_normal((LONG, 2, 3)), text),
+            "square": Variable(("joint", "other"), RNG.standard_normal((2, 2)), {}),
+            "scalar": Variable((), np.array(2.5), {"count": 3, "ratio": 0.1, "many": np.array([1.5, 2.5])}),
+            "word": Variable((), np.array("rad"), {}),
+            "none": Variable(("zero", "part"), np.empty((0, 3)), {}),
+            "flags": Variable(("sample",), RNG.integers(0, 9, LONG).astype(np.uint16), {}),
+            "small": Variable(("part",), np.array([1, 2, 3], np.int32), {}),
+        },
+        {"title": "a", "seed": 2**40, "step": 0.02, **{f"provenance_{n}": "x" * n for n in range(1, 30)}},
+    )
+
+
+@pytest.fixture(scope="module")
+def path(contents: Contents, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    path = tmp_path_factory.mktemp("netcdf") / "a.nc"
+    path.write_bytes(contents.to_bytes())
+    return path
+
+
+def test_what_goes_in_comes_out(contents: Contents, path: Path) -> None:
+    read = read_netcdf(path)
+    assert dict(read.attributes) == dict(contents.attributes)
+    assert set(read.variables) == set(contents.variables)
+    for name, variable in contents.variables.items():
+        found = read.variables[name]
+        assert found.dims == variable.dims
+        assert found.values.dtype == variable.values.dtype
+        np.testing.assert_array_equal(found.values, variable.values)
+        assert found.attributes.keys() == variable.attributes.keys()
+        for key, value in variable.attributes.items():
+            np.testing.assert_array_equal(found.attributes[key], value)
+    assert read.array_hashes() == contents.array_hashes()
+
+
+def test_xarray_reads_it(contents: Contents, path: Path) -> None:
+    with xarray.open_dataset(path, engine="h5netcdf") as found:
+        assert found.sizes == {"sample": LONG, "joint": 2, "part": 3, "other": 2, "zero": 0}
+        assert set(found.coords) == {"sample", "joint"}
+        assert found["wide"].attrs == contents.variables["wide"].attributes
+        np.testing.assert_array_equal(found["wide"], contents.variables["wide"].values)
+        assert found["joint"].values.tolist() == ["elbow", "Schultergelenk"]
+        assert found.attrs["seed"] == 2**40
+
+
+def test_the_file_follows_the_rules_of_netcdf4(path: Path) -> None:
+    with h5netcdf.File(path, "r") as file:
+        raw = file._h5file
+        for name, dim in file.dimensions.items():
+            assert raw[name].attrs["CLASS"] == b"DIMENSION_SCALE"
+            assert "_Netcdf4Dimid" in raw[name].attrs
+            is_variable = name in file.variables
+            assert raw[name].attrs["NAME"] == (
+                name.encode()
+                if is_variable
+                else b"This is a netCDF dimension but not a netCDF variable.%10d" % dim.size
+            )
+        for axis, name in enumerate(("sample", "joint", "part")):
+            (scale,) = raw["wide"].dims[axis].values()
+            assert scale.name == f"/{name}"
+        assert raw["wide"].chunks[0] < LONG
+        assert raw["wide"].nbytes > raw["wide"].id.get_storage_size()
+
+
+def test_the_same_contents_are_the_same_bytes_at_another_time(contents: Contents, path: Path) -> None:
+    time.sleep(1.05)  # HDF5 counts in seconds
+    assert contents.to_bytes() == path.read_bytes()
+
+
+@pytest.mark.parametrize(
+    ("variables", "says"),
+    [
+        ({"a": Variable(("x",), np.zeros(2), {}), "b": Variable(("x",), np.zeros(3), {})}, "b has 3 along x"),
+        ({"a": Variable(("x",), np.zeros(2, complex), {})}, "complex128"),
+        ({"a": Variable(("x",), np.array([object()]), {})}, "object"),
+        ({"x": Variable(("y",), np.zeros(2), {}), "b": Variable(("x",), np.zeros(3), {})}, "x is a dimension"),
+        ({"x": Variable(("x", "y"), np.zeros((2, 2)), {})}, "x is a dimension"),
+    ],
+)
+def test_what_is_no_netcdf_is_refused(variables: dict[str, Variable], says: str) -> None:
+    with pytest.raises(ScenarioError, match=says):
+        Contents(variables, {}).to_bytes()
