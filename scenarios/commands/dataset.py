@@ -3,6 +3,7 @@
 from collections.abc import Callable
 
 from scenarios.commands.dataset_build import build
+from scenarios.commands.dataset_check import check
 from scenarios.commands.dataset_export import export
 from scenarios.commands.dataset_list import list_
 from scenarios.commands.dataset_show import show
@@ -14,13 +15,14 @@ Start with:
   hmtb dataset list                               the data sets that come with the package
   hmtb dataset show hmtb-siso-v1                  one as TOML, to start one's own from
   hmtb dataset build hmtb-siso-v1                 build it; the same command goes on where it was interrupted
+  hmtb dataset check hmtb-siso-v1                 whether a copy is whole, and still what its spec gives
   hmtb dataset export hmtb-siso-v1 --format csv   its records for other programs
 
 Every command has its own --help.
 """
 """What the help of `hmtb dataset` says."""
 
-DATASET: dict[str, Callable[..., int]] = {"list": list_, "show": show, "build": build, "export": export}
+DATASET: dict[str, Callable[..., int]] = {"list": list_, "show": show, "build": build, "check": check, "export": export}
 """What can be done with data sets, by the word after `hmtb dataset`; a command is a function in a file of its own."""
 
 

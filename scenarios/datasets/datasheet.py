@@ -1,17 +1,19 @@
 """The datasheet of a data set, its README [Gebru2021]."""
 
+import csv
 import json
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from itertools import islice
 from math import sqrt
 from pathlib import Path
 from typing import Any
 
 from jinja2 import Environment, PackageLoader, StrictUndefined
 
-from hmtb_twin.parameters import RECORDER, SAMPLE_RATE
+from hmtb_twin.parameters import JOINTS, RECORDER, SAMPLE_RATE
 from scenarios.datasets.citation import bibtex, reference
-from scenarios.datasets.layout import BUILD, PARTS, TRUTH
+from scenarios.datasets.layout import ATTAINABLE, BASELINES, BUILD, PARTS, TRUTH
 from scenarios.datasets.netcdf import Contents, read_netcdf
 from scenarios.datasets.plan import Plan
 from scenarios.datasets.records import Records
@@ -20,6 +22,9 @@ from scenarios.excitation_computer import Excitation
 
 MOST_ARMS = 30
 """Arms whose conditions the datasheet lists; of more, the first ones."""
+
+MOST_ROWS = 30
+"""Rows of other tables that it repeats."""
 
 ENVIRONMENT = Environment(
     loader=PackageLoader("scenarios"),
@@ -30,6 +35,7 @@ ENVIRONMENT = Environment(
     keep_trailing_newline=True,
 )
 ENVIRONMENT.filters["cell"] = lambda value: " ".join(str(value).split()).replace("|", "\\|") or "-"
+ENVIRONMENT.filters["digits"] = lambda text: f"{float(text):.4g}" if text else "-"
 ENVIRONMENT.filters["short"] = lambda value: f"{value:.6g}"
 
 TRUTHS = {
@@ -81,6 +87,8 @@ def datasheet(folder: Path, plan: Plan, whole: str, rows: Sequence[Mapping[str, 
         truths=_truths(folder, more),
         more=more,
         versions=_versions(folder),
+        attainable=_table(folder, ATTAINABLE, more),
+        baselines=_table(folder, BASELINES, more),
         metric=_metric(spec.scoring),
         floor=UNITS[spec.scoring.unit] * sqrt(RECORDER.noise**2 + RECORDER.resolver_step**2 / 12),
         noise=RECORDER.noise,
@@ -150,9 +158,10 @@ def _arms(plan: Plan) -> list[tuple[str, ...]]:
 
 
 def _channels(contents: Contents) -> list[Channel]:
-    return [
+    """The variables of a file; of those that every joint has, one line for all."""
+    lines = [
         Channel(
-            name,
+            next((name.replace(joint, "JOINT", 1) for joint in JOINTS if name.startswith(f"{joint}_")), name),
             ", ".join(variable.dims),
             str(variable.attributes.get("units", "")),
             str(variable.attributes.get("role", "")),
@@ -160,6 +169,7 @@ def _channels(contents: Contents) -> list[Channel]:
         )
         for name, variable in contents.variables.items()
     ]
+    return list({line.name: line for line in reversed(lines)}.values())[::-1]
 
 
 def _truths(folder: Path, more: Sequence[str]) -> list[tuple[str, int, str, list[Channel]]]:
@@ -186,6 +196,14 @@ def _versions(folder: Path) -> Mapping[str, str]:
         return {}
     record = json.loads((folder / BUILD).read_text(encoding="utf-8"))
     return {**record["versions"], "source": record["source"]}
+
+
+def _table(folder: Path, place: str, more: Sequence[str]) -> list[dict[str, str]]:
+    """The first rows of a table, none where there is no such file."""
+    if place not in more:
+        return []
+    with (folder / place).open(encoding="utf-8", newline="") as stream:
+        return list(islice(csv.DictReader(stream), MOST_ROWS))
 
 
 def _metric(scoring: Scoring) -> tuple[str, str]:

@@ -8,7 +8,7 @@ from scenarios.datasets.hashes import bytes_hash, file_hash
 from scenarios.datasets.layout import LOCK, MANIFEST, SUMS
 
 MOST_LISTED = 1000
-"""Records that a catalogue lists one by one; of more it names the folders, and SHA256SUMS has every file."""
+"""Files that a catalogue lists one by one; of more it names the folders, and SHA256SUMS has every file."""
 
 NETCDF = "application/x-netcdf"
 """Media type of the records."""

@@ -1,6 +1,7 @@
 """The papers of a data set: what a stranger needs to understand, cite, find and check it."""
 
 import json
+from collections import Counter
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -10,7 +11,6 @@ from scenarios.datasets.croissant import croissant
 from scenarios.datasets.data_package import data_package, experiments_schema, table_schema
 from scenarios.datasets.datasheet import datasheet
 from scenarios.datasets.experiment_table import experiment_csv, experiment_rows
-from scenarios.datasets.layout import DATA, PARTS, TRUTH
 from scenarios.datasets.license import license_text
 from scenarios.datasets.listing import MOST_LISTED, NETCDF, file_paths, listed, listed_text
 from scenarios.datasets.plan import Plan
@@ -21,6 +21,10 @@ TABLE = "experiments.csv"
 
 PAPERS = (TABLE, "README.md", "LICENSE", "CITATION.cff", "datacite.json", "datapackage.json", "croissant.json")
 """Their names, in the order in which they are written."""
+
+
+FEW = 20
+"""Files of one kind in one folder that are listed one by one in any data set."""
 
 
 def papers(folder: Path, spec: DataSetSpec, index: Mapping[str, Any]) -> dict[str, bytes]:
@@ -47,23 +51,28 @@ def papers(folder: Path, spec: DataSetSpec, index: Mapping[str, Any]) -> dict[st
     size = sum((folder / path).stat().st_size for path in paths)
     sizes = (f"{len(rows)} experiments", f"{len(paths)} files of data, truth and spec", f"{size} bytes")
     texts["datacite.json"] = _json(datacite(spec, whole, sizes, (NETCDF, "text/csv", "application/json")))
-    folders = {} if len(paths) <= MOST_LISTED else _folders(paths)
-    shown = [listed(folder, p) for p in paths if not (folders and p.endswith(".nc"))]
+    sets = _sets(paths)
+    shown = [listed(folder, path) for path in paths if _pattern(path) not in sets.values()]
     shown += [listed_text(place, text) for place, text in texts.items() if place != TABLE]
     table = listed_text(TABLE, texts[TABLE])
     schemas = {p: table_schema((folder / p).read_text(encoding="utf-8")) for p in paths if p.endswith(".csv")}
     schemas[TABLE] = experiments_schema()
     texts["datapackage.json"] = _json(data_package(spec, whole, [table, *shown], schemas))
-    texts["croissant.json"] = _json(croissant(spec, whole, table, shown, folders))
+    texts["croissant.json"] = _json(croissant(spec, whole, table, shown, sets))
     return {place: text.encode() for place, text in texts.items()}
 
 
-def _folders(paths: list[str]) -> Mapping[str, str]:
-    """Patterns of the records, by the name of the set: a folder of each part, and of each kind of truth."""
-    found = {path.rpartition("/")[0] for path in paths if path.endswith(".nc")}
-    known = [f"{DATA}/{part}" for part in PARTS]
-    ordered = [one for one in known if one in found] + sorted(one for one in found if one.startswith(f"{TRUTH}/"))
-    return {one.replace("/", "-"): f"{one}/*.nc" for one in ordered}
+def _sets(paths: list[str]) -> Mapping[str, str]:
+    """Patterns of the files that are too many to list, by the name of the set: those of one kind in one folder."""
+    if len(paths) <= MOST_LISTED:
+        return {}
+    kinds = Counter(map(_pattern, paths))
+    return {one.replace("/*.", "-").replace("/", "-"): one for one, count in kinds.items() if count > FEW}
+
+
+def _pattern(path: str) -> str:
+    folder, _, name = path.rpartition("/")
+    return f"{folder}/*{Path(name).suffix}" if folder else name
 
 
 def _json(record: Mapping[str, Any]) -> str:
