@@ -18,7 +18,8 @@ from hmtb_twin.recorder import delayed
 from scenarios.conditional_mean import ConditionalMean, conditional_mean
 from scenarios.errors import ScenarioError
 from scenarios.logged_arm import check_truth, logged_arm
-from sysid import IOData, StateSpace, SysidError, SysidWarning, arx, oe, pem_ss, predict
+from scenarios.long_response import long_response
+from sysid import IOData, StateSpace, SysidError, SysidWarning, oe, pem_ss, predict
 from sysid.arrays import FloatArray
 
 MATTERS = 1e-4
@@ -255,15 +256,8 @@ def _high_orders(record: IOData, quiet: FloatArray, window: int, orders: tuple[i
     They remember longer than pulse responses of as many coefficients, and a least-squares fit needs no search.
     """
     exact = replace(record, y=quiet[:, None], window=0)[window:].detrend()
-    found: list[FloatArray] = []
-    with warnings.catch_warnings(), np.errstate(all="ignore"):
-        warnings.simplefilter("ignore", SysidWarning)
-        for order in orders:
-            with contextlib.suppress(SysidError):
-                hat = predict(arx(exact, order, order, 1), exact, steps=None)[:, 0]
-                if np.isfinite(hat).all():
-                    found.append(np.concatenate([quiet[:window], hat + quiet[window:].mean()]))
-    return tuple(found)
+    hats = (long_response(exact.u, exact.y[:, 0], order) for order in orders)
+    return tuple(np.concatenate([quiet[:window], hat + quiet[window:].mean()]) for hat in hats if hat is not None)
 
 
 def _right_order(

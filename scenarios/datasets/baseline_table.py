@@ -62,8 +62,8 @@ class BaselineStage:
 
 
 @lru_cache(maxsize=1)
-def _bench(folder: Path, hash: str, asked: BaselinesAsked) -> Bench:  # noqa: ARG001 - tells a folder that was built anew
-    """The records, read once for all baselines."""
+def _bench(folder: Path, hash: str, asked: BaselinesAsked) -> Bench:
+    """The records, read once for all baselines; the hash tells a folder that was built anew."""
     return Bench(open_data_set(folder), asked)
 
 

@@ -6,6 +6,7 @@ import json
 from collections import Counter
 from collections.abc import Hashable, Iterable, Mapping
 from dataclasses import asdict, dataclass, field
+from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
@@ -80,7 +81,7 @@ class FloorStage:
         """
         if piece != TABLE:
             entry = next(entry for entry in plan if entry.name == piece)
-            content = json.dumps(floors(plan.spec, entry, stored_log(folder, entry)), indent=1, allow_nan=False) + "\n"
+            content = json.dumps(floors(plan.spec, entry, _log(folder, entry)), indent=1, allow_nan=False) + "\n"
             return {str(attainable_file(piece)): content.encode()}
         there = {record.name for record in open_data_set(folder).test}
         scored = (entry for entry in plan if entry.part == "test" and entry.name in there)
@@ -166,10 +167,16 @@ def by_chance(rmse: float, samples: int) -> float:
     return rmse * float(np.sqrt(max(1.0 - chi2.ppf(0.95, 1) / samples, 0.0)))
 
 
+@lru_cache(maxsize=4)
+def _log(folder: Path, entry: Entry) -> JointLog:
+    """The log of an experiment; where few are searched it is read once."""
+    return stored_log(folder, entry)
+
+
 def _rows(spec: DataSetSpec, entry: Entry, folder: Path) -> Iterable[dict[str, str]]:
     place = folder / attainable_file(entry.name)
     kept = json.loads(place.read_bytes())["joints"] if place.is_file() else {}
-    log = stored_log(folder, entry)
+    log = _log(folder, entry)
     for joint in entry.joints:
         yield _row(spec, entry, log, joint, kept.get(joint))
 
