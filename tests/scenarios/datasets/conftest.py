@@ -16,6 +16,9 @@ seed = 7
 window = 20
 date = "2026-01-31"
 
+[baselines]
+models = ["hold", "arx:2/2", "truth"]
+
 [[records]]
 name = "binary"
 part = "train"
