@@ -115,31 +115,35 @@ def _holds(folder: Path, line: Mapping[str, Any]) -> bool:
 def _run(plan: Plan, folder: Path, manifest: Manifest, executor: Executor, rows: int, told: Told) -> None:
     """Run what is left of the experiments; what is done when something fails is kept."""
     done, total, whole = manifest.done, len(plan), plan.seconds
-    seconds = max(whole - sum(map(plan.duration, manifest.left)), 0.0)
-    told(Progress(RECORDS, done, total, seconds, whole))
-
-    def ticked(ticks: int) -> None:
-        told(Progress(RECORDS, done, total, seconds + ticks / SAMPLE_RATE, whole))
-
+    come = max(whole - sum(map(plan.duration, manifest.left)), 0.0)
+    seconds = 0.0
     waiting: list[Made] = []
 
+    def show(ticks: int = 0) -> None:
+        nonlocal seconds
+        # When the first of a chunk comes, the ticks of the others are not counted any more: they have been shown.
+        seconds = min(max(seconds, come + ticks / SAMPLE_RATE), whole)
+        told(Progress(RECORDS, done, total, seconds, whole))
+
     def keep() -> None:
-        nonlocal done, seconds
+        nonlocal done
         for made in waiting:
             write_files(folder, made.files)
         manifest.append([_line(made) for made in waiting])
         done += len(waiting)
-        seconds += sum(plan.duration(made.number) for made in waiting)
         waiting.clear()
-        told(Progress(RECORDS, done, total, seconds, whole))
+        show()
 
+    show()
     try:
-        for made in executor(plan, chunks(plan, manifest.left, rows=rows), ticked):
+        for made in executor(plan, chunks(plan, manifest.left, rows=rows), show):
             waiting.append(made)
+            come += plan.duration(made.number)
             if len(waiting) >= TOGETHER:
                 keep()
-    except KeyboardInterrupt:
-        keep()
+    except BaseException as error:
+        if not isinstance(error, OSError):
+            keep()
         raise
     keep()
     if manifest.done < total:

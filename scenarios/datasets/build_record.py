@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from scenarios.datasets.layout import BUILD, LOCK, SPEC
+from scenarios.datasets.lock import unlock_file
 from scenarios.datasets.safe_write import write_text
 from scenarios.datasets.spec import DataSetSpec
 from scenarios.errors import ScenarioError
@@ -39,6 +40,7 @@ def begin(folder: Path, spec: DataSetSpec) -> None:
         return
     foreign = sorted(path.name for path in folder.iterdir() if path.name not in (LOCK, SPEC))
     if foreign:
+        unlock_file(folder)
         raise ScenarioError(
             f"{folder} holds no build but {', '.join(foreign[:SHOWN])}: expected an empty folder or none"
         )

@@ -40,7 +40,7 @@ def finish(plan: Plan, folder: Path, final: Path, manifest: Manifest, told: Told
     for stage in STAGES:
         failed |= _run_stage(stage, plan, folder, manifest, told)
     told(Progress("finish", 0, 1))
-    manifest.put_in_order()
+    manifest.put_in_order([(stage.name, piece) for stage in STAGES for piece in stage.pieces(plan)])
     for papers in PAPERS:
         write_files(folder, papers(folder, plan.spec, read_index(folder)))
     write_sums(folder, manifest)

@@ -95,7 +95,7 @@ class Manifest:
         return None if offset is None else self._at(offset)
 
     def pieces(self) -> Iterator[dict[str, Any]]:
-        """Entries of the pieces that are noted, in the order in which they were first noted."""
+        """Entries of the pieces that are noted."""
         return (self._at(offset) for offset in self._pieces.values())
 
     def forget(self, entry: Mapping[str, Any]) -> None:
@@ -123,17 +123,21 @@ class Manifest:
             self._note(entry, self._end)
             self._end += len(line)
 
-    def put_in_order(self) -> None:
+    def put_in_order(self, pieces: Sequence[tuple[str, str]]) -> None:
         """Write the manifest anew, a line per entry: experiments in the order of the plan, then pieces.
+
+        Args:
+            pieces: Stage and name of those that are noted, in their order.
 
         Raises:
             OSError: It cannot be written; the old one stays.
         """
         with writing(self._path) as stream:
-            for entry in chain(self.noted(), self.pieces()):
+            of_pieces = (self._at(self._pieces[piece]) for piece in pieces)
+            for entry in chain(self.noted(), of_pieces):
                 stream.write(line_of(entry))
         self._reader.close()
-        self._end = 0
+        self._end, self._pieces = 0, {}
         self._reader = self._scanned()
 
     def _at(self, offset: int) -> dict[str, Any]:
