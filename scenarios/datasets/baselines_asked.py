@@ -9,7 +9,7 @@ from scenarios.suggest import unknown
 TRIVIAL = ("hold", "gain", "truth")
 """Predictors without orders: the last output of the window for ever, a static gain, and the small-signal truth."""
 
-USUAL = ("hold", "gain", "arx:4/4", "armax:3/3/3", "iv4:3/3", "oe:2/2", "oe:3/3", "okid:2/5", "n4sid:3", "truth")
+USUAL = ("hold", "gain", "arx:4/4", "armax:3/3/3", "iv4:2/2", "oe:2/2", "oe:3/3", "okid:2/5", "n4sid:3", "truth")
 """The models where a spec names none."""
 
 
