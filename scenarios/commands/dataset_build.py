@@ -1,5 +1,6 @@
 """`hmtb dataset build`: a data set from its spec."""
 
+import sys
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -19,6 +20,8 @@ def build(
     out: Path = Path("."),
     workers: int | None = None,
     rows: int | None = None,
+    cluster: str | None = None,
+    patience: float = 300.0,
     progress: How = "auto",
     json: bool = False,
 ) -> int:
@@ -33,6 +36,9 @@ def build(
         workers: Threads for the physics, all processors by default; the data do not depend on it.
         rows: Experiments that run side by side at most: fewer need less memory, and less is run again after an
             interruption. The data do not depend on it.
+        cluster: Address of a Dask scheduler (tcp://HOST:8786) whose workers run the experiments; they need this
+            package, of the same version, and no folder in common. The data do not depend on them.
+        patience: How long a scheduler that has gone, or workers that are not there, are waited for, s.
         progress: How stderr shows how far the build is; auto is a bar on a terminal, else a line now and then.
         json: Print JSON.
     """
@@ -44,6 +50,15 @@ def build(
 
     if workers is not None and workers < 1:
         raise ScenarioError(f"workers must be 1 or more, given {workers}")
+    executor = None
+    if cluster is not None:
+        from scenarios.datasets.cluster import ROWS, Cluster
+
+        if workers is not None:
+            raise ScenarioError("--workers and --cluster given; expected one: Dask's workers have threads of their own")
+        executor, usual = Cluster(cluster, patience=patience, said=_said), ROWS
+    else:
+        usual = MOST_ROWS
     read = load_spec(spec)
     latest: list[Progress] = []
     with build_progress(read.label, progress) as show:
@@ -53,7 +68,9 @@ def build(
             show(now)
 
         try:
-            built = build_data_set(read, out, workers=workers, rows=MOST_ROWS if rows is None else rows, progress=told)
+            built = build_data_set(
+                read, out, workers=workers, rows=usual if rows is None else rows, executor=executor, progress=told
+            )
         except KeyboardInterrupt:
             raise KeyboardInterrupt(_kept(latest, out / (read.label + UNFINISHED))) from None
     if json:
@@ -63,6 +80,12 @@ def build(
             say(f"failed: {name}: {why}")
         say(f"{built.path}: {built.experiments} experiments, {len(built.failed)} failed, hash {built.hash[:12]}")
     return 1 if built.failed else 0
+
+
+def _said(line: str) -> None:
+    """A line on stderr; a bar that is there stays below it."""
+    sys.stderr.write(f"{line}\n")
+    sys.stderr.flush()
 
 
 def _kept(latest: "list[Progress]", folder: Path) -> str:
