@@ -79,7 +79,7 @@ def best_linear_contents(spec: DataSetSpec, entry: Entry, *, threads: int | None
 
 
 def _like(spec: DataSetSpec, entry: Entry) -> tuple[MultisineExperiment, Multisines]:
-    seed = int(np.random.SeedSequence([spec.seed, *f"best linear {entry.name}".encode()]).generate_state(1)[0])
+    seed = int(np.random.SeedSequence([spec.entropy, *f"best linear {entry.name}".encode()]).generate_state(1)[0])
     experiment = entry.experiment
     if isinstance(experiment, MultisineExperiment):
         multisines = replace(experiment.multisines, realisations=REALISATIONS, seed=seed)

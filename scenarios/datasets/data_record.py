@@ -20,7 +20,7 @@ class Signals:
 
     Attributes:
         u: Inputs (N, nu), rad.
-        y: Outputs (N, ny), rad.
+        y: Outputs (N, ny), rad; of the window alone where the others are withheld.
         dt: Sampling time, s, as the exact ratio.
         input_names: One per input.
         output_names: One per output.
@@ -39,6 +39,11 @@ class Signals:
     output_unit: str
     window: int
     attributes: Mapping[str, Attribute]
+
+    @property
+    def withheld(self) -> bool:
+        """Whether outputs behind the window are kept apart."""
+        return len(self.y) < len(self.u)
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -81,7 +86,7 @@ class DataRecord:
 
     @property
     def y(self) -> np.ndarray:
-        """Output, rad: (N,) where there is one, else (N, ny)."""
+        """Output, rad: (N,) where there is one, else (N, ny); where outputs are withheld, N is that of the window."""
         return _squeezed(self.signals.y)
 
     @property
@@ -95,11 +100,16 @@ class DataRecord:
         return None if self.part == "train" else self.signals.window
 
     def iodata(self) -> IOData:
-        """The record for the estimators of `sysid`: with names, units, and the window that enters no score."""
+        """The record for the estimators of `sysid`: with names, units, and the window that enters no score.
+
+        Outputs that are withheld are missing there: NaN, as `IOData` has it.
+        """
         signals = self.signals
+        y = np.full((len(signals.u), signals.y.shape[1]), np.nan)
+        y[: len(signals.y)] = signals.y
         return IOData(
             signals.u,
-            signals.y,
+            y,
             float(signals.dt),
             input_names=signals.input_names,
             output_names=signals.output_names,
@@ -108,7 +118,7 @@ class DataRecord:
             intersample=_intersample(signals.attributes, self.name),
             window=self.state_initialization_window_length or 0,
             name=self.name,
-            missing=bool(np.isnan(signals.y).any()),
+            missing=bool(np.isnan(y).any()),
         )
 
     def __iter__(self) -> Iterator[np.ndarray]:
@@ -164,6 +174,10 @@ def read_signals(path: Path, experiment: str) -> Signals:
                 f"{path} is of experiment {contents.attributes['experiment']!r}, expected {experiment!r}"
             )
         u, y = contents.variables["u"], contents.variables["y"]
+        window = _whole(contents.attributes["initialisation_window"])
+        given = len(u.values) if y.dims[0] == "sample" else min(window, len(u.values))
+        if len(y.values) != given:
+            raise ScenarioError(f"{path}: {len(y.values)} samples of y found, expected {given}")
         return Signals(
             u=_locked(u.values, path, "u"),
             y=_locked(y.values, path, "y"),
@@ -172,7 +186,7 @@ def read_signals(path: Path, experiment: str) -> Signals:
             output_names=_names(contents.variables["output"]),
             input_unit=str(u.attributes["units"]),
             output_unit=str(y.attributes["units"]),
-            window=_whole(contents.attributes["initialisation_window"]),
+            window=window,
             attributes=contents.attributes,
         )
     except KeyError as error:

@@ -1,5 +1,6 @@
 """What a spec asks for, experiment by experiment, made when it is asked for: a plan of any size weighs nothing."""
 
+import hmac
 from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -158,6 +159,7 @@ class Plan(Sequence[Entry]):
 
     def _entry(self, template: _Template, twin: int | None) -> Entry:
         mark = "" if twin is None else f"twin-{twin:0{len(str(self.twins - 1))}d}-"
+        mark = f"{self.spec.student}-{mark}" if self.spec.student else mark
         name = f"{mark}{template.name}"
         return Entry(
             name=name,
@@ -170,7 +172,10 @@ class Plan(Sequence[Entry]):
         )
 
     def _experiment(self, template: _Template, name: str, twin: int | None) -> Experiment:
-        noise, waveform = _seeds(self.spec.seed, name)
+        if self.spec.commitment:
+            # What chance adds is kept apart.
+            return replace(template.experiment, name=name)
+        noise, waveform = _seeds(self.spec, name)
         one = replace(template.experiment, name=name, seed=noise)
         if self.spec.twins is not None and twin is not None:
             specimen, of_plant = self._drawn(twin)
@@ -179,7 +184,7 @@ class Plan(Sequence[Entry]):
             return one
         if isinstance(one, MultisineExperiment):
             # The records of one measurement share their seed.
-            shared = _seeds(self.spec.seed, f"{template.block.name} of {twin}")[1]
+            shared = _seeds(self.spec, f"{template.block.name} of {twin}")[1]
             return replace(one, multisines=replace(one.multisines, seed=shared))
         return replace(one, excitation=tuple(_reseeded(e, waveform + k) for k, e in enumerate(one.excitation)))
 
@@ -187,13 +192,17 @@ class Plan(Sequence[Entry]):
         """The arm of a twin, and what changes of its plant; experiments of one twin follow each other."""
         assert self.spec.twins is not None  # noqa: S101 - only a spec with twins has any
         if self._last is None or self._last[0] != twin:
-            self._last = (twin, drawn(self.spec.twins.distributions, np.random.SeedSequence([self.spec.seed, twin])))
+            self._last = (twin, drawn(self.spec.twins.distributions, np.random.SeedSequence([self.spec.entropy, twin])))
         return self._last[1]
 
 
-def _seeds(seed: int, name: str) -> tuple[int, int]:
+def _seeds(spec: DataSetSpec, name: str) -> tuple[int, int]:
     """Seeds of the noise and of the waveform of an experiment, from the data set's and the name."""
-    drawn = np.random.SeedSequence([seed, *name.encode()]).generate_state(2)
+    if spec.secret_seed:
+        # By a keyed hash, and wide: 32 bits could be found by trying which noise stands in an initialisation window.
+        digest = hmac.digest(bytes.fromhex(spec.secret_seed), name.encode(), "sha256")
+        return int.from_bytes(digest[:8]) >> 2, int.from_bytes(digest[8:16]) >> 2
+    drawn = np.random.SeedSequence([spec.entropy, *name.encode()]).generate_state(2)
     return int(drawn[0]), int(drawn[1])
 
 
