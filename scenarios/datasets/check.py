@@ -143,7 +143,9 @@ def _array_problems(
     expected = index.arrays[place]
     names = sorted({*expected, *found["arrays"]})
     differ = [name for name in names if expected.get(name) != found["arrays"].get(name)]
-    problems = [f"array{'s' if len(differ) > 1 else ''} {', '.join(differ)} differ from the index"] if differ else []
+    several = len(differ) > 1
+    said = f"array{'s' if several else ''} {', '.join(differ)} differ{'' if several else 's'} from the index"
+    problems = [said] if differ else []
     if changed and not differ:
         problems.append("its arrays are those of the index: the file was written anew, or only its description changed")
     if entry is not None:

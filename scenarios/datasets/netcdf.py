@@ -97,6 +97,8 @@ def read_netcdf(path: Path | BinaryIO) -> Contents:
             return Contents(variables, _attributes(raw))
     except FileNotFoundError:
         raise ScenarioError(f"no file {path}: expected NetCDF4") from None
+    except ScenarioError:
+        raise
     except (OSError, KeyError, ValueError, TypeError, RuntimeError) as error:
         raise ScenarioError(f"{path} is not a NetCDF4 file, or a damaged one") from error
 
