@@ -84,11 +84,13 @@ verification: $(INSTALLED) ## measure the figures in docs again (half an hour, i
 	@"$(BIN)/python" tests/benchmarks/verification.py $(if $(DATA),--data "$(DATA)")
 
 .PHONY: images
-images: $(INSTALLED) ## make the pictures of the README and of docs/maps.md anew
+images: $(INSTALLED) ## make the pictures of the README, of docs/maps.md and of docs/datasets.md anew
 	@echo "==> Rendering the arm, running the study and drawing its result"
 	@"$(BIN)/python" docs/images/make.py
 	@echo "==> Making the maps of docs/maps.md"
 	@"$(BIN)/python" docs/images/maps.py
+	@echo "==> Building the data sets of docs/datasets.md and drawing them"
+	@"$(BIN)/python" docs/images/datasets.py
 
 .PHONY: bench
 bench: $(INSTALLED) ## run the benchmarks alone, with their figures printed

@@ -5,6 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from hmtb_twin.bus_record import CHANNELS
+from scenarios.datasets.hidden_record import WINDOW
 from scenarios.datasets.netcdf import Contents, Variable
 from scenarios.errors import ScenarioError
 
@@ -40,6 +41,8 @@ class Column:
 def columns(contents: Contents) -> tuple[Column, ...]:
     """All numbers of a record, a column per channel, the sample's number first.
 
+    What is withheld of a record with hidden truth is NaN in its column, which then holds float64.
+
     Args:
         contents: What its file holds.
 
@@ -48,20 +51,29 @@ def columns(contents: Contents) -> tuple[Column, ...]:
     """
     made: list[Column] = []
     for name, variable in contents.variables.items():
-        if variable.values.dtype.kind == "U":
+        if variable.values.dtype.kind == "U" or name == WINDOW:
             continue
-        if variable.dims[0] != "sample" or variable.values.ndim > 2:
+        if variable.dims[0] not in ("sample", WINDOW) or variable.values.ndim > 2:
             raise ScenarioError(
                 f"{name} has dimensions {', '.join(variable.dims)}, expected sample, or sample and another"
             )
-        if variable.values.ndim == 1:
-            made.append(_column(name, variable, _unit(name, name, variable), variable.values))
+        all_values = variable.values if variable.dims[0] == "sample" else _with_gaps(variable.values, contents)
+        if all_values.ndim == 1:
+            made.append(_column(name, variable, _unit(name, name, variable), all_values))
             continue
         channels = contents.variables[variable.dims[1]].values
-        for channel, values in zip(channels, variable.values.T, strict=True):
+        for channel, values in zip(channels, all_values.T, strict=True):
             full = _NAMES.get(name, name + "_{}").format(channel)
             made.append(_column(full, variable, _unit(name, str(channel), variable), values))
     return tuple(sorted(made, key=lambda column: column.name != "sample"))
+
+
+def _with_gaps(values: np.ndarray, contents: Contents) -> np.ndarray:
+    """Values of the window, NaN behind it."""
+    samples = len(contents.variables["sample"].values)
+    whole = np.full((samples, *values.shape[1:]), np.nan)
+    whole[: len(values)] = values
+    return whole
 
 
 def _column(name: str, variable: Variable, unit: str, values: np.ndarray) -> Column:

@@ -5,14 +5,22 @@ import re
 import shutil
 import subprocess
 import sys
+from dataclasses import fields
 from hashlib import sha256
 from pathlib import Path
 
 import numpy as np
 import pytest
 
+from hmtb_twin.specimen_draw import TwinDistributions
 from scenarios.datasets import open_data_set
+from scenarios.datasets.baselines_asked import BaselinesAsked
 from scenarios.datasets.export import FORMATS, export
+from scenarios.datasets.records import Records
+from scenarios.datasets.scoring import METRICS, UNITS, Scoring
+from scenarios.datasets.spec import DataSetSpec, shipped
+from scenarios.datasets.truth_asked import TruthAsked
+from scenarios.multisines import Multisines
 
 ROOT = Path(__file__).parents[3]
 PAGE = (ROOT / "docs/datasets.md").read_text(encoding="utf-8")
@@ -52,7 +60,8 @@ def test_the_python_snippets_run(place: Path) -> None:
     env = {**os.environ, "PYTHONPATH": str(ROOT)}
     done = subprocess.run([sys.executable, "-c", text], cwd=place, env=env, capture_output=True, text=True, timeout=60)
     assert done.returncode == 0, done.stderr
-    assert "0.02 binary-elbow_pitch (200,)" in done.stdout and "noise: " in done.stdout
+    for expected in ("0.02 binary-elbow_pitch (200,)", "noise: ", "true bandwidth 1.0"):
+        assert expected in done.stdout
 
 
 @pytest.mark.skipif(OCTAVE is None, reason="Octave is not installed: apt-get install octave")
@@ -120,3 +129,44 @@ def test_octave_reads_the_files_themselves(place: Path) -> None:
 def test_every_format_stands_on_the_page() -> None:
     table = PAGE.split("### Formats")[1].split("\n## ")[0]
     assert re.findall(r"^\| `(\w+)` \|", table, re.M) == list(FORMATS)
+
+
+def rows(section: str) -> dict[str, str]:
+    """The tables of a section: second columns by the names in the first."""
+    lines = PAGE.split(f"\n## {section}\n")[1].split("\n## ")[0].splitlines()
+    cells = [line.split(" | ", 1) for line in lines if line.startswith("| `")]
+    return {name: text for names, text in cells for name in re.findall(r"`([^`]+)`", names)}
+
+
+def test_every_key_of_a_spec_stands_on_the_page_and_no_other() -> None:
+    found = rows("A data set of your own")
+    tables = {"[scoring]", "[truth]", "[baselines]", "[twins]", "[[records]]"}
+    kinds = (DataSetSpec, Records, TwinDistributions)
+    known = {entry.name for kind in kinds for entry in fields(kind)} - {name.strip("[]") for name in tables}
+    assert set(found) == known | tables
+    inside = {"[scoring]": Scoring, "[truth]": TruthAsked, "[baselines]": BaselinesAsked, "multisines": Multisines}
+    for key, kind in inside.items():
+        said = set(re.findall(r"`(\w+)`", found[key]))
+        missing = {entry.name for entry in fields(kind)} - said
+        assert not missing, f"{key}: {missing}"
+    assert set(re.findall(r"`(\w+)`", found["[scoring]"])) >= {*METRICS, *UNITS}
+    assert list(rows("How models are scored")) == list(METRICS)
+
+
+def test_every_data_set_stands_on_the_page_with_its_picture() -> None:
+    table = PAGE.split("\n## ")[0]
+    assert set(re.findall(r"^\| `([\w-]+)` \|", table, re.M)) == set(shipped())
+    pictures = re.findall(r"\]\((images/datasets/[^)]+)\)", PAGE)
+    assert {Path(picture).stem for picture in pictures} == set(shipped())
+    for picture in pictures:
+        assert 10_000 < (ROOT / "docs" / picture).stat().st_size < 150_000
+
+
+def test_the_page_names_what_is_in_a_folder(tiny: Path) -> None:
+    table = PAGE.split("\n## The folder\n")[1].split("In a record:")[0]
+    named = {name.split("/")[0] for row in table.splitlines() for name in re.findall(r"`([^`]+)`", row.split(" | ")[0])}
+    papers = PAGE.split("Beside them stand papers")[1].split("\n## ")[0]
+    named |= {name for name in re.findall(r"`([^`]+)`", papers)}
+    there = {path.name for path in tiny.iterdir()}
+    assert there <= named, f"docs/datasets.md lacks {sorted(there - named)}"
+    assert named - there <= {"baselines.csv", "baselines"}

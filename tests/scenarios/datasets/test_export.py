@@ -17,8 +17,11 @@ from scenarios.datasets.columns import columns
 from scenarios.datasets.export import FORMATS, export
 from scenarios.datasets.export_mat import LARGEST, mat
 from scenarios.datasets.export_parquet import parquet
-from scenarios.datasets.export_text import ascii_table, csv
+from scenarios.datasets.export_text import ascii_table, csv, csv_metadata
+from scenarios.datasets.hidden_record import published
 from scenarios.datasets.netcdf import Contents, Variable, read_netcdf
+from scenarios.datasets.plan import Plan
+from scenarios.datasets.spec import DataSetSpec
 from scenarios.errors import ScenarioError
 
 
@@ -127,6 +130,25 @@ def test_lost_samples_and_extremes_come_back() -> None:
     text = csv(contents).decode().splitlines()
     assert text == ["y_a [rad]", "NaN", "-0.0", "5e-324", "1.7976931348623157e+308", "0.1"]
     assert np.array([float(line) for line in text[1:]]).tobytes() == values.tobytes()
+
+
+def test_withheld_outputs_are_missing_in_tables_and_absent_in_mat_files(
+    contents: Contents, tiny_spec: DataSetSpec, tmp_path: Path
+) -> None:
+    entry = next(entry for entry in Plan(tiny_spec) if entry.part == "test")
+    shown = published(contents, entry, tiny_spec)
+    before, after = ({column.name: column.values for column in columns(one)} for one in (contents, shown))
+    assert list(after) == list(before)
+    for name, values in after.items():
+        if name.startswith(("u_", "sample")) or name.endswith("_commanded"):
+            assert same_bits(values, before[name])
+        else:
+            assert np.array_equal(values[:20], before[name][:20]) and np.isnan(values[20:]).all()
+    (tmp_path / "hidden.mat").write_bytes(mat(shown))
+    found = loadmat(tmp_path / "hidden.mat")
+    assert found["u"].shape == (200, 1) and np.array_equal(found["y"], contents.variables["y"].values[:20])
+    text = ascii_table(shown).decode() + csv(shown).decode() + csv_metadata(shown, "noise.csv").decode()
+    assert "provenance" not in text and "seed" not in text and "withheld" in text
 
 
 def test_a_variable_too_large_for_a_mat_file_is_refused(contents: Contents) -> None:
