@@ -5,6 +5,7 @@ from typing import Any
 
 from hmtb_twin.parameters import SAMPLE_RATE
 from scenarios.datasets.experiment_file import FORMAT
+from scenarios.datasets.hidden_record import GIVEN, WINDOW
 from scenarios.datasets.license import SPDX
 from scenarios.datasets.spec import DataSetSpec
 
@@ -45,8 +46,12 @@ def record_problems(
         yield "sample does not count 0, 1, 2, ... in whole numbers"
     if samples is not None and sample["shape"] != [samples]:
         yield f"sample has shape {sample['shape']}, expected {samples} samples"
+    withheld = spec is not None and bool(spec.commitment) and entry.get("part") == "test"
+    if spec is not None and withheld:
+        yield from _given_problems(variables, spec.window)
     for name, (role, *dims) in SIGNALS.items():
-        yield from _signal_problems(name, role, dims, variables)
+        along = [WINDOW, *dims[1:]] if withheld and name == "y" else dims
+        yield from _signal_problems(name, role, along, variables)
         if role in variables and variables[role]["names"] != entry.get("joints"):
             yield f"{role} names {variables[role]['names']}, expected {entry.get('joints')}"
     for name, variable in variables.items():
@@ -55,6 +60,15 @@ def record_problems(
             yield f"{name} is truth, which belongs into files of its own"
         if variable["dtype"] != "text" and not told.get("units"):
             yield f"{name} has no unit"
+
+
+def _given_problems(variables: Mapping[str, Any], window: int) -> Iterator[str]:
+    """What a scored record tells that should be withheld."""
+    for name, variable in variables.items():
+        if "sample" in variable["dims"] and name not in GIVEN:
+            yield f"{name} is given for all samples, and should be withheld behind the window"
+        if WINDOW in variable["dims"] and variable["shape"][0] != window:
+            yield f"{name} has {variable['shape'][0]} samples of the window, expected {window}"
 
 
 def _signal_problems(name: str, role: str, dims: list[str], variables: Mapping[str, Any]) -> Iterator[str]:

@@ -89,9 +89,9 @@ def regenerated(
     if same:
         return [], [f"{which} with the same software: the same bits"]
     if largest == 0.0:
-        return [], [f"{which} with other versions than the data set was built with: the same bits"]
+        return [], [f"{which} with other software than the data set was built with: the same bits"]
     limit = f"{RELATIVE:g} of the largest magnitude, measured angles within one count of the resolver"
-    return [], [f"{which} with other versions than the data set was built with: within {limit}"]
+    return [], [f"{which} with other software than the data set was built with: within {limit}"]
 
 
 def _differences(
@@ -151,6 +151,11 @@ def regeneration(
     """
     if count < 1:
         return [], ["no experiment was simulated again: none was asked for"]
+    if index.spec is not None and index.spec.commitment:
+        return [], [
+            "no experiment was simulated again: the seed is kept apart, and so are the truth and the outputs of "
+            "scored records behind the window; with --key all of it is checked"
+        ]
     if index.plan is None or len(index.plan) != len(index.entries):
         return [], ["no experiment was simulated again: there is no spec to do it from"]
     numbers = [n for n in chosen(index, count, seed) if index.entries[n]["file"] in present]
