@@ -76,6 +76,8 @@ def export(
         OSError: A file cannot be written; nothing of the export stays.
     """
     data_set = open_data_set(folder)
+    if out.resolve().is_relative_to(folder.resolve()):
+        raise ScenarioError(f"{out} is inside the data set, which is never changed; name another --out")
     names = tuple(dict.fromkeys(formats))
     wrong = [name for name in names if name not in FORMATS]
     if wrong or not names:

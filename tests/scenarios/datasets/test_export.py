@@ -165,6 +165,13 @@ def test_what_is_there_is_not_overwritten(tiny: Path, tmp_path: Path) -> None:
     assert os.listdir(tmp_path) == ["tiny-v1-mat"]
 
 
+def test_the_data_set_itself_is_not_written_into(tiny: Path) -> None:
+    before = sorted(tiny.rglob("*"))
+    with pytest.raises(ScenarioError, match="inside the data set"):
+        export(tiny, tiny / "mine", ("csv",))
+    assert sorted(tiny.rglob("*")) == before
+
+
 def test_nothing_stays_of_an_export_that_fails(tiny: Path, tmp_path: Path) -> None:
     folder = shutil.copytree(tiny, tmp_path / "set")
     index = json.loads((folder / "experiments.json").read_text())
