@@ -118,10 +118,19 @@ def _read_csv(path: Path, outputs: tuple[str, ...]) -> np.ndarray:
         raise ScenarioError(f"cannot read {path}: {error}") from error
     names = tuple(word.strip() for word in rows[0]) if rows else ()
     _check_names(path, names, outputs)
+    return np.array(
+        [_numbers(path, number, row, len(names)) for number, row in enumerate(rows[1:], start=2)], dtype=float
+    )
+
+
+def _numbers(path: Path, number: int, row: Sequence[str], count: int) -> list[float]:
     try:
-        return np.array([[float(word) for word in row] for row in rows[1:]], dtype=float).reshape(-1, len(names))
-    except ValueError as error:
-        raise ScenarioError(f"{path}: expected {len(names)} numbers in every row below the first: {error}") from error
+        values = [float(word) for word in row]
+    except ValueError:
+        values = []
+    if len(values) != count:
+        raise ScenarioError(f"{path}, row {number}: {','.join(row)[:60]!r} given, expected {count} numbers")
+    return values
 
 
 def _read_netcdf(path: Path, outputs: tuple[str, ...]) -> np.ndarray:
