@@ -1,9 +1,10 @@
 """Build a data set into a folder of its own, and lose nothing of it however often the build ends before its end."""
 
 import os
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from time import monotonic
 from typing import Any
 
 from hmtb_twin.parameters import SAMPLE_RATE
@@ -23,6 +24,9 @@ from scenarios.errors import ScenarioError
 
 TOGETHER = 16
 """Experiments that are seen on the disk together: fewer waits for the disk."""
+
+SOON = 2.0
+"""After what time they are at the latest when another comes, s; and they are before the next chunk is begun."""
 
 
 @dataclass(frozen=True)
@@ -118,6 +122,7 @@ def _run(plan: Plan, folder: Path, manifest: Manifest, executor: Executor, rows:
     come = max(whole - sum(map(plan.duration, manifest.left)), 0.0)
     seconds = 0.0
     waiting: list[Made] = []
+    kept = monotonic()
 
     def show(ticks: int = 0) -> None:
         nonlocal seconds
@@ -126,20 +131,28 @@ def _run(plan: Plan, folder: Path, manifest: Manifest, executor: Executor, rows:
         told(Progress(RECORDS, done, total, seconds, whole))
 
     def keep() -> None:
-        nonlocal done
+        nonlocal done, kept
+        if not waiting:
+            return
         for made in waiting:
             write_files(folder, made.files)
         manifest.append([_line(made) for made in waiting])
         done += len(waiting)
         waiting.clear()
+        kept = monotonic()
         show()
+
+    def next_chunks() -> Iterator[Sequence[int]]:
+        for chunk in chunks(plan, manifest.left, rows=rows):
+            keep()
+            yield chunk
 
     show()
     try:
-        for made in executor(plan, chunks(plan, manifest.left, rows=rows), show):
+        for made in executor(plan, next_chunks(), show):
             waiting.append(made)
             come += plan.duration(made.number)
-            if len(waiting) >= TOGETHER:
+            if len(waiting) >= TOGETHER or monotonic() - kept > SOON:
                 keep()
     except BaseException as error:
         if not isinstance(error, OSError):
