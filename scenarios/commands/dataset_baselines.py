@@ -54,8 +54,14 @@ def baselines(
         raise ScenarioError(f"--orders {' '.join(map(str, orders))} given without --method")
     opened = open_data_set(data)
     asked = opened.spec.baselines
-    given = {name: value for name, value in (("twins", twins), ("records", records)) if value is not None}
-    bench = Bench(opened, replace(asked, **given))
+    bench = Bench(
+        opened,
+        replace(
+            asked,
+            twins=asked.twins if twins is None else twins,
+            records=asked.records if records is None else records,
+        ),
+    )
     wanted = asked.methods if method is None else (Method(method, tuple(orders)),)
     made = [report(bench, one)["row"] for one in wanted]
     kept = {row["command"]: row for row in read_table(data / BASELINES)} if (data / BASELINES).is_file() else {}

@@ -73,12 +73,17 @@ def best_linear_contents(spec: DataSetSpec, entry: Entry, *, threads: int | None
     Raises:
         ScenarioError: Several joints excited otherwise than by multisines, work in contact or an emergency shutdown.
     """
-    setting, multisines = _like(spec, entry)
+    setting, multisines = matched(spec, entry)
     found = best_linear(setting, multisines, measured=entry.joints, threads=threads)
     return _contents(spec, entry, found)
 
 
-def _like(spec: DataSetSpec, entry: Entry) -> tuple[MultisineExperiment, Multisines]:
+def matched(spec: DataSetSpec, entry: Entry) -> tuple[MultisineExperiment, Multisines]:
+    """The multisine like the command of an experiment, and the setting that it is played in; see above.
+
+    Raises:
+        ScenarioError: Several joints excited otherwise than by multisines.
+    """
     seed = int(np.random.SeedSequence([spec.entropy, *f"best linear {entry.name}".encode()]).generate_state(1)[0])
     experiment = entry.experiment
     if isinstance(experiment, MultisineExperiment):
