@@ -15,7 +15,7 @@ SOFTWARE = "HMTB twin"
 
 METHODS = (
     "Simulated with a MuJoCo model of a seven-joint hydraulic arm, its servos, hand controller and 1553 record at "
-    "50 Hz. Built from spec.toml; every draw comes from its seed."
+    "50 Hz. Built from a spec; every draw of chance comes from one seed."
 )
 """How the data came about."""
 

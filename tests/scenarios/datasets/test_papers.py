@@ -135,3 +135,13 @@ def test_an_experiment_without_a_record_is_told_of(tiny: Path, tiny_spec: DataSe
 def test_what_the_papers_could_not_say_is_refused(tiny_spec: DataSetSpec, given: dict[str, object]) -> None:
     with pytest.raises(ScenarioError, match=next(iter(given))):
         replace(tiny_spec, **given)  # type: ignore[arg-type]
+
+
+def test_the_datasheet_of_hidden_truth_says_what_is_withheld(tiny: Path, tiny_spec: DataSetSpec) -> None:
+    hidden = replace(tiny_spec, seed=None, commitment="5" * 64)
+    text = papers(tiny, hidden, read_index(tiny))["README.md"].decode()
+    assert "**Is anything withheld?** Yes" in text
+    assert "5" * 64 in text
+    assert "hmtb dataset build" not in text
+    assert "from the seed" not in text
+    assert "withheld" not in (tiny / "README.md").read_text(encoding="utf-8")
