@@ -2,11 +2,15 @@
 
 import json
 import tomllib
+from collections.abc import Iterator, Sequence
+from pathlib import Path
 
 import pytest
 
 from scenarios.cli import COMMANDS, main
 from scenarios.commands.dataset import DATASET
+from scenarios.datasets.chunk import Made, run_chunk
+from scenarios.datasets.plan import Plan
 from scenarios.datasets.spec import DataSetSpec, load_spec, shipped
 
 
@@ -64,3 +68,98 @@ def test_data_sets_are_listed_and_shown(capsys: pytest.CaptureFixture[str]) -> N
     out = run(capsys, "dataset", "show", "hmtb-siso-v1")[1]
     assert DataSetSpec.from_toml(out) == spec
     assert json.loads(run(capsys, "dataset", "show", "hmtb-siso-v1", "--json")[1]) == tomllib.loads(spec.to_toml())
+
+
+TINY = """
+name = "least"
+version = 1
+title = "Two records"
+seed = 1
+window = 4
+
+[[records]]
+name = "one"
+part = "train"
+axes = ["elbow_pitch"]
+duration = 1.0
+excitation = { kind = "prbs", amplitude = 1.0 }
+
+[[records]]
+name = "two"
+part = "test"
+axes = ["elbow_pitch"]
+duration = 1.0
+excitation = { kind = "white_noise", amplitude = 0.5 }
+"""
+
+WEAK = 'supply_pressure = { kind = "uniform", spread = 2.5, centre = 8.0 }\n'
+"""Drives of which some hold the arm and others do not."""
+
+
+@pytest.fixture
+def least(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """A spec whose records alone are built; what is made of them has tests of its own."""
+    monkeypatch.setattr("scenarios.datasets.finish.STAGES", ())
+    monkeypatch.setattr("scenarios.datasets.finish.PAPERS", ())
+    monkeypatch.setattr("scenarios.datasets.chunk.ARM_TRUTH", ())
+    path = tmp_path / "least.toml"
+    path.write_text(TINY)
+    return path
+
+
+def test_build_says_what_was_built_and_never_builds_it_again(
+    capsys: pytest.CaptureFixture[str], least: Path, tmp_path: Path
+) -> None:
+    words = ("dataset", "build", least, "--out", tmp_path / "deep" / "out", "--workers", "1")
+    code, out, err = run(capsys, *words, "--json")
+    assert (code, err) == (0, "")
+    said = json.loads(out)
+    assert said == {
+        "path": str(tmp_path / "deep" / "out" / "least-v1"),
+        "experiments": 2,
+        "failed": {},
+        "hash": json.loads((Path(said["path"]) / "experiments.json").read_text())["hash"],
+    }
+    code, out, err = run(capsys, *words)
+    assert (code, out, err.count("\n")) == (2, "", 1)
+    assert "already there: a version is never overwritten" in err
+
+
+def test_an_interrupted_build_says_how_to_go_on_and_goes_on(
+    capsys: pytest.CaptureFixture[str], least: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    words = ("dataset", "build", str(least), "--out", str(tmp_path), "--rows", "1")
+    with monkeypatch.context() as patch:
+        calls = iter((run_chunk,))
+
+        def interrupted(plan: Plan, numbers: Sequence[int], **given: object) -> Iterator[Made]:
+            for one in calls:
+                return one(plan, numbers)
+            raise KeyboardInterrupt
+
+        patch.setattr("scenarios.datasets.executor.run_chunk", interrupted)
+        code, out, err = run(capsys, *words)
+    assert (code, out) == (130, "")
+    kept = f"1 of 2 experiments kept in {tmp_path / 'least-v1.unfinished'}"
+    assert err == f"hmtb: interrupted; {kept}; to go on: hmtb {' '.join(words)}\n"
+    code, out, err = run(capsys, *words)
+    assert (code, err) == (0, "")
+    assert out.startswith(f"{tmp_path / 'least-v1'}: 2 experiments, 0 failed, hash ")
+
+
+def test_failures_are_told_and_the_exit_code_is_one(
+    capsys: pytest.CaptureFixture[str], least: Path, tmp_path: Path
+) -> None:
+    least.write_text(TINY + "\n[twins]\ncount = 3\n" + WEAK)
+    words = ("dataset", "build", least, "--out", tmp_path)
+    code, out, err = run(capsys, *words, "--json")
+    assert (code, err) == (1, "")
+    said = json.loads(out)
+    assert said["experiments"] == 2
+    assert list(said["failed"]) == ["twin-0-one", "twin-0-two", "twin-1-one", "twin-1-two"]
+    assert all("the drives cannot hold the arm" in why for why in said["failed"].values())
+    (tmp_path / "least-v1").rename(tmp_path / "elsewhere")
+    code, out, err = run(capsys, *words)
+    assert (code, err) == (1, "")
+    assert out.startswith("failed: twin-0-one: ")
+    assert "2 experiments, 4 failed" in out
