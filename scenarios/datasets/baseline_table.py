@@ -41,8 +41,9 @@ class BaselineStage:
     name: str = field(default="baselines", init=False)
 
     def pieces(self, plan: Plan) -> Iterable[str]:
-        """The methods as they are written in the spec, then the table."""
-        return (*map(str, plan.spec.baselines.methods), TABLE)
+        """The methods as they are written in the spec, then the table; nothing where the spec asks for none."""
+        methods = tuple(map(str, plan.spec.baselines.methods))
+        return (*methods, TABLE) if methods else ()
 
     def make(self, plan: Plan, folder: Path, piece: str) -> Mapping[str, bytes]:
         """Make one baseline, or gather them.

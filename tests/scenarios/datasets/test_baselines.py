@@ -12,7 +12,7 @@ import pytest
 from hmtb_twin.linearization import simulated
 from hmtb_twin.modes import joint_index
 from scenarios.cli import main
-from scenarios.datasets.baseline_table import differences, read_table, report, row, table
+from scenarios.datasets.baseline_table import BaselineStage, differences, read_table, report, row, table
 from scenarios.datasets.baselines import Bench, baseline
 from scenarios.datasets.baselines_asked import BaselinesAsked, Method
 from scenarios.datasets.build import build
@@ -218,3 +218,8 @@ def test_scores_of_the_command_are_those_of_the_function(
     assert main(["dataset", "score", str(tmp_path), "--data", str(small.folder)]) == 0
     assert "score: 1 mrad (rmse in simulation, mean over all records and outputs)" in capsys.readouterr().out
     assert main(["dataset", "score", str(tmp_path / "none"), "--data", str(small.folder)]) == 2
+
+
+def test_a_spec_that_asks_for_no_baselines_gets_no_table(tiny_spec: DataSetSpec):
+    assert tuple(BaselineStage().pieces(Plan(tiny_spec)))
+    assert tuple(BaselineStage().pieces(Plan(replace(tiny_spec, baselines=BaselinesAsked(models=()))))) == ()

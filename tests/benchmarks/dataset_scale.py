@@ -1,0 +1,131 @@
+"""What a data set costs as it grows: memory and cost per twin, and cost against the bare physics.
+
+    python tests/benchmarks/dataset_scale.py                  # 100 against 1,000 twins with short records, then physics
+    python tests/benchmarks/dataset_scale.py --seconds 20     # the records as long as those of hmtb-fleet-v1
+    python tests/benchmarks/dataset_scale.py --twins 20 60    # a quick look
+
+Every build is a process of its own, its physics on one thread: peak memory and the ratio of costs are its own.
+"""
+
+import argparse
+import json
+import subprocess
+import sys
+import tempfile
+from dataclasses import replace
+from pathlib import Path
+from time import perf_counter
+
+ROOT = Path(__file__).parents[2]
+FLEET, SISO = "hmtb-fleet-v1", "hmtb-siso-v1"
+APART = "baselines"
+"""Stage that is told apart: models are identified for ten twins, however many there are."""
+
+
+def one(label: str, twins: int, seconds: float, rows: int) -> dict[str, float | str]:
+    """Build a data set in this process, and return what it cost."""
+    from scenarios.datasets import chunk
+    from scenarios.datasets.build import build
+    from scenarios.datasets.progress import Progress
+    from scenarios.datasets.spec import load_spec
+
+    spec = load_spec(label)
+    if spec.twins is not None:
+        spec = replace(spec, twins=replace(spec.twins, count=twins))
+    if seconds:
+        # A test record is scored behind its window.
+        records = tuple(replace(block, duration=min(seconds, block.duration or seconds)) for block in spec.records)
+        spec = replace(spec, records=records)
+    physics, steps = 0.0, dict[str, float]()
+    simulate = chunk.simulate
+
+    def timed(*given, **options):
+        nonlocal physics
+        logs = simulate(*given, **options)
+        physics += logs.physics_seconds
+        return logs
+
+    def told(progress: Progress) -> None:
+        nonlocal since
+        steps[progress.step] = steps.get(progress.step, 0.0) + perf_counter() - since
+        since = perf_counter()
+
+    chunk.simulate = timed
+    with tempfile.TemporaryDirectory() as out:
+        since = begun = perf_counter()
+        built = build(spec, Path(out), workers=1, rows=rows, progress=told)
+        total = perf_counter() - begun
+        size = sum(path.stat().st_size for path in built.path.rglob("*") if path.is_file())
+    if built.failed:
+        raise RuntimeError(f"{len(built.failed)} failed: {next(iter(built.failed.items()))}")
+    # Of this very program: what the one that started it had is not in it.
+    peak = next(line for line in Path("/proc/self/status").read_text().splitlines() if line.startswith("VmHWM"))
+    return {"total": total, "physics": physics, "peak": int(peak.split()[1]) / 1024, "size": size / 2**20, **steps}
+
+
+def measured(label: str, twins: int, seconds: float, rows: int) -> dict[str, float]:
+    """The same in a process of its own."""
+    words = [sys.executable, __file__, "--one", label, "--twins", str(twins), "--seconds", str(seconds)]
+    run = subprocess.run([*words, "--rows", str(rows)], cwd=ROOT, capture_output=True, text=True, check=False)
+    if run.returncode:
+        raise RuntimeError(run.stderr.strip().splitlines()[-1])
+    return json.loads(run.stdout)
+
+
+def main() -> int:
+    """Print both tables; 1 where a limit is broken."""
+    parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
+    parser.add_argument("--twins", type=int, nargs="+", default=[100, 1000])
+    parser.add_argument("--seconds", type=float, default=4.0, help="length of the fleet's records at most, s")
+    parser.add_argument("--rows", type=int, default=256, help="experiments side by side at most")
+    parser.add_argument("--one", help="build this one and print what it cost as JSON")
+    parser.add_argument("--only", choices=("growth", "physics"), help="one table only")
+    asked = parser.parse_args()
+    if asked.one:
+        print(json.dumps(one(asked.one, asked.twins[0], asked.seconds, asked.rows)))
+        return 0
+    fine = True
+    if asked.only != "physics":
+        fine &= growth(asked.twins, asked.seconds, asked.rows)
+        print()
+    if asked.only != "growth":
+        fine &= against_physics(asked.rows)
+    return 0 if fine else 1
+
+
+def growth(twins: list[int], seconds: float, rows: int) -> bool:
+    """Memory and cost of a few twins and of many."""
+    print(f"| Twins, records of {seconds:g} s | Peak memory, MiB | Cost per twin / its physics | On disk, MiB |")
+    print("|---|---|---|---|")
+    found = []
+    for count in twins:
+        cost = measured(FLEET, count, seconds, rows)
+        ratio = (cost["total"] - cost.get(APART, 0.0)) / cost["physics"]
+        print(f"| {count} | {cost['peak']:.0f} | {ratio:.2f} | {cost['size']:.0f} |", flush=True)
+        print(f"{count}: {cost}", file=sys.stderr)
+        found.append((cost["peak"], ratio))
+    memory, cost = (last / first for first, last in zip(found[0], found[-1], strict=True))
+    print(f"| ratio | {memory:.2f} (limit 1.2) | {cost:.2f} (limit 1.1) | |")
+    return memory <= 1.2 and cost <= 1.1
+
+
+def against_physics(rows: int) -> bool:
+    """Cost of whole builds against the steps of their physics alone."""
+    print(
+        "| Cost / physics alone | Records, truth of arms | Floors | Papers | Together (limit 1.5) | Baselines, beside |"
+    )
+    print("|---|---|---|---|---|---|")
+    fine = True
+    for label, twins, name in ((SISO, 1, SISO), (FLEET, 50, f"{FLEET}, 50 twins")):
+        cost = measured(label, twins, 0.0, rows)
+        print(f"{name}: {cost}", file=sys.stderr)
+        whole = (cost["total"] - cost.get(APART, 0.0)) / cost["physics"]
+        parts = [cost.get(step, 0.0) / cost["physics"] for step in ("records", "attainable", "finish")]
+        columns = " | ".join(f"{part:.2f}" for part in (*parts, whole, cost.get(APART, 0.0) / cost["physics"]))
+        print(f"| {name} | {columns} |", flush=True)
+        fine &= whole <= 1.5
+    return fine
+
+
+if __name__ == "__main__":
+    sys.exit(main())
