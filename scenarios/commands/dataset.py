@@ -6,6 +6,7 @@ from scenarios.commands.dataset_baselines import baselines
 from scenarios.commands.dataset_build import build
 from scenarios.commands.dataset_check import check
 from scenarios.commands.dataset_export import export
+from scenarios.commands.dataset_grade import grade
 from scenarios.commands.dataset_list import list_
 from scenarios.commands.dataset_score import score
 from scenarios.commands.dataset_show import show
@@ -21,6 +22,7 @@ Start with:
   hmtb dataset export hmtb-siso-v1 --format csv   its records for other programs
   hmtb dataset score PREDICTIONS --data hmtb-siso-v1      one's own predictions of the test part
   hmtb dataset baselines hmtb-siso-v1 --method oe --orders 2 2 1      what a known method reaches
+  hmtb dataset grade SUBMISSIONS --key class.key          what students hand in, where the truth is hidden
 
 Every command has its own --help.
 """
@@ -34,6 +36,7 @@ DATASET: dict[str, Callable[..., int]] = {
     "export": export,
     "score": score,
     "baselines": baselines,
+    "grade": grade,
 }
 """What can be done with data sets, by the word after `hmtb dataset`; a command is a function in a file of its own."""
 

@@ -12,6 +12,7 @@ def check(
     folder: Annotated[Path, tyro.conf.Positional, tyro.conf.arg(metavar="FOLDER")],
     /,
     *,
+    key: Path | None = None,
     regenerate: int = 3,
     seed: int = 0,
     workers: int | None = None,
@@ -27,15 +28,20 @@ def check(
 
     Args:
         folder: The data set.
+        key: The key file of a data set whose truth is hidden: with it everything is checked.
         regenerate: How many experiments to simulate again.
         seed: Draws them.
         workers: Threads for the physics.
         json: Print JSON.
     """
     from scenarios.datasets.check import examine
+    from scenarios.datasets.key_check import examine_with_key
 
     with progress("checking") as report:
-        found = examine(folder, regenerate=regenerate, seed=seed, workers=workers, progress=report)
+        if key is None:
+            found = examine(folder, regenerate=regenerate, seed=seed, workers=workers, progress=report)
+        else:
+            found = examine_with_key(folder, key, regenerate=regenerate, seed=seed, workers=workers, progress=report)
     if json:
         print_json({"passed": found.passed, "problems": found.problems, "notes": found.notes})
         return 0 if found.passed else 1

@@ -73,6 +73,8 @@ def build(
     """
     if rows < 1:
         raise ScenarioError(f"rows = {rows} given, expected 1 experiment side by side or more")
+    if spec.commitment:
+        raise ScenarioError(f"the seed of {spec.label} is kept apart: hmtb dataset build --key KEYFILE alone builds it")
     final, folder = out / spec.label, out / (spec.label + UNFINISHED)
     plan = Plan(spec)
     told = progress or (lambda _: None)

@@ -5,8 +5,10 @@ before anything is simulated, so that a build that ends before its end is gone o
 the key holds everything.
 """
 
+import json
 import os
 import shutil
+import tempfile
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -16,8 +18,9 @@ from scenarios.datasets.build import build
 from scenarios.datasets.chunk import MOST_ROWS
 from scenarios.datasets.executor import Executor
 from scenarios.datasets.hashes import file_hash
-from scenarios.datasets.key_file import Bound, Key, begin_key, complete_key, read_key
-from scenarios.datasets.layout import SUMS, UNFINISHED
+from scenarios.datasets.index import summary
+from scenarios.datasets.key_file import Bound, Key, begin_key, complete_key, read_key, unpack
+from scenarios.datasets.layout import BUILD, LOCK, SUMS, UNFINISHED
 from scenarios.datasets.lock import locked
 from scenarios.datasets.plan import Plan
 from scenarios.datasets.progress import Told
@@ -25,7 +28,7 @@ from scenarios.datasets.publish import publish
 from scenarios.datasets.secret import commitment, public_spec, secret_spec, student_spec
 from scenarios.datasets.spec import DataSetSpec
 from scenarios.errors import ScenarioError
-from scenarios.provenance import fingerprint
+from scenarios.provenance import fingerprint, versions
 
 PRIVATE = ".private"
 """Ending of the folder beside the key in which data sets are built whole."""
@@ -118,6 +121,8 @@ def build_again(
     """
     key = read_key(key_path)
     _check_place(key_path, out, key.specs)
+    if key.sets:
+        _check_software(key)
     return _built(key, out, workers, rows, executor, progress)
 
 
@@ -138,17 +143,19 @@ def _built(
         failed: dict[str, str] = {}
         with locked(private):
             for spec in key.specs:
-                made = build(spec, private, workers=workers, rows=rows, executor=executor, progress=progress)
-                failed |= {f"{spec.label}: {name}": why for name, why in made.failed.items()}
-                whole[spec.label] = made.path
-                sums = file_hash(made.path / SUMS)
+                folder = private / spec.label
+                if not folder.is_dir() or (folder / LOCK).exists():
+                    build(spec, private, workers=workers, rows=rows, executor=executor, progress=progress)
+                failed |= {f"{spec.label}: {name}": why for name, why in summary(folder).failed.items()}
+                whole[spec.label] = folder
+                sums = file_hash(folder / SUMS)
                 if key.sets and key.sets[spec.label].sums != sums:
-                    raise ScenarioError(_otherwise(key, spec.label, made.path))
+                    raise ScenarioError(
+                        f"{spec.label} comes out with other bits than in {key.path}; they are in {folder}"
+                    )
                 committed = commitment(key.salt, spec, sums)
-                paths[spec.label] = publish(made.path, public_spec(spec, committed), out)
+                paths[spec.label] = publish(folder, public_spec(spec, committed), out)
                 sets[spec.label] = Bound(committed, sums, file_hash(paths[spec.label] / SUMS))
-            if key.sets and sets != dict(key.sets):
-                raise ScenarioError(_otherwise(key, key.spec.label, out))
             if not key.sets:
                 complete_key(key, sets, whole)
             shutil.rmtree(private)
@@ -160,11 +167,20 @@ def _built(
     return Published(tuple(paths.values()), key.path, failed)
 
 
-def _otherwise(key: Key, label: str, folder: Path) -> str:
-    return (
-        f"{label} comes out with other bits than {key.path} was made with: this software is {fingerprint()[:12]}, "
-        f"build.json in the key names the one that is needed; what was made stays in {folder}"
-    )
+def _check_software(key: Key) -> None:
+    """Refuse to build again with other software than a key was made with: the bits would be others."""
+    with tempfile.TemporaryDirectory(prefix="hmtb-key-") as place:
+        for label in key.sets:
+            record = json.loads((unpack(key, label, Path(place), only=(BUILD,)) / BUILD).read_text(encoding="utf-8"))
+            now = {"data_set": label, "source": fingerprint(), "versions": versions()}
+            if record != now:
+                then = {**record["versions"], "source of this software": record["source"][:12]}
+                given = {**versions(), "source of this software": fingerprint()[:12]}
+                differ = [f"{k} {then.get(k)} then, {given.get(k)} now" for k in given if then.get(k) != given[k]]
+                raise ScenarioError(
+                    f"{key.path} was made with other software: {'; '.join(differ)}; expected the same, which gives the "
+                    "same bits"
+                )
 
 
 def _check_windows(spec: DataSetSpec) -> None:
@@ -174,8 +190,8 @@ def _check_windows(spec: DataSetSpec) -> None:
         entry = plan[number]
         if entry.part == "test" and entry.experiment.duration * SAMPLE_RATE <= spec.window:
             raise ScenarioError(
-                f"{entry.name} has {entry.experiment.duration * SAMPLE_RATE:g} samples, its window {spec.window}: nothing of "
-                "it would be withheld"
+                f"{entry.name} has {entry.experiment.duration * SAMPLE_RATE:g} samples, its window {spec.window}: "
+                "nothing of it would be withheld"
             )
 
 

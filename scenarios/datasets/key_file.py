@@ -1,7 +1,7 @@
 """The key of data sets with hidden truth: one file with all that is kept apart.
 
-A zip archive whose members are stored as they are. `key.json` holds the salt, the secret seed, the spec and, by data set,
-what binds it to the published folder; below the label of each data set stand its truth, its scored records and its
+A zip archive whose members are stored as they are. `key.json` holds the salt, the secret seed, the spec and, by data
+set, what binds it to the published folder; below the label of each data set stand its truth, its scored records and its
 papers. It is written before anything is simulated, with the secrets alone, and replaced once, when all is published, by
 a file with the same secrets and the rest.
 """

@@ -1,4 +1,4 @@
-"""Publish a data set without its truth: a folder of its own, made from the whole one, that tells nothing of the rest."""
+"""Publish a data set without its truth: a folder of its own, made from the whole one, that tells no more."""
 
 import csv
 import io
