@@ -1,8 +1,9 @@
 """What truth, floors and baselines of a data set cost, in parts of its bare physics.
 
-Run by hand: `PYTHONPATH=. python tests/benchmarks/dataset_stages.py hmtb-siso-v1` (a minute or so). The data set is built
-into a temporary folder; then each piece of every stage, the truth of the arms and the bare physics are run again one by
-one, all in processor time of one thread. `--twins N` builds fewer of the randomised twins.
+Run by hand: `PYTHONPATH=. python tests/benchmarks/dataset_stages.py hmtb-siso-v1` (a minute or so). The data set is
+built into a temporary folder; then each piece of every stage, the truth of the arms and the bare physics are run again
+one by one, all in processor time of one thread. `--twins N` builds fewer of the randomised twins. Best linear
+approximations are simulations of their own: where a spec asks for some, their cost is told apart.
 """
 
 import argparse
@@ -48,7 +49,7 @@ def main() -> int:
         for stage in STAGES:
             for piece in stage.pieces(plan):
                 cost = seconds(lambda s=stage, p=piece: s.make(plan, folder, p))
-                total += cost
+                total += 0.0 if stage.name == "best-linear" else cost
                 sys.stdout.write(f"  {stage.name + ' ' + piece:48s} {cost / physics:6.3f}\n")
     sys.stdout.write(f"truth, floors and baselines over bare physics: {total / physics:.2f}\n")
     sys.stdout.write(f"whole build over bare physics: {whole / physics:.2f}\n")
