@@ -63,11 +63,17 @@ class Cluster:
                 differ; an experiment that brings death to its workers. What came before is kept by the builder.
         """
         with Link(self.address, self.patience, self.said) as link:
-            yield from _Run(plan, chunks, link).made()
+            yield from Run(plan, chunks, link).made()
 
 
-class _Run:
-    """A build's chunks on their way."""
+class Run:
+    """A build's chunks on their way.
+
+    Args:
+        plan: The plan.
+        chunks: Places in it, chunk by chunk.
+        link: The way to the scheduler.
+    """
 
     def __init__(self, plan: Plan, chunks: Iterator[Sequence[int]], link: Link) -> None:
         self._spec, self._label = plan.spec.to_toml(), plan.spec.label
@@ -79,6 +85,7 @@ class _Run:
         self._news = Event()
 
     def made(self) -> Iterator[Made]:
+        """What came of each experiment, as it comes; see `Cluster`."""
         client = self._link.connect()
         looked = -LOOK
         workers = 0

@@ -69,8 +69,8 @@ class Parts:
         self.address = f"tcp://127.0.0.1:{self._port}"
         self._processes: dict[str, subprocess.Popen[bytes]] = {}
 
-    def start(self, name: str) -> None:
-        """Start the scheduler or a worker."""
+    def start(self, name: str, *, deaths: int = 3) -> None:
+        """Start the scheduler, which gives a chunk up after so many deaths of workers, or a worker."""
         command = [sys.executable, "-m", "distributed.cli.dask_scheduler", "--host", "127.0.0.1", "--no-dashboard"]
         command += ["--port", str(self._port)]
         if name != "scheduler":
@@ -118,10 +118,9 @@ def started(spec: Path, out: Path, *options: str) -> subprocess.Popen[str]:
 
 
 def ended(build: "subprocess.Popen[str]") -> tuple[int, str, str]:
-    """Exit code, hash and what was said at last of a build."""
+    """Exit code, hash and what was said of a build."""
     out, said = build.communicate(timeout=600)
-    lines = said.strip().splitlines()
-    return build.returncode, json.loads(out)["hash"] if build.returncode == 0 else "", lines[-1] if lines else ""
+    return build.returncode, json.loads(out)["hash"] if build.returncode == 0 else "", said.strip()
 
 
 def noted(out: Path) -> int:
@@ -162,6 +161,21 @@ def workers_killed(parts: Parts, spec: Path, out: Path) -> str:
     return _hash(build)
 
 
+def chunk_given_up(parts: Parts, spec: Path, out: Path) -> str:
+    """A worker killed whose chunk the scheduler then gives up: its experiments run one by one."""
+    parts.kill("scheduler")
+    parts.start("scheduler", deaths=0)
+    for name in ("c", "d"):
+        parts.start(name)
+    build = started(spec, out, "--cluster", parts.address, "--patience", str(PATIENCE))
+    when(out, build, 1)
+    parts.kill("c")
+    code, found, said = ended(build)
+    if "one by one" not in said:
+        raise RuntimeError(f"exit {code}, expected a chunk that was parted: {said}")
+    return found
+
+
 def scheduler_restarted(parts: Parts, spec: Path, out: Path) -> str:
     """The scheduler killed at work and started again at its address, while the build waits."""
     build = started(spec, out, "--cluster", parts.address, "--patience", str(PATIENCE))
@@ -200,13 +214,14 @@ def builder_killed(parts: Parts, spec: Path, out: Path) -> str:
 def _hash(build: "subprocess.Popen[str]") -> str:
     code, found, said = ended(build)
     if code:
-        raise RuntimeError(f"exit {code}: {said}")
+        raise RuntimeError(f"exit {code}: {said.splitlines()[-1]}")
     return found
 
 
 ROWS_OF_TABLE: tuple[tuple[str, Callable[[Parts, Path, Path], str]], ...] = (
     ("none; two workers", undisturbed),
     ("a worker killed, then both, a new one started", workers_killed),
+    ("a worker killed, its chunk given up by the scheduler: run one by one", chunk_given_up),
     ("scheduler killed, started again at its address", scheduler_restarted),
     ("scheduler killed for good, build ended with exit 2, resumed on a new one", scheduler_gone),
     ("builder killed, resumed in one process", builder_killed),

@@ -3,16 +3,21 @@
 import os
 import subprocess
 import sys
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import pytest
 
 from scenarios.datasets.build import build
-from scenarios.datasets.cluster import Cluster
+from scenarios.datasets.cluster import Cluster, Run
+from scenarios.datasets.cluster_link import LostError
+from scenarios.datasets.cluster_task import MADE
 from scenarios.datasets.data_set import open_data_set
 from scenarios.datasets.kinship import ARITHMETIC, SOURCE, kinship, strangeness
+from scenarios.datasets.plan import Plan
 from scenarios.datasets.spec import DataSetSpec
 from scenarios.errors import ScenarioError
 
@@ -86,3 +91,64 @@ def test_a_stranger_is_told_by_what_differs():
         f"scipy none there, {here['scipy']} here",
         f"source of this software {'f' * 12} there, {here[SOURCE][:12]} here",
     )
+
+
+class Sent:
+    """A chunk that was sent, as Dask's future of it."""
+
+    status = "finished"
+
+    def __init__(self, numbers: list[int]) -> None:
+        self.numbers = tuple(numbers)
+
+    def add_done_callback(self, call: Callable[[Any], None]) -> None:
+        call(self)
+
+    def release(self) -> None:
+        pass
+
+
+class Fake:
+    """Link and client at once: loses the first answer, and brings death to all that runs one of the experiments."""
+
+    def __init__(self, deadly: int) -> None:
+        self.lines: list[str] = []
+        self.said, self.deadly = self.lines.append, deadly
+        self.sent: list[tuple[int, ...]] = []
+
+    def connect(self) -> "Fake":
+        return self
+
+    def workers(self, client: "Fake") -> tuple["Fake", int]:
+        return client, 1
+
+    def submit(self, task: Any, spec: str, numbers: list[int], expected: dict[str, str], *, pure: bool) -> Sent:
+        self.sent.append(tuple(numbers))
+        return Sent(numbers)
+
+    def answer(self, future: Sent) -> dict[str, Any] | None:
+        if len(self.sent) <= 2 and future.numbers == self.sent[0]:
+            self.sent.append(())
+            raise LostError
+        if self.deadly in future.numbers:
+            return None
+        return {MADE: [{"number": number, "about": {}} for number in future.numbers]}
+
+
+def test_an_experiment_that_brings_death_is_named_and_all_others_are_made(tiny_spec: DataSetSpec):
+    plan = Plan(replace(tiny_spec, records=(replace(tiny_spec.records[0], repeats=4), *tiny_spec.records[1:])))
+    link = Fake(deadly=4)
+    made: list[int] = []
+    with pytest.raises(ScenarioError, match=rf"^{plan[4].name}: every worker that ran it died"):
+        for one in Run(plan, iter([(0, 1, 2), (3, 4, 5), (6, 7, 8)]), link).made():  # type: ignore[arg-type]
+            made.append(one.number)
+    assert sorted(made) == [0, 1, 2, 3, 5, 6, 7, 8]
+    assert {(3,), (4,), (5,)} <= set(link.sent)
+    assert len(link.lines) == 1 and "one by one" in link.lines[0]
+
+
+def test_a_chunk_whose_answer_is_lost_is_sent_anew(tiny_spec: DataSetSpec):
+    link = Fake(deadly=-1)
+    found = [one.number for one in Run(Plan(tiny_spec), iter([(0,), (1, 2)]), link).made()]  # type: ignore[arg-type]
+    assert sorted(found) == [0, 1, 2]
+    assert link.sent.count((0,)) == 2 and link.sent.count((1, 2)) == 1
