@@ -1,8 +1,12 @@
 """Check a data set: its files, hashes and metadata, and some of its experiments by simulating them again."""
 
+import os
 from collections.abc import Callable, Mapping
+from concurrent.futures import ThreadPoolExecutor
+from contextlib import ExitStack
 from dataclasses import dataclass
 from pathlib import Path
+from queue import SimpleQueue
 
 from hmtb_twin.parameters import SAMPLE_RATE
 from scenarios.datasets.checked_index import Index, checked_index
@@ -16,6 +20,12 @@ from scenarios.errors import ScenarioError
 
 REGENERATED = 3
 """Experiments that are simulated again."""
+
+MOST_READERS = 8
+"""Processes that read files side by side."""
+
+FILES_OF_A_READER = 50
+"""With fewer files for each, another process would cost more than it saves."""
 
 LONGEST = 600
 """Characters of a problem."""
@@ -61,7 +71,7 @@ def examine(
         folder: Its folder.
         regenerate: How many experiments to simulate again.
         seed: Draws them.
-        workers: Threads for the physics.
+        workers: Threads for the physics, and processes that read files; all processors by default.
         progress: Told how many files are done.
 
     Raises:
@@ -76,7 +86,7 @@ def examine(
     try:
         files = folder_files(folder)
         index = checked_index(folder, files)
-        problems, sound = _file_problems(folder, files, index, progress or (lambda done, total: None))
+        problems, sound = _file_problems(folder, files, index, progress or (lambda done, total: None), workers)
     except OSError as error:
         raise ScenarioError(f"cannot read {error.filename or folder}: {error.strerror or error}") from error
     again, notes = regeneration(folder, index, regenerate, seed, sound, workers=workers)
@@ -102,20 +112,37 @@ def _plain(text: str) -> str:
     return line if len(line) <= LONGEST else f"{line[:LONGEST]} ..."
 
 
-def _file_problems(folder: Path, files: Files, index: Index, progress: Progress) -> tuple[list[str], list[str]]:
+def _file_problems(
+    folder: Path, files: Files, index: Index, progress: Progress, workers: int | None
+) -> tuple[list[str], list[str]]:
     """Problems of the files that are there, and the files without any."""
     problems: list[str] = []
     sound: list[str] = []
     entries = {entry["file"]: (number, entry) for number, entry in enumerate(index.entries)}
     places = list(files.sound)
-    with Inspector() as inspector:
-        for done, place in enumerate(places, start=1):
-            found = file_hash(folder / place)
-            wrong = [] if found == files.sums[place] else [_mismatch(found, index.files.get(place))]
-            if place in index.arrays:
-                wrong += _array_problems(folder, place, index, entries.get(place), inspector, changed=bool(wrong))
-            problems += [f"{place}: {problem}" for problem in wrong]
-            if not wrong:
+    several = max(1, min(workers or os.cpu_count() or 1, MOST_READERS, len(places) // FILES_OF_A_READER))
+    idle: SimpleQueue[Inspector] = SimpleQueue()
+
+    def wrong(place: str) -> list[str]:
+        found = file_hash(folder / place)
+        said = [] if found == files.sums[place] else [_mismatch(found, index.files.get(place))]
+        if place in index.arrays:
+            inspector = idle.get()
+            try:
+                said += _array_problems(folder, place, index, entries.get(place), inspector, changed=bool(said))
+            finally:
+                idle.put(inspector)
+        return said
+
+    with ExitStack() as stack:
+        for _ in range(several):
+            idle.put(stack.enter_context(Inspector()))
+        threads = stack.enter_context(ThreadPoolExecutor(several))
+        # Whoever interrupts does not wait for the files that are left.
+        stack.callback(threads.shutdown, cancel_futures=True)
+        for done, (place, said) in enumerate(zip(places, threads.map(wrong, places), strict=True), start=1):
+            problems += [f"{place}: {problem}" for problem in said]
+            if not said:
                 sound.append(place)
             progress(done, len(places))
     return problems, sound
