@@ -51,7 +51,11 @@ COLUMNS = (
     "spread_rad",
     "note",
 )
-"""Columns of the table: floors in the metric and unit of the data set's score; empty where one was not searched."""
+"""Columns of the table: floors in the metric and unit of the data set's score; empty where one was not searched.
+
+`attainable` is of the horizon that the data set is scored at, where that is several steps the floor of one step, which is
+below theirs; the linear systems are those in simulation, but for the ones called `one_step`.
+"""
 
 
 @dataclass(frozen=True)
@@ -201,8 +205,8 @@ def _row(spec: DataSetSpec, entry: Entry, log: JointLog, joint: str, kept: Mappi
         }
     elif kept:
         note = kept["reason"]
-    best = values["attainable"] if not spec.scoring.steps else values["one_step_attainable"]
-    values["attainable_by_chance"] = None if best is None else by_chance(best, len(scored))
+    best = values["one_step_attainable"] if spec.scoring.steps else values["attainable"]
+    values |= {"attainable": best, "attainable_by_chance": None if best is None else by_chance(best, len(scored))}
     return {
         **dict.fromkeys(COLUMNS, ""),
         "experiment": entry.name,
