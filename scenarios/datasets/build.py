@@ -180,6 +180,8 @@ def _line(made: Made) -> dict[str, Any]:
 def _said(error: OSError, folder: Path) -> str:
     """One line about what the system refused, and what becomes of what is there."""
     why = os.strerror(error.errno) if error.errno else str(error)
+    if isinstance(error, FileExistsError):
+        why = "a file of that name is there, expected a folder or nothing"
     line = f"cannot write or read {error.filename or folder}: {why}"
     if not os.path.exists(folder / MANIFEST):
         return line

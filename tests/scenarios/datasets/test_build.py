@@ -395,11 +395,11 @@ def test_nothing_that_is_there_is_overwritten(tiny_spec: DataSetSpec, records: d
     refused(tmp_path / "b", "already there")
     (tmp_path / "c").mkdir()
     (tmp_path / "c" / "tiny-v1.unfinished").write_text("mine")
-    refused(tmp_path / "c", r"tiny-v1\.unfinished: File exists")
+    refused(tmp_path / "c", r"tiny-v1\.unfinished: a file of that name is there")
     (tmp_path / "d" / "tiny-v1.unfinished").mkdir(parents=True)
     (tmp_path / "d" / "tiny-v1.unfinished" / "letter.txt").write_text("mine")
     refused(tmp_path / "d", r"holds no build but letter\.txt")
-    refused(tmp_path / "b" / "tiny-v1", "File exists")
+    refused(tmp_path / "b" / "tiny-v1", "tiny-v1: a file of that name is there")
 
 
 @pytest.mark.skipif(os.geteuid() == 0, reason="root writes everywhere")
