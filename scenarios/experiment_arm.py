@@ -3,8 +3,12 @@
 from hmtb_twin import Arm, Experiment, load_arm
 
 
-def experiment_arm(experiment: Experiment) -> Arm:
-    """Return the arm of an experiment in free space: its variant and payload, conditions, specimen and friction.
+def experiment_arm(experiment: Experiment, *, worksite: bool = False) -> Arm:
+    """Return the arm of an experiment: its variant and payload, conditions, specimen and friction.
+
+    Args:
+        experiment: The experiment.
+        worksite: Whether the arm stands at its worksite where the experiment says so; otherwise it is in free space.
 
     Raises:
         TwinError: The experiment asks for an arm that the laboratory does not have.
@@ -15,4 +19,5 @@ def experiment_arm(experiment: Experiment) -> Arm:
         plant=experiment.plant,
         specimen=experiment.specimen,
         friction=experiment.chain.friction,
+        worksite=worksite and bool(experiment.worksite),
     )

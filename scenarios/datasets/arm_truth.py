@@ -105,7 +105,8 @@ def arm_contents(spec: DataSetSpec, entry: Entry, joints: Sequence[str]) -> Cont
         "pose": pose,
         "plant": json.dumps(vars(arm.plant), sort_keys=True),
         "specimen": json.dumps(dict(arm.specimen.deviations), sort_keys=True),
-        "model_sha256": model_sha256(arm),
+        "model_sha256": model_sha256(experiment_arm(entry.experiment, worksite=True)),
+        "model_sha256_experiment": entry.name,
         "model_sha256_of": "bytes of mj_saveModel, of the version of MuJoCo and the machine type named beside it",
         "license": "CC-BY-4.0",
     }

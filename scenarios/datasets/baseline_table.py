@@ -102,7 +102,7 @@ def row(bench: Bench, found: Baseline) -> dict[str, str]:
     blocks = dict.fromkeys(one.block for one in bench.train if one.name in set(found.trained))
     return {
         **facts,
-        "trained_on": f"{len(found.trained)} records of {' and '.join(blocks)}" if found.trained else "",
+        "trained_on": f"{' and '.join(blocks)} ({len(found.trained)})" if found.trained else "",
         "twins": " ".join(map(str, found.twins)),
         "validation": "" if found.validation is None else written(found.validation.mean),
         "test": written(found.test.mean),

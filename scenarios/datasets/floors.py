@@ -53,8 +53,8 @@ COLUMNS = (
 )
 """Columns of the table: floors in the metric and unit of the data set's score; empty where one was not searched.
 
-`attainable` is of the horizon that the data set is scored at, where that is several steps the floor of one step, which is
-below theirs; the linear systems are those in simulation, but for the ones called `one_step`.
+`attainable` is of the horizon that the data set is scored at, where that is several steps the floor of one step, which
+is below theirs; the linear systems are those in simulation, but for the ones called `one_step`.
 """
 
 
