@@ -14,6 +14,7 @@ from scenarios.datasets.best_linear_truth import BestLinearStage, best_linear_co
 from scenarios.datasets.excitation_class import excitation_class
 from scenarios.datasets.plan import Plan
 from scenarios.datasets.spec import DataSetSpec
+from scenarios.datasets.truth_asked import TruthAsked
 from scenarios.errors import ScenarioError
 from scenarios.experiment_arm import experiment_arm
 
@@ -110,3 +111,16 @@ def test_a_binary_sequence_is_matched_in_strength_and_band() -> None:
 def test_several_joints_at_once_need_multisines() -> None:
     with pytest.raises(ScenarioError, match="excites shoulder_yaw, elbow_pitch at once"):
         best_linear_contents(SPEC, Plan(SPEC)[-1])
+
+
+def test_what_is_asked_of_the_truth_is_checked_and_written_whole() -> None:
+    assert DataSetSpec.from_toml(SPEC.to_toml()) == SPEC
+    for table, match in (
+        ({"amplitudes": (0.0,)}, "above 0 and up to 1 rad"),
+        ({"amplitudes": (0.1, 0.1)}, "expected each once"),
+        ({"floors": -1}, "expected 0 or more"),
+    ):
+        with pytest.raises(ScenarioError, match=match):
+            TruthAsked(**table)  # type: ignore[arg-type]
+    with pytest.raises(ScenarioError, match=r"truth\.best_linear: unknown block 'prsb': did you mean 'prbs'"):
+        replace(SPEC, truth=TruthAsked(best_linear=("prsb",)))
