@@ -38,6 +38,9 @@ LINES = 200
 NO_BANDWIDTH = 2.0
 """Upper end of the band for a joint that has no bandwidth, Hz."""
 
+FAST = 0.05
+"""What a pole of smaller modulus carries falls below a twentieth within a sample."""
+
 NEEDED = (INDEX, SPEC, BASELINES, ATTAINABLE, "data/test/", "truth/arms/")
 """What is unpacked of a key."""
 
@@ -249,10 +252,15 @@ def band(truth: JointTruth) -> np.ndarray:
 def pole_distance(poles: np.ndarray, true: np.ndarray) -> float:
     """Root mean square distance in the z plane, each pole matched to one of the other set so that the sum is smallest.
 
+    Poles below `FAST` are left out: no record shows where they are.
+
     Args:
-        poles: Those of a model.
+        poles: Those of a model; NaN comes out where all are fast.
         true: The true ones; of the larger set some find no match, and count for nothing.
     """
+    poles, true = (roots[np.abs(roots) > FAST] for roots in (poles, true))
+    if not len(poles) or not len(true):
+        return float("nan")
     squares = np.abs(poles[:, None] - true[None, :]) ** 2
     rows, columns = linear_sum_assignment(squares)
     return float(np.sqrt(squares[rows, columns].mean()))

@@ -80,7 +80,7 @@ def build_hidden(
     chosen = tuple(students)
     _check_windows(hidden)
     _check_place(key_path, out, [student_spec(hidden, one) for one in chosen] or [hidden])
-    if key_path.exists() or key_path.is_symlink():
+    if os.path.lexists(key_path):
         key = read_key(key_path)
         asked = hidden if spec.secret_seed else replace(hidden, secret_seed=key.spec.secret_seed)
         if key.spec != asked or key.students != chosen:
@@ -204,7 +204,7 @@ def _check_place(key_path: Path, out: Path, specs: Sequence[DataSetSpec]) -> Non
                 raise ScenarioError(
                     f"{key_path} given as key, inside of {folder}, which is published; put it elsewhere"
                 )
-    if key_path.is_dir():
+    if os.path.isdir(key_path):
         raise ScenarioError(f"{key_path} is a folder; expected the name of a file for the key")
     if not place.parent.is_dir():
         raise ScenarioError(f"no folder {place.parent} for the key {key_path.name}: expected one that is there")

@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 
 from scenarios.datasets.data_record import DataRecord
+from scenarios.datasets.mat_numbers import read_mat_numbers
 from scenarios.datasets.netcdf import read_netcdf
 from scenarios.errors import ScenarioError
 from scenarios.suggest import unknown
@@ -143,16 +144,10 @@ def _read_netcdf(path: Path, outputs: tuple[str, ...]) -> np.ndarray:
 
 
 def _read_mat(path: Path) -> np.ndarray:
-    from scipy.io import loadmat
-    from scipy.io.matlab import MatReadError
-
-    try:
-        found = loadmat(path, variable_names=["y"])
-    except (OSError, ValueError, TypeError, NotImplementedError, MatReadError) as error:
-        raise ScenarioError(f"cannot read {path}: {error}; expected a file of save(..., '-v7')") from error
+    found = read_mat_numbers(path, ("y",))
     if "y" not in found:
         raise ScenarioError(f"{path} has no matrix y")
-    return np.asarray(found["y"])
+    return found["y"]
 
 
 def _check_names(path: Path, given: tuple[str, ...], outputs: tuple[str, ...]) -> None:

@@ -9,6 +9,7 @@ import numpy as np
 
 from hmtb_twin.parameters import SAMPLE_TIME
 from scenarios.crossing import HALF_POWER, crossing
+from scenarios.datasets.mat_numbers import read_mat_numbers
 from scenarios.datasets.netcdf import read_netcdf
 from scenarios.errors import ScenarioError
 from sysid import FrequencyResponse, StateSpace
@@ -164,15 +165,8 @@ def _complex(path: Path, name: str, entry: object) -> complex:
 
 
 def _read_mat(path: Path) -> dict[str, np.ndarray]:
-    from scipy.io import loadmat
-    from scipy.io.matlab import MatReadError
-
-    names = (*MATRICES, *ROOTS, "dt")
-    try:
-        found = loadmat(path, variable_names=list(names))
-    except (OSError, ValueError, TypeError, NotImplementedError, MatReadError) as error:
-        raise ScenarioError(f"cannot read {path}: {error}; expected a file of save(..., '-v7')") from error
-    return {name: _real_or_complex(path, name, np.asarray(found[name])) for name in names if name in found}
+    found = read_mat_numbers(path, (*MATRICES, *ROOTS, "dt"))
+    return {name: _real_or_complex(path, name, values) for name, values in found.items()}
 
 
 def _read_netcdf(path: Path) -> dict[str, np.ndarray]:
