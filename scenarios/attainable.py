@@ -8,7 +8,6 @@ from math import ceil, log, sqrt
 from types import MappingProxyType
 
 import numpy as np
-from scipy.linalg import lstsq
 from scipy.stats import chi2
 
 from hmtb_twin import JOINTS, Arm, JointLog, Status, Truth, linearize, load_arm
@@ -19,6 +18,7 @@ from scenarios.conditional_mean import ConditionalMean, conditional_mean
 from scenarios.errors import ScenarioError
 from scenarios.logged_arm import check_truth, logged_arm
 from scenarios.long_response import long_response
+from scenarios.tall_least_squares import least_squares
 from sysid import IOData, StateSpace, SysidError, SysidWarning, oe, pem_ss, predict
 from sysid.arrays import FloatArray
 
@@ -298,5 +298,5 @@ def _lagged(signal: FloatArray, memory: int, *, first: int) -> FloatArray:
 
 def _fitted(regressors: FloatArray, target: FloatArray, first: int) -> FloatArray:
     """Least squares from a sample on; the prediction of all, before that sample the target itself."""
-    solution, *_ = lstsq(regressors[first:], target[first:], cond=1e-12, lapack_driver="gelsy")
+    solution = least_squares(regressors[first:], target[first:], cond=1e-12)
     return np.concatenate([target[:first], regressors[first:] @ solution])

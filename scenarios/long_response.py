@@ -1,9 +1,10 @@
 """What an ARX model of high order simulates whose coefficients and past are fitted to the very record."""
 
 import numpy as np
-from scipy.linalg import lstsq, toeplitz
+from scipy.linalg import toeplitz
 from scipy.signal import lfilter
 
+from scenarios.tall_least_squares import least_squares
 from sysid.arrays import FloatArray
 
 DIED = 1e-17
@@ -29,7 +30,7 @@ def long_response(u: FloatArray, y: FloatArray, order: int) -> FloatArray | None
     """
     past = np.arange(order, len(y))[:, None] - np.arange(1, order + 1)
     regressors = np.hstack([-y[past], *(signal[past] for signal in u.T)])
-    theta = lstsq(regressors, y[order:], cond=1e-15, lapack_driver="gelsy", overwrite_a=True)[0]
+    theta = least_squares(regressors, y[order:], cond=1e-15)
     a, *b = np.split(theta, 1 + u.shape[1])
     a = np.concatenate([[1.0], a])
     pulse = np.zeros(len(y))
@@ -42,5 +43,5 @@ def long_response(u: FloatArray, y: FloatArray, order: int) -> FloatArray | None
     alive = int(np.flatnonzero(np.abs(free) > DIED * np.abs(free).max())[-1]) + 1
     rows = min(len(y), alive + order)
     columns = toeplitz(free[:rows], np.zeros(order))
-    weights = lstsq(columns, (y - forced)[:rows], cond=1e-15, lapack_driver="gelsy")[0]
+    weights = least_squares(columns, (y - forced)[:rows], cond=1e-15)
     return np.asarray(forced + np.convolve(free, weights)[: len(y)])
