@@ -64,7 +64,7 @@ def baselines(
     )
     wanted = asked.methods if method is None else (Method(method, tuple(orders)),)
     made = [report(bench, one)["row"] for one in wanted]
-    kept = {row["command"]: row for row in read_table(data / BASELINES)} if (data / BASELINES).is_file() else {}
+    kept = {row.get("command", ""): row for row in read_table(data / BASELINES)} if (data / BASELINES).is_file() else {}
     different = {row["command"]: differences(row, kept[row["command"]]) for row in made if row["command"] in kept}
     if json:
         print_json({"rows": made, "differences": different})

@@ -135,6 +135,11 @@ def scored(scoring: Scoring, records: Iterable[DataRecord], hat: Callable[[str],
     """
     found: list[Score] = []
     for record in records:
+        if record.signals.withheld:
+            raise ScenarioError(
+                f"the outputs of {record.name} behind the window are withheld: whoever has the key scores it, by hmtb "
+                "dataset grade"
+            )
         data, predicted = record.iodata(), hat(record.name)
         window = data.window
         values = metric(scoring, data.y[window:], predicted[window:])

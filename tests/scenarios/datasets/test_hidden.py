@@ -26,6 +26,7 @@ from scenarios.datasets.netcdf import read_netcdf
 from scenarios.datasets.plan import Plan
 from scenarios.datasets.progress import Progress
 from scenarios.datasets.roster import read_roster
+from scenarios.datasets.score import score_model
 from scenarios.datasets.secret import student_spec
 from scenarios.datasets.spec import DataSetSpec
 from scenarios.errors import ScenarioError
@@ -180,6 +181,8 @@ def test_predictions_of_withheld_records_are_those_of_whole_ones(hidden: Class, 
     train = open_data_set(hidden.ann).select(joint="elbow_pitch").train[0].iodata()
     model = arx(train.subtract(u=train.u[0], y=train.y[0]), 2, 2).model
     predictor = ModelPredictor(model, train.u[0], train.y[0])
+    with pytest.raises(ScenarioError, match="are withheld: whoever has the key scores it"):
+        score_model(predictor, hidden.ann)
     assert predictor.predicted(data, 0) == pytest.approx(predictor.predicted(kept.iodata(), 0), rel=1e-12)
 
 
