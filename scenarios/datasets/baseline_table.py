@@ -6,7 +6,7 @@ import json
 import math
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
-from functools import lru_cache
+from functools import cache, lru_cache
 from pathlib import Path
 from shlex import join
 from typing import Any
@@ -138,6 +138,7 @@ def _facts(bench: Bench, method: Method) -> dict[str, str]:
     }
 
 
+@cache
 def software() -> str:
     """Versions of what a baseline depends on."""
     found = versions()

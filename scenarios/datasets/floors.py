@@ -18,6 +18,7 @@ from hmtb_twin.modes import joint_index
 from hmtb_twin.recorder import delayed
 from scenarios.attainable import Attainable, attainable
 from scenarios.datasets.arm_truth import arm_truth
+from scenarios.datasets.baseline_table import software
 from scenarios.datasets.data_set import open_data_set
 from scenarios.datasets.excitation_class import excitation_class
 from scenarios.datasets.layout import ATTAINABLE, attainable_file
@@ -28,7 +29,6 @@ from scenarios.datasets.spec import DataSetSpec
 from scenarios.datasets.stored_log import stored_log
 from scenarios.errors import ScenarioError
 from scenarios.experiment_arm import experiment_arm
-from scenarios.provenance import versions
 from sysid import SysidError
 
 TABLE = "table"
@@ -124,7 +124,7 @@ def floors(spec: DataSetSpec, entry: Entry, log: JointLog) -> dict[str, Any]:
         can make the error of a model that is as good, once in twenty times; or why there are none.
     """
     arm, pose = experiment_arm(entry.experiment), entry.experiment.pose
-    found: dict[str, Any] = {"experiment": entry.name, "window": spec.window, "software": versions(), "joints": {}}
+    found: dict[str, Any] = {"experiment": entry.name, "window": spec.window, "software": software(), "joints": {}}
     for joint in entry.joints:
         try:
             one = attainable(log, joint, truth=arm_truth(arm, pose, spec.truth.amplitudes), window=spec.window)
