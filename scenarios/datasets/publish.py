@@ -6,12 +6,11 @@ from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
-from scenarios.datasets import build_record
 from scenarios.datasets.chunk import about
 from scenarios.datasets.hashes import bytes_hash
 from scenarios.datasets.hidden_record import PRIVATE, published
 from scenarios.datasets.index import read_index, write_index
-from scenarios.datasets.layout import BASELINES, LOCK, MANIFEST, SPEC, SUMS, UNFINISHED
+from scenarios.datasets.layout import BASELINES, BUILD, LOCK, MANIFEST, SPEC, SUMS, UNFINISHED
 from scenarios.datasets.lock import locked, unlock_file
 from scenarios.datasets.manifest import Manifest
 from scenarios.datasets.netcdf import read_netcdf
@@ -53,9 +52,11 @@ def publish(full: Path, public: DataSetSpec, out: Path) -> Path:
     make_folder(folder)
     with locked(folder):
         remove_partial(folder)
-        build_record.begin(folder, public)
+        _check_begun(folder, public)
         for place in (MANIFEST, SUMS):
             (folder / place).unlink(missing_ok=True)
+        # What it was built with, whatever publishes it.
+        write_files(folder, {SPEC: public.to_toml().encode(), BUILD: (full / BUILD).read_bytes()})
         plan = Plan(public)
         with Manifest(folder / MANIFEST, len(plan)) as manifest:
             for line, files in _records(full, plan):
@@ -72,6 +73,16 @@ def publish(full: Path, public: DataSetSpec, out: Path) -> Path:
         sync_folder(out)
         unlock_file(final)
     return final
+
+
+def _check_begun(folder: Path, public: DataSetSpec) -> None:
+    """Refuse a folder in which something else was begun."""
+    there = sorted(path.name for path in folder.iterdir() if path.name != LOCK)
+    if there and not is_published(folder, public):
+        raise ScenarioError(
+            f"{folder} holds something else, {', '.join(there[:3])}: expected an empty folder or none; remove it, or "
+            "build in another folder"
+        )
 
 
 def is_published(folder: Path, public: DataSetSpec) -> bool:

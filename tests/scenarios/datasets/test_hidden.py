@@ -13,6 +13,7 @@ import h5py
 import numpy as np
 import pytest
 
+from hmtb_twin.specimen_draw import Distribution, TwinDistributions
 from scenarios.cli import main
 from scenarios.datasets import open_data_set
 from scenarios.datasets.build import build
@@ -25,9 +26,10 @@ from scenarios.datasets.model_predictor import ModelPredictor
 from scenarios.datasets.netcdf import read_netcdf
 from scenarios.datasets.plan import Plan
 from scenarios.datasets.progress import Progress
+from scenarios.datasets.publish import publish
 from scenarios.datasets.roster import read_roster
 from scenarios.datasets.score import score_model
-from scenarios.datasets.secret import student_spec
+from scenarios.datasets.secret import secret_spec, student_spec
 from scenarios.datasets.spec import DataSetSpec
 from scenarios.errors import ScenarioError
 from sysid import arx
@@ -310,6 +312,28 @@ def test_a_truth_that_cannot_be_hidden_is_refused(
     assert not list(tmp_path.iterdir())
 
 
+def test_a_folder_of_another_build_is_left_alone(hidden: Class, whole: Path, tmp_path: Path) -> None:
+    public = open_data_set(hidden.ann).spec
+    begun = tmp_path / "class-v1-ann.unfinished"
+    begun.mkdir()
+    (begun / "spec.toml").write_text("another")
+    with pytest.raises(ScenarioError, match=r"holds something else, spec\.toml"):
+        publish(whole, public, tmp_path)
+    shutil.rmtree(begun)
+    shutil.copytree(hidden.bob, tmp_path / "class-v1-ann")
+    with pytest.raises(ScenarioError, match="never overwritten"):
+        publish(whole, public, tmp_path)
+
+
+def test_why_an_experiment_failed_is_kept_apart(hidden: Class, tmp_path: Path) -> None:
+    twins = replace(hidden.spec.twins, distributions=TwinDistributions(payload_mass=Distribution("uniform", 1.0, 90.0)))  # type: ignore[type-var]
+    made = build_hidden(replace(hidden.spec, twins=twins), tmp_path, tmp_path / "key", workers=1)
+    assert all("cannot hold the arm" in why for name, why in made.failed.items() if "noise" in name)
+    entries = json.loads((made.paths[0] / "experiments.json").read_text())["experiments"]
+    assert [entry["failed"] for entry in entries] == 3 * ["it could not be run; the reason is kept apart"]
+    assert not any(b"cannot hold" in content for _, content in published_bytes(made.paths[0]))
+
+
 def test_scores_that_need_withheld_outputs_are_refused(hidden: Class, tmp_path: Path) -> None:
     spec = replace(hidden.spec, scoring=replace(hidden.spec.scoring, steps=5))
     with pytest.raises(ScenarioError, match="need the outputs that are withheld"):
@@ -334,6 +358,16 @@ def test_a_roster_is_read_strictly(tmp_path: Path, text: str, says: str) -> None
         read_roster(path)
     path.write_text("ann\nbob-2\n")
     assert read_roster(path) == ("ann", "bob-2")
+
+
+def test_a_secret_seed_is_drawn_unless_it_is_given(hidden: Class) -> None:
+    one, other = secret_spec(hidden.spec), secret_spec(hidden.spec)
+    assert one.secret_seed != other.secret_seed and len(one.secret_seed) == 32 and one.seed is None
+    assert all(block.draw_waveforms for block in one.records)
+    given = "7a" * 16
+    assert secret_spec(replace(hidden.spec, seed=None, secret_seed=given)).secret_seed == given
+    seeds = {entry.experiment.seed for entry in Plan(one)}
+    assert len(seeds) == 3 and max(seeds) > 2**32
 
 
 def test_a_spec_has_one_source_of_chance(hidden: Class) -> None:
