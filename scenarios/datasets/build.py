@@ -20,6 +20,7 @@ from scenarios.datasets.plan import Plan
 from scenarios.datasets.progress import RECORDS, Progress, Told
 from scenarios.datasets.safe_write import make_folder, remove_partial, write_files
 from scenarios.datasets.spec import DataSetSpec
+from scenarios.datasets.steady_memory import steady_memory
 from scenarios.errors import ScenarioError
 
 TOGETHER = 16
@@ -75,6 +76,7 @@ def build(
         raise ScenarioError(f"rows = {rows} given, expected 1 experiment side by side or more")
     if spec.commitment:
         raise ScenarioError(f"the seed of {spec.label} is kept apart: hmtb dataset build --key KEYFILE alone builds it")
+    steady_memory()
     final, folder = out / spec.label, out / (spec.label + UNFINISHED)
     plan = Plan(spec)
     told = progress or (lambda _: None)

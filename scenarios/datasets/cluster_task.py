@@ -9,6 +9,7 @@ from scenarios.datasets.chunk import run_chunk
 from scenarios.datasets.kinship import kinship, strangeness
 from scenarios.datasets.plan import Plan
 from scenarios.datasets.spec import DataSetSpec
+from scenarios.datasets.steady_memory import steady_memory
 
 STRANGE = "strange"
 """Key of an answer that says why a worker ran nothing."""
@@ -36,6 +37,7 @@ def task(spec: str, numbers: Sequence[int], expected: Mapping[str, str]) -> dict
     worker = get_worker()
     if differences := strangeness(expected, kinship()):
         return {STRANGE: differences, "worker": worker.address}
+    steady_memory()
     with _ALONE:
         made = run_chunk(_plan(spec), numbers, threads=worker.state.nthreads)
         return {MADE: [dict(vars(one)) for one in made]}

@@ -22,7 +22,7 @@ APART = "baselines"
 """Stage that is told apart: models are identified for ten twins, however many there are."""
 
 
-def one(label: str, twins: int, seconds: float, rows: int) -> dict[str, float | str]:
+def one(label: str, twins: int, seconds: float, rows: int, *, models: bool = True) -> dict[str, float | str]:
     """Build a data set in this process, and return what it cost."""
     from scenarios.datasets import chunk
     from scenarios.datasets.build import build
@@ -32,6 +32,8 @@ def one(label: str, twins: int, seconds: float, rows: int) -> dict[str, float | 
     spec = load_spec(label)
     if spec.twins is not None:
         spec = replace(spec, twins=replace(spec.twins, count=twins))
+    if not models:
+        spec = replace(spec, baselines=replace(spec.baselines, models=()))
     if seconds:
         # A test record is scored behind its window.
         records = tuple(replace(block, duration=min(seconds, block.duration or seconds)) for block in spec.records)
@@ -63,9 +65,10 @@ def one(label: str, twins: int, seconds: float, rows: int) -> dict[str, float | 
     return {"total": total, "physics": physics, "peak": int(peak.split()[1]) / 1024, "size": size / 2**20, **steps}
 
 
-def measured(label: str, twins: int, seconds: float, rows: int) -> dict[str, float]:
+def measured(label: str, twins: int, seconds: float, rows: int, *, models: bool = True) -> dict[str, float]:
     """The same in a process of its own."""
     words = [sys.executable, __file__, "--one", label, "--twins", str(twins), "--seconds", str(seconds)]
+    words += [] if models else ["--no-models"]
     run = subprocess.run([*words, "--rows", str(rows)], cwd=ROOT, capture_output=True, text=True, check=False)
     if run.returncode:
         raise RuntimeError(run.stderr.strip().splitlines()[-1])
@@ -79,10 +82,11 @@ def main() -> int:
     parser.add_argument("--seconds", type=float, default=4.0, help="length of the fleet's records at most, s")
     parser.add_argument("--rows", type=int, default=256, help="experiments side by side at most")
     parser.add_argument("--one", help="build this one and print what it cost as JSON")
+    parser.add_argument("--no-models", action="store_true", help="with --one: no baselines")
     parser.add_argument("--only", choices=("growth", "physics"), help="one table only")
     asked = parser.parse_args()
     if asked.one:
-        print(json.dumps(one(asked.one, asked.twins[0], asked.seconds, asked.rows)))
+        print(json.dumps(one(asked.one, asked.twins[0], asked.seconds, asked.rows, models=not asked.no_models)))
         return 0
     fine = True
     if asked.only != "physics":
@@ -94,13 +98,13 @@ def main() -> int:
 
 
 def growth(twins: list[int], seconds: float, rows: int) -> bool:
-    """Memory and cost of a few twins and of many."""
+    """Memory and cost of a few twins and of many, without baselines."""
     print(f"| Twins, records of {seconds:g} s | Peak memory, MiB | Cost per twin / its physics | On disk, MiB |")
     print("|---|---|---|---|")
     found = []
     for count in twins:
-        cost = measured(FLEET, count, seconds, rows)
-        ratio = (cost["total"] - cost.get(APART, 0.0)) / cost["physics"]
+        cost = measured(FLEET, count, seconds, rows, models=False)
+        ratio = cost["total"] / cost["physics"]
         print(f"| {count} | {cost['peak']:.0f} | {ratio:.2f} | {cost['size']:.0f} |", flush=True)
         print(f"{count}: {cost}", file=sys.stderr)
         found.append((cost["peak"], ratio))
