@@ -13,6 +13,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
+from hmtb_twin import Experiment
 from hmtb_twin.parameters import SAMPLE_RATE
 from scenarios.datasets.build import build
 from scenarios.datasets.chunk import MOST_ROWS
@@ -78,7 +79,7 @@ def build_hidden(
     """
     hidden = secret_spec(spec)
     chosen = tuple(students)
-    _check_windows(hidden)
+    _check_scored(hidden)
     _check_place(key_path, out, [student_spec(hidden, one) for one in chosen] or [hidden])
     if os.path.lexists(key_path):
         key = read_key(key_path)
@@ -183,16 +184,26 @@ def _check_software(key: Key) -> None:
                 )
 
 
-def _check_windows(spec: DataSetSpec) -> None:
-    """Refuse a window that covers a scored record: nothing of it would be withheld."""
+def _check_scored(spec: DataSetSpec) -> None:
+    """Refuse scored records of which nothing would be withheld, or whose commands tell what is withheld."""
     plan = Plan(spec)
     for number in range(len(plan) // plan.twins):
         entry = plan[number]
+        if entry.part == "test" and _answers(entry.experiment):
+            raise ScenarioError(
+                f"{entry.name}: its commands follow the arm, by an operator who sees it or an emergency shutdown, and "
+                "would tell of the outputs that are withheld; expected a command that depends on the excitation alone"
+            )
         if entry.part == "test" and entry.experiment.duration * SAMPLE_RATE <= spec.window:
             raise ScenarioError(
                 f"{entry.name} has {entry.experiment.duration * SAMPLE_RATE:g} samples, its window {spec.window}: "
                 "nothing of it would be withheld"
             )
+
+
+def _answers(experiment: Experiment) -> bool:
+    """Whether commands depend on how the arm moved."""
+    return experiment.operator() is not None or bool(experiment.shutdown)
 
 
 def _check_place(key_path: Path, out: Path, specs: Sequence[DataSetSpec]) -> None:

@@ -27,11 +27,13 @@ from scenarios.datasets.netcdf import read_netcdf
 from scenarios.datasets.plan import Plan
 from scenarios.datasets.progress import Progress
 from scenarios.datasets.publish import publish
+from scenarios.datasets.records import Records
 from scenarios.datasets.roster import read_roster
 from scenarios.datasets.score import score_model
 from scenarios.datasets.secret import secret_spec, student_spec
 from scenarios.datasets.spec import DataSetSpec
 from scenarios.errors import ScenarioError
+from scenarios.registry import load, registered
 from sysid import arx
 from tests.scenarios.datasets.conftest import Class
 
@@ -332,6 +334,16 @@ def test_why_an_experiment_failed_is_kept_apart(hidden: Class, tmp_path: Path) -
     entries = json.loads((made.paths[0] / "experiments.json").read_text())["experiments"]
     assert [entry["failed"] for entry in entries] == 3 * ["it could not be run; the reason is kept apart"]
     assert not any(b"cannot hold" in content for _, content in published_bytes(made.paths[0]))
+
+
+def test_commands_that_would_tell_of_the_outputs_are_refused(hidden: Class, tmp_path: Path) -> None:
+    """An operator sees the arm, so what he commands says where it was."""
+    (name,) = [name for name in registered().names("operator") if load(name).task][:1]
+    exchange = Records("exchange", "test", scenarios=(name,))
+    spec = replace(hidden.spec, records=(hidden.spec.records[0], exchange))
+    with pytest.raises(ScenarioError, match="its commands follow the arm"):
+        build_hidden(spec, tmp_path, tmp_path / "key")
+    assert not list(tmp_path.iterdir())
 
 
 def test_scores_that_need_withheld_outputs_are_refused(hidden: Class, tmp_path: Path) -> None:
