@@ -26,7 +26,7 @@ def one(label: str, twins: int, seconds: float, rows: int, *, models: bool = Tru
     """Build a data set in this process, and return what it cost."""
     from scenarios.datasets import chunk
     from scenarios.datasets.build import build
-    from scenarios.datasets.progress import Progress
+    from scenarios.datasets.progress import RECORDS, Progress
     from scenarios.datasets.spec import load_spec
 
     spec = load_spec(label)
@@ -38,7 +38,7 @@ def one(label: str, twins: int, seconds: float, rows: int, *, models: bool = Tru
         # A test record is scored behind its window.
         records = tuple(replace(block, duration=min(seconds, block.duration or seconds)) for block in spec.records)
         spec = replace(spec, records=records)
-    physics, steps = 0.0, dict[str, float]()
+    physics, step, steps = 0.0, RECORDS, dict[str, float]()
     simulate = chunk.simulate
 
     def timed(*given, **options):
@@ -48,9 +48,10 @@ def one(label: str, twins: int, seconds: float, rows: int, *, models: bool = Tru
         return logs
 
     def told(progress: Progress) -> None:
-        nonlocal since
-        steps[progress.step] = steps.get(progress.step, 0.0) + perf_counter() - since
-        since = perf_counter()
+        # What took the time since is what was said to begin.
+        nonlocal since, step
+        steps[step] = steps.get(step, 0.0) + perf_counter() - since
+        since, step = perf_counter(), progress.step
 
     chunk.simulate = timed
     with tempfile.TemporaryDirectory() as out:
