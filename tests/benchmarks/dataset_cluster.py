@@ -76,10 +76,9 @@ class Parts:
         if name != "scheduler":
             command = [sys.executable, "-m", "distributed.cli.dask_worker", self.address, "--nthreads", "1"]
             command += ["--no-nanny", "--no-dashboard", "--death-timeout", "60"]
+        environment = {**_environment(), "DASK_DISTRIBUTED__SCHEDULER__ALLOWED_FAILURES": str(deaths)}
         with (self._folder / f"{name}.log").open("ab") as log:
-            self._processes[name] = subprocess.Popen(
-                command, stdout=log, stderr=log, env=_environment(), cwd=self._folder
-            )
+            self._processes[name] = subprocess.Popen(command, stdout=log, stderr=log, env=environment)
 
     def kill(self, name: str) -> None:
         """Kill one without a warning."""
@@ -163,13 +162,14 @@ def workers_killed(parts: Parts, spec: Path, out: Path) -> str:
 
 def chunk_given_up(parts: Parts, spec: Path, out: Path) -> str:
     """A worker killed whose chunk the scheduler then gives up: its experiments run one by one."""
-    parts.kill("scheduler")
+    parts.close()
     parts.start("scheduler", deaths=0)
-    for name in ("c", "d"):
-        parts.start(name)
+    parts.start("c")
     build = started(spec, out, "--cluster", parts.address, "--patience", str(PATIENCE))
     when(out, build, 1)
+    # The only worker is at work.
     parts.kill("c")
+    parts.start("d")
     code, found, said = ended(build)
     if "one by one" not in said:
         raise RuntimeError(f"exit {code}, expected a chunk that was parted: {said}")
