@@ -6,8 +6,8 @@ from tempfile import TemporaryDirectory
 
 from PIL import Image
 
+from scenarios.dataset_build.build import build
 from scenarios.datasets.baselines_asked import BaselinesAsked
-from scenarios.datasets.build import build
 from scenarios.datasets.data_set import open_data_set
 from scenarios.datasets.gallery import gallery_figure
 from scenarios.datasets.spec import DataSetSpec, shipped

@@ -43,8 +43,8 @@ def baselines(
     """
     from dataclasses import replace
 
-    from scenarios.datasets.baseline_table import differences, read_table, report
-    from scenarios.datasets.baselines import Bench
+    from scenarios.dataset_scores.baseline_table import differences, read_table, report
+    from scenarios.dataset_scores.baselines import Bench
     from scenarios.datasets.baselines_asked import Method
     from scenarios.datasets.data_set import open_data_set
     from scenarios.datasets.layout import BASELINES

@@ -11,8 +11,8 @@ from scenarios.commands.build_progress import How, build_progress
 from scenarios.commands.output import print_json, say
 
 if TYPE_CHECKING:
-    from scenarios.datasets.executor import Executor
-    from scenarios.datasets.progress import Progress
+    from scenarios.dataset_build.executor import Executor
+    from scenarios.dataset_build.progress import Progress
 
 
 def build(
@@ -55,8 +55,8 @@ def build(
         progress: How stderr shows how far the build is; auto is a bar on a terminal, else a line now and then.
         json: Print JSON.
     """
-    from scenarios.datasets.build import build as build_data_set
-    from scenarios.datasets.chunk import MOST_ROWS
+    from scenarios.dataset_build.build import build as build_data_set
+    from scenarios.dataset_build.chunk import MOST_ROWS
     from scenarios.datasets.layout import UNFINISHED
     from scenarios.datasets.spec import load_spec
     from scenarios.errors import ScenarioError
@@ -65,7 +65,7 @@ def build(
         raise ScenarioError(f"workers must be 1 or more, given {workers}")
     executor = None
     if cluster is not None:
-        from scenarios.datasets.cluster import ROWS, Cluster
+        from scenarios.dataset_build.cluster import ROWS, Cluster
 
         if workers is not None:
             raise ScenarioError("--workers and --cluster given; expected one: Dask's workers have threads of their own")
@@ -124,10 +124,10 @@ def _build_hidden(
     spec: str | None, out: Path, key: Path | None, hide: Path | None, roster: Path | None, work: Work, *, json: bool
 ) -> int:
     """Build data sets whose truth is kept apart, from a spec or again from a key."""
-    from scenarios.datasets.hidden_build import build_again, build_hidden, private_folder
-    from scenarios.datasets.key_file import read_key
-    from scenarios.datasets.roster import read_roster
     from scenarios.datasets.spec import load_spec
+    from scenarios.teaching.hidden_build import build_again, build_hidden, private_folder
+    from scenarios.teaching.key_file import read_key
+    from scenarios.teaching.roster import read_roster
 
     path = key or hide
     assert path is not None  # noqa: S101 - the caller has one of them

@@ -6,7 +6,7 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import FuncFormatter, LogLocator, MaxNLocator, NullFormatter
 from scipy.signal import welch
 
-from scenarios.datasets.arm_truth import read_arm
+from scenarios.dataset_truth.arm_truth import read_arm
 from scenarios.datasets.data_record import DataRecord
 from scenarios.datasets.data_set import DataSet
 from scenarios.datasets.layout import PARTS, arm_file

@@ -1,7 +1,13 @@
-"""A small study, run once for all tests that look at one."""
+"""A small study and small data sets, made once for all tests that look at them."""
+
+from dataclasses import dataclass
+from pathlib import Path
 
 import pytest
 
+from scenarios.dataset_build.build import build
+from scenarios.datasets.spec import DataSetSpec
+from scenarios.teaching.hidden_build import build_hidden
 from scenarios.thesis.campaign import NOMINAL
 from scenarios.thesis.comparison import Comparison
 from scenarios.thesis.study import run_study
@@ -11,3 +17,108 @@ from scenarios.thesis.study import run_study
 def study() -> Comparison:
     """The whole chain on records of 24 s, of which 20 s remain after settling: ten periods."""
     return run_study(seed=11, duration=24.0, conditions=(NOMINAL,))
+
+
+TINY = """
+name = "tiny"
+version = 1
+title = "Three short records"
+description = "For tests."
+seed = 7
+window = 20
+date = "2026-01-31"
+
+[baselines]
+models = ["hold", "arx:2/2", "truth"]
+
+[[records]]
+name = "binary"
+part = "train"
+axes = ["shoulder_yaw", "elbow_pitch"]
+each_axis = true
+duration = 4.0
+draw_waveforms = true
+excitation = { kind = "prbs", amplitude = 1.0, clock = 2, register = 7 }
+
+[[records]]
+name = "noise"
+part = "test"
+axes = ["elbow_pitch"]
+duration = 4.0
+draw_waveforms = true
+excitation = { kind = "white_noise", amplitude = 0.5 }
+"""
+
+
+@pytest.fixture(scope="session")
+def tiny_spec() -> DataSetSpec:
+    return DataSetSpec.from_toml(TINY)
+
+
+@pytest.fixture(scope="session")
+def tiny(tiny_spec: DataSetSpec, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Folder of the built data set; tests that change it take a copy."""
+    return build(tiny_spec, tmp_path_factory.mktemp("data-sets"), workers=1).path
+
+
+HIDDEN = """
+name = "class"
+version = 1
+title = "An arm of one's own"
+seed = 7
+window = 20
+
+[truth]
+floors = 0
+
+[baselines]
+models = ["hold", "oe:2/2/1", "truth"]
+
+[twins]
+count = 1
+kp = { kind = "lognormal", spread = 0.1 }
+mass = { kind = "lognormal", spread = 0.05 }
+supply_pressure = { kind = "normal", spread = 0.2 }
+process_noise = { kind = "uniform", centre = 0.0002, spread = 0.0001 }
+
+[[records]]
+name = "binary"
+part = "train"
+axes = ["shoulder_yaw", "elbow_pitch"]
+each_axis = true
+duration = 4.0
+excitation = { kind = "prbs", amplitude = 1.0, clock = 2, register = 7 }
+
+[[records]]
+name = "noise"
+part = "test"
+axes = ["elbow_pitch"]
+duration = 4.0
+excitation = { kind = "white_noise", amplitude = 0.5, seed = 5 }
+"""
+
+
+@dataclass(frozen=True)
+class Class:
+    """Data sets of two students, and their key."""
+
+    spec: DataSetSpec
+    key: Path
+    out: Path
+
+    @property
+    def ann(self) -> Path:
+        return self.out / "class-v1-ann"
+
+    @property
+    def bob(self) -> Path:
+        return self.out / "class-v1-bob"
+
+
+@pytest.fixture(scope="session")
+def hidden(tmp_path_factory: pytest.TempPathFactory) -> Class:
+    """Data sets whose truth is hidden; tests that change them take a copy."""
+    place = tmp_path_factory.mktemp("hidden")
+    spec = DataSetSpec.from_toml(HIDDEN)
+    build_hidden(spec, place / "out", place / "class.key", students=("ann", "bob"), workers=1)
+    return Class(spec, place / "class.key", place / "out")

@@ -8,7 +8,7 @@ from time import sleep
 import pytest
 
 from scenarios.commands.build_progress import build_progress
-from scenarios.datasets.progress import Progress
+from scenarios.dataset_build.progress import Progress
 
 
 def test_lines_come_now_and_then(capsys: pytest.CaptureFixture[str]) -> None:

@@ -9,7 +9,7 @@ import pytest
 
 from scenarios.cli import COMMANDS, main
 from scenarios.commands.dataset import DATASET
-from scenarios.datasets.chunk import Made, run_chunk
+from scenarios.dataset_build.chunk import Made, run_chunk
 from scenarios.datasets.plan import Plan
 from scenarios.datasets.spec import DataSetSpec, load_spec, shipped
 
@@ -99,9 +99,9 @@ WEAK = 'supply_pressure = { kind = "uniform", spread = 2.5, centre = 8.0 }\n'
 @pytest.fixture
 def least(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     """A spec whose records alone are built; what is made of them has tests of its own."""
-    monkeypatch.setattr("scenarios.datasets.finish.STAGES", ())
-    monkeypatch.setattr("scenarios.datasets.finish.PAPERS", ())
-    monkeypatch.setattr("scenarios.datasets.chunk.ARM_TRUTH", ())
+    monkeypatch.setattr("scenarios.dataset_build.finish.STAGES", ())
+    monkeypatch.setattr("scenarios.dataset_build.finish.PAPERS", ())
+    monkeypatch.setattr("scenarios.dataset_build.chunk.ARM_TRUTH", ())
     path = tmp_path / "least.toml"
     path.write_text(TINY)
     return path
@@ -137,7 +137,7 @@ def test_an_interrupted_build_says_how_to_go_on_and_goes_on(
                 return one(plan, numbers)
             raise KeyboardInterrupt
 
-        patch.setattr("scenarios.datasets.executor.run_chunk", interrupted)
+        patch.setattr("scenarios.dataset_build.executor.run_chunk", interrupted)
         code, out, err = run(capsys, *words)
     assert (code, out) == (130, "")
     kept = f"1 of 2 experiments kept in {tmp_path / 'least-v1.unfinished'}"

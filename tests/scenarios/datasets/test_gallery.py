@@ -7,8 +7,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from scenarios.dataset_truth.arm_truth import read_arm
 from scenarios.datasets import gallery, open_data_set
-from scenarios.datasets.arm_truth import read_arm
 from scenarios.datasets.gallery import gallery_figure
 from scenarios.errors import ScenarioError
 

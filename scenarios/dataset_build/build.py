@@ -1,0 +1,190 @@
+"""Build a data set into a folder of its own, and lose nothing of it however often the build ends before its end."""
+
+import os
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from time import monotonic
+from typing import Any
+
+from hmtb_twin.parameters import SAMPLE_RATE
+from scenarios.dataset_build import build_record
+from scenarios.dataset_build.chunk import MOST_ROWS, Made, chunks
+from scenarios.dataset_build.executor import Executor, Threads
+from scenarios.dataset_build.finish import finish, finished
+from scenarios.dataset_build.lock import locked
+from scenarios.dataset_build.manifest import Manifest
+from scenarios.dataset_build.progress import RECORDS, Progress, Told
+from scenarios.dataset_build.safe_write import make_folder, remove_partial, write_files
+from scenarios.dataset_build.steady_memory import steady_memory
+from scenarios.datasets.hashes import bytes_hash, file_hash
+from scenarios.datasets.layout import MANIFEST, UNFINISHED
+from scenarios.datasets.plan import Plan
+from scenarios.datasets.spec import DataSetSpec
+from scenarios.errors import ScenarioError
+
+TOGETHER = 16
+"""Experiments that are seen on the disk together: fewer waits for the disk."""
+
+SOON = 2.0
+"""After what time they are at the latest when another comes, s; and they are before the next chunk is begun."""
+
+
+@dataclass(frozen=True)
+class Built:
+    """A data set on disk.
+
+    Attributes:
+        path: Its folder.
+        experiments: How many experiments have a record.
+        failed: Why others have none, and what else could not be made, by name.
+        hash: Of all arrays together.
+    """
+
+    path: Path
+    experiments: int
+    failed: Mapping[str, str]
+    hash: str
+
+
+def build(
+    spec: DataSetSpec,
+    out: Path,
+    *,
+    workers: int | None = None,
+    rows: int = MOST_ROWS,
+    executor: Executor | None = None,
+    progress: Told | None = None,
+) -> Built:
+    """Build a data set, or go on with a build that was interrupted.
+
+    Args:
+        spec: The spec.
+        out: The folder in which that of the data set is made.
+        workers: Threads for the physics; all processors by default. The bits do not depend on it.
+        rows: Experiments that run side by side at most: less memory and less to lose, or more speed. The bits do not
+            depend on it.
+        executor: Who runs the experiments instead of this process.
+        progress: Told how far the build is.
+
+    Raises:
+        ScenarioError: The data set is already there; another build is at work on it; what is there was begun with
+            another spec or by other software; or a file cannot be written: then what is written stays, and the next
+            build goes on from there.
+    """
+    if rows < 1:
+        raise ScenarioError(f"rows = {rows} given, expected 1 experiment side by side or more")
+    if spec.commitment:
+        raise ScenarioError(f"the seed of {spec.label} is kept apart: hmtb dataset build --key KEYFILE alone builds it")
+    steady_memory()
+    final, folder = out / spec.label, out / (spec.label + UNFINISHED)
+    plan = Plan(spec)
+    told = progress or (lambda _: None)
+    try:
+        if final.exists() or final.is_symlink():
+            if (summary := finished(final)) is None:
+                raise ScenarioError(
+                    f"{final} is already there: a version is never overwritten; give the spec another version, or "
+                    "build in another folder"
+                )
+            return Built(final, summary.experiments, summary.failed, summary.hash)
+        make_folder(folder)
+        with locked(folder):
+            remove_partial(folder)
+            build_record.begin(folder, spec)
+            with Manifest(folder / MANIFEST, len(plan)) as manifest:
+                _check(folder, manifest, told)
+                _run(plan, folder, manifest, executor or Threads(workers), rows, told)
+                summary = finish(plan, folder, final, manifest, told)
+    except OSError as error:
+        raise ScenarioError(_said(error, folder)) from error
+    return Built(final, summary.experiments, summary.failed, summary.hash)
+
+
+def _check(folder: Path, manifest: Manifest, told: Told) -> None:
+    """Look at every file that is noted; what is missing or damaged is made anew."""
+    total = manifest.done
+    for number, line in enumerate(manifest.noted(), start=1):
+        if not _holds(folder, line):
+            manifest.forget(line)
+        told(Progress("check", number, total))
+    for line in list(manifest.pieces()):
+        if not _holds(folder, line):
+            manifest.forget(line)
+
+
+def _holds(folder: Path, line: Mapping[str, Any]) -> bool:
+    return all(
+        (folder / place).is_file() and file_hash(folder / place) == expected
+        for place, expected in line["files"].items()
+    )
+
+
+def _run(plan: Plan, folder: Path, manifest: Manifest, executor: Executor, rows: int, told: Told) -> None:
+    """Run what is left of the experiments; what is done when something fails is kept."""
+    done, total, whole = manifest.done, len(plan), plan.seconds
+    come = max(whole - sum(map(plan.duration, manifest.left)), 0.0)
+    seconds = 0.0
+    waiting: list[Made] = []
+    kept = monotonic()
+
+    def show(ticks: int = 0) -> None:
+        nonlocal seconds
+        # When the first of a chunk comes, the ticks of the others are not counted any more: they have been shown.
+        seconds = min(max(seconds, come + ticks / SAMPLE_RATE), whole)
+        told(Progress(RECORDS, done, total, seconds, whole))
+
+    def keep() -> None:
+        nonlocal done, kept
+        if not waiting:
+            return
+        for made in waiting:
+            write_files(folder, made.files)
+        manifest.append([_line(made) for made in waiting])
+        done += len(waiting)
+        waiting.clear()
+        kept = monotonic()
+        show()
+
+    def next_chunks() -> Iterator[Sequence[int]]:
+        for chunk in chunks(plan, manifest.left, rows=rows):
+            keep()
+            yield chunk
+
+    show()
+    try:
+        for made in executor(plan, next_chunks(), show):
+            waiting.append(made)
+            come += plan.duration(made.number)
+            if len(waiting) >= TOGETHER or monotonic() - kept > SOON:
+                keep()
+    except BaseException as error:
+        if not isinstance(error, OSError):
+            keep()
+        raise
+    keep()
+    if manifest.done < total:
+        raise ScenarioError(f"{total - manifest.done} experiments were given to run, and nothing has come of them")
+
+
+def _line(made: Made) -> dict[str, Any]:
+    """The entry of the manifest about an experiment."""
+    return {
+        "number": made.number,
+        "about": dict(made.about),
+        "files": {place: bytes_hash(content) for place, content in made.files.items()},
+        "arrays": {place: dict(hashes) for place, hashes in made.arrays.items()},
+        **({"failed": made.failed} if made.failed else {}),
+        **({"missing": dict(made.missing)} if made.missing else {}),
+    }
+
+
+def _said(error: OSError, folder: Path) -> str:
+    """One line about what the system refused, and what becomes of what is there."""
+    why = os.strerror(error.errno) if error.errno else str(error)
+    if isinstance(error, FileExistsError):
+        why = "a file of that name is there, expected a folder or nothing"
+    line = f"cannot write or read {error.filename or folder}: {why}"
+    if not os.path.exists(folder / MANIFEST):
+        return line
+    return f"{line}; what is done stays in {folder}: the same command goes on from there"

@@ -1,0 +1,3 @@
+"""Predictions and models scored on a data set, and the baselines beside them."""
+
+__all__: list[str] = []

@@ -1,0 +1,180 @@
+"""The best linear approximation for records of a data set: what linear models of them tend to."""
+
+from collections.abc import Hashable, Iterable, Mapping
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+
+import numpy as np
+
+from hmtb_twin.control_station import ControlStation
+from hmtb_twin.modes import joint_index
+from hmtb_twin.parameters import SAMPLE_TIME
+from scenarios.best_linear import BestLinearTruth, best_linear
+from scenarios.dataset_truth.excitation_class import excitation_class
+from scenarios.datasets.netcdf import Attribute, Contents, Variable, read_netcdf
+from scenarios.datasets.plan import Entry, Plan
+from scenarios.datasets.spec import DataSetSpec
+from scenarios.errors import ScenarioError
+from scenarios.experiment_arm import experiment_arm
+from scenarios.multisine_experiment import MultisineExperiment
+from scenarios.multisines import Multisines
+from scenarios.thesis.best_linear_test import REALISATIONS, multisine_like
+from sysid import FrequencyResponse, IOData
+
+FORMAT = "hmtb best linear approximation 1"
+"""Marks the files of this version."""
+
+
+@dataclass(frozen=True)
+class BestLinearStage:
+    """Measures the best linear approximations that a spec asks for, a file for each class of excitation.
+
+    Attributes:
+        name: What it makes.
+    """
+
+    name: str = field(default="best-linear", init=False)
+
+    def pieces(self, plan: Plan) -> Iterable[str]:
+        """Names of the first experiments of each class in the blocks that the spec names, on the first twin."""
+        first: dict[Hashable, str] = {}
+        blocks = set(plan.spec.truth.best_linear)
+        for entry in plan if blocks else ():
+            if entry.block in blocks:
+                first.setdefault(excitation_class(entry), entry.name)
+        return list(first.values())
+
+    def make(self, plan: Plan, folder: Path, piece: str) -> Mapping[str, Contents]:
+        """Measure one.
+
+        Args:
+            plan: The experiments.
+            folder: Where the data set stands.
+            piece: An experiment, whose arm, joints and amplitude are taken.
+
+        Raises:
+            ScenarioError: It has no best linear approximation, for instance because it is no test of single joints.
+        """
+        entry = next(entry for entry in plan if entry.name == piece)
+        return {entry.best_linear: best_linear_contents(plan.spec, entry)}
+
+
+def best_linear_contents(spec: DataSetSpec, entry: Entry, *, threads: int | None = None) -> Contents:
+    """Measure the best linear approximation under a multisine like the command of an experiment.
+
+    A multisine is repeated with new phases; any other excitation of one joint by a multisine whose command has the same
+    root mean square, and the band that holds 95 % of its power.
+
+    Args:
+        spec: The data set.
+        entry: The experiment.
+        threads: Threads for the physics; the bits do not depend on it.
+
+    Raises:
+        ScenarioError: Several joints excited otherwise than by multisines, work in contact or an emergency shutdown.
+    """
+    setting, multisines = matched(spec, entry)
+    found = best_linear(setting, multisines, measured=entry.joints, threads=threads)
+    return _contents(spec, entry, found)
+
+
+def matched(spec: DataSetSpec, entry: Entry) -> tuple[MultisineExperiment, Multisines]:
+    """The multisine like the command of an experiment, and the setting that it is played in; see above.
+
+    Raises:
+        ScenarioError: Several joints excited otherwise than by multisines.
+    """
+    seed = int(np.random.SeedSequence([spec.entropy, *f"best linear {entry.name}".encode()]).generate_state(1)[0])
+    experiment = entry.experiment
+    if isinstance(experiment, MultisineExperiment):
+        multisines = replace(experiment.multisines, realisations=REALISATIONS, seed=seed)
+        return replace(experiment, seed=seed), multisines
+    if len(experiment.axes) != 1:
+        raise ScenarioError(
+            f"{entry.name} excites {', '.join(experiment.axes)} at once; expected a joint alone, or multisines, for a "
+            "best linear approximation"
+        )
+    arm = experiment_arm(experiment)
+    # The command is known without the physics.
+    station = ControlStation(experiment, arm, np.random.default_rng(experiment.seed).spawn(2)[0])
+    command = station.commands[:, joint_index(experiment.axes[0])]
+    command = command - command.mean()
+    setting, multisines, _ = multisine_like(experiment, arm, [IOData(command, command, SAMPLE_TIME)], seed=seed)
+    return setting, multisines
+
+
+def _contents(spec: DataSetSpec, entry: Entry, found: BestLinearTruth) -> Contents:
+    response, band = found.servo.response, found.bandwidth
+    along = ("frequency", "output", "input")
+    complex_, truth = {"units": "1", "role": "truth"}, {"role": "truth"}
+    assert response.covariance is not None  # noqa: S101 - several realisations have one
+    variables = {
+        "input": Variable(("input",), np.array(found.experiment.axes), truth),
+        "output": Variable(("output",), np.array(found.measured), truth),
+        "frequency": Variable(("frequency",), response.frequencies, {"units": "Hz", **truth}),
+        "response": Variable(
+            (*along, "part"),
+            np.stack([response.response.real, response.response.imag], axis=-1),
+            {**complex_, "long_name": "measured over commanded angle: real and imaginary part"},
+        ),
+        "covariance": Variable(
+            (*along, "part", "other_part"),
+            response.covariance,
+            {**complex_, "long_name": "of real and imaginary part: noise and nonlinear distortion together"},
+        ),
+        **{
+            f"{name}_variance": Variable(
+                along, getattr(found.servo, f"{name}_variance"), {**complex_, "long_name": f"of the response: {text}"}
+            )
+            for name, text in (
+                ("noise", "the mean, by noise"),
+                ("total", "the mean, by noise and distortion"),
+                ("distortion", "one realisation, by nonlinear distortion"),
+            )
+        },
+        "bandwidth": Variable(along[1:], band.hz, {"units": "Hz", "long_name": "half-power bandwidth", **truth}),
+        "bandwidth_ci95": Variable(
+            ("end", *along[1:]), np.stack(band.ci95), {"units": "Hz", "long_name": "95 % interval", **truth}
+        ),
+        "distortion": Variable(
+            ("output",),
+            found.distortion_percent,
+            {"units": "%", "long_name": "nonlinear distortion, root mean square over that of the linear part", **truth},
+        ),
+        "command_rms": Variable(("input",), found.command_rms, {"units": "rad", **truth}),
+    }
+    attributes: dict[str, Attribute] = {
+        "format": FORMAT,
+        "data_set": spec.label,
+        "experiment": entry.name,
+        "arm": entry.arm,
+        "realisations": found.servo.realisations,
+        "degrees_of_freedom": float(response.degrees_of_freedom or np.nan),
+        "slewing": found.slewing,
+        "limited": found.limited,
+        "license": "CC-BY-4.0",
+        **{f"provenance_{key}": value for key, value in found.provenance.items()},
+    }
+    return Contents(variables, attributes)
+
+
+def read_best_linear(path: Path) -> FrequencyResponse:
+    """Read a best linear approximation back, with its covariance.
+
+    Raises:
+        ScenarioError: No such file, or none of a best linear approximation.
+    """
+    contents = read_netcdf(path)
+    if contents.attributes.get("format") != FORMAT:
+        raise ScenarioError(f"{path} is no best linear approximation: expected the format {FORMAT!r}")
+    v = {name: variable.values for name, variable in contents.variables.items()}
+    return FrequencyResponse(
+        v["frequency"],
+        v["response"][..., 0] + 1j * v["response"][..., 1],
+        SAMPLE_TIME,
+        "best linear approximation",
+        covariance=v["covariance"],
+        degrees_of_freedom=float(np.asarray(contents.attributes["degrees_of_freedom"])),
+        input_names=tuple(map(str, v["input"])),
+        output_names=tuple(map(str, v["output"])),
+    )

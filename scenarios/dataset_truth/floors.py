@@ -1,0 +1,235 @@
+"""The best attainable score: what no model can go below on the scored records of a data set."""
+
+import csv
+import io
+import json
+from collections import Counter
+from collections.abc import Hashable, Iterable, Mapping
+from dataclasses import asdict, dataclass, field
+from functools import lru_cache
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from scipy.stats import chi2
+
+from hmtb_twin import JointLog, TwinError
+from hmtb_twin.modes import joint_index
+from hmtb_twin.recorder import delayed
+from scenarios.attainable import Attainable, attainable
+from scenarios.dataset_scores.baseline_table import software
+from scenarios.dataset_scores.score import in_metric
+from scenarios.dataset_truth.arm_truth import arm_truth
+from scenarios.dataset_truth.excitation_class import excitation_class
+from scenarios.dataset_truth.stored_log import stored_log
+from scenarios.datasets.data_set import open_data_set
+from scenarios.datasets.layout import ATTAINABLE, attainable_file
+from scenarios.datasets.plan import Entry, Plan
+from scenarios.datasets.scoring import Scoring
+from scenarios.datasets.spec import DataSetSpec
+from scenarios.errors import ScenarioError
+from scenarios.experiment_arm import experiment_arm
+from sysid import SysidError
+
+TABLE = "table"
+"""The last piece of the stage, that gathers the floors of all records."""
+
+COLUMNS = (
+    "experiment",
+    "joint",
+    "samples",
+    "metric",
+    "unit",
+    "attainable",
+    "attainable_by_chance",
+    "best_linear",
+    "right_order",
+    "small_signal",
+    "one_step_attainable",
+    "one_step_best_linear",
+    "one_step_small_signal",
+    "spread_rad",
+    "note",
+)
+"""Columns of the table: floors in the metric and unit of the data set's score; empty where one was not searched.
+
+`attainable` is of the horizon that the data set is scored at, where that is several steps the floor of one step, which
+is below theirs; the linear systems are those in simulation, but for the ones called `one_step`.
+"""
+
+
+@dataclass(frozen=True)
+class FloorStage:
+    """Finds the floors that a spec asks for, a file for each record, and the table of them.
+
+    Attributes:
+        name: What it makes.
+    """
+
+    name: str = field(default="attainable", init=False)
+
+    def pieces(self, plan: Plan) -> Iterable[str]:
+        """Names of the records whose floors are searched, then the table."""
+        return [*searched(plan), TABLE]
+
+    def make(self, plan: Plan, folder: Path, piece: str) -> Mapping[str, bytes]:
+        """Search the floors of a record, or gather all.
+
+        Args:
+            plan: The experiments.
+            folder: Where the data set stands.
+            piece: A record, or `TABLE`.
+
+        Raises:
+            ScenarioError: A damaged file.
+        """
+        if piece != TABLE:
+            entry = next(entry for entry in plan if entry.name == piece)
+            content = json.dumps(floors(plan.spec, entry, _log(folder, entry)), indent=1, allow_nan=False) + "\n"
+            return {str(attainable_file(piece)): content.encode()}
+        there = {record.name for record in open_data_set(folder).test}
+        scored = (entry for entry in plan if entry.part == "test" and entry.name in there)
+        rows = [row for entry in scored for row in _rows(plan.spec, entry, folder)]
+        return {ATTAINABLE: _csv(rows)}
+
+
+def searched(plan: Plan) -> tuple[str, ...]:
+    """Names of the records whose floors are searched: of each class of excitation as many as the spec says.
+
+    Args:
+        plan: The experiments.
+    """
+    counts = Counter[Hashable]()
+    names = []
+    for entry in plan if plan.spec.truth.floors else ():
+        if entry.part != "test":
+            continue
+        key = (entry.block, excitation_class(entry))
+        counts[key] += 1
+        if counts[key] <= plan.spec.truth.floors:
+            names.append(entry.name)
+    return tuple(names)
+
+
+def floors(spec: DataSetSpec, entry: Entry, log: JointLog) -> dict[str, Any]:
+    """All floors of a scored record, with what stands behind them, for each of its joints.
+
+    Args:
+        spec: The data set.
+        entry: The experiment.
+        log: Its log.
+
+    Returns:
+        By joint what `scenarios.attainable.Attainable` holds, in rad and percent, with `by_chance`: how small chance
+        can make the error of a model that is as good, once in twenty times; or why there are none.
+    """
+    arm, pose = experiment_arm(entry.experiment), entry.experiment.pose
+    found: dict[str, Any] = {"experiment": entry.name, "window": spec.window, "software": software(), "joints": {}}
+    for joint in entry.joints:
+        try:
+            one = attainable(log, joint, truth=arm_truth(arm, pose, spec.truth.amplitudes), window=spec.window)
+        except (ScenarioError, TwinError, SysidError) as error:
+            found["joints"][joint] = {"reason": str(error)}
+            continue
+        found["joints"][joint] = _record(one)
+    return found
+
+
+def _record(found: Attainable) -> dict[str, Any]:
+    text = {name: getattr(found, name) for name in ("simulation", "one_step", "right_order")}
+    chance = {
+        horizon: {name: found.by_chance(floor.rmse) for name, floor in vars(getattr(found, horizon)).items()}
+        for horizon in ("simulation", "one_step")
+    }
+    return {
+        **{name: asdict(value) for name, value in text.items()},
+        "by_chance": chance,
+        **{
+            name: getattr(found, name)
+            for name in ("samples", "spread", "order", "distortion", "mean_error", "settling", "memory", "parameters")
+        },
+        "provenance": dict(found.provenance),
+    }
+
+
+def noise_floor(entry: Entry, log: JointLog, joint: str, window: int) -> float:
+    """Root mean square of what nobody can foretell who knows the noise-free angle, rad: noise of the recorder.
+
+    Args:
+        entry: The experiment.
+        log: Its log.
+        joint: The joint.
+        window: Samples that are not scored.
+    """
+    column = joint_index(joint)
+    true = delayed(log.true_angles, experiment_arm(entry.experiment).delays)[window:, column]
+    return float(np.sqrt(np.mean((log.measured[window:, column] - true) ** 2)))
+
+
+def by_chance(rmse: float, samples: int) -> float:
+    """How small chance can make the error of a model as good as a floor; see `Attainable.by_chance`."""
+    return rmse * float(np.sqrt(max(1.0 - chi2.ppf(0.95, 1) / samples, 0.0)))
+
+
+@lru_cache(maxsize=4)
+def _log(folder: Path, entry: Entry) -> JointLog:
+    """The log of an experiment; where few are searched it is read once."""
+    return stored_log(folder, entry)
+
+
+def _rows(spec: DataSetSpec, entry: Entry, folder: Path) -> Iterable[dict[str, str]]:
+    place = folder / attainable_file(entry.name)
+    kept = json.loads(place.read_bytes())["joints"] if place.is_file() else {}
+    log = _log(folder, entry)
+    for joint in entry.joints:
+        yield _row(spec, entry, log, joint, kept.get(joint))
+
+
+def _row(spec: DataSetSpec, entry: Entry, log: JointLog, joint: str, kept: Mapping[str, Any] | None) -> dict[str, str]:
+    scored = log.measured[spec.window :, joint_index(joint)]
+    spread, recorder = float(scored.std()), noise_floor(entry, log, joint, spec.window)
+    # Without noise in the drives the commands foretell the noise-free angle.
+    certain = not entry.experiment.plant.process_noise
+    values = {"attainable": recorder if certain else None, "one_step_attainable": recorder}
+    note = "" if kept or certain else "process noise: the mean response was not searched"
+    if kept and "reason" not in kept:
+        simulation, one_step = kept["simulation"], kept["one_step"]
+        values |= {
+            "attainable": simulation["any_model"]["rmse"],
+            "best_linear": simulation["best_linear"]["rmse"],
+            "small_signal": simulation["small_signal"]["rmse"],
+            "right_order": kept["right_order"]["rmse"],
+            "one_step_attainable": one_step["any_model"]["rmse"],
+            "one_step_best_linear": one_step["best_linear"]["rmse"],
+            "one_step_small_signal": one_step["small_signal"]["rmse"],
+        }
+    elif kept:
+        note = kept["reason"]
+    best = values["one_step_attainable"] if spec.scoring.steps else values["attainable"]
+    values |= {"attainable": best, "attainable_by_chance": None if best is None else by_chance(best, len(scored))}
+    return {
+        **dict.fromkeys(COLUMNS, ""),
+        "experiment": entry.name,
+        "joint": joint,
+        "samples": str(len(scored)),
+        "metric": spec.scoring.metric,
+        "unit": spec.scoring.unit if spec.scoring.metric == "rmse" else "%",
+        **{name: _written(spec.scoring, value, spread) for name, value in values.items()},
+        "spread_rad": f"{spread:.11g}",
+        "note": note,
+    }
+
+
+def _written(scoring: Scoring, rmse: float | None, spread: float) -> str:
+    if rmse is None:
+        return ""
+    (value,) = in_metric(scoring, np.array([rmse]), np.array([spread]))
+    return f"{value:.11g}"
+
+
+def _csv(rows: Iterable[Mapping[str, str]]) -> bytes:
+    text = io.StringIO()
+    writer = csv.DictWriter(text, COLUMNS, lineterminator="\n")
+    writer.writeheader()
+    writer.writerows(rows)
+    return text.getvalue().encode()

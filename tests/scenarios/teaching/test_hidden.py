@@ -1,0 +1,393 @@
+"""Data sets whose truth is hidden: nothing that is published tells of it, and the key holds all of it."""
+
+import json
+import shutil
+import stat
+import struct
+import zipfile
+from collections.abc import Iterator
+from dataclasses import replace
+from pathlib import Path
+
+import h5py
+import numpy as np
+import pytest
+
+from hmtb_twin.specimen_draw import Distribution, TwinDistributions
+from scenarios.cli import main
+from scenarios.dataset_build.build import build
+from scenarios.dataset_build.progress import Progress
+from scenarios.dataset_check.check import examine
+from scenarios.dataset_scores.model_predictor import ModelPredictor
+from scenarios.dataset_scores.score import score_model
+from scenarios.datasets import open_data_set
+from scenarios.datasets.hashes import file_hash
+from scenarios.datasets.netcdf import read_netcdf
+from scenarios.datasets.plan import Plan
+from scenarios.datasets.records import Records
+from scenarios.datasets.spec import DataSetSpec
+from scenarios.errors import ScenarioError
+from scenarios.registry import load, registered
+from scenarios.teaching.hidden_build import build_again, build_hidden, private_folder
+from scenarios.teaching.key_check import examine_with_key
+from scenarios.teaching.key_file import read_key, unpack
+from scenarios.teaching.publish import publish
+from scenarios.teaching.roster import read_roster
+from scenarios.teaching.secret import secret_spec, student_spec
+from sysid import arx
+from tests.scenarios.conftest import Class
+
+RUN = 6
+"""So many withheld samples in a row are no chance: one alone is a count of the resolver, and stands in every record."""
+
+
+@pytest.fixture(scope="module")
+def whole(hidden: Class, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """All that the key keeps of ann's data set."""
+    return unpack(read_key(hidden.key), "class-v1-ann", tmp_path_factory.mktemp("whole"))
+
+
+def numbers(folder: Path) -> Iterator[tuple[str, np.ndarray]]:
+    """Every array and every attribute of numbers in every NetCDF file, as h5py reads them, nothing left out."""
+    for path in sorted(folder.rglob("*.nc")):
+        found: list[tuple[str, np.ndarray]] = []
+
+        def visit(name: str, entry: object, found: list[tuple[str, np.ndarray]] = found) -> None:
+            found.extend((f"{name}@{key}", np.asarray(value)) for key, value in entry.attrs.items())  # type: ignore[attr-defined]
+            if isinstance(entry, h5py.Dataset):
+                found.append((name, np.asarray(entry[...])))
+
+        with h5py.File(path) as file:
+            visit("", file)
+            file.visititems(visit)
+        yield from ((f"{path.name}:{name}", values) for name, values in found)
+
+
+def published_bytes(folder: Path) -> Iterator[tuple[str, bytes]]:
+    """Every file as it is, and everything in NetCDF files as it is without compression."""
+    for path in sorted(path for path in folder.rglob("*") if path.is_file()):
+        yield path.name, path.name.encode() + b"\n" + path.read_bytes()
+    for name, values in numbers(folder):
+        if values.dtype.kind in "biufc":
+            yield name, np.ascontiguousarray(values, dtype=values.dtype.newbyteorder("<")).tobytes()
+        else:
+            texts = (v if isinstance(v, bytes) else str(v).encode() for v in values.ravel().tolist())
+            yield name, b"\n".join(texts)
+
+
+def secrets_of(key_path: Path, label: str) -> dict[str, set[bytes]]:
+    """Whatever would give the truth away, as text and as bytes."""
+    key = read_key(key_path)
+    spec = key.spec_of(label)
+    found: dict[str, set[bytes]] = {}
+    for name, digits in (("root seed", key.spec.secret_seed), ("seed", spec.secret_seed), ("salt", key.salt)):
+        raw = bytes.fromhex(digits)
+        words = {digits, digits.upper(), str(int(digits, 16)), digits.lstrip("0")}
+        found[name] = {raw, raw[::-1], *(word.encode() for word in words)}
+    for entry in Plan(spec):
+        one = entry.experiment
+        seeds = [one.seed, *(e.parameters["seed"] for e in one.excitation if "seed" in e.parameters)]  # type: ignore[union-attr]
+        for seed in seeds:
+            forms = {str(seed).encode(), f"{seed:x}".encode()}
+            found[f"seed of {entry.name}"] = forms | {struct.pack(f"{end}Q", seed) for end in "<>"}
+        drawn = [one.plant.supply_pressure, one.plant.process_noise, *one.specimen.kp, *one.specimen.mass]
+        for value in drawn:
+            texts = {repr(float(value)).encode(), f"{value:.9g}".encode()}
+            found[f"drawn {value}"] = texts | {struct.pack(f"{end}d", value) for end in "<>"}
+    return found
+
+
+def test_no_byte_that_is_published_tells_a_secret(hidden: Class, whole: Path) -> None:
+    secrets = secrets_of(hidden.key, "class-v1-ann")
+    assert len(secrets) > 12
+    drawn = [name for name in secrets if name.startswith("drawn")]
+    assert len(drawn) >= 10
+    for where, content in published_bytes(hidden.ann):
+        for what, forms in secrets.items():
+            assert not any(form in content for form in forms), f"{what} in {where}"
+    # The search finds them where they are.
+    everything = b"\n".join(content for _, content in published_bytes(whole))
+    assert all(
+        any(form in everything for form in forms)
+        for what, forms in secrets.items()
+        if what not in ("salt", "root seed")
+    )
+
+
+def test_nothing_withheld_of_a_scored_record_is_published(hidden: Class, whole: Path) -> None:
+    place = "data/test/ann-twin-0-noise.nc"
+    kept, shown = read_netcdf(whole / place).variables, read_netcdf(hidden.ann / place).variables
+    given = {name for name, variable in shown.items() if "sample" in variable.dims}
+    assert given == {"sample", "u", "joint_commanded"}
+    assert shown["y"].dims == ("window_sample", "output") and shown["y"].values.shape == (20, 1)
+    assert np.array_equal(shown["y"].values, kept["y"].values[:20])
+    assert np.array_equal(shown["u"].values, kept["u"].values)
+    assert np.isfinite(shown["y"].values).all()
+    content = b"\n".join(content for _, content in published_bytes(hidden.ann))
+    for name in ("y", "joint_measured", "wrench"):
+        for column in kept[name].values.T:
+            for begin in range(20, len(column) - RUN):
+                run = column[begin : begin + RUN]
+                if len(np.unique(run)) == RUN:  # a joint that stands still is no secret
+                    assert run.tobytes() not in content, f"{name} from sample {begin} on"
+    # It is there to be found in the whole.
+    assert kept["y"].values[30:36, 0].tobytes() in b"\n".join(content for _, content in published_bytes(whole))
+
+
+def test_only_what_cannot_be_foretold_from_the_commands_is_withheld_for_a_reason(hidden: Class) -> None:
+    """The wrench says more of the outputs than the commands do: why it is withheld, as are the other joints."""
+    record = read_netcdf(hidden.ann / "data/train/ann-twin-0-binary-elbow_pitch.nc").variables
+    y, u = record["y"].values[10:, 0], record["u"].values[:, 0]
+    past = np.column_stack([np.ones(len(y)), *(u[10 - k : len(u) - k] for k in range(11))])
+    beside = np.column_stack([past, record["wrench"].values[10:], record["joint_measured"].values[10:]])
+
+    def left(columns: np.ndarray) -> float:
+        half = len(y) // 2
+        solution, *_ = np.linalg.lstsq(columns[:half], y[:half], rcond=1e-10)
+        return float(np.std(y[half:] - columns[half:] @ solution))
+
+    assert left(beside) < 0.5 * left(past)
+
+
+def test_what_is_published_names_no_seed_no_run_and_no_truth(hidden: Class) -> None:
+    assert not (hidden.ann / "truth").exists() and not (hidden.ann / "baselines").exists()
+    for path in hidden.ann.rglob("*.nc"):
+        names = read_netcdf(path).attributes
+        assert not [name for name in names if "seed" in name or name.startswith("provenance")]
+    index = json.loads((hidden.ann / "experiments.json").read_text())
+    assert all("seed" not in entry and "process_noise" not in entry for entry in index["experiments"])
+    spec = open_data_set(hidden.ann).spec
+    assert spec.seed is None and spec.secret_seed == "" and index["commitment"] == spec.commitment
+    assert spec.records[1].excitation[0].parameters["seed"] == 0  # the one that was written, 5, is of no record
+    assert "truth" not in (hidden.ann / "baselines.csv").read_text()
+    with pytest.raises(ScenarioError, match="is kept apart"):
+        build(spec, hidden.out)
+
+
+def test_students_have_data_of_their_own(hidden: Class) -> None:
+    ann, bob = (open_data_set(folder) for folder in (hidden.ann, hidden.bob))
+    assert ann.label == "class-v1-ann" and ann.hash != bob.hash
+    for one, other in zip(ann.records(), bob.records(), strict=True):
+        assert one.name.removeprefix("ann-") == other.name.removeprefix("bob-")
+        assert not np.array_equal(one.u, other.u)
+    key = read_key(hidden.key)
+    kp = {next(iter(Plan(spec))).experiment.specimen.kp for spec in key.specs}
+    assert len(kp) == 2
+    assert key.specs[0].secret_seed not in (key.spec.secret_seed, student_spec(key.spec, "Ann").secret_seed)
+
+
+def test_predictions_of_withheld_records_are_those_of_whole_ones(hidden: Class, whole: Path) -> None:
+    shown, kept = (open_data_set(folder).test[0] for folder in (hidden.ann, whole))
+    assert shown.y.shape == (20,) and len(shown) == len(shown.u) == 200
+    assert shown[5:100].y.shape == (15,) and shown[30:100].y.shape == (0,)
+    data = shown.iodata()
+    assert data.missing and np.isnan(data.y).sum() == 180 and data.window == 20
+    train = open_data_set(hidden.ann).select(joint="elbow_pitch").train[0].iodata()
+    model = arx(train.subtract(u=train.u[0], y=train.y[0]), 2, 2).model
+    predictor = ModelPredictor(model, train.u[0], train.y[0])
+    with pytest.raises(ScenarioError, match="are withheld: whoever has the key scores it"):
+        score_model(predictor, hidden.ann)
+    assert predictor.predicted(data, 0) == pytest.approx(predictor.predicted(kept.iodata(), 0), rel=1e-12)
+
+
+def test_a_check_says_what_it_cannot_and_with_the_key_can(hidden: Class) -> None:
+    without = examine(hidden.ann)
+    assert without.passed and any("the seed is kept apart" in note for note in without.notes)
+    found = examine_with_key(hidden.ann, hidden.key, regenerate=1, workers=1)
+    assert found.passed and any("simulated again" in note and "same bits" in note for note in found.notes)
+    assert main(["dataset", "check", str(hidden.bob), "--key", str(hidden.key), "--regenerate", "0"]) == 0
+
+
+def test_a_folder_that_was_exchanged_is_found_with_the_key(hidden: Class, tmp_path: Path) -> None:
+    folder = shutil.copytree(hidden.ann, tmp_path / "changed")
+    readme, sums = folder / "README.md", folder / "SHA256SUMS"
+    before = file_hash(readme)
+    readme.write_text(readme.read_text() + "!")
+    assert "hash is not that of" in examine_with_key(folder, hidden.key).problems[0]
+    # Whoever mends the checksums deceives every check but that with the key.
+    sums.write_text(sums.read_text().replace(before, file_hash(readme)))
+    assert examine(folder, regenerate=0).passed
+    assert "something was exchanged" in examine_with_key(folder, hidden.key).problems[0]
+
+
+def test_the_key_is_a_plain_archive_of_its_owner(hidden: Class) -> None:
+    assert stat.S_IMODE(hidden.key.stat().st_mode) == 0o600
+    assert not private_folder(hidden.key).exists()
+    with zipfile.ZipFile(hidden.key) as archive:
+        assert {one.compress_type for one in archive.infolist()} == {zipfile.ZIP_STORED}
+        names = archive.namelist()
+        head = json.loads(archive.read("key.json"))
+    assert (
+        "class-v1-ann/truth/arms/ann-twin-0-arm-0.nc" in names and "class-v1-bob/data/test/bob-twin-0-noise.nc" in names
+    )
+    assert not [name for name in names if "/data/train/" in name]
+    assert len(bytes.fromhex(head["salt"])) == 16 and DataSetSpec.from_toml(head["spec"]).secret_seed
+
+
+def test_a_damaged_key_is_refused(hidden: Class, tmp_path: Path) -> None:
+    content = bytearray(hidden.key.read_bytes())
+    position = content.index(b"truth/arms") + 5000
+    content[position] ^= 1
+    (tmp_path / "key").write_bytes(content)
+    with pytest.raises(ScenarioError, match="damaged"):
+        unpack(read_key(tmp_path / "key"), "class-v1-ann", tmp_path / "x")
+    (tmp_path / "none").write_bytes(b"no zip")
+    for name in ("none", "absent"):
+        with pytest.raises(ScenarioError, match=r"no key"):
+            read_key(tmp_path / name)
+
+
+def test_a_build_that_ends_before_its_end_is_gone_on_with_and_built_again(hidden: Class, tmp_path: Path) -> None:
+    class Killed(BaseException):
+        pass
+
+    steps = 0
+
+    def killing(at: int) -> object:
+        def told(_: Progress) -> None:
+            nonlocal steps
+            steps += 1
+            if steps == at:
+                raise Killed
+
+        return told
+
+    key, out = tmp_path / "key", tmp_path / "out"
+    spec = replace(hidden.spec, baselines=replace(hidden.spec.baselines, models=("hold",)))
+    seeds = set()
+    for at in (1, 4, 12):
+        steps = 0
+        with pytest.raises(Killed):
+            build_hidden(spec, out, key, students=("ann", "bob"), workers=1, rows=1, progress=killing(at))  # type: ignore[arg-type]
+        assert stat.S_IMODE(key.stat().st_mode) == 0o600
+        seeds.add(read_key(key).spec.secret_seed)
+        with pytest.raises(ScenarioError, match="not built to their end"):
+            read_key(key).complete()
+    with pytest.raises(ScenarioError, match="another spec or other students"):
+        build_hidden(spec, out, key, students=("ann",), workers=1)
+    made = build_hidden(spec, out, key, students=("ann", "bob"), workers=1)
+    seeds.add(read_key(key).spec.secret_seed)
+    assert len(seeds) == 1 and [path.name for path in made.paths] == ["class-v1-ann", "class-v1-bob"]
+    with pytest.raises(ScenarioError, match="is complete"):
+        build_hidden(spec, out, key, students=("ann", "bob"), workers=1)
+    again = build_again(key, tmp_path / "again", workers=1)
+    for one, other in zip(made.paths, again.paths, strict=True):
+        assert (one / "SHA256SUMS").read_bytes() == (other / "SHA256SUMS").read_bytes()
+
+
+@pytest.mark.parametrize(
+    ("place", "says"),
+    [
+        ("out/class-v1/key", "is published"),
+        ("out/class-v1.unfinished/key", "is published"),
+        ("out/class-v1", "is published"),
+        ("absent/key", "no folder"),
+        ("folder", "is a folder"),
+    ],
+)
+def test_a_key_where_it_cannot_be_is_refused(hidden: Class, tmp_path: Path, place: str, says: str) -> None:
+    (tmp_path / "folder").mkdir()
+    with pytest.raises(ScenarioError, match=says):
+        build_hidden(hidden.spec, tmp_path / "out", tmp_path / place)
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["folder"]
+
+
+def test_a_key_that_cannot_be_written_is_refused_before_the_work(hidden: Class, tmp_path: Path) -> None:
+    with pytest.raises(ScenarioError, match="cannot write the key"):
+        build_hidden(hidden.spec, tmp_path / "out", tmp_path / ("k" * 300))
+    assert not (tmp_path / "out").exists()
+
+
+@pytest.mark.parametrize(
+    ("change", "says"),
+    [
+        ({"twins": None}, "whose truth anyone can compute"),
+        ({"window": 200}, "nothing of it would be withheld"),
+        ({"seed": None, "secret_seed": "0" * 31 + "7"}, "128 bits drawn at random"),
+    ],
+)
+def test_a_truth_that_cannot_be_hidden_is_refused(
+    hidden: Class, tmp_path: Path, change: dict[str, object], says: str
+) -> None:
+    with pytest.raises(ScenarioError, match=says):
+        build_hidden(replace(hidden.spec, **change), tmp_path, tmp_path / "key")  # type: ignore[arg-type]
+    assert not list(tmp_path.iterdir())
+
+
+def test_a_folder_of_another_build_is_left_alone(hidden: Class, whole: Path, tmp_path: Path) -> None:
+    public = open_data_set(hidden.ann).spec
+    begun = tmp_path / "class-v1-ann.unfinished"
+    begun.mkdir()
+    (begun / "spec.toml").write_text("another")
+    with pytest.raises(ScenarioError, match=r"holds something else, spec\.toml"):
+        publish(whole, public, tmp_path)
+    shutil.rmtree(begun)
+    shutil.copytree(hidden.bob, tmp_path / "class-v1-ann")
+    with pytest.raises(ScenarioError, match="never overwritten"):
+        publish(whole, public, tmp_path)
+
+
+def test_why_an_experiment_failed_is_kept_apart(hidden: Class, tmp_path: Path) -> None:
+    twins = replace(hidden.spec.twins, distributions=TwinDistributions(payload_mass=Distribution("uniform", 1.0, 90.0)))  # type: ignore[type-var]
+    made = build_hidden(replace(hidden.spec, twins=twins), tmp_path, tmp_path / "key", workers=1)
+    assert all("cannot hold the arm" in why for name, why in made.failed.items() if "noise" in name)
+    entries = json.loads((made.paths[0] / "experiments.json").read_text())["experiments"]
+    assert [entry["failed"] for entry in entries] == 3 * ["it could not be run; the reason is kept apart"]
+    assert not any(b"cannot hold" in content for _, content in published_bytes(made.paths[0]))
+
+
+def test_commands_that_would_tell_of_the_outputs_are_refused(hidden: Class, tmp_path: Path) -> None:
+    """An operator sees the arm, so what he commands says where it was."""
+    (name,) = [name for name in registered().names("operator") if load(name).task][:1]
+    exchange = Records("exchange", "test", scenarios=(name,))
+    spec = replace(hidden.spec, records=(hidden.spec.records[0], exchange))
+    with pytest.raises(ScenarioError, match="its commands follow the arm"):
+        build_hidden(spec, tmp_path, tmp_path / "key")
+    assert not list(tmp_path.iterdir())
+
+
+def test_scores_that_need_withheld_outputs_are_refused(hidden: Class, tmp_path: Path) -> None:
+    spec = replace(hidden.spec, scoring=replace(hidden.spec.scoring, steps=5))
+    with pytest.raises(ScenarioError, match="need the outputs that are withheld"):
+        build_hidden(spec, tmp_path, tmp_path / "key")
+
+
+@pytest.mark.parametrize(
+    ("text", "says"),
+    [
+        ("", "0 lines given"),
+        ("ann\n\nbob\n", "line 2: ''"),
+        ("ann\nbob smith\n", "line 2: 'bob smith'"),
+        ("../ann\n", "line 1"),
+        ("ann\nANN\n", "'ANN' stands on line 1 already"),
+        ("a" * 41 + "\n", "1 to 40"),
+    ],
+)
+def test_a_roster_is_read_strictly(tmp_path: Path, text: str, says: str) -> None:
+    path = tmp_path / "roster"
+    path.write_text(text)
+    with pytest.raises(ScenarioError, match=says):
+        read_roster(path)
+    path.write_text("ann\nbob-2\n")
+    assert read_roster(path) == ("ann", "bob-2")
+
+
+def test_a_secret_seed_is_drawn_unless_it_is_given(hidden: Class) -> None:
+    one, other = secret_spec(hidden.spec), secret_spec(hidden.spec)
+    assert one.secret_seed != other.secret_seed and len(one.secret_seed) == 32 and one.seed is None
+    assert all(block.draw_waveforms for block in one.records)
+    given = "7a" * 16
+    assert secret_spec(replace(hidden.spec, seed=None, secret_seed=given)).secret_seed == given
+    seeds = {entry.experiment.seed for entry in Plan(one)}
+    assert len(seeds) == 3 and max(seeds) > 2**32
+
+
+def test_a_spec_has_one_source_of_chance(hidden: Class) -> None:
+    for change in ({"seed": None}, {"secret_seed": "a" * 32}, {"commitment": "b" * 64}):
+        with pytest.raises(ScenarioError, match="of seed, secret_seed and commitment given, expected one"):
+            replace(hidden.spec, **change)  # type: ignore[arg-type]
+    with pytest.raises(ScenarioError, match="expected 32 digits") as caught:
+        replace(hidden.spec, seed=None, secret_seed="abc")
+    assert "abc" not in str(caught.value)
+    secret = replace(hidden.spec, seed=None, secret_seed="c" * 32, student="ann")
+    assert DataSetSpec.from_toml(secret.to_toml()) == secret
