@@ -88,9 +88,14 @@ class Entry:
 
 @dataclass(frozen=True)
 class _Template:
-    """An experiment but for its twin and its seeds."""
+    """An experiment but for its twin and its seeds.
+
+    `key` tells it from all others whatever else the spec asks for: seeds come from it, not from the name, whose marks
+    and digits depend on what there is to tell apart.
+    """
 
     name: str
+    key: str
     block: Records
     condition: Condition
     experiment: Scenario | MultisineExperiment
@@ -175,17 +180,19 @@ class Plan(Sequence[Entry]):
         if self.spec.commitment:
             # What chance adds is kept apart.
             return replace(template.experiment, name=name)
-        noise, waveform = _seeds(self.spec, name)
-        one = replace(template.experiment, name=name, seed=noise)
+        key = template.key if twin is None else f"{template.key} | twin {twin}"
+        one = template.experiment
+        # The records of one multisine measurement share their waveforms' seed, not their noise.
+        own = f"{key} | {one.realisation} {one.record}" if isinstance(one, MultisineExperiment) else key
+        waveform, noise = _seeds(self.spec, key)[1], _seeds(self.spec, own)[0]
+        one = replace(one, name=name, seed=noise)
         if self.spec.twins is not None and twin is not None:
             specimen, of_plant = self._drawn(twin)
             one = replace(one, specimen=specimen, plant=replace(one.plant, **of_plant))  # type: ignore[arg-type]
         if not template.block.draw_waveforms:
             return one
         if isinstance(one, MultisineExperiment):
-            # The records of one measurement share their seed.
-            shared = _seeds(self.spec, f"{template.block.name} of {twin}")[1]
-            return replace(one, multisines=replace(one.multisines, seed=shared))
+            return replace(one, multisines=replace(one.multisines, seed=waveform))
         return replace(one, excitation=tuple(_reseeded(e, waveform + k) for k, e in enumerate(one.excitation)))
 
     def _drawn(self, twin: int) -> tuple[Specimen, Mapping[str, float]]:
@@ -196,14 +203,14 @@ class Plan(Sequence[Entry]):
         return self._last[1]
 
 
-def _seeds(spec: DataSetSpec, name: str) -> tuple[int, int]:
-    """Seeds of the noise and of the waveform of an experiment, from the data set's and the name."""
+def _seeds(spec: DataSetSpec, key: str) -> tuple[int, int]:
+    """Seeds of the noise and of the waveform of an experiment, of 62 bits: among millions no two are alike."""
     if spec.secret_seed:
-        # By a keyed hash, and wide: 32 bits could be found by trying which noise stands in an initialisation window.
-        digest = hmac.digest(bytes.fromhex(spec.secret_seed), name.encode(), "sha256")
+        # By a keyed hash: nobody finds the secret from a seed, nor the seed by trying which noise stands in a window.
+        digest = hmac.digest(bytes.fromhex(spec.secret_seed), key.encode(), "sha256")
         return int.from_bytes(digest[:8]) >> 2, int.from_bytes(digest[8:16]) >> 2
-    drawn = np.random.SeedSequence([spec.entropy, *name.encode()]).generate_state(2)
-    return int(drawn[0]), int(drawn[1])
+    drawn = np.random.SeedSequence([spec.entropy, *key.encode()]).generate_state(2, np.uint64)
+    return int(drawn[0]) >> 2, int(drawn[1]) >> 2
 
 
 def _reseeded(excitation: Excitation, seed: int) -> Excitation:
@@ -215,7 +222,7 @@ def _reseeded(excitation: Excitation, seed: int) -> Excitation:
 def _templates(block: Records) -> Iterator[_Template]:
     lists = {key: getattr(block, key) for key in CONDITIONS}
     for played, values, repeat in product(_played(block), product(*lists.values()), range(block.repeats)):
-        name, experiment = played
+        name, key, experiment = played
         varied = [
             _word(key, value) for (key, known), value in zip(lists.items(), values, strict=True) if len(known) > 1
         ]
@@ -223,6 +230,7 @@ def _templates(block: Records) -> Iterator[_Template]:
         under = _under(block, experiment, Condition(*values))
         yield _Template(
             name="-".join((name, *varied, *run)),
+            key=" | ".join((block.name, key, *map(str, values), f"repeat {repeat}")),
             block=block,
             condition=replace(Condition(*values), payload=under.payload, pose=under.pose),
             experiment=under,
@@ -250,15 +258,15 @@ def _under(
     )
 
 
-def _played(block: Records) -> Iterator[tuple[str, Scenario | MultisineExperiment]]:
-    """What is played, with its name, on the nominal arm."""
+def _played(block: Records) -> Iterator[tuple[str, str, Scenario | MultisineExperiment]]:
+    """What is played on the nominal arm, with its name and its key; records of one measurement share the latter."""
     if block.scenarios:
         for name in block.scenarios:
             for one in registered().names(name) if name in registered().tags() else (name,):
                 scenario = load(one)
                 shortened = scenario if block.duration is None else replace(scenario, duration=block.duration)
                 for mark, excitation in _amplified(block, shortened.excitation):
-                    yield f"{one}{mark}", replace(shortened, excitation=excitation)
+                    yield f"{one}{mark}", f"{one} {_volts(excitation)}", replace(shortened, excitation=excitation)
         return
     for axes in [(axis,) for axis in block.axes] if block.each_axis else [block.axes]:
         of_axis = f"-{axes[0]}" if block.each_axis else ""
@@ -267,12 +275,14 @@ def _played(block: Records) -> Iterator[tuple[str, Scenario | MultisineExperimen
                 mark = f"-{1000 * amplitude:g}mrad" if len(block.amplitudes) > 1 else ""
                 multisines = replace(block.multisines, rms=amplitude)
                 setting = _scenario(block, axes, (Excitation("white_noise"),), 1.0)
+                key = f"{' '.join(axes)} {amplitude!r}"
                 for number, record in enumerate(multisine_experiments(setting, multisines), start=1):
-                    yield f"{block.name}{of_axis}{mark}-{number:02d}", record
+                    yield f"{block.name}{of_axis}{mark}-{number:02d}", key, record
             continue
         assert block.duration is not None  # noqa: S101 - the block has been checked
         for mark, excitation in _amplified(block, block.excitation):
-            yield f"{block.name}{of_axis}{mark}", _scenario(block, axes, excitation, block.duration)
+            key = f"{' '.join(axes)} {_volts(excitation)}"
+            yield f"{block.name}{of_axis}{mark}", key, _scenario(block, axes, excitation, block.duration)
 
 
 def _scenario(block: Records, axes: tuple[str, ...], excitation: tuple[Excitation, ...], duration: float) -> Scenario:
@@ -295,6 +305,11 @@ def _amplified(block: Records, excitation: tuple[Excitation, ...]) -> Iterator[t
     for amplitude in block.amplitudes:
         mark = f"-{amplitude:g}V" if len(block.amplitudes) > 1 else ""
         yield mark, tuple(_with_amplitude(entry, amplitude) for entry in excitation)
+
+
+def _volts(excitation: tuple[Excitation, ...]) -> str:
+    """The amplitudes of an excitation, for its key."""
+    return " ".join(repr(entry.parameters.get("amplitude")) for entry in excitation)
 
 
 def _with_amplitude(entry: Excitation, amplitude: float) -> Excitation:

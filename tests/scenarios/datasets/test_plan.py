@@ -1,0 +1,90 @@
+"""What a spec asks for: names, seeds and arms of its experiments."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from scenarios.datasets.plan import Entry, Plan
+from scenarios.datasets.spec import DataSetSpec, load_spec, shipped
+from scenarios.errors import ScenarioError
+from scenarios.multisine_experiment import MultisineExperiment
+from scenarios.scenario import Scenario
+
+FLEET = load_spec("hmtb-fleet-v1")
+
+
+def of(count: int) -> Plan:
+    assert FLEET.twins is not None
+    return Plan(replace(FLEET, twins=replace(FLEET.twins, count=count)))
+
+
+def waveform_seed(entry: Entry) -> int:
+    assert isinstance(entry.experiment, Scenario)
+    seed = entry.experiment.excitation[0].parameters["seed"]
+    assert isinstance(seed, int)
+    return seed
+
+
+@pytest.mark.parametrize("label", shipped())
+def test_a_shipped_spec_reads_back_from_its_own_text(label: str) -> None:
+    spec = shipped()[label]
+    assert spec.label == label
+    assert DataSetSpec.from_toml(spec.to_toml()) == spec
+
+
+@pytest.mark.parametrize("label", shipped())
+def test_every_experiment_has_a_name_and_a_noise_of_its_own(label: str) -> None:
+    entries = Plan(shipped()[label])[:100]
+    assert len({entry.name for entry in entries}) == len(entries)
+    assert len({entry.experiment.seed for entry in entries}) == len(entries)
+
+
+@pytest.mark.parametrize("count", [4, 10, 11, 1000])
+def test_a_twin_is_the_same_however_many_there_are(count: int) -> None:
+    """Names have more digits then, which change nothing."""
+    few, many = of(4)[9].experiment, of(count)[9].experiment
+    assert replace(few, name="same") == replace(many, name="same")  # type: ignore[type-var]
+
+
+def test_twins_have_arms_noise_and_waveforms_of_their_own() -> None:
+    plan = of(50)
+    first = [plan[number] for number in range(0, len(plan), 3)]
+    assert len({entry.experiment.specimen for entry in first}) == 50
+    assert len({waveform_seed(entry) for entry in first}) == 50
+    pressures = np.array([entry.experiment.plant.supply_pressure for entry in first])
+    assert np.ptp(pressures) > 2.0
+
+
+def test_more_repeats_leave_the_first_as_they_are() -> None:
+    spec = load_spec("hmtb-mimo-v1")
+    more = replace(spec, records=(replace(spec.records[0], repeats=12), *spec.records[1:]))
+    assert Plan(spec)[1].name == "independent-r2"
+    assert Plan(more)[1].name == "independent-r02"
+    assert Plan(spec)[1].experiment.seed == Plan(more)[1].experiment.seed
+
+
+def test_multisines_are_drawn_for_every_joint_amplitude_and_repeat_but_once_for_a_measurement() -> None:
+    spec = load_spec("hmtb-nonlinear-v1")
+    block = replace(spec.records[0], repeats=2)
+    seeds: dict[int, set[tuple[object, ...]]] = {}
+    for entry in Plan(replace(spec, records=(block, *spec.records[1:]))):
+        if entry.block == block.name:
+            one = entry.experiment
+            assert isinstance(one, MultisineExperiment)
+            run = entry.name.rpartition("-")[2]
+            seeds.setdefault(one.multisines.seed, set()).add((one.axes, one.multisines.rms, run))
+    assert len(seeds) == 2 * 4 * 2
+    assert all(len(of_seed) == 1 for of_seed in seeds.values())
+
+
+def test_waveforms_that_are_not_drawn_are_those_written() -> None:
+    entry = next(iter(Plan(load_spec("hmtb-thesis-v1"))))
+    assert waveform_seed(entry) == 0
+
+
+def test_blocks_that_make_experiments_of_one_name_are_refused() -> None:
+    spec = load_spec("hmtb-thesis-v1")
+    again = replace(spec.records[0], name="again")
+    with pytest.raises(ScenarioError, match="siso-5-shoulder_yaw"):
+        Plan(replace(spec, records=(*spec.records, again)))
