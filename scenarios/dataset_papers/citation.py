@@ -77,6 +77,7 @@ def datacite(spec: DataSetSpec, whole: str, sizes: Sequence[str], formats: Seque
         "titles": [{"title": spec.title, "lang": "en"}],
         "creators": [_datacite_creator(name) for name in spec.creators],
         "publisher": {"name": "The HMTB twin contributors"},
+        **({"url": spec.url} if spec.url else {}),
         **(day if spec.date else {}),
         "subjects": [{"subject": word} for word in dict.fromkeys(spec.keywords)],
         "language": "en",
@@ -118,7 +119,8 @@ def datacite(spec: DataSetSpec, whole: str, sizes: Sequence[str], formats: Seque
 def reference(spec: DataSetSpec) -> str:
     """The data set in one line of a bibliography."""
     year = f" ({spec.date[:4]})" if spec.date else ""
-    return f"{'; '.join(spec.creators)}{year}: {spec.title}. Data set {spec.name}, version {spec.version}."
+    where = f" {spec.url}" if spec.url else ""
+    return f"{'; '.join(spec.creators)}{year}: {spec.title}. Data set {spec.name}, version {spec.version}.{where}"
 
 
 def bibtex(spec: DataSetSpec, whole: str) -> str:

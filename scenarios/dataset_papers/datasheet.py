@@ -11,14 +11,15 @@ from typing import Any
 
 from jinja2 import Environment, PackageLoader, StrictUndefined
 
+from hmtb_twin import Status
 from hmtb_twin.parameters import JOINTS, RECORDER, SAMPLE_RATE
+from hmtb_twin.variants import variant_named
 from scenarios.dataset_papers.citation import bibtex, reference
+from scenarios.dataset_papers.played import conditions, played
 from scenarios.datasets.layout import ATTAINABLE, BASELINES, BUILD, PARTS, TRUTH
 from scenarios.datasets.netcdf import Contents, read_netcdf
 from scenarios.datasets.plan import Plan
-from scenarios.datasets.records import Records
 from scenarios.datasets.scoring import UNITS, Scoring
-from scenarios.excitation_computer import Excitation
 
 MOST_ARMS = 30
 """Arms whose conditions the datasheet lists; of more, the first ones."""
@@ -45,6 +46,33 @@ TRUTHS = {
     "attainable": "Noise floors and best attainable scores",
 }
 """What stands in the folders of the truth."""
+
+FLAGS = {
+    Status.VELOCITY_LIMITED: "a command moved as fast as its limit allows",
+    Status.JOINT_LIMITED: "a command stood at an end of its joint's range",
+    Status.SINGULAR: "the tool could not move as asked near a singular pose",
+    Status.CONVERTER_SATURATED: "a count of the hand controller stood at an end of its converter",
+    Status.SHUT_DOWN: "emergency shutdown: servo power off, valves closed",
+    Status.UNIT_HELD: "the end effector held the replacement unit",
+}
+"""Flags of the control computer."""
+
+
+@dataclass(frozen=True)
+class Limits:
+    """How much of some records was limited.
+
+    Attributes:
+        velocity: Samples in which a command moved as fast as its limit allows, percent.
+        clipped: Samples in which a converter stood at an end of its range, percent.
+        clipped_records: In how many records.
+        records: Of how many.
+    """
+
+    velocity: float
+    clipped: float
+    clipped_records: int
+    records: int
 
 
 @dataclass(frozen=True)
@@ -75,10 +103,17 @@ def datasheet(folder: Path, plan: Plan, whole: str, rows: Sequence[Mapping[str, 
         spec=spec,
         whole=whole,
         rate=SAMPLE_RATE,
-        parts=[_sum_of(part, [row for row in there if row["part"] == part]) for part in PARTS],
+        parts=[(*_sum_of(part, rows), _limits(plan, rows)) for part, rows in _by("part", PARTS, there)],
         blocks=[
-            (block, *_block(block, [row for row in there if row["block"] == block.name])) for block in spec.records
+            (block, len(rows), _length(rows), played(block), conditions(block), _limits(plan, rows))
+            for block, (_, rows) in zip(
+                spec.records, _by("block", [block.name for block in spec.records], there), strict=True
+            )
         ],
+        flags=FLAGS,
+        rows_shown=MOST_ROWS,
+        late=_late(plan),
+        tests=sum(row["part"] == "test" for row in there),
         arms=_arms(plan),
         arms_in_all=len({row["arm"] for row in rows}),
         failed=[row for row in rows if row["status"] != "ok"],
@@ -90,7 +125,8 @@ def datasheet(folder: Path, plan: Plan, whole: str, rows: Sequence[Mapping[str, 
         attainable=_table(folder, ATTAINABLE, more),
         baselines=_table(folder, BASELINES, more),
         metric=_metric(spec.scoring),
-        floor=UNITS[spec.scoring.unit] * sqrt(RECORDER.noise**2 + RECORDER.resolver_step**2 / 12),
+        floor=UNITS.get(spec.scoring.unit, 1.0) * sqrt(RECORDER.noise**2 + RECORDER.resolver_step**2 / 12),
+        floor_unit=spec.scoring.unit if spec.scoring.unit in UNITS else "rad",
         noise=RECORDER.noise,
         step=RECORDER.resolver_step,
         example=there[0]["file"] if there else "data/train/NAME.nc",
@@ -99,49 +135,49 @@ def datasheet(folder: Path, plan: Plan, whole: str, rows: Sequence[Mapping[str, 
     )
 
 
+def _by(
+    key: str, values: Sequence[str], rows: Sequence[Mapping[str, Any]]
+) -> list[tuple[str, list[Mapping[str, Any]]]]:
+    """Rows of the table of experiments by what stands in a column, in a given order."""
+    found: dict[str, list[Mapping[str, Any]]] = {value: [] for value in values}
+    for row in rows:
+        found[row[key]].append(row)
+    return list(found.items())
+
+
 def _sum_of(part: str, rows: Sequence[Mapping[str, Any]]) -> tuple[str, int, int, float, float]:
     """Experiments, samples, hours and megabytes of a part."""
     seconds = sum(row["duration"] for row in rows)
     return part, len(rows), sum(row["samples"] for row in rows), seconds / 3600, sum(row["bytes"] for row in rows) / 1e6
 
 
-def _block(block: Records, rows: Sequence[Mapping[str, Any]]) -> tuple[int, str, str, str, str]:
-    """Records, length of one, what is played, on which axes, under which conditions."""
+def _limits(plan: Plan, rows: Sequence[Mapping[str, Any]]) -> Limits:
+    """How much of some records was limited; of scored ones of a data set with hidden truth as much as is given."""
+    whole = sum(row["samples"] for row in rows)
+    if plan.spec.commitment:
+        most = {row["name"]: plan.spec.window if row["part"] == "test" else row["samples"] for row in rows}
+        whole = sum(min(row["samples"], most[row["name"]]) for row in rows)
+    clipped = sum(row["clipped"] for row in rows)
+    share = 100.0 / max(whole, 1)
+    return Limits(
+        share * sum(row["velocity_limited"] for row in rows),
+        share * clipped,
+        sum(row["clipped"] > 0 for row in rows),
+        len(rows),
+    )
+
+
+def _length(rows: Sequence[Mapping[str, Any]]) -> str:
+    """Length of the records of a block, from the shortest to the longest."""
     lengths = sorted({row["duration"] for row in rows})
-    length = " to ".join(f"{value:g} s" for value in dict.fromkeys((lengths[0], lengths[-1]))) if lengths else "-"
-    if block.multisines is not None:
-        one = block.multisines
-        played = (
-            f"random-phase multisines{', odd lines' if one.odd else ''}, {one.f_min:g} to {one.f_max:g} Hz, "
-            f"{one.realisations} realisations of {one.periods} periods of {one.period:g} s"
-        )
-    elif block.scenarios:
-        played = f"scenarios {', '.join(block.scenarios)}"
-    else:
-        played = "; ".join(_played(entry, drawn=block.draw_waveforms) for entry in block.excitation)
-    if block.draw_waveforms:
-        played += "; drawn anew for each experiment"
-    if block.amplitudes:
-        unit = "rad (root mean square)" if block.multisines is not None else "V"
-        played += f"; amplitudes {', '.join(f'{a:g}' for a in block.amplitudes)} {unit}"
-    axes = f"{', '.join(block.axes)}{', each alone' if block.each_axis else ''}" if block.axes else "of the scenario"
-    varied = {
-        "variants": block.variants,
-        "payloads": block.payloads,
-        "poses": block.poses,
-        "actuators": block.actuators,
-        "frictions": block.frictions,
-        "process noise": block.process_noises,
-        "mode": (block.mode,),
-    }
-    conditions = "; ".join(f"{key} {', '.join(map(str, values))}" for key, values in varied.items())
-    return len(rows), length, played, axes, conditions
+    return " to ".join(f"{value:g} s" for value in dict.fromkeys((lengths[0], lengths[-1]))) if lengths else "-"
 
 
-def _played(entry: Excitation, *, drawn: bool) -> str:
-    """An excitation in words; where every experiment draws its own, the seed that is written is that of none."""
-    told = ", ".join(f"{key} {value}" for key, value in entry.parameters.items() if not (drawn and key == "seed"))
-    return f"{entry.kind} ({told})" if told else entry.kind
+def _late(plan: Plan) -> list[tuple[str, int]]:
+    """Joints whose angle reaches the record late on an arm of the data set, with how many samples."""
+    buses = [variant_named(name).bus for name in {name for block in plan.spec.records for name in block.variants}]
+    delays = {joint: max(bus[joint].delay for bus in buses) for joint in JOINTS}
+    return [(joint, delay) for joint, delay in delays.items() if delay]
 
 
 def _arms(plan: Plan) -> list[tuple[str, ...]]:
@@ -161,15 +197,19 @@ def _channels(contents: Contents) -> list[Channel]:
     """The variables of a file; of those that every joint has, one line for all."""
     lines = [
         Channel(
-            next((name.replace(joint, "JOINT", 1) for joint in JOINTS if name.startswith(f"{joint}_")), name),
-            ", ".join(variable.dims),
+            _of_any_joint(name),
+            ", ".join(map(_of_any_joint, variable.dims)),
             str(variable.attributes.get("units", "")),
             str(variable.attributes.get("role", "")),
-            str(variable.attributes.get("long_name", "names" if variable.values.dtype.kind == "U" else "")),
+            str(variable.attributes.get("long_name", "")),
         )
         for name, variable in contents.variables.items()
     ]
     return list({line.name: line for line in reversed(lines)}.values())[::-1]
+
+
+def _of_any_joint(name: str) -> str:
+    return next((name.replace(joint, "JOINT", 1) for joint in JOINTS if name.startswith(f"{joint}_")), name)
 
 
 def _truths(folder: Path, more: Sequence[str]) -> list[tuple[str, int, str, list[Channel]]]:

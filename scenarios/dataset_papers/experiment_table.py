@@ -7,9 +7,15 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
+from hmtb_twin import Status
 from hmtb_twin.parameters import SAMPLE_RATE
 from scenarios.datasets.hashes import file_hash
+from scenarios.datasets.netcdf import read_array
 from scenarios.datasets.plan import Plan
+from scenarios.excitation_computer import BOARD
+from scenarios.scenario import Scenario
 
 
 @dataclass(frozen=True)
@@ -38,6 +44,10 @@ COLUMNS = (
     Column("file", "string", "Its record, a NetCDF4 file"),
     Column("bytes", "integer", "Size of that file, 0 where there is none"),
     Column("sha256", "string", "SHA-256 of that file, - where there is none"),
+    Column(
+        "velocity_limited", "integer", "Samples, of those given, in which a command moved as fast as its limit allows"
+    ),
+    Column("clipped", "integer", "Samples, of those given, in which a converter stood at an end of its range"),
     Column("status", "string", "ok, or why there is no record"),
 )
 """What the table holds; no cell is empty."""
@@ -55,6 +65,7 @@ def experiment_rows(folder: Path, plan: Plan, entries: Sequence[Mapping[str, Any
     for number, entry in enumerate(entries):
         path = folder / entry["file"]
         there = not entry["failed"]
+        limited, clipped = _limited(path, plan, number) if there else (0, 0)
         duration = plan.duration(number)
         rows.append(
             {
@@ -68,10 +79,24 @@ def experiment_rows(folder: Path, plan: Plan, entries: Sequence[Mapping[str, Any
                 "file": entry["file"],
                 "bytes": path.stat().st_size if there else 0,
                 "sha256": file_hash(path) if there else "-",
+                "velocity_limited": limited,
+                "clipped": clipped,
                 "status": entry["failed"] or "ok",
             }
         )
     return rows
+
+
+def _limited(path: Path, plan: Plan, number: int) -> tuple[int, int]:
+    """In how many samples of a record a command moved at its limit, and in how many a converter clipped."""
+    status = read_array(path, "status")
+    clipped = (status & Status.CONVERTER_SATURATED) != 0
+    experiment = plan[number].experiment
+    # Waveforms that are kept apart are not looked into: they would have to be known.
+    if isinstance(experiment, Scenario) and not plan.spec.commitment:
+        for one in experiment.excitation:
+            clipped = clipped | BOARD.beyond(one.asked(experiment.duration)[: len(clipped), 0])
+    return int(np.count_nonzero(status & Status.VELOCITY_LIMITED)), int(np.count_nonzero(clipped))
 
 
 def experiment_csv(rows: Sequence[Mapping[str, Any]]) -> str:

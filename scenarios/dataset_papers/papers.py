@@ -48,8 +48,10 @@ def papers(folder: Path, spec: DataSetSpec, index: Mapping[str, Any]) -> dict[st
         "LICENSE": license_text(spec.label, spec.creators),
         "CITATION.cff": citation_cff(spec, whole),
     }
-    size = sum((folder / path).stat().st_size for path in paths)
-    sizes = (f"{len(rows)} experiments", f"{len(paths)} files of data, truth and spec", f"{size} bytes")
+    there = [row for row in rows if row["status"] == "ok"]
+    # The manifest and the checksums stand beside what is listed.
+    count = len(paths) + len(PAPERS) + 2
+    sizes = (f"{len(there)} records", f"{sum(row['bytes'] for row in there)} bytes of records", f"{count} files")
     texts["datacite.json"] = _json(datacite(spec, whole, sizes, (NETCDF, "text/csv", "application/json")))
     sets = _sets(paths)
     shown = [listed(folder, path) for path in paths if _pattern(path) not in sets.values()]

@@ -124,7 +124,7 @@ def _facts(bench: Bench, method: Method) -> dict[str, str]:
         "method": method.name,
         "orders": " ".join(map(str, method.orders)),
         "metric": spec.scoring.metric,
-        "unit": spec.scoring.unit if spec.scoring.metric == "rmse" else "%",
+        "unit": spec.scoring.unit,
         "steps": str(spec.scoring.steps),
         "test": "",
         **{f"test_{joint}": "" for joint in joints},

@@ -59,7 +59,7 @@ class Scores:
     @property
     def unit(self) -> str:
         """Of the scores: that of the angle for a root mean square error, else percent."""
-        return self.scoring.unit if self.scoring.metric == "rmse" else "%"
+        return self.scoring.unit
 
 
 def score(predictions: Path | Sequence[Path] | Mapping[str, np.ndarray], data_set: DataSet | Path | str) -> Scores:

@@ -26,10 +26,15 @@ from sysid import StateSpace
 FORMAT = "hmtb arm truth 1"
 """Marks the files of this version."""
 
-MATRICES = {"A": ("next", "state"), "B": ("next", "input"), "C": ("output", "state"), "D": ("output", "input")}
+MATRICES = {
+    "A": ("next_state", "state"),
+    "B": ("next_state", "input"),
+    "C": ("output", "state"),
+    "D": ("output", "input"),
+}
 """Matrices of a model x(t+1) = A x + B u + K e, y = C x + D u + e, and the dimensions that they run along."""
 
-NOISE = {"K": ("next", "output"), "innovation_covariance": ("output", "other_output")}
+NOISE = {"K": ("next_state", "output"), "innovation_covariance": ("output", "other_output")}
 """Those of its noise."""
 
 
@@ -126,13 +131,21 @@ def arm_contents(spec: DataSetSpec, entry: Entry, joints: Sequence[str]) -> Cont
 
 def _whole(truth: Truth, rest: np.ndarray) -> dict[str, Variable]:
     angle = {"units": "rad", "role": "truth"}
-    names = {role: Variable((role,), np.array(JOINTS), {"role": "truth"}) for role in ("input", "output")}
+    names = {
+        dim: Variable((dim,), np.array(texts), {"role": "truth", "long_name": meaning})
+        for dim, texts, meaning in (
+            ("input", JOINTS, "joints that are commanded"),
+            ("output", JOINTS, "joints that are measured"),
+            ("other_output", JOINTS, "joints that are measured"),
+            ("part", ("real", "imaginary"), "parts of a complex number"),
+        )
+    }
     disturbances = truth.disturbances
     variables = {
         **names,
         **_model(truth.model, ""),
         "drive_noise": Variable(
-            ("next", "input"),
+            ("next_state", "input"),
             disturbances.drives,
             {"role": "truth", "long_name": "what one standard deviation of each drive's noise adds to the state"},
         ),
@@ -147,7 +160,8 @@ def _whole(truth: Truth, rest: np.ndarray) -> dict[str, Variable]:
     if truth.small_signal_error:
         amplitudes, errors = (np.array(list(part)) for part in zip(*truth.small_signal_error.items(), strict=True))
         relative = {"units": "1", "role": "truth", "long_name": "relative error of the linear model"}
-        variables["trial_amplitude"] = Variable(("trial_amplitude",), amplitudes, angle)
+        tried = {**angle, "long_name": "amplitude at which the linear model was tried against simulation"}
+        variables["trial_amplitude"] = Variable(("trial_amplitude",), amplitudes, tried)
         variables["small_signal_error"] = Variable(("trial_amplitude",), errors, relative)
     return variables
 
@@ -163,21 +177,32 @@ def _single(joint: JointTruth) -> dict[str, Variable]:
         f"{joint.name}_{key}": Variable((), np.array(value), {"units": unit, "role": "truth", "long_name": text})
         for key, (value, unit, text) in facts.items()
     }
-    plane = {"units": "1", "role": "truth", "long_name": "in the z plane: real and imaginary part"}
+    plane = {"units": "1", "role": "truth"}
     shares = {"units": "1", "role": "truth", "long_name": "part of the gain at 0 Hz that each pole carries"}
     return {
         **_model(joint.model, f"{joint.name}_"),
         **scalars,
-        f"{joint.name}_poles": Variable((f"{joint.name}_pole", "part"), _pairs(joint.poles), plane),
+        f"{joint.name}_poles": Variable(
+            (f"{joint.name}_pole", "part"), _pairs(joint.poles), {**plane, "long_name": "poles in z"}
+        ),
         f"{joint.name}_pole_shares": Variable((f"{joint.name}_pole",), joint.shares, shares),
-        f"{joint.name}_zeros": Variable((f"{joint.name}_zero", "part"), _pairs(joint.zeros), plane),
+        f"{joint.name}_zeros": Variable(
+            (f"{joint.name}_zero", "part"), _pairs(joint.zeros), {**plane, "long_name": "zeros in z"}
+        ),
     }
 
 
 def _model(model: StateSpace, mark: str) -> dict[str, Variable]:
     """Matrices of a model; those of a joint along dimensions of its own."""
     dims = {**MATRICES, **NOISE}
-    texts = {"K": "innovation gain; zero where no process noise acts", "innovation_covariance": "of the innovations"}
+    texts = {
+        "A": "A of x(t+1) = A x + B u + K e",
+        "B": "B of x(t+1) = A x + B u + K e",
+        "C": "C of y = C x + D u + e",
+        "D": "D of y = C x + D u + e",
+        "K": "innovation gain; zero where no process noise acts",
+        "innovation_covariance": "covariance of the innovations e",
+    }
     units = {"innovation_covariance": "rad2"}
     return {
         f"{mark}{name}": Variable(
@@ -185,7 +210,7 @@ def _model(model: StateSpace, mark: str) -> dict[str, Variable]:
             np.asarray(getattr(model, name)),
             {
                 "role": "truth",
-                "long_name": texts.get(name, f"matrix {name}"),
+                "long_name": texts[name],
                 **({"units": units[name]} if name in units else {}),
             },
         )

@@ -107,11 +107,19 @@ def _contents(spec: DataSetSpec, entry: Entry, found: BestLinearTruth) -> Conten
     response, band = found.servo.response, found.bandwidth
     along = ("frequency", "output", "input")
     complex_, truth = {"units": "1", "role": "truth"}, {"role": "truth"}
+    parts = np.array(("real", "imaginary"))
     assert response.covariance is not None  # noqa: S101 - several realisations have one
     variables = {
-        "input": Variable(("input",), np.array(found.experiment.axes), truth),
-        "output": Variable(("output",), np.array(found.measured), truth),
-        "frequency": Variable(("frequency",), response.frequencies, {"units": "Hz", **truth}),
+        "input": Variable(
+            ("input",), np.array(found.experiment.axes), {**truth, "long_name": "joints that are commanded"}
+        ),
+        "output": Variable(("output",), np.array(found.measured), {**truth, "long_name": "joints that are measured"}),
+        "part": Variable(("part",), parts, {**truth, "long_name": "parts of a complex number"}),
+        "other_part": Variable(("other_part",), parts, {**truth, "long_name": "parts of a complex number"}),
+        "end": Variable(("end",), np.array(("lower", "upper")), {**truth, "long_name": "ends of an interval"}),
+        "frequency": Variable(
+            ("frequency",), response.frequencies, {"units": "Hz", **truth, "long_name": "frequencies that are excited"}
+        ),
         "response": Variable(
             (*along, "part"),
             np.stack([response.response.real, response.response.imag], axis=-1),
@@ -141,7 +149,11 @@ def _contents(spec: DataSetSpec, entry: Entry, found: BestLinearTruth) -> Conten
             found.distortion_percent,
             {"units": "%", "long_name": "nonlinear distortion, root mean square over that of the linear part", **truth},
         ),
-        "command_rms": Variable(("input",), found.command_rms, {"units": "rad", **truth}),
+        "command_rms": Variable(
+            ("input",),
+            found.command_rms,
+            {"units": "rad", **truth, "long_name": "root mean square of the command about its mean"},
+        ),
     }
     attributes: dict[str, Attribute] = {
         "format": FORMAT,

@@ -213,7 +213,7 @@ def _row(spec: DataSetSpec, entry: Entry, log: JointLog, joint: str, kept: Mappi
         "joint": joint,
         "samples": str(len(scored)),
         "metric": spec.scoring.metric,
-        "unit": spec.scoring.unit if spec.scoring.metric == "rmse" else "%",
+        "unit": spec.scoring.unit,
         **{name: _written(spec.scoring, value, spread) for name, value in values.items()},
         "spread_rad": f"{spread:.11g}",
         "note": note,

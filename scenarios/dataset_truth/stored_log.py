@@ -1,6 +1,6 @@
 """The log of an experiment, put together again from the files of a data set."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -51,6 +51,7 @@ def stored_log(folder: Path, entry: Entry) -> JointLog:
     _fill(true, shown, signals, "true_angles")
     _fill(pressure, shown, signals, "load_pressure")
     seen = {name: variable.values for name, variable in {**data.variables, **signals.variables}.items()}
+    wrench = _side_by_side(seen, "force", "torque")
     return JointLog(
         name=entry.name,
         seed=int(data.attributes["seed"]),
@@ -58,16 +59,21 @@ def stored_log(folder: Path, entry: Entry) -> JointLog:
         axes=tuple(map(str, signals.variables["axis"].values)),
         commanded=commanded,
         measured=measured,
-        wrench=seen.get("wrench", np.zeros((count, len(WRENCH)))),
+        wrench=np.zeros((count, len(WRENCH))) if wrench is None else wrench,
         true_angles=true,
         load_pressure=pressure,
         volts=seen["volts"],
         counts=seen["counts"],
         status=seen["status"],
         provenance=told,
-        unit_pose=seen.get("unit_pose"),
+        unit_pose=_side_by_side(seen, "unit_position", "unit_orientation"),
         contact_force=seen.get("contact_force"),
     )
+
+
+def _side_by_side(seen: Mapping[str, np.ndarray], *names: str) -> np.ndarray | None:
+    """Arrays that a log has as one; None where they are not in the files."""
+    return np.hstack([seen[name] for name in names]) if names[0] in seen else None
 
 
 def _fill(target: np.ndarray, joints: Sequence[str], contents: Contents, name: str) -> None:

@@ -4,7 +4,6 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from hmtb_twin.bus_record import CHANNELS
 from scenarios.datasets.hidden_record import WINDOW
 from scenarios.datasets.netcdf import Contents, Variable
 from scenarios.errors import ScenarioError
@@ -14,7 +13,6 @@ _NAMES = {
     "y": "y_{}",
     "joint_commanded": "{}_commanded",
     "joint_measured": "{}_measured",
-    "wrench": "{}",
 }
 """How the columns of a variable are named after its channels; others are prefixed by their own name."""
 
@@ -59,12 +57,12 @@ def columns(contents: Contents) -> tuple[Column, ...]:
             )
         all_values = variable.values if variable.dims[0] == "sample" else _with_gaps(variable.values, contents)
         if all_values.ndim == 1:
-            made.append(_column(name, variable, _unit(name, name, variable), all_values))
+            made.append(_column(name, variable, all_values))
             continue
         channels = contents.variables[variable.dims[1]].values
         for channel, values in zip(channels, all_values.T, strict=True):
             full = _NAMES.get(name, name + "_{}").format(channel)
-            made.append(_column(full, variable, _unit(name, str(channel), variable), values))
+            made.append(_column(full, variable, values))
     return tuple(sorted(made, key=lambda column: column.name != "sample"))
 
 
@@ -76,13 +74,7 @@ def _with_gaps(values: np.ndarray, contents: Contents) -> np.ndarray:
     return whole
 
 
-def _column(name: str, variable: Variable, unit: str, values: np.ndarray) -> Column:
-    role = "index" if name == "sample" else str(variable.attributes.get("role", ""))
-    return Column(name, unit, role, str(variable.attributes.get("long_name", "")), values)
-
-
-def _unit(name: str, channel: str, variable: Variable) -> str:
-    """Unit of a channel: forces and torques stand in one variable."""
-    if name == "wrench":
-        return dict(zip(*CHANNELS["wrench"], strict=True))[channel]
-    return str(variable.attributes["units"])
+def _column(name: str, variable: Variable, values: np.ndarray) -> Column:
+    told = {key: str(variable.attributes.get(key, "")) for key in ("role", "long_name")}
+    role = "index" if name == "sample" else told["role"]
+    return Column(name, str(variable.attributes["units"]), role, told["long_name"], values)

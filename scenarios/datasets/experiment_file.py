@@ -1,19 +1,39 @@
 """The two files of an experiment: what an analyst may see, and what only the simulation knows."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 
 from hmtb_twin import JOINTS, JointLog
-from hmtb_twin.joint_log import POSE, WRENCH
 from hmtb_twin.modes import joint_index
 from hmtb_twin.parameters import SAMPLE_RATE
+from hmtb_twin.recorder import delayed
+from hmtb_twin.status import Status
+from hmtb_twin.variants import variant_named
 from scenarios.datasets.netcdf import Attribute, Contents, Variable
 from scenarios.datasets.plan import Entry
 from scenarios.datasets.spec import DataSetSpec
 
 FORMAT = "hmtb data set 1"
 """Marks the files of this version."""
+
+XYZ = ("x", "y", "z")
+"""Components of a vector."""
+
+FLAGS: Mapping[str, Attribute] = {
+    "units": "1",
+    "role": "auxiliary",
+    "long_name": "flags of the control computer",
+    "flag_masks": np.array([flag.value for flag in Status], dtype=np.int64),
+    "flag_meanings": " ".join(str(flag.name).lower() for flag in Status),
+}
+"""What the bits of the status mean, as the CF conventions have it."""
+
+LOAD = ("MPa", "pressure across each actuator")
+"""Unit and meaning of what hydraulic drives work with."""
+
+CONTACT = "sum of the normal forces between replacement unit and worksite, largest since the sample before"
+"""Meaning of the contact force."""
 
 
 def data_contents(spec: DataSetSpec, entry: Entry, log: JointLog) -> Contents:
@@ -25,14 +45,15 @@ def data_contents(spec: DataSetSpec, entry: Entry, log: JointLog) -> Contents:
         log: Its log.
 
     Returns:
-        `u` (sample, input) and `y` (sample, output), rad; the joints beside them, the wrench and the status of the bus.
+        `u` (sample, input) and `y` (sample, output), rad; the joints beside them, force and torque at the wrist,
+        and the flags of the control computer.
     """
     chosen = [joint_index(name) for name in entry.joints]
     angle = {"units": "rad"}
     variables = {
         **_samples(log),
-        "input": _names("input", entry.joints),
-        "output": _names("output", entry.joints),
+        "input": _names("input", entry.joints, "joints that are commanded"),
+        "output": _names("output", entry.joints, "joints that are measured"),
         "u": Variable(
             ("sample", "input"),
             log.commanded[:, chosen],
@@ -43,9 +64,7 @@ def data_contents(spec: DataSetSpec, entry: Entry, log: JointLog) -> Contents:
             log.measured[:, chosen],
             {**angle, "role": "output", "long_name": "measured joint angle"},
         ),
-        "status": Variable(
-            ("sample",), log.status, {"units": "1", "role": "auxiliary", "long_name": "flags of the tick"}
-        ),
+        "status": Variable(("sample",), log.status, FLAGS),
         **(_beside(log, chosen) if spec.channels == "all" else {}),
     }
     return Contents(variables, _attributes(spec, entry, log))
@@ -61,13 +80,17 @@ def _beside(log: JointLog, chosen: list[int]) -> Mapping[str, Variable]:
         "long_name": "commanded angle of another joint",
     }
     angle = {"units": "rad", "role": "auxiliary", "long_name": "measured angle of another joint"}
-    wrench = {"units": "N, N m", "role": "auxiliary", "long_name": "wrist force and torque"}
+    force, torque = (
+        {"units": unit, "role": "auxiliary", "long_name": f"{name} at the wrist sensor, in its own frame"}
+        for name, unit in (("force", "N"), ("torque", "N m"))
+    )
     return {
-        "joint": _names("joint", [JOINTS[number] for number in others]),
-        "component": _names("component", WRENCH),
+        "joint": _names("joint", [JOINTS[number] for number in others], "joints beside those studied"),
+        "component": _names("component", XYZ, "components in the frame of the sensor"),
         "joint_commanded": Variable(("sample", "joint"), log.commanded[:, others], command),
         "joint_measured": Variable(("sample", "joint"), log.measured[:, others], angle),
-        "wrench": Variable(("sample", "component"), log.wrench, wrench),
+        "force": Variable(("sample", "component"), log.wrench[:, :3], force),
+        "torque": Variable(("sample", "component"), log.wrench[:, 3:], torque),
     }
 
 
@@ -80,29 +103,51 @@ def signal_contents(spec: DataSetSpec, entry: Entry, log: JointLog) -> Contents:
         log: Its log.
 
     Returns:
-        Noise-free angles, hydraulic states, and the way of the command from the excitation computer on.
+        Noise-free angles at the ticks and as they reach the record, hydraulic states, and the way of the command from
+        the excitation computer on.
     """
-    angles = {"units": "rad", "role": "truth", "long_name": "joint angle without noise and quantisation"}
-    pressure = {"units": "MPa", "role": "truth", "long_name": "pressure across each actuator"}
     names = JOINTS if spec.channels == "all" else entry.joints
-    shown = [joint_index(name) for name in names]
-    variables = {
-        **_samples(log),
-        "joint": _names("joint", names),
-        "axis": _names("axis", log.axes),
-        "true_angles": Variable(("sample", "joint"), log.true_angles[:, shown], angles),
-        "load_pressure": Variable(("sample", "joint"), log.load_pressure[:, shown], pressure),
-        "volts": Variable(("sample", "axis"), log.volts, {"units": "V", "role": "truth"}),
-        "counts": Variable(("sample", "axis"), log.counts, {"units": "1", "role": "truth"}),
+    shown, outputs = ([joint_index(name) for name in some] for some in (names, entry.joints))
+    bus = variant_named(entry.experiment.variant).bus
+    late = np.array([bus[name].delay for name in entry.joints], dtype=np.int64)
+    # Of electric drives the log has currents in the place of pressures.
+    load = ("A", "current of each motor") if log.provenance.get("drives") == "electric" else LOAD
+    found = {
+        "y_noise_free": (
+            ("sample", "output"),
+            delayed(log.true_angles[:, outputs], late),
+            ("rad", "y without noise and quantisation, as late as y"),
+        ),
+        "measurement_delay": (("output",), late, ("1", "how late an angle reaches y, samples")),
+        "true_angles": (
+            ("sample", "joint"),
+            log.true_angles[:, shown],
+            ("rad", "joint angle at the tick, without noise, quantisation and measurement delay"),
+        ),
+        "load_pressure": (("sample", "joint"), log.load_pressure[:, shown], load),
+        "volts": (("sample", "axis"), log.volts, ("V", "voltage at the hand-controller converter")),
+        "counts": (("sample", "axis"), log.counts, ("1", "hand-controller counts")),
     }
     if log.spool is not None and log.supply_pressure is not None:
-        variables["spool"] = Variable(("sample", "joint"), log.spool[:, shown], {"units": "1", "role": "truth"})
-        variables["supply_pressure"] = Variable(("sample",), log.supply_pressure, {"units": "MPa", "role": "truth"})
+        found["spool"] = (("sample", "joint"), log.spool[:, shown], ("1", "spool position, part of full stroke"))
+        found["supply_pressure"] = (("sample",), log.supply_pressure, ("MPa", "pressure of the supply of all joints"))
+    named = {
+        "joint": _names("joint", names, "joints"),
+        "output": _names("output", entry.joints, "joints that are measured"),
+        "axis": _names("axis", log.axes, "what is excited"),
+    }
     if log.unit_pose is not None and log.contact_force is not None:
-        variables["pose"] = _names("pose", POSE)
-        variables["unit_pose"] = Variable(("sample", "pose"), log.unit_pose, {"units": "m, 1", "role": "truth"})
-        variables["contact_force"] = Variable(("sample",), log.contact_force, {"units": "N", "role": "truth"})
-    return Contents(variables, _attributes(spec, entry, log))
+        named["coordinate"] = _names("coordinate", XYZ, "coordinates in the world")
+        named["quaternion"] = _names("quaternion", ("w", "x", "y", "z"), "parts of a quaternion")
+        place, turn = log.unit_pose[:, :3], log.unit_pose[:, 3:]
+        found["unit_position"] = (("sample", "coordinate"), place, ("m", "position of the replacement unit"))
+        found["unit_orientation"] = (("sample", "quaternion"), turn, ("1", "orientation of the replacement unit"))
+        found["contact_force"] = (("sample",), log.contact_force, ("N", CONTACT))
+    variables = {
+        name: Variable(dims, values, {"units": unit, "role": "truth", "long_name": text})
+        for name, (dims, values, (unit, text)) in found.items()
+    }
+    return Contents({**_samples(log), **named, **variables}, _attributes(spec, entry, log))
 
 
 def _samples(log: JointLog) -> Mapping[str, Variable]:
@@ -110,8 +155,8 @@ def _samples(log: JointLog) -> Mapping[str, Variable]:
     return {"sample": Variable(("sample",), np.arange(len(log), dtype=np.int64), index)}
 
 
-def _names(dim: str, names: "tuple[str, ...] | list[str]") -> Variable:
-    return Variable((dim,), np.array(names), {})
+def _names(dim: str, names: Sequence[str], meaning: str) -> Variable:
+    return Variable((dim,), np.array(names), {"long_name": meaning})
 
 
 def _attributes(spec: DataSetSpec, entry: Entry, log: JointLog) -> Mapping[str, Attribute]:

@@ -2,9 +2,6 @@
 
 import io
 
-import numpy as np
-
-from scenarios.datasets.columns import columns
 from scenarios.datasets.data_record import sampling_time
 from scenarios.datasets.netcdf import Contents
 from scenarios.errors import ScenarioError
@@ -43,9 +40,6 @@ def mat(contents: Contents) -> bytes:
         else:
             variables[name] = variable.values
             units[name] = str(variable.attributes["units"])
-    units["wrench"] = np.array([c.unit for c in columns(contents) if c.name.startswith(("force", "torque"))], object)
-    if "wrench" not in variables:
-        del units["wrench"]
     variables |= {"units": units, "about": dict(contents.attributes)}
     target = io.BytesIO()
     savemat(target, variables, oned_as="column", do_compression=True, long_field_names=True)

@@ -1,7 +1,7 @@
 """What of a record is published where the truth is hidden.
 
 Of a scored record the commands are given whole and everything that was measured for the initialisation window alone.
-The angles of other joints, the wrench and the flags of the ticks are withheld with the outputs: the wrench at the wrist
+The angles of other joints, force and torque, and the flags are withheld with the outputs: what the wrist feels
 and the coupling between the joints show how the arm really moved, to whoever cannot foretell it from the commands.
 """
 

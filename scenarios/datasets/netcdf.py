@@ -103,6 +103,32 @@ def read_netcdf(path: Path | BinaryIO) -> Contents:
         raise ScenarioError(f"{path} is not a NetCDF4 file, or a damaged one") from error
 
 
+def read_array(path: Path, name: str) -> np.ndarray:
+    """Read one array of a file, and nothing else: where there are thousands of files, most of each would be in vain.
+
+    Args:
+        path: The file.
+        name: The array.
+
+    Raises:
+        ScenarioError: As `read_netcdf`, or there is no such array.
+    """
+    try:
+        with h5py.File(path, "r") as raw:
+            if not isinstance(raw.get(name, getlink=True), h5py.HardLink):
+                raise ScenarioError(f"{path} has no array {name!r}")
+            entry = raw[name]
+            if not isinstance(entry, h5py.Dataset) or entry.external or entry.is_virtual or entry.nbytes > MOST_BYTES:
+                raise ScenarioError(f"{path}: {name!r} is no array that stands in the file itself")
+            return _values(entry)
+    except FileNotFoundError:
+        raise ScenarioError(f"no file {path}: expected NetCDF4") from None
+    except ScenarioError:
+        raise
+    except (OSError, KeyError, ValueError, TypeError, RuntimeError) as error:
+        raise ScenarioError(f"{path} is not a NetCDF4 file, or a damaged one") from error
+
+
 def _check(raw: h5py.File, path: Path | BinaryIO) -> None:
     """Refuse a file where reading it would read others or fill the memory: HDF5 knows links, and packs zeros well."""
     size = 0

@@ -164,8 +164,8 @@ METADATA = [
     (_attribute("sampling_time_denominator", 49), "attribute sampling_time_denominator is 49, expected 50"),
     (_attribute("initialisation_window", 0), "attribute initialisation_window is 0, expected 20"),
     (_attribute("units", "deg", "y"), "y has units and role {'units': 'deg', 'role': 'output'}"),
-    (_attribute("units", "", "wrench"), "wrench has no unit"),
-    (_attribute("role", "truth", "wrench"), "wrench is truth, which belongs into files of its own"),
+    (_attribute("units", "", "force"), "force has no unit"),
+    (_attribute("role", "truth", "torque"), "torque is truth, which belongs into files of its own"),
 ]
 
 

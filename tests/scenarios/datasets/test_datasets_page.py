@@ -75,7 +75,7 @@ def test_octave_reads_the_same_numbers(place: Path) -> None:
     rest = """
     printf('%s %d %s %s\\n', num2hex(dt), window, class(train.sample), num2hex(t(end)));
     printf('%s %s %s\\n', train.output_names{1}, train.units.y, test.about.part);
-    printf('%s\\n', hash('sha256', char(typecast(test.wrench(:)', 'uint8'))));
+    printf('%s\\n', hash('sha256', char(typecast(test.force(:)', 'uint8'))));
     printf('%s\\n', hash('sha256', char(typecast(table(:)', 'uint8'))));
     """
     command = [str(OCTAVE), "--no-gui", "--no-init-file", "--quiet", "--eval", mat + said + csv + said + rest]
@@ -94,7 +94,7 @@ def test_octave_reads_the_same_numbers(place: Path) -> None:
     import h5py
 
     with h5py.File(place / "tiny-v1" / "data/test/noise.nc") as file:
-        assert others[2] == digest(file["wrench"][:])
+        assert others[2] == digest(file["force"][:])
     table = np.loadtxt(place / "tiny-v1-csv/train/binary-elbow_pitch.csv", delimiter=",", skiprows=1)
     assert others[3] == digest(table) and np.array_equal(table[:, 1], record.u)
     assert test.state_initialization_window_length == int(window)

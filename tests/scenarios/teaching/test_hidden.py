@@ -124,7 +124,7 @@ def test_nothing_withheld_of_a_scored_record_is_published(hidden: Class, whole: 
     assert np.array_equal(shown["u"].values, kept["u"].values)
     assert np.isfinite(shown["y"].values).all()
     content = b"\n".join(content for _, content in published_bytes(hidden.ann))
-    for name in ("y", "joint_measured", "wrench"):
+    for name in ("y", "joint_measured", "force", "torque"):
         for column in kept[name].values.T:
             for begin in range(20, len(column) - RUN):
                 run = column[begin : begin + RUN]
@@ -135,11 +135,11 @@ def test_nothing_withheld_of_a_scored_record_is_published(hidden: Class, whole: 
 
 
 def test_only_what_cannot_be_foretold_from_the_commands_is_withheld_for_a_reason(hidden: Class) -> None:
-    """The wrench says more of the outputs than the commands do: why it is withheld, as are the other joints."""
+    """Force and torque say more of the outputs than the commands do: why it is withheld, as are the other joints."""
     record = read_netcdf(hidden.ann / "data/train/ann-twin-0-binary-elbow_pitch.nc").variables
     y, u = record["y"].values[10:, 0], record["u"].values[:, 0]
     past = np.column_stack([np.ones(len(y)), *(u[10 - k : len(u) - k] for k in range(11))])
-    beside = np.column_stack([past, record["wrench"].values[10:], record["joint_measured"].values[10:]])
+    beside = np.column_stack([past, *(record[name].values[10:] for name in ("force", "torque", "joint_measured"))])
 
     def left(columns: np.ndarray) -> float:
         half = len(y) // 2
