@@ -1,10 +1,15 @@
-"""Make the gallery of data sets: a picture of each that comes with the package. Run by `make images`."""
+"""Make the gallery of data sets: a picture of each that comes with the package. Run by `make images`.
 
-from dataclasses import replace
+A picture carries the hash of what its data set is built from, so that a test can tell one that is of another spec.
+"""
+
+from dataclasses import fields, replace
+from hashlib import sha256
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
 from PIL import Image
+from PIL.PngImagePlugin import PngInfo
 
 from scenarios.dataset_build.build import build
 from scenarios.datasets.baselines_asked import BaselinesAsked
@@ -18,13 +23,19 @@ FOLDER = Path(__file__).parent / "datasets"
 ARMS = 100
 """Randomised arms that are drawn for a picture: more make it no clearer."""
 
+NOTE = "spec-sha256"
+"""Name of the text in a picture that says of which spec it is."""
+
+TOLD = ("description", "creators", "keywords", "date", "url", "scoring")
+"""What no number depends on."""
+
 
 def main() -> None:
     """Write `<label>.png` of each data set into the folder `datasets` beside this file."""
     FOLDER.mkdir(exist_ok=True)
     for label, spec in shipped().items():
         with TemporaryDirectory() as folder:
-            draw(build(pictured(spec), Path(folder)).path, FOLDER / f"{label}.png")
+            draw(build(pictured(spec), Path(folder)).path, FOLDER / f"{label}.png", drawn_from(spec))
 
 
 def pictured(spec: DataSetSpec) -> DataSetSpec:
@@ -33,10 +44,20 @@ def pictured(spec: DataSetSpec) -> DataSetSpec:
     return replace(plain, twins=replace(spec.twins, count=min(ARMS, spec.twins.count))) if spec.twins else plain
 
 
-def draw(data_set: Path, path: Path) -> None:
-    """Draw a data set that has been built."""
+def drawn_from(spec: DataSetSpec) -> str:
+    """Hash of what the picture of a data set depends on: its pictured spec, but for what is said to readers."""
+    usual = {entry.name: entry.default for entry in fields(DataSetSpec) if entry.name in TOLD}
+    plain = replace(pictured(spec), title="picture", **usual)
+    return sha256(plain.to_toml().encode()).hexdigest()
+
+
+def draw(data_set: Path, path: Path, spec_hash: str) -> None:
+    """Draw a data set that has been built, and note in the picture what it was built from."""
     save_figure(gallery_figure(open_data_set(data_set)), path, dpi=120)
-    Image.open(path).convert("RGB").quantize(96).save(path, optimize=True)  # a third of the size, and no eye sees it
+    note = PngInfo()
+    note.add_text(NOTE, spec_hash)
+    # A third of the size, and no eye sees it.
+    Image.open(path).convert("RGB").quantize(96).save(path, optimize=True, pnginfo=note)
 
 
 if __name__ == "__main__":

@@ -32,13 +32,10 @@ def baselines(
 
     Args:
         data: Folder of the data set.
-        method: An estimator of hmtb identify (arx, armax, bj, oe, iv4, okid, n4sid, pem_ss); hold, the last output of
-            the window for ever; gain, a static gain; or truth, the small-signal truth.
+        method: An estimator of hmtb identify; hold (last output of the window), gain (static) or truth (small signals).
         orders: Orders of the estimator, as for hmtb identify.
-        twins: How many of the randomised twins, evenly over all, models are made for; 0: all. As in the spec when not
-            given.
-        records: Records of each block of the training part, by arm and joints, that are used; 0: all. As in the spec
-            when not given.
+        twins: For how many randomised twins, evenly over all, models are made, 0: all; by default as in the spec.
+        records: Training records of each block, by arm and joints, that are used, 0: all; by default as in the spec.
         json: Print JSON.
     """
     from dataclasses import replace

@@ -163,7 +163,9 @@ def _bandwidths(data_set: DataSet) -> np.ndarray:
 def _draw_bandwidths(axes: Axes, bandwidths: np.ndarray) -> None:
     axes.hist(bandwidths, bins=24, color=PALETTE["measured"].colour, edgecolor="white", lw=0.5)
     axes.axvline(float(np.median(bandwidths)), color=PALETTE["truth"].colour, lw=1.4, label="median")
-    axes.set_xlabel(f"true bandwidth of {len(bandwidths)} randomised arms / Hz", fontsize=8)
+    axes.set_xlabel(
+        f"true bandwidth of {len(bandwidths)} randomised {'arm' if len(bandwidths) == 1 else 'arms'} / Hz", fontsize=8
+    )
     axes.yaxis.set_major_locator(MaxNLocator(integer=True))
     axes.set_ylabel("arms", fontsize=8)
     axes.legend(fontsize=7, frameon=False)

@@ -40,7 +40,7 @@ def test_the_spectrum_has_the_power_of_the_input(tiny: Path) -> None:
 def test_many_arms_show_their_true_bandwidths(tiny: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(gallery, "FLEET", 1)
     lower = gallery_figure(open_data_set(tiny)).axes[-1]
-    assert lower.get_xlabel() == "true bandwidth of 1 randomised arms / Hz"
+    assert lower.get_xlabel() == "true bandwidth of 1 randomised arm / Hz"
     truth = read_arm(tiny / "truth/arms/arm-0.nc").joints["shoulder_yaw"].bandwidth_hz
     assert np.asarray(lower.lines[0].get_xdata())[0] == pytest.approx(truth)
 
