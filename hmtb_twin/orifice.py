@@ -141,6 +141,19 @@ def arm_parameters(model: mujoco.MjModel) -> np.ndarray:
     return np.array(model.actuator_user[0::2, : eq.PARAMETERS])
 
 
+def require_compiler() -> None:
+    """Refuse to go on where the equations cannot be compiled.
+
+    Raises:
+        TwinError: Numba is not installed or cannot be loaded.
+    """
+    if not eq.COMPILER:
+        raise TwinError(
+            f'actuator = "orifice" given, but Numba, which compiles its equations, {eq.FAULT}; '
+            "install it with pip install 'hmtb-twin[orifice]', or use actuator = \"linear\""
+        )
+
+
 def install_valve_equations() -> tuple[Any, Any]:
     """See to it that MuJoCo calls the equations: compiled once per process, handed to it anew where removed.
 
@@ -154,11 +167,7 @@ def install_valve_equations() -> tuple[Any, Any]:
         TwinError: Numba is not installed or cannot be loaded, MuJoCo's structures are not found, or somebody else's
             callback is installed.
     """
-    if not eq.COMPILER:
-        raise TwinError(
-            f'actuator = "orifice" given, but Numba, which compiles its equations, {eq.FAULT}; '
-            "install it with pip install 'hmtb-twin[orifice]', or use actuator = \"linear\""
-        )
+    require_compiler()
     rates, bias = _compiled()
     places = (
         ("mjcb_act_dyn", mujoco.get_mjcb_act_dyn(), mujoco.set_mjcb_act_dyn, rates.ctypes),

@@ -2,7 +2,7 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass, fields, replace
-from math import exp, isfinite, log
+from math import exp, inf, isfinite, log
 from numbers import Real
 from types import MappingProxyType
 from typing import Any
@@ -19,6 +19,10 @@ KINDS = ("fixed", "normal", "uniform", "lognormal")
 
 CUT = 4.0
 """Normal numbers beyond it are drawn anew, one in 16,000: so every draw is an arm that can be."""
+
+
+LARGEST = 700.0
+"""The exponential of a larger number is taken for infinite."""
 
 
 @dataclass(frozen=True)
@@ -80,7 +84,8 @@ class Distribution:
     def _at(self, number: float) -> float:
         """The value at a standard normal number; of a uniform distribution, the nearest there is."""
         if self.kind == "lognormal":
-            return exp(log(self._middle) + self.spread * number)
+            exponent = log(self._middle) + self.spread * number
+            return exp(exponent) if exponent < LARGEST else inf
         return self._middle + self.spread * (number if self.kind == "normal" else float(np.clip(number, -1.0, 1.0)))
 
 

@@ -1,6 +1,7 @@
 """`hmtb dataset build`: a data set from its spec."""
 
 import sys
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -9,6 +10,9 @@ import tyro
 
 from scenarios.commands.build_progress import How, build_progress
 from scenarios.commands.output import print_json, say
+
+MOST_REASONS = 20
+"""Reasons of failures that are told."""
 
 if TYPE_CHECKING:
     from scenarios.dataset_build.executor import Executor
@@ -47,10 +51,8 @@ def build(
         students: A data set for each student, with arms, noise and waveforms of its own: a text file, one id per line.
         key: Instead of SPEC: build the data sets of a key file again, with the same bits.
         workers: Threads for the physics, all processors by default; the data do not depend on it.
-        rows: Experiments that run side by side at most: fewer need less memory, and less is run again after an
-            interruption. The data do not depend on it.
-        cluster: Address of a Dask scheduler (tcp://HOST:8786) whose workers run the experiments; they need this
-            package, of the same version, and no folder in common. The data do not depend on them.
+        rows: Experiments that run side by side at most: fewer need less memory; the data do not depend on it.
+        cluster: Address of a Dask scheduler, tcp://HOST:8786, whose workers run the experiments with this package.
         patience: How long a scheduler that has gone, or workers that are not there, are waited for, s.
         progress: How stderr shows how far the build is; auto is a bar on a terminal, else a line now and then.
         json: Print JSON.
@@ -104,8 +106,7 @@ def build(
     if json:
         print_json({"path": built.path, "experiments": built.experiments, "failed": built.failed, "hash": built.hash})
     else:
-        for name, why in built.failed.items():
-            say(f"failed: {name}: {why}")
+        _say_failed(built.failed)
         say(f"{built.path}: {built.experiments} experiments, {len(built.failed)} failed, hash {built.hash[:12]}")
     return 1 if built.failed else 0
 
@@ -154,12 +155,23 @@ def _build_hidden(
     if json:
         print_json({"paths": made.paths, "key": made.key, "failed": made.failed})
     else:
-        for name, why in made.failed.items():
-            say(f"failed: {name}: {why}")
+        _say_failed(made.failed)
         for folder in made.paths:
             say(str(folder))
         say(f"{made.key}: keep it secret and safe: without it nothing can be graded")
     return 1 if made.failed else 0
+
+
+def _say_failed(failed: Mapping[str, str]) -> None:
+    """What could not be made: a reason that many share is said once."""
+    names: dict[str, list[str]] = {}
+    for name, why in failed.items():
+        # The laboratory names the experiment too; those of a student's data set are said with its label.
+        names.setdefault(why.removeprefix(f"{name.rpartition(': ')[2]}: "), []).append(name)
+    for why, same in list(names.items())[:MOST_REASONS]:
+        say(f"failed: {same[0]}{f' and {len(same) - 1} more' if len(same) > 1 else ''}: {why}")
+    if len(names) > MOST_REASONS:
+        say(f"failed: {sum(map(len, list(names.values())[MOST_REASONS:]))} more, for other reasons; the index has them")
 
 
 def _said(line: str) -> None:

@@ -57,6 +57,8 @@ def grade(
         return 1 if refused else 0
     if done:
         _print_all(done)
+        for remark in dict.fromkeys(remark for one in done.values() for remark in one.remarks):
+            say(f"remark: {', '.join(name for name, one in done.items() if remark in one.remarks)}: {remark}")
     for name, why in refused.items():
         say(f"refused: {name}: {why}")
     return 1 if refused else 0
@@ -72,6 +74,8 @@ def _print(found: "Grade") -> None:
         for one in found.models:
             if not one.stable:
                 say(f"{one.source} is unstable")
+    for remark in found.remarks:
+        say(f"remark: {remark}")
     for name, value in found.baselines.items():
         say(f"baseline {name}: {value:.6g} {unit}")
     if found.floor is not None:
@@ -140,4 +144,5 @@ def _record(found: "Grade") -> dict[str, object]:
         "baselines": found.baselines,
         "scores": [vars(one) for one in found.scores.scores],
         "models": [vars(one) for one in found.models],
+        "remarks": found.remarks,
     }

@@ -1,6 +1,7 @@
 """Build a data set into a folder of its own, and lose nothing of it however often the build ends before its end."""
 
 import os
+from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -8,12 +9,14 @@ from time import monotonic
 from typing import Any
 
 from hmtb_twin.parameters import SAMPLE_RATE
+from hmtb_twin.simulation import MOST_THREADS
 from scenarios.dataset_build import build_record
 from scenarios.dataset_build.chunk import MOST_ROWS, Made, chunks
 from scenarios.dataset_build.executor import Executor, Threads
 from scenarios.dataset_build.finish import finish, finished
 from scenarios.dataset_build.lock import locked
 from scenarios.dataset_build.manifest import Manifest
+from scenarios.dataset_build.needs import check_installed
 from scenarios.dataset_build.progress import RECORDS, Progress, Told
 from scenarios.dataset_build.safe_write import make_folder, remove_partial, write_files
 from scenarios.dataset_build.steady_memory import steady_memory
@@ -69,16 +72,20 @@ def build(
 
     Raises:
         ScenarioError: The data set is already there; another build is at work on it; what is there was begun with
-            another spec or by other software; or a file cannot be written: then what is written stays, and the next
-            build goes on from there.
+            another spec or by other software; no experiment has a record; or a file cannot be written: then what is
+            written stays, and the next build goes on from there.
+        TwinError: What the spec needs is not installed.
     """
     if rows < 1:
         raise ScenarioError(f"rows = {rows} given, expected 1 experiment side by side or more")
+    if workers is not None and not 1 <= workers <= MOST_THREADS:
+        raise ScenarioError(f"workers = {workers} given, expected 1 to {MOST_THREADS} threads")
     if spec.commitment:
         raise ScenarioError(f"the seed of {spec.label} is kept apart: hmtb dataset build --key KEYFILE alone builds it")
     steady_memory()
     final, folder = out / spec.label, out / (spec.label + UNFINISHED)
     plan = Plan(spec)
+    check_installed(spec)
     told = progress or (lambda _: None)
     try:
         if final.exists() or final.is_symlink():
@@ -94,7 +101,9 @@ def build(
             build_record.begin(folder, spec)
             with Manifest(folder / MANIFEST, len(plan)) as manifest:
                 _check(folder, manifest, told)
+                _try_again(manifest, len(plan))
                 _run(plan, folder, manifest, executor or Threads(workers), rows, told)
+                _check_records(manifest, folder)
                 summary = finish(plan, folder, final, manifest, told)
     except OSError as error:
         raise ScenarioError(_said(error, folder)) from error
@@ -117,6 +126,27 @@ def _holds(folder: Path, line: Mapping[str, Any]) -> bool:
     return all(
         (folder / place).is_file() and file_hash(folder / place) == expected
         for place, expected in line["files"].items()
+    )
+
+
+def _try_again(manifest: Manifest, size: int) -> None:
+    """Forget experiments that failed where all did: what kept them from running may be gone."""
+    if manifest.done == size and all("failed" in line for line in manifest.noted()):
+        for line in list(manifest.noted()):
+            manifest.forget(line)
+
+
+def _check_records(manifest: Manifest, folder: Path) -> None:
+    """Refuse to publish a data set without any record."""
+    reasons: Counter[str] = Counter()
+    for line in manifest.noted():
+        if "failed" not in line:
+            return
+        reasons[line["failed"].removeprefix(f"{line['about']['name']}: ")] += 1
+    (why, count), more = reasons.most_common(1)[0], len(reasons) - 1
+    raise ScenarioError(
+        f"none of {manifest.done} experiments has a record, and nothing is published; {count} of them: {why}"
+        f"{f'; {more} other reasons' if more else ''}. The same command tries them anew; what is there is in {folder}"
     )
 
 
@@ -184,6 +214,8 @@ def _said(error: OSError, folder: Path) -> str:
     why = os.strerror(error.errno) if error.errno else str(error)
     if isinstance(error, FileExistsError):
         why = "a file of that name is there, expected a folder or nothing"
+    if isinstance(error, IsADirectoryError):
+        why = "a folder of that name is there, expected a file or nothing; remove it"
     line = f"cannot write or read {error.filename or folder}: {why}"
     if not os.path.exists(folder / MANIFEST):
         return line

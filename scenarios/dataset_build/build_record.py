@@ -53,7 +53,7 @@ def _read(folder: Path) -> Mapping[str, Any]:
     try:
         record = json.loads((folder / BUILD).read_text(encoding="utf-8"))
         return {"data_set": record["data_set"], "source": record["source"], "versions": dict(record["versions"])}
-    except (ValueError, LookupError, TypeError) as error:
+    except (ValueError, LookupError, TypeError, RecursionError) as error:
         raise ScenarioError(f"{folder / BUILD} is damaged: {error!r}; remove the folder to begin anew") from error
 
 
@@ -69,13 +69,13 @@ def _differences(before: Mapping[str, Any], now: Mapping[str, Any]) -> Iterator[
 
 
 def _spec_differences(folder: Path, spec: DataSetSpec) -> Iterator[str]:
-    text = (folder / SPEC).read_text(encoding="utf-8") if (folder / SPEC).exists() else ""
+    try:
+        text = (folder / SPEC).read_text(encoding="utf-8") if (folder / SPEC).is_file() else ""
+        before = tomllib.loads(text)
+    except (ValueError, RecursionError):
+        text, before = "", {}
     if text == spec.to_toml():
         return
-    try:
-        before = tomllib.loads(text)
-    except tomllib.TOMLDecodeError:
-        before = {}
     now = tomllib.loads(spec.to_toml())
     changed = [key for key in {**before, **now} if before.get(key) != now.get(key)]
     for key in changed:

@@ -1,5 +1,6 @@
 """Chunks of a plan run by the workers of a Dask scheduler, wherever they are."""
 
+import re
 from collections import deque
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
@@ -8,7 +9,7 @@ from time import monotonic
 from typing import TYPE_CHECKING, Any
 
 from scenarios.dataset_build.chunk import Made
-from scenarios.dataset_build.cluster_link import Link, LostError
+from scenarios.dataset_build.cluster_link import Link, LostError, require_dask
 from scenarios.dataset_build.cluster_task import MADE, STRANGE, task
 from scenarios.dataset_build.kinship import kinship
 from scenarios.datasets.plan import Plan
@@ -25,6 +26,11 @@ AHEAD = 2
 
 LOOK = 2.0
 """How often it is looked whether workers and scheduler are still there, s."""
+
+ADDRESS = re.compile(r"(?:tcp|tls)://(?:\[[0-9A-Fa-f:.%\w]+\]|[\w.-]+):([0-9]{1,5})", re.ASCII)
+"""What the address of a scheduler looks like."""
+
+MOST_PORTS = 2**16 - 1
 
 SHOWN = 3
 """Experiments that an error names."""
@@ -52,6 +58,13 @@ class Cluster:
     said: Callable[[str], None] = lambda _: None
 
     def __post_init__(self) -> None:
+        match = ADDRESS.fullmatch(self.address)
+        if match is None or not 1 <= int(match[1]) <= MOST_PORTS:
+            raise ScenarioError(
+                f"cluster {self.address[:100]!r} given, expected the address of a Dask scheduler as 'dask scheduler' "
+                "says it, such as tcp://127.0.0.1:8786"
+            )
+        require_dask()
         if not self.patience >= 0.0:
             raise ScenarioError(f"patience = {self.patience} given, expected 0 s or more")
 

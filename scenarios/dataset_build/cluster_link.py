@@ -69,10 +69,7 @@ class Link:
         Raises:
             ScenarioError: The extra is not installed, or nobody answers within seconds.
         """
-        try:
-            import distributed  # noqa: F401
-        except ImportError as error:
-            raise ScenarioError(f"--cluster needs Dask distributed: {INSTALL}") from error
+        require_dask()
         timeout = min(FIRST, self._patience)
         try:
             begun = monotonic()
@@ -188,6 +185,18 @@ class Link:
             # Where the scheduler has gone, there is nobody to say farewell to.
             with suppress(OSError, TimeoutError, CancelledError, AsyncCancelledError):
                 client.close(timeout=PAUSE)
+
+
+def require_dask() -> None:
+    """Refuse to go on where the extra is not installed.
+
+    Raises:
+        ScenarioError: It is not.
+    """
+    try:
+        import distributed  # noqa: F401
+    except ImportError as error:
+        raise ScenarioError(f"--cluster needs Dask distributed: {INSTALL}") from error
 
 
 def _kinship() -> dict[str, str]:

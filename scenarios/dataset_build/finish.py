@@ -11,9 +11,10 @@ from scenarios.dataset_build.progress import Progress, Told
 from scenarios.dataset_build.safe_write import sync_folder, write_files
 from scenarios.dataset_build.stage import Stage
 from scenarios.dataset_build.stages import PAPERS, STAGES
+from scenarios.dataset_build.strays import refuse_strays
 from scenarios.dataset_build.sums import write_sums
 from scenarios.datasets.hashes import bytes_hash
-from scenarios.datasets.layout import LOCK, SUMS
+from scenarios.datasets.layout import BUILD, INDEX, LOCK, MANIFEST, SPEC, SUMS
 from scenarios.datasets.netcdf import Contents
 from scenarios.datasets.plan import Plan
 from scenarios.errors import ScenarioError
@@ -31,6 +32,7 @@ def finish(plan: Plan, folder: Path, final: Path, manifest: Manifest, told: Told
         told: Told how far it is.
 
     Raises:
+        ScenarioError: Files are in the folder that no part of the build made.
         OSError: A file cannot be written; the next build goes on from there.
     """
     # What an earlier end left would be false while files still change.
@@ -41,8 +43,12 @@ def finish(plan: Plan, folder: Path, final: Path, manifest: Manifest, told: Told
         failed |= _run_stage(stage, plan, folder, manifest, told)
     told(Progress("finish", 0, 1))
     manifest.put_in_order([(stage.name, piece) for stage in STAGES for piece in stage.pieces(plan)])
+    written = {SPEC, BUILD, MANIFEST, INDEX, LOCK}
     for papers in PAPERS:
-        write_files(folder, papers(folder, plan.spec, read_index(folder)))
+        made = papers(folder, plan.spec, read_index(folder))
+        write_files(folder, made)
+        written |= made.keys()
+    refuse_strays(folder, manifest, written)
     write_sums(folder, manifest)
     folder.rename(final)
     sync_folder(final.parent)

@@ -5,6 +5,7 @@ a crash or a disk has spoilt counts for nothing, and the work is done anew. Line
 each begins, so that a plan of any size weighs little.
 """
 
+import errno
 import json
 import os
 from collections.abc import Iterator, Mapping, Sequence
@@ -34,9 +35,24 @@ def entry_of(line: bytes) -> dict[str, Any] | None:
         entry = json.loads(line)
         given = entry.pop("sum")
         whole = line.endswith(b"\n") and _checksum(json.dumps(entry, sort_keys=True, allow_nan=False)) == given
-    except (ValueError, LookupError, TypeError, AttributeError):
+    except (ValueError, LookupError, TypeError, AttributeError, RecursionError):
         return None
-    return entry if whole and ("number" in entry) != ("stage" in entry) else None
+    return entry if whole and _makes_sense(entry) else None
+
+
+def _makes_sense(entry: Mapping[str, Any]) -> bool:
+    """Whether an entry is one of an experiment, or one of a piece: a checksum alone can be made for anything."""
+    if ("number" in entry) == ("stage" in entry):
+        return False
+    if "number" in entry:
+        number, about = entry["number"], entry.get("about")
+        # A truth value is a number to Python.
+        named = type(number) is int and number >= 0 and isinstance(about, dict) and isinstance(about.get("name"), str)
+    else:
+        named = isinstance(entry["stage"], str) and isinstance(entry.get("piece"), str)
+    files = entry.get("files")
+    sums = isinstance(files, dict) and all(isinstance(value, str) for value in files.values())
+    return named and sums and isinstance(entry.get("arrays", {}), dict)
 
 
 def _checksum(text: str) -> str:
@@ -60,6 +76,8 @@ class Manifest:
         self._pieces: dict[tuple[str, str], int] = {}
         self._end = 0
         path.touch()
+        if not path.is_file():
+            raise FileExistsError(errno.EEXIST, "no ordinary file", str(path))
         self._reader = self._scanned()
 
     def __enter__(self) -> "Manifest":
@@ -163,5 +181,5 @@ class Manifest:
     def _note(self, entry: Mapping[str, Any], offset: int) -> None:
         if "stage" in entry:
             self._pieces[entry["stage"], entry["piece"]] = offset
-        else:
+        elif entry["number"] < len(self._experiments):
             self._experiments[entry["number"]] = offset

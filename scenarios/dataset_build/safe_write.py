@@ -90,6 +90,9 @@ def remove_partial(folder: Path) -> None:
 
 def _replaced(path: Path) -> Iterator[BinaryIO]:
     partial = path.with_name(path.name + PARTIAL)
+    if path.is_dir():
+        # Named here: the renaming would name the temporary file.
+        raise IsADirectoryError(errno.EISDIR, os.strerror(errno.EISDIR), str(path))
     try:
         with partial.open("wb") as stream:
             yield stream

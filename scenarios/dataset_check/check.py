@@ -93,6 +93,11 @@ def examine(
     apart = [p for p in index.arrays if p.startswith(f"{TRUTH}/") and p not in files.sums and p not in files.sizes]
     if apart:
         index.notes.append(f"the truth in {len(apart)} files is kept apart and was not checked")
+    kept = sum(entry["failed"] is None for entry in index.entries)
+    if index.entries:
+        index.notes.append(f"{kept} of {len(index.entries)} experiments have a record")
+    if not kept and not index.problems:
+        index.problems.append("no experiment has a record")
     absent = [p for p in index.arrays if p not in files.sums and p not in apart]
     strange = [p for p in files.sums if p.startswith(f"{DATA}/") and p not in index.arrays] if index.entries else []
     found = (

@@ -99,7 +99,7 @@ def _files(paths: Path | Sequence[Path]) -> Iterable[Path]:
             yield from sorted(entry for entry in path.iterdir() if entry.suffix in ENDINGS and entry.is_file())
         elif not path.exists():
             raise ScenarioError(f"no predictions at {path}: expected {FORMATS.partition(':')[0]}")
-        elif path.suffix not in ENDINGS:
+        elif path.suffix not in ENDINGS or not path.is_file():
             raise ScenarioError(f"{path} given as predictions, expected a folder or files {', '.join(ENDINGS)}")
         else:
             yield path
@@ -126,12 +126,23 @@ def _read_csv(path: Path, outputs: tuple[str, ...]) -> np.ndarray:
 
 def _numbers(path: Path, number: int, row: Sequence[str], count: int) -> list[float]:
     try:
-        values = [float(word) for word in row]
+        values = [number_of(word) for word in row]
     except ValueError:
         values = []
     if len(values) != count:
         raise ScenarioError(f"{path}, row {number}: {','.join(row)[:60]!r} given, expected {count} numbers")
     return values
+
+
+def number_of(word: str) -> float:
+    """A number as a table has it; Python would take 1_0 for 10 too.
+
+    Raises:
+        ValueError: It is none.
+    """
+    if "_" in word:
+        raise ValueError(f"{word[:50]!r} given, expected a number")
+    return float(word)
 
 
 def _read_netcdf(path: Path, outputs: tuple[str, ...]) -> np.ndarray:

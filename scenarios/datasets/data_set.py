@@ -183,7 +183,7 @@ def open_data_set(folder: str | Path) -> DataSet:
         index = json.loads((folder / INDEX).read_text(encoding="utf-8"))
         listings = tuple(_listing(entry) for entry in index["experiments"])
         return DataSet(folder, str(index["data_set"]), str(index["hash"]), listings)
-    except (OSError, ValueError, LookupError, TypeError) as error:
+    except (OSError, ValueError, LookupError, TypeError, RecursionError) as error:
         raise ScenarioError(f"{folder / INDEX} is damaged, or of another version: {error}") from error
 
 

@@ -85,6 +85,9 @@ def read_netcdf(path: Path | BinaryIO) -> Contents:
         ScenarioError: It is missing, or no NetCDF4 file, or a damaged one, or one that refers to other files or claims
             to hold more than `MOST_BYTES`.
     """
+    if isinstance(path, Path) and path.exists() and not path.is_file():
+        # From a pipe nothing would ever come.
+        raise ScenarioError(f"{path} is no ordinary file, expected NetCDF4")
     try:
         # Through h5netcdf it takes five times as long, mostly for attributes.
         with h5py.File(path, "r") as raw:

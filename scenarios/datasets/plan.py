@@ -11,7 +11,7 @@ from typing import overload
 import numpy as np
 
 from hmtb_twin import STUDIED_JOINTS, Experiment, Plant, Specimen
-from hmtb_twin.parameters import JOINTS, OPERATING_POSE
+from hmtb_twin.parameters import JOINTS, OPERATING_POSE, SAMPLE_RATE, SAMPLE_TIME
 from hmtb_twin.specimen_draw import drawn
 from scenarios.datasets.layout import arm_file, best_linear_file, data_file, signals_file
 from scenarios.datasets.records import PAYLOAD, Records
@@ -21,6 +21,9 @@ from scenarios.excitation_computer import Excitation
 from scenarios.multisine_experiment import MultisineExperiment, multisine_experiments
 from scenarios.registry import load, registered
 from scenarios.scenario import Scenario
+
+LEAST_SCORED = 10
+"""Samples of a scored record behind its window at least."""
 
 CONDITIONS = ("variants", "payloads", "poses", "actuators", "frictions", "process_noises")
 """The lists of a block that make an arm and its surroundings, in the order of their product."""
@@ -109,7 +112,8 @@ class Plan(Sequence[Entry]):
         spec: The spec.
 
     Raises:
-        ScenarioError: Two experiments of one name, or an experiment that the laboratory does not have.
+        ScenarioError: Two experiments of one name, an experiment that the laboratory does not have, a length that is no
+            whole number of samples, or a scored record that is hardly longer than its window.
     """
 
     def __init__(self, spec: DataSetSpec) -> None:
@@ -121,6 +125,8 @@ class Plan(Sequence[Entry]):
                 f"data set {spec.name!r}: two experiments are called {', '.join(twice[:3])}; "
                 "name the blocks differently"
             )
+        for template in self._templates:
+            _check_length(template, spec.window)
         self._last: tuple[int, tuple[Specimen, Mapping[str, float]]] | None = None
         self._arms = {c: n for n, c in enumerate(dict.fromkeys(entry.condition for entry in self._templates))}
         first = {entry.condition: number for number, entry in reversed(list(enumerate(self._templates)))}
@@ -201,6 +207,21 @@ class Plan(Sequence[Entry]):
         if self._last is None or self._last[0] != twin:
             self._last = (twin, drawn(self.spec.twins.distributions, np.random.SeedSequence([self.spec.entropy, twin])))
         return self._last[1]
+
+
+def _check_length(template: _Template, window: int) -> None:
+    """Refuse a length that the laboratory or the score would refuse, before anything is run."""
+    duration = template.experiment.duration
+    samples = round(duration * SAMPLE_RATE)
+    if samples < 1 or abs(samples - duration * SAMPLE_RATE) > 1e-9 * samples:
+        raise ScenarioError(
+            f"{template.name}: duration {duration:g} s given, expected a positive multiple of {SAMPLE_TIME:g} s"
+        )
+    if template.block.part != "train" and samples - window < LEAST_SCORED:
+        raise ScenarioError(
+            f"{template.name} has {samples} samples, its window {window}: expected {LEAST_SCORED} or more behind it to "
+            "score"
+        )
 
 
 def _seeds(spec: DataSetSpec, key: str) -> tuple[int, int]:

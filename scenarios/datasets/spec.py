@@ -9,6 +9,7 @@ from functools import cache
 from importlib.resources import files
 from pathlib import Path
 from typing import Any, get_type_hints
+from unicodedata import category
 
 from scenarios.datasets.baselines_asked import BaselinesAsked
 from scenarios.datasets.layout import PARTS
@@ -21,6 +22,9 @@ from scenarios.scenario import NAME
 from scenarios.suggest import unknown
 from scenarios.toml_values import record, typed, written
 from scenarios.waveform import check_seed
+
+MOST_VERSIONS = 10**6
+"""No version is higher."""
 
 CHANNELS = ("all", "studied")
 """How much the files hold."""
@@ -90,10 +94,12 @@ class DataSetSpec:
                 f"data set {self.name!r}: expected 1 to 100 letters, digits, '.', '_', '-' or '+' as a name, the first "
                 "a letter or digit, because folders are named after it"
             )
-        if self.version < 1:
-            raise ScenarioError(f"data set {self.name!r}: version = {self.version} given, expected 1 or more")
+        if not 1 <= self.version <= MOST_VERSIONS:
+            shown = str(self.version)[:20]
+            raise ScenarioError(f"data set {self.name!r}: version = {shown} given, expected 1 to {MOST_VERSIONS}")
         if not self.title.strip():
             raise ScenarioError(f"data set {self.name!r}: expected a title, given none")
+        self._check_texts()
         if self.window < 0:
             raise ScenarioError(f"data set {self.name!r}: window = {self.window} given, expected 0 samples or more")
         if self.channels not in CHANNELS:
@@ -123,6 +129,21 @@ class DataSetSpec:
             raise ScenarioError(
                 f"data set {self.name!r}: no records for {' and '.join(absent)}; expected some for train and test"
             )
+
+    def _check_texts(self) -> None:
+        """Refuse what no reader sees and many programs stumble over: texts go into papers, tables and terminals."""
+        texts = {
+            "title": (self.title,),
+            "description": self.description.split("\n"),
+            "creators": self.creators,
+            "keywords": self.keywords,
+        }
+        for key, lines in texts.items():
+            for line in lines:
+                if any(category(character)[0] == "C" or category(character) in ("Zl", "Zp") for character in line):
+                    raise ScenarioError(
+                        f"data set {self.name!r}: {key} = {ascii(line)[:80]} given, expected no control characters"
+                    )
 
     def _check_chance(self) -> None:
         given = [self.seed is not None, bool(self.secret_seed), bool(self.commitment)]
@@ -190,7 +211,10 @@ class DataSetSpec:
             return cls.from_table(tomllib.loads(text))
         except tomllib.TOMLDecodeError as error:
             raise ScenarioError(f"{source}: not a TOML file ({error})") from error
-        except ScenarioError as error:
+        except RecursionError as error:
+            raise ScenarioError(f"{source}: not a spec: values nested too deeply") from error
+        # Errors of the laboratory's parts too, and numbers of more digits than Python writes.
+        except (ValueError, OverflowError) as error:
             raise ScenarioError(f"{source}: {error}") from error
 
     @classmethod

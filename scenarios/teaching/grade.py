@@ -20,6 +20,7 @@ from scenarios.datasets.layout import ATTAINABLE, BASELINES, INDEX, SPEC, arm_fi
 from scenarios.errors import ScenarioError
 from scenarios.teaching.key_file import Bound, Key, read_key, unpack
 from scenarios.teaching.submission import (
+    STATEMENT,
     Submission,
     check_origin,
     is_submission,
@@ -28,6 +29,9 @@ from scenarios.teaching.submission import (
     read_models,
 )
 from scenarios.teaching.submitted_model import SubmittedModel, of_state_space
+
+UNSAID = f"it does not say which data set it is for: {STATEMENT} may, by data_set and commitment as in spec.toml"
+"""Of a submission that may have been made for another version."""
 
 BAND = (0.1, 2.0)
 """Frequency responses are compared from the first, Hz, to so many times the true bandwidth."""
@@ -40,6 +44,9 @@ NO_BANDWIDTH = 2.0
 
 FAST = 0.05
 """What a pole of smaller modulus carries falls below a twentieth within a sample."""
+
+LONGEST = 600
+"""Characters of why a submission cannot be graded."""
 
 NEEDED = (INDEX, SPEC, BASELINES, ATTAINABLE, "data/test/", "truth/arms/")
 """What is unpacked of a key."""
@@ -81,6 +88,7 @@ class Grade:
         floor: The mean of the best attainable scores of the same records; None where one was not searched.
         baselines: Scores of known methods, by name with orders.
         models: Its models and bandwidths.
+        remarks: What its author should know.
     """
 
     name: str
@@ -89,6 +97,7 @@ class Grade:
     floor: float | None
     baselines: Mapping[str, float]
     models: tuple[ModelGrade, ...]
+    remarks: tuple[str, ...] = ()
 
     @property
     def best_baseline(self) -> tuple[str, float] | None:
@@ -180,6 +189,9 @@ def grade_all(
                 found[folder.name] = graded(one, held)
         except ScenarioError as error:
             found[folder.name] = str(error)
+        # Whatever a submission brings about that nobody thought of: the others are graded all the same.
+        except Exception as error:
+            found[folder.name] = f"{folder} cannot be graded: {error!r}"[:LONGEST]
         if progress is not None:
             progress(number + 1, len(folders))
     return found
@@ -219,6 +231,7 @@ def graded(submission: Submission, held: Solution) -> Grade:
         _floor(data_set.folder / ATTAINABLE),
         _baselines(data_set.folder / BASELINES),
         tuple(models),
+        () if submission.says_origin else (UNSAID,),
     )
 
 

@@ -14,15 +14,15 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 from hmtb_twin import Experiment
-from hmtb_twin.parameters import SAMPLE_RATE
 from scenarios.dataset_build.build import build
 from scenarios.dataset_build.chunk import MOST_ROWS
 from scenarios.dataset_build.executor import Executor
 from scenarios.dataset_build.index import summary
 from scenarios.dataset_build.lock import locked
+from scenarios.dataset_build.needs import check_installed
 from scenarios.dataset_build.progress import Told
 from scenarios.datasets.hashes import file_hash
-from scenarios.datasets.layout import BUILD, LOCK, SUMS, UNFINISHED
+from scenarios.datasets.layout import BUILD, INDEX, LOCK, MANIFEST, SPEC, SUMS, UNFINISHED
 from scenarios.datasets.plan import Plan
 from scenarios.datasets.spec import DataSetSpec
 from scenarios.errors import ScenarioError
@@ -33,6 +33,12 @@ from scenarios.teaching.secret import commitment, public_spec, secret_spec, stud
 
 PRIVATE = ".private"
 """Ending of the folder beside the key in which data sets are built whole."""
+
+MOST_NAME = 200
+"""Bytes of the name of a key file: those of what stands beside it are longer."""
+
+DONE = ".done"
+"""Ending of that folder while it is being removed."""
 
 
 @dataclass(frozen=True)
@@ -78,9 +84,12 @@ def build_hidden(
             that is published, or cannot be written; or what `build` raises.
     """
     hidden = secret_spec(spec)
+    check_installed(hidden)
     chosen = tuple(students)
     _check_scored(hidden)
     _check_place(key_path, out, [student_spec(hidden, one) for one in chosen] or [hidden])
+    _remove_left(key_path)
+    private = private_folder(key_path)
     if os.path.lexists(key_path):
         key = read_key(key_path)
         asked = hidden if spec.secret_seed else replace(hidden, secret_seed=key.spec.secret_seed)
@@ -89,8 +98,10 @@ def build_hidden(
         if key.sets:
             raise ScenarioError(
                 f"{key_path} is complete: its data sets are built; hmtb dataset build --key builds them again"
+                + (f", and removes {private}, which still tells the truth" if os.path.lexists(private) else "")
             )
     else:
+        _check_no_other(private, key_path)
         for one in [student_spec(hidden, one) for one in chosen] or [hidden]:
             if (out / one.label).exists():
                 raise ScenarioError(f"{out / one.label} is already there: a version is never overwritten")
@@ -121,7 +132,9 @@ def build_again(
         ScenarioError: No key, or other software than it was made with; or what `build` raises.
     """
     key = read_key(key_path)
+    check_installed(key.spec)
     _check_place(key_path, out, key.specs)
+    _remove_left(key_path)
     if key.sets:
         _check_software(key)
     return _built(key, out, workers, rows, executor, progress)
@@ -145,6 +158,8 @@ def _built(
         with locked(private):
             for spec in key.specs:
                 folder = private / spec.label
+                if folder.is_dir():
+                    _check_whole(folder, spec, private)
                 if not folder.is_dir() or (folder / LOCK).exists():
                     build(spec, private, workers=workers, rows=rows, executor=executor, progress=progress)
                 failed |= {f"{spec.label}: {name}": why for name, why in summary(folder).failed.items()}
@@ -159,13 +174,52 @@ def _built(
                 sets[spec.label] = Bound(committed, sums, file_hash(paths[spec.label] / SUMS))
             if not key.sets:
                 complete_key(key, sets, whole)
-            shutil.rmtree(private)
+            # Under another name at once: half a folder is never taken for a build to go on with.
+            private.rename(_left(key.path))
+        _remove_left(key.path)
     except OSError as error:
         why = os.strerror(error.errno) if error.errno else str(error)
         raise ScenarioError(
             f"cannot write or read {error.filename or private}: {why}; the same command goes on from what is done"
         ) from error
     return Published(tuple(paths.values()), key.path, failed)
+
+
+def _left(key_path: Path) -> Path:
+    return key_path.with_name(key_path.name + PRIVATE + DONE)
+
+
+def _remove_left(key_path: Path) -> None:
+    """Remove what tells the truth and is not needed any more; a kill may have left some of it."""
+    left = _left(key_path)
+    try:
+        if os.path.isdir(left) and not os.path.islink(left):
+            shutil.rmtree(left)
+    except OSError as error:
+        raise ScenarioError(
+            f"{left}, which tells the truth and is not needed any more, cannot be removed: {error.strerror or error}"
+        ) from error
+
+
+def _check_no_other(private: Path, key_path: Path) -> None:
+    """Refuse to begin a key beside what another one keeps apart."""
+    if os.path.lexists(private) and not (private.is_dir() and not any(private.iterdir())):
+        raise ScenarioError(
+            f"{private} holds what was built for a key {key_path.name} that is not there any more: put that key back "
+            "to go on, or remove the folder, or name another key"
+        )
+
+
+def _check_whole(folder: Path, spec: DataSetSpec, private: Path) -> None:
+    """Refuse a finished folder of another spec, or one of which a part is missing."""
+    missing = [name for name in (SPEC, BUILD, MANIFEST, INDEX, SUMS) if not (folder / name).is_file()]
+    if missing:
+        raise ScenarioError(f"{folder} is damaged: no {missing[0]} in it; remove {private} to build anew")
+    if (folder / SPEC).read_bytes() != spec.to_toml().encode():
+        raise ScenarioError(
+            f"{folder} is of another key or another spec than {private.name.removesuffix(PRIVATE)}: remove {private} "
+            "to build anew"
+        )
 
 
 def _check_software(key: Key) -> None:
@@ -185,7 +239,7 @@ def _check_software(key: Key) -> None:
 
 
 def _check_scored(spec: DataSetSpec) -> None:
-    """Refuse scored records of which nothing would be withheld, or whose commands tell what is withheld."""
+    """Refuse scored records whose commands tell what is withheld."""
     plan = Plan(spec)
     for number in range(len(plan) // plan.twins):
         entry = plan[number]
@@ -193,11 +247,6 @@ def _check_scored(spec: DataSetSpec) -> None:
             raise ScenarioError(
                 f"{entry.name}: its commands follow the arm, by an operator who sees it or an emergency shutdown, and "
                 "would tell of the outputs that are withheld; expected a command that depends on the excitation alone"
-            )
-        if entry.part == "test" and entry.experiment.duration * SAMPLE_RATE <= spec.window:
-            raise ScenarioError(
-                f"{entry.name} has {entry.experiment.duration * SAMPLE_RATE:g} samples, its window {spec.window}: "
-                "nothing of it would be withheld"
             )
 
 
@@ -208,6 +257,11 @@ def _answers(experiment: Experiment) -> bool:
 
 def _check_place(key_path: Path, out: Path, specs: Sequence[DataSetSpec]) -> None:
     """Refuse a key where it would be published."""
+    size = len(os.fsencode(key_path.name))
+    if size > MOST_NAME:
+        raise ScenarioError(
+            f"cannot write the key {key_path}: a name of {size} bytes given, expected {MOST_NAME} at most"
+        )
     place = key_path.resolve()
     for spec in specs:
         for folder in (out / spec.label, out / (spec.label + UNFINISHED)):

@@ -17,7 +17,7 @@ from typing import Any
 
 from scenarios.dataset_build.safe_write import PARTIAL, sync_folder
 from scenarios.datasets.hashes import bytes_hash
-from scenarios.datasets.layout import DATA, SUMS
+from scenarios.datasets.layout import DATA, SPEC, SUMS
 from scenarios.datasets.spec import DataSetSpec
 from scenarios.errors import ScenarioError
 from scenarios.suggest import unknown
@@ -216,6 +216,7 @@ def unpack(key: Key, label: str, target: Path, *, only: tuple[str, ...] = ("",))
             raise ScenarioError(f"{key.path} is damaged: the checksums of {label} are not those that it is bound to")
         lines = (line.split("  ", 1) for line in listed.decode().splitlines())
         sums = {place: digest for digest, place in lines}
+        _check_spec(key, label, _member(archive, f"{label}/{SPEC}", MOST_HEAD))
         for place in (place for place in sums if place.startswith(only) and not place.startswith(REGENERATED)):
             if PurePosixPath(place).is_absolute() or ".." in PurePosixPath(place).parts:
                 raise ScenarioError(f"{key.path}: {place!r} leads out of the folder")
@@ -225,6 +226,16 @@ def unpack(key: Key, label: str, target: Path, *, only: tuple[str, ...] = ("",))
             (target / place).parent.mkdir(parents=True, exist_ok=True)
             (target / place).write_bytes(content)
     return target
+
+
+def _check_spec(key: Key, label: str, text: bytes) -> None:
+    """Refuse a data set that another spec, or another secret, gives."""
+    try:
+        same = DataSetSpec.from_toml(text.decode(), source=f"{label}/{SPEC}") == key.spec_of(label)
+    except UnicodeDecodeError:
+        same = False
+    if not same:
+        raise ScenarioError(f"{key.path}: what it keeps of {label} is not what its own spec and secret give")
 
 
 def _head(key: Key) -> bytes:

@@ -2,12 +2,12 @@
 
 import csv
 import json
-import math
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
 from scenarios.dataset_scores.predictions import ENDINGS as PREDICTIONS
+from scenarios.dataset_scores.predictions import number_of
 from scenarios.datasets.data_set import DataSet
 from scenarios.datasets.netcdf import read_netcdf
 from scenarios.errors import ScenarioError
@@ -31,6 +31,9 @@ MODEL = "model-"
 MOST_BYTES = 2**28
 """No file of a submission is larger."""
 
+HIGHEST = 1e6
+"""No bandwidth is higher, Hz."""
+
 Where = tuple[str, str]
 """Arm and joint."""
 
@@ -50,6 +53,12 @@ class Submission:
     stated: Mapping[str, str]
     predictions: tuple[Path, ...]
     others: tuple[Path, ...]
+
+    @property
+    def says_origin(self) -> bool:
+        """Whether it says which data set it is for, by label or commitment."""
+        told = [self.stated, *(read_netcdf(path).attributes for path in self.predictions if path.suffix == ".nc")]
+        return any({"data_set", "commitment"} & one.keys() for one in told)
 
 
 def open_submission(folder: Path) -> Submission:
@@ -154,8 +163,10 @@ def read_bandwidths(submission: Submission, data_set: DataSet) -> dict[Where, fl
             where = _where(path, data_set, arm, joint)
             if where in found:
                 raise ScenarioError(f"{path}: {joint} of {where[0]} is there twice")
-            if not (math.isfinite(value) and value > 0.0):
-                raise ScenarioError(f"{path}: {joint} has the bandwidth {value}, expected a number above 0, Hz")
+            if not 0.0 < value <= HIGHEST:
+                raise ScenarioError(
+                    f"{path}: {joint} has the bandwidth {value:g}, expected a number above 0 and up to {HIGHEST:g}, Hz"
+                )
             found[where] = value
     return found
 
@@ -201,9 +212,17 @@ def _statement(path: Path) -> Mapping[str, str]:
 
 def _json(path: Path) -> object:
     try:
-        return json.loads(path.read_text(encoding="utf-8"))
+        return json.loads(path.read_text(encoding="utf-8"), object_pairs_hook=_once)
     except (OSError, ValueError, RecursionError) as error:
         raise ScenarioError(f"cannot read {path}: {error}") from error
+
+
+def _once(pairs: list[tuple[str, object]]) -> dict[str, object]:
+    """An object, refused where a key is there twice: one of its values would be lost."""
+    for key in (names := [name for name, _ in pairs]):
+        if names.count(key) > 1:
+            raise ValueError(f"{key[:50]!r} is there twice")
+    return dict(pairs)
 
 
 def _json_rows(path: Path) -> Iterable[tuple[str, str, float]]:
@@ -214,7 +233,8 @@ def _json_rows(path: Path) -> Iterable[tuple[str, str, float]]:
         for joint, value in entry.items() if isinstance(entry, dict) else ((name, entry),):
             if not isinstance(value, int | float) or isinstance(value, bool):
                 raise ScenarioError(f"{path}: {joint} = {str(value)[:50]!r} given, expected a number, Hz")
-            yield (name if isinstance(entry, dict) else ""), joint, float(value)
+            # A whole number of any length, which no float holds, is one that is too high.
+            yield (name if isinstance(entry, dict) else ""), joint, float("inf") if value > HIGHEST else float(value)
 
 
 def _csv_rows(path: Path) -> Iterable[tuple[str, str, float]]:
@@ -234,6 +254,6 @@ def _csv_rows(path: Path) -> Iterable[tuple[str, str, float]]:
             *arm, joint, value = row
             if len(row) != len(names):
                 raise ValueError(f"{len(row)} columns given, expected {len(names)}")
-            yield (arm[0] if arm else ""), joint, float(value)
+            yield (arm[0] if arm else ""), joint, number_of(value)
         except ValueError as error:
             raise ScenarioError(f"{path}, row {number}: {error}") from error

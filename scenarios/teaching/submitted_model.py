@@ -6,13 +6,14 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
+from scipy.optimize import linear_sum_assignment
 
 from hmtb_twin.parameters import SAMPLE_TIME
 from scenarios.crossing import HALF_POWER, crossing
 from scenarios.dataset_scores.mat_numbers import read_mat_numbers
 from scenarios.datasets.netcdf import read_netcdf
 from scenarios.errors import ScenarioError
-from sysid import FrequencyResponse, StateSpace
+from sysid import FrequencyResponse, StateSpace, SysidError
 
 ENDINGS = (".json", ".mat", ".nc")
 """Endings of files of models."""
@@ -22,6 +23,12 @@ MOST_BYTES = 2**24
 
 MOST_ORDER = 200
 """No model of a joint has a higher order."""
+
+LARGEST = 1e9
+"""No number of a model, and no gain of it at any frequency, is larger."""
+
+PAIRED = 1e-6
+"""So far, relative to it, a complex root may be from the conjugate of another one."""
 
 MATRICES, ROOTS = ("A", "B", "C", "D"), ("poles", "zeros", "gain")
 
@@ -51,7 +58,7 @@ class SubmittedModel:
     @property
     def bandwidth_hz(self) -> float:
         """First frequency at which the gain is 3.01 dB below that at 0 Hz, Hz; NaN if it never is."""
-        f = np.geomspace(0.005, 0.5 / SAMPLE_TIME, 4000)
+        f = frequencies()
         found = FrequencyResponse(f, self.response(f)[:, None, None], SAMPLE_TIME, "model")
         return crossing(found, HALF_POWER * abs(self.dc_gain))
 
@@ -59,6 +66,11 @@ class SubmittedModel:
     def stable(self) -> bool:
         """Whether all poles lie within the unit circle."""
         return bool((np.abs(self.poles) < 1.0).all())
+
+
+def frequencies() -> np.ndarray:
+    """Frequencies at which a bandwidth is looked for, Hz."""
+    return np.geomspace(0.005, 0.5 / SAMPLE_TIME, 4000)
 
 
 def read_model(path: Path) -> SubmittedModel:
@@ -83,10 +95,29 @@ def read_model(path: Path) -> SubmittedModel:
     if len(kinds) != 1:
         given = ", ".join(sorted(values)) or "nothing"
         raise ScenarioError(f"{path}: {given} given, expected either A, B, C and D or poles, zeros and gain, and dt")
-    wrong = [name for name in kinds[0] if not np.isfinite(values[name]).all()]
-    if wrong:
-        raise ScenarioError(f"{path}: {wrong[0]} has numbers that are not finite")
-    return _of_matrices(path, values) if kinds[0] == MATRICES else _of_roots(path, values)
+    for name in kinds[0]:
+        if not np.isfinite(values[name]).all():
+            raise ScenarioError(f"{path}: {name} has numbers that are not finite")
+        if (np.abs(values[name]) > LARGEST).any():
+            raise ScenarioError(f"{path}: {name} has numbers above {LARGEST:g}, which no model of a joint has")
+    model = _of_matrices(path, values) if kinds[0] == MATRICES else _of_roots(path, values)
+    _check_gain(path, model)
+    return model
+
+
+def _check_gain(path: Path, model: SubmittedModel) -> None:
+    """Refuse a model whose gain is not a number wherever it is compared: an integrator has none at 0 Hz."""
+    for f in (np.zeros(1), frequencies()):
+        try:
+            with np.errstate(all="ignore"):
+                gain = np.abs(model.response(f))
+        except (np.linalg.LinAlgError, SysidError):
+            gain = np.array([np.inf])
+        if not (gain <= LARGEST).all():
+            raise ScenarioError(
+                f"{path}: the model's gain {'at 0 Hz' if len(f) == 1 else 'at some frequency'} is infinite, or above "
+                f"{LARGEST:g}: it has a pole at 1 or elsewhere on the unit circle; expected finite gains"
+            )
 
 
 def of_state_space(model: StateSpace) -> SubmittedModel:
@@ -115,7 +146,7 @@ def _of_roots(path: Path, values: Mapping[str, np.ndarray]) -> SubmittedModel:
             "zeros"
         )
     for name, roots in (("poles", poles), ("zeros", zeros)):
-        if not np.allclose(np.poly(roots).imag, 0.0, atol=1e-9 * max(1.0, float(np.abs(np.poly(roots)).max()))):
+        if not _in_pairs(roots):
             raise ScenarioError(f"{path}: complex {name} without their conjugates given, expected pairs")
     if values["gain"].size != 1 or values["gain"].dtype.kind == "c":
         raise ScenarioError(f"{path}: gain of shape {values['gain'].shape} given, expected one real number")
@@ -127,6 +158,13 @@ def _of_roots(path: Path, values: Mapping[str, np.ndarray]) -> SubmittedModel:
             return np.asarray(gain * np.prod(z - zeros, axis=1) / np.prod(z - poles, axis=1))
 
     return SubmittedModel(poles, response)
+
+
+def _in_pairs(roots: np.ndarray) -> bool:
+    """Whether roots are those of a polynomial with real coefficients."""
+    distance = np.abs(roots[:, None] - roots.conj()[None, :])
+    rows, columns = linear_sum_assignment(distance)
+    return bool((distance[rows, columns] <= PAIRED * np.maximum(1.0, np.abs(roots[rows]))).all())
 
 
 def _read_json(path: Path) -> dict[str, np.ndarray]:
@@ -152,7 +190,7 @@ def _numbers(path: Path, name: str, value: object) -> np.ndarray:
         if found.dtype.kind not in "if":
             raise ValueError("no numbers")
         return found.astype(float)
-    except ValueError as error:
+    except (ValueError, OverflowError) as error:
         raise ScenarioError(f"{path}: {name} = {str(value)[:50]!r} given, expected numbers in rows") from error
 
 
@@ -161,7 +199,10 @@ def _complex(path: Path, name: str, entry: object) -> complex:
     numbers = [x for x in parts if isinstance(x, int | float) and not isinstance(x, bool)]
     if len(parts) != 2 or len(numbers) != 2:
         raise ScenarioError(f"{path}: {name} holds {str(entry)[:50]!r}, expected a number or [real, imaginary]")
-    return complex(*numbers)
+    try:
+        return complex(*numbers)
+    except OverflowError as error:
+        raise ScenarioError(f"{path}: {name} has numbers above {LARGEST:g}, which no model of a joint has") from error
 
 
 def _read_mat(path: Path) -> dict[str, np.ndarray]:

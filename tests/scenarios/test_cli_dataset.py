@@ -161,5 +161,6 @@ def test_failures_are_told_and_the_exit_code_is_one(
     (tmp_path / "least-v1").rename(tmp_path / "elsewhere")
     code, out, err = run(capsys, *words)
     assert (code, err) == (1, "")
-    assert out.startswith("failed: twin-0-one: ")
+    # A reason that many share is said once.
+    assert out.startswith("failed: twin-0-one and 1 more: ") and out.count("failed: ") == 2
     assert "2 experiments, 4 failed" in out

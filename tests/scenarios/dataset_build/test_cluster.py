@@ -66,9 +66,16 @@ def test_one_thread_two_threads_and_two_workers_make_the_same_bits(
 
 
 def test_a_scheduler_that_nobody_runs_is_said_within_seconds(tiny_spec: DataSetSpec, tmp_path: Path):
-    for address in ("tcp://127.0.0.1:1", "no address"):
-        with pytest.raises(ScenarioError, match=r"no Dask scheduler answers at '.*' within 0.5 s .*; expected an"):
-            build(tiny_spec, tmp_path, executor=Cluster(address, patience=0.5))
+    with pytest.raises(ScenarioError, match=r"no Dask scheduler answers at '.*' within 0.5 s .*; expected an"):
+        build(tiny_spec, tmp_path, executor=Cluster("tcp://127.0.0.1:1", patience=0.5))
+
+
+@pytest.mark.parametrize(
+    "address", ["", "junk", "junk:1", "http://a:1", "tcp://a", "tcp://a:0", "tcp://a:99999", "tcp://:1"]
+)
+def test_what_is_no_address_is_refused_before_anything_is_made(address: str):
+    with pytest.raises(ScenarioError, match="expected the address of a Dask scheduler"):
+        Cluster(address)
 
 
 def test_workers_that_never_come_end_a_build_that_can_go_on(tiny_spec: DataSetSpec, tmp_path: Path, scheduler: str):

@@ -4,6 +4,7 @@ import json
 import os
 import random
 import shutil
+import signal
 from collections.abc import Callable
 from hashlib import sha256
 from pathlib import Path
@@ -69,7 +70,11 @@ def forge(folder: Path, by: float) -> None:
 
 def test_what_has_been_built_passes_and_is_simulated_again_to_the_bit(tiny: Path) -> None:
     assert examine(tiny, regenerate=2, seed=3, workers=1) == Checked(
-        (), ("2 experiments simulated again with the same software: the same bits",)
+        (),
+        (
+            "3 of 3 experiments have a record",
+            "2 experiments simulated again with the same software: the same bits",
+        ),
     )
 
 
@@ -228,7 +233,7 @@ def test_other_versions_may_differ_within_the_tolerance(
     monkeypatch.setattr(regeneration, "same_software", lambda folder: False)
     found = examine(copy, regenerate=1, workers=1)
     assert found.passed is passes
-    assert [("within 1e-09 of the largest magnitude" in note) for note in found.notes][1:] == [True] * passes
+    assert [("within 1e-09 of the largest magnitude" in note) for note in found.notes][2:] == [True] * passes
 
 
 def test_software_is_the_same_only_with_the_same_source_and_versions(copy: Path) -> None:
@@ -317,12 +322,28 @@ def test_names_that_harm_a_terminal_and_files_beyond_measure_are_refused(copy: P
     assert [problem[:12] for problem in problems] == ["'a\\x1b[2Jb':", "'vast.nc' ha"]
 
 
-def test_a_reader_that_hangs_or_crashes_is_replaced(tiny: Path, tmp_path: Path) -> None:
-    os.mkfifo(tmp_path / "pipe")
+def test_a_data_set_without_any_record_does_not_pass(copy: Path) -> None:
+    index = read_index(copy)
+    for entry in index["experiments"]:
+        entry |= {"failed": "it could not be run", "arrays": {}}
+    index["hash"] = sha256().hexdigest()
+    (copy / "experiments.json").write_text(json.dumps(index), encoding="utf-8")
+    (copy / "manifest.jsonl").unlink()
+    shutil.rmtree(copy / "data")
+    shutil.rmtree(copy / "truth")
+    reseal(copy)
+    found = examine(copy)
+    assert "no experiment has a record" in found.problems
+    assert "0 of 3 experiments have a record" in found.notes
+
+
+def test_a_reader_that_hangs_or_crashes_is_replaced(tiny: Path) -> None:
     with Inspector(patience=3.0) as inspector:
         assert "y" in inspector.look(tiny / RECORD)["arrays"]
+        assert inspector._process is not None
+        inspector._process.send_signal(signal.SIGSTOP)
         with pytest.raises(ScenarioError, match="did not end within 3 s"):
-            inspector.look(tmp_path / "pipe")
+            inspector.look(tiny / RECORD)
         assert "y" in inspector.look(tiny / RECORD)["arrays"]
         assert inspector._process is not None
         inspector._process.kill()

@@ -302,7 +302,7 @@ def test_a_key_that_cannot_be_written_is_refused_before_the_work(hidden: Class, 
     ("change", "says"),
     [
         ({"twins": None}, "whose truth anyone can compute"),
-        ({"window": 200}, "nothing of it would be withheld"),
+        ({"window": 200}, "expected 10 or more behind it to score"),
         ({"seed": None, "secret_seed": "0" * 31 + "7"}, "128 bits drawn at random"),
     ],
 )
@@ -329,10 +329,15 @@ def test_a_folder_of_another_build_is_left_alone(hidden: Class, whole: Path, tmp
 
 def test_why_an_experiment_failed_is_kept_apart(hidden: Class, tmp_path: Path) -> None:
     twins = replace(hidden.spec.twins, distributions=TwinDistributions(payload_mass=Distribution("uniform", 1.0, 90.0)))  # type: ignore[type-var]
-    made = build_hidden(replace(hidden.spec, twins=twins), tmp_path, tmp_path / "key", workers=1)
-    assert all("cannot hold the arm" in why for name, why in made.failed.items() if "noise" in name)
+    heavy = replace(hidden.spec, twins=twins)
+    with pytest.raises(ScenarioError, match="none of 3 experiments has a record"):
+        build_hidden(heavy, tmp_path / "none", tmp_path / "none.key", workers=1)
+    assert not (tmp_path / "none").exists()
+    light = (*heavy.records[:1], replace(heavy.records[1], payloads=("rpcm", "none")))
+    made = build_hidden(replace(heavy, records=light), tmp_path / "out", tmp_path / "key", workers=1)
+    assert all("cannot hold the arm" in why for name, why in made.failed.items() if "rpcm" in name)
     entries = json.loads((made.paths[0] / "experiments.json").read_text())["experiments"]
-    assert [entry["failed"] for entry in entries] == 3 * ["it could not be run; the reason is kept apart"]
+    assert [entry["failed"] for entry in entries] == [*3 * ["it could not be run; the reason is kept apart"], None]
     assert not any(b"cannot hold" in content for _, content in published_bytes(made.paths[0]))
 
 
