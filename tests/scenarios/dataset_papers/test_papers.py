@@ -8,16 +8,21 @@ import shutil
 from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
 import pytest
 import yaml
 
+from hmtb_twin import Status
 from scenarios.dataset_build.index import read_index
 from scenarios.dataset_papers import papers as papers_module
 from scenarios.dataset_papers.citation import citation_cff, datacite
 from scenarios.dataset_papers.papers import PAPERS, papers
 from scenarios.datasets.hashes import file_hash
+from scenarios.datasets.netcdf import read_netcdf
 from scenarios.datasets.spec import DataSetSpec
+from scenarios.datasets.twins import Twins
 from scenarios.errors import ScenarioError
+from scenarios.excitation_computer import Excitation
 
 
 @pytest.fixture(scope="module")
@@ -144,4 +149,55 @@ def test_the_datasheet_of_hidden_truth_says_what_is_withheld(tiny: Path, tiny_sp
     assert "5" * 64 in text
     assert "hmtb dataset build" not in text
     assert "from the seed" not in text
+    assert "Outputs of test records are withheld" in text
     assert "withheld" not in (tiny / "README.md").read_text(encoding="utf-8")
+
+
+def test_the_datasheet_says_how_much_was_limited_and_the_table_by_record(tiny: Path, tiny_spec: DataSetSpec) -> None:
+    with (tiny / "experiments.csv").open(encoding="utf-8", newline="") as stream:
+        rows = list(csv.DictReader(stream))
+    for row in rows:
+        status = read_netcdf(tiny / row["file"]).variables["status"].values
+        assert int(row["velocity_limited"]) == np.count_nonzero(status & Status.VELOCITY_LIMITED) > 0
+        assert row["clipped"] == "0"
+    train = [int(row["velocity_limited"]) for row in rows if row["part"] == "train"]
+    text = (tiny / "README.md").read_text(encoding="utf-8")
+    assert re.search(rf"^\| train \| 2 \| 400 \|.*\| {sum(train) / 4:.3g} \| identification \|$", text, re.M)
+    assert "a converter stood at an end" not in text.split("## Channels")[0]
+    # The excitation computer gives ten volts at most.
+    loud = replace(tiny_spec.records[0], excitation=(Excitation("prbs", {"amplitude": 11.0}),))
+    again = papers(tiny, replace(tiny_spec, records=(loud, tiny_spec.records[1])), read_index(tiny))
+    (clipped,) = {row["clipped"] for row in csv.DictReader(io.StringIO(again["experiments.csv"].decode()))} - {"0"}
+    assert 0 < int(clipped) <= 200
+    assert "In 2 of the 2 records of `binary` a converter stood at an end of its range" in again["README.md"].decode()
+
+
+def test_the_sizes_count_what_is_there(tiny: Path) -> None:
+    said = json.loads((tiny / "datacite.json").read_text(encoding="utf-8"))["sizes"]
+    size = sum(path.stat().st_size for path in (tiny / "data").rglob("*.nc"))
+    files = sum(path.is_file() for path in tiny.rglob("*"))
+    assert said == ["3 records", f"{size} bytes of records", f"{files} files"]
+
+
+def test_baselines_say_of_how_many_records_they_are(tiny: Path, tiny_spec: DataSetSpec, tmp_path: Path) -> None:
+    assert "| arx | 2 2 1 | " in (text := (tiny / "README.md").read_text(encoding="utf-8"))
+    assert all(row.endswith("| mrad | 1 of 1 |") for row in re.findall(r"^\| (?:hold|arx|truth) \|.*$", text, re.M))
+    copy = shutil.copytree(tiny, tmp_path / "copy")
+    table = (copy / "baselines.csv").read_text(encoding="utf-8")
+    rows = list(csv.DictReader(io.StringIO(table)))
+    with (copy / "baselines.csv").open("w", encoding="utf-8", newline="") as stream:
+        writer = csv.DictWriter(stream, list(rows[0]))
+        writer.writeheader()
+        writer.writerows({**row, "twins": "0 4"} for row in rows)
+    fleet = papers(copy, replace(tiny_spec, twins=Twins(1)), read_index(tiny))["README.md"].decode()
+    assert "those of the twins 0, 4 of\n1." in fleet
+    assert "1 randomised twin was drawn" in fleet
+
+
+def test_a_page_on_the_web_is_cited_and_answers_questions(tiny: Path, tiny_spec: DataSetSpec) -> None:
+    placed = papers(tiny, replace(tiny_spec, url="https://example.org/tiny"), read_index(tiny))
+    text = placed["README.md"].decode()
+    assert "version 1. https://example.org/tiny\n" in text
+    assert "**Who answers questions?** The HMTB twin contributors, at <https://example.org/tiny>." in text
+    assert json.loads(placed["datacite.json"])["url"] == "https://example.org/tiny"
+    assert "The spec names no page" in (tiny / "README.md").read_text(encoding="utf-8")

@@ -1,5 +1,6 @@
 """The page on data sets: its snippets run as they stand, in Python and in Octave, and give the same numbers."""
 
+import json
 import os
 import re
 import shutil
@@ -8,13 +9,16 @@ import sys
 from dataclasses import fields
 from hashlib import sha256
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 
 from hmtb_twin.specimen_draw import TwinDistributions
+from scenarios.dataset_scores.baselines import Bench, baseline
+from scenarios.dataset_scores.score import score
 from scenarios.datasets import open_data_set
-from scenarios.datasets.baselines_asked import BaselinesAsked
+from scenarios.datasets.baselines_asked import BaselinesAsked, Method
 from scenarios.datasets.export import FORMATS, export
 from scenarios.datasets.records import Records
 from scenarios.datasets.scoring import METRICS, UNITS, Scoring
@@ -63,6 +67,45 @@ def test_the_python_snippets_run(place: Path) -> None:
     assert done.returncode == 0, done.stderr
     for expected in ("0.02 binary-elbow_pitch (200,)", "noise: ", "true bandwidth 1.0"):
         assert expected in done.stdout
+    # The page promises the score that stands in a row of the baselines.
+    data_set = open_data_set(place / "tiny-v1")
+    row = baseline(Bench(data_set, data_set.spec.baselines), Method.parsed("oe:2/2")).test.mean
+    assert f"\noe {row}\n" in done.stdout
+
+
+def test_the_snippet_for_students_comes_near_the_baseline(place: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Command and answer are taken from their means: the first command is a step of the excitation already."""
+    (snippet,) = (text for text in snippets("python") if "steps=None" in text)
+    monkeypatch.chdir(place)
+    data_set = open_data_set(place / "tiny-v1")
+
+    def reached(text: str) -> float:
+        made: dict[str, Any] = {}
+        exec(text, made)
+        return score({made["test"].name: made["yhat"]}, data_set).mean
+
+    found = reached(snippet)
+    assert found < 1.05 * baseline(Bench(data_set, data_set.spec.baselines), Method.parsed("oe:2/2/2")).test.mean
+    assert found < 0.8 * reached(snippet.replace(".mean(axis=0)", "[0]"))
+
+
+def test_the_hash_comes_out_by_the_recipe_of_the_page(tiny: Path) -> None:
+    """Computed by what the page says alone: HDF5, JSON and SHA-256."""
+    import h5py
+
+    index = json.loads((tiny / "experiments.json").read_text(encoding="utf-8"))
+    whole = sha256()
+    for experiment in index["experiments"]:
+        for place in sorted(experiment["arrays"]):
+            with h5py.File(tiny / place) as file:
+                for name in sorted(experiment["arrays"][place]):
+                    values = file[name][()]
+                    word = {"float64": "<f8", "int64": "<i8"}[values.dtype.name]
+                    line = f"{word} {values.shape}\n".encode("ascii")
+                    own = sha256(line + values.astype(word).tobytes(order="C")).hexdigest()
+                    assert own == experiment["arrays"][place][name]
+                    whole.update(f"{own}  {place}:{name}\n".encode())
+    assert whole.hexdigest() == index["hash"]
 
 
 @pytest.mark.skipif(OCTAVE is None, reason="Octave is not installed: apt-get install octave")

@@ -1,16 +1,38 @@
 """The picture of a data set shows its own numbers."""
 
+import importlib.util
 import json
 import shutil
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
+from PIL import Image
 
 from scenarios.dataset_truth.arm_truth import read_arm
 from scenarios.datasets import gallery, open_data_set
 from scenarios.datasets.gallery import gallery_figure
+from scenarios.datasets.spec import shipped
 from scenarios.errors import ScenarioError
+
+ROOT = Path(__file__).parents[3]
+
+
+def test_every_picture_is_of_the_spec_that_comes_with_the_package() -> None:
+    """Where this fails: `make images`, or docs/images/datasets.py alone, and look at what it drew."""
+    spec = importlib.util.spec_from_file_location("pictures", ROOT / "docs/images/datasets.py")
+    assert spec is not None and spec.loader is not None
+    pictures = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(pictures)
+    known = shipped()
+    for label, one in known.items():
+        with Image.open(pictures.FOLDER / f"{label}.png") as picture:
+            assert picture.info[pictures.NOTE] == pictures.drawn_from(one), f"the picture of {label} is out of date"
+    siso = known["hmtb-siso-v1"]
+    assert pictures.drawn_from(replace(siso, title="Other", description="words")) == pictures.drawn_from(siso)
+    block = replace(siso.records[0], duration=30.0)
+    assert pictures.drawn_from(replace(siso, records=(block, *siso.records[1:]))) != pictures.drawn_from(siso)
 
 
 def test_records_spectra_and_sizes_are_drawn(tiny: Path) -> None:
