@@ -67,10 +67,11 @@ def _with_free_past(y: FloatArray, u: FloatArray, orders: Orders, theta: FloatAr
     a, b, c, d, f = orders.split(theta)
     n = len(y)
     responses = [lfilter(bj, fj, u[:, j]) for j, (bj, fj) in enumerate(zip(b, f, strict=True))]
-    v = lfilter(a, [1.0], y) - sum(responses)
-    eps = lfilter(d, c, v)[start:]
-
     noise_count = max(orders.nc, orders.nd)
+    # Filters that do nothing cost as much as others.
+    v = (lfilter(a, [1.0], y) if orders.na else y) - sum(responses)
+    eps = lfilter(d, c, v)[start:] if noise_count else v[start:].copy()
+
     transients = free_transients(orders, theta, n - start)
     basis, tau = _orthonormal(transients, eps) if transients.shape[1] else (None, np.zeros(0))
     if basis is not None:

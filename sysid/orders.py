@@ -63,8 +63,11 @@ class Orders:
     def split(self, theta: FloatArray) -> tuple[FloatArray, list[FloatArray], FloatArray, FloatArray, list[FloatArray]]:
         """Parameters as polynomials A, [B], C, D, [F]: monic ones with their 1, B with its nk leading zeros."""
         sizes = [self.na, *self.nb, self.nc, self.nd, *self.nf]
-        parts = np.split(theta, np.cumsum(sizes)[:-1])
         nu = len(self.nb)
+        parts, begin = [], 0
+        for size in sizes:
+            parts.append(theta[begin : begin + size])
+            begin += size
         b = [np.concatenate((np.zeros(k), part)) for k, part in zip(self.nk, parts[1 : 1 + nu], strict=True)]
         f = [np.concatenate(([1.0], part)) for part in parts[3 + nu :]]
         a, c, d = (np.concatenate(([1.0], part)) for part in (parts[0], parts[1 + nu], parts[2 + nu]))

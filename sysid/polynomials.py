@@ -121,6 +121,8 @@ def innovations_form(polynomials: Polynomials, dt: float, variance: ArrayLike | 
 
 def is_stable(polynomial: FloatArray, margin: float = 0.0) -> bool:
     """Whether all roots z of z^n + p1 z^(n-1) + ... lie inside the circle of radius 1 - margin."""
+    if len(polynomial) == 1:
+        return True  # asked at every step of a search, of structures without C and D too
     roots = np.roots(_trim(polynomial))
     return bool((np.abs(roots) < 1.0 - margin).all())
 
