@@ -6,7 +6,6 @@ import json
 from collections import Counter
 from collections.abc import Hashable, Iterable, Mapping
 from dataclasses import asdict, dataclass, field
-from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
@@ -14,8 +13,6 @@ import numpy as np
 from scipy.stats import chi2
 
 from hmtb_twin import JointLog, TwinError
-from hmtb_twin.modes import joint_index
-from hmtb_twin.recorder import delayed
 from scenarios.attainable import Attainable, attainable
 from scenarios.dataset_scores.baseline_table import software
 from scenarios.dataset_scores.score import in_metric
@@ -24,6 +21,7 @@ from scenarios.dataset_truth.excitation_class import excitation_class
 from scenarios.dataset_truth.stored_log import stored_log
 from scenarios.datasets.data_set import open_data_set
 from scenarios.datasets.layout import ATTAINABLE, attainable_file
+from scenarios.datasets.netcdf import read_netcdf
 from scenarios.datasets.plan import Entry, Plan
 from scenarios.datasets.scoring import Scoring
 from scenarios.datasets.spec import DataSetSpec
@@ -85,10 +83,11 @@ class FloorStage:
         """
         if piece != TABLE:
             entry = next(entry for entry in plan if entry.name == piece)
-            content = json.dumps(floors(plan.spec, entry, _log(folder, entry)), indent=1, allow_nan=False) + "\n"
+            content = json.dumps(floors(plan.spec, entry, stored_log(folder, entry)), indent=1, allow_nan=False) + "\n"
             return {str(attainable_file(piece)): content.encode()}
-        there = {record.name for record in open_data_set(folder).test}
-        scored = (entry for entry in plan if entry.part == "test" and entry.name in there)
+        # The index lists the experiments in the order of the plan.
+        listed = enumerate(open_data_set(folder).listings)
+        scored = (plan[number] for number, line in listed if line.part == "test" and line.failed is None)
         rows = [row for entry in scored for row in _rows(plan.spec, entry, folder)]
         return {ATTAINABLE: _csv(rows)}
 
@@ -101,7 +100,9 @@ def searched(plan: Plan) -> tuple[str, ...]:
     """
     counts = Counter[Hashable]()
     names = []
-    for entry in plan if plan.spec.truth.floors else ():
+    # Every twin has a record of each class, so the first twins have them all.
+    twins = min(plan.twins, plan.spec.truth.floors)
+    for entry in plan[: twins * (len(plan) // plan.twins)]:
         if entry.part != "test":
             continue
         key = (entry.block, excitation_class(entry))
@@ -127,7 +128,8 @@ def floors(spec: DataSetSpec, entry: Entry, log: JointLog) -> dict[str, Any]:
     found: dict[str, Any] = {"experiment": entry.name, "window": spec.window, "software": software(), "joints": {}}
     for joint in entry.joints:
         try:
-            one = attainable(log, joint, truth=arm_truth(arm, pose, spec.truth.amplitudes), window=spec.window)
+            truth = arm_truth(arm, pose, spec.truth.amplitudes)
+            one = attainable(log, joint, truth=truth, window=spec.window, steps=spec.truth.search_steps or None)
         except (ScenarioError, TwinError, SysidError) as error:
             found["joints"][joint] = {"reason": str(error)}
             continue
@@ -152,18 +154,40 @@ def _record(found: Attainable) -> dict[str, Any]:
     }
 
 
-def noise_floor(entry: Entry, log: JointLog, joint: str, window: int) -> float:
-    """Root mean square of what nobody can foretell who knows the noise-free angle, rad: noise of the recorder.
+@dataclass(frozen=True, eq=False)
+class Scored:
+    """The angles of a joint behind the window of a record, rad.
+
+    Attributes:
+        measured: As recorded (N,).
+        true: Free of the recorder's noise, as late as in the record (N,).
+    """
+
+    measured: np.ndarray
+    true: np.ndarray
+
+    @property
+    def noise(self) -> float:
+        """Root mean square of what nobody can foretell who knows the noise-free angle: noise of the recorder."""
+        return float(np.sqrt(np.mean((self.measured - self.true) ** 2)))
+
+
+def scored_angles(folder: Path, entry: Entry, window: int) -> Mapping[str, Scored]:
+    """The angles of each joint of a record that are scored; nothing else is read of the files.
 
     Args:
+        folder: The data set.
         entry: The experiment.
-        log: Its log.
-        joint: The joint.
         window: Samples that are not scored.
+
+    Raises:
+        ScenarioError: A file is missing or damaged.
     """
-    column = joint_index(joint)
-    true = delayed(log.true_angles, experiment_arm(entry.experiment).delays)[window:, column]
-    return float(np.sqrt(np.mean((log.measured[window:, column] - true) ** 2)))
+    measured = read_netcdf(folder / entry.data, only=("y",)).variables["y"].values
+    true = read_netcdf(folder / entry.signals, only=("y_noise_free",)).variables["y_noise_free"].values
+    return {
+        joint: Scored(measured[window:, column], true[window:, column]) for column, joint in enumerate(entry.joints)
+    }
 
 
 def by_chance(rmse: float, samples: int) -> float:
@@ -171,23 +195,16 @@ def by_chance(rmse: float, samples: int) -> float:
     return rmse * float(np.sqrt(max(1.0 - chi2.ppf(0.95, 1) / samples, 0.0)))
 
 
-@lru_cache(maxsize=4)
-def _log(folder: Path, entry: Entry) -> JointLog:
-    """The log of an experiment; where few are searched it is read once."""
-    return stored_log(folder, entry)
-
-
 def _rows(spec: DataSetSpec, entry: Entry, folder: Path) -> Iterable[dict[str, str]]:
     place = folder / attainable_file(entry.name)
     kept = json.loads(place.read_bytes())["joints"] if place.is_file() else {}
-    log = _log(folder, entry)
-    for joint in entry.joints:
-        yield _row(spec, entry, log, joint, kept.get(joint))
+    for joint, angles in scored_angles(folder, entry, spec.window).items():
+        yield _row(spec, entry, angles, joint, kept.get(joint))
 
 
-def _row(spec: DataSetSpec, entry: Entry, log: JointLog, joint: str, kept: Mapping[str, Any] | None) -> dict[str, str]:
-    scored = log.measured[spec.window :, joint_index(joint)]
-    spread, recorder = float(scored.std()), noise_floor(entry, log, joint, spec.window)
+def _row(spec: DataSetSpec, entry: Entry, angles: Scored, joint: str, kept: Mapping[str, Any] | None) -> dict[str, str]:
+    scored = angles.measured
+    spread, recorder = float(scored.std()), angles.noise
     # Without noise in the drives the commands foretell the noise-free angle.
     certain = not entry.experiment.plant.process_noise
     values = {"attainable": recorder if certain else None, "one_step_attainable": recorder}

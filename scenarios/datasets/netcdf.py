@@ -1,6 +1,6 @@
 """NetCDF4 files whose bytes depend on what they hold alone."""
 
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import BinaryIO
@@ -75,11 +75,12 @@ class Contents:
         return netcdf_bytes(sizes, self.variables, self.attributes)
 
 
-def read_netcdf(path: Path | BinaryIO) -> Contents:
-    """Read a file whole, and nothing but that file.
+def read_netcdf(path: Path | BinaryIO, *, only: Collection[str] | None = None) -> Contents:
+    """Read a file, and nothing but that file.
 
     Args:
         path: The file, or its bytes as a stream.
+        only: Names of the variables that are read; all by default.
 
     Raises:
         ScenarioError: It is missing, or no NetCDF4 file, or a damaged one, or one that refers to other files or claims
@@ -95,7 +96,7 @@ def read_netcdf(path: Path | BinaryIO) -> Contents:
             variables = {
                 name: Variable(_dimensions(raw, name, entry), _values(entry), _attributes(entry))
                 for name, entry in raw.items()
-                if not _is_dimension(entry)
+                if (only is None or name in only) and not _is_dimension(entry)
             }
             return Contents(variables, _attributes(raw))
     except FileNotFoundError:

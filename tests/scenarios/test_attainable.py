@@ -168,6 +168,15 @@ def test_the_window_is_not_scored(sliding: JointLog) -> None:
     assert found.simulation.any_model.rmse == pytest.approx(np.sqrt(np.mean(error**2)), rel=1e-12)
 
 
+def test_a_few_steps_find_nearly_what_a_long_search_finds(sliding: JointLog) -> None:
+    """Nothing else depends on the search, and what it was is said."""
+    whole, quick = attainable(sliding), attainable(sliding, steps=10)
+    assert whole.right_order.rmse <= quick.right_order.rmse < 1.05 * whole.right_order.rmse
+    assert quick.right_order.rmse < quick.simulation.small_signal.rmse
+    assert quick.simulation.any_model == whole.simulation.any_model
+    assert quick.provenance["steps of each search for the right order"] == "10"
+
+
 def test_chance_is_that_of_chi_square(sliding: JointLog) -> None:
     """A constant fitted to white noise undercuts by one degree of freedom; nothing else is claimed."""
     found = attainable(sliding)
