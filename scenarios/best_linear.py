@@ -127,21 +127,48 @@ def best_linear(
         SysidError: The command does not move at a line, for instance because the stick stays in its deadband.
     """
     experiments = multisine_experiments(setting, multisines or Multisines())
-    first = experiments[0]
-    outputs = _outputs(first.axes if measured is None else measured)
-    rows = [joint_index(name) for name in outputs]
+    outputs = _outputs(experiments[0].axes if measured is None else measured)
     result = simulate(experiments, threads=threads)
     for name, reason in result.failed.items():
         raise ScenarioError(f"{name}: {reason}")
+    told = {"setting": setting.name, "seed": str(setting.seed)}
+    return approximated(experiments, result, measured=outputs, physics_seconds=result.physics_seconds, told=told)
+
+
+def approximated(
+    experiments: Sequence[MultisineExperiment],
+    logs: Sequence[JointLog],
+    *,
+    measured: Sequence[str],
+    physics_seconds: float = 0.0,
+    told: Mapping[str, str] = MappingProxyType({}),
+) -> BestLinearTruth:
+    """The best linear approximation from records that are there; see `best_linear`.
+
+    Args:
+        experiments: Realisations of one class of excitation under one set of conditions, those with several axes as
+            many records each, one after the other.
+        logs: Their logs.
+        measured: Outputs, joints.
+        physics_seconds: What the records cost in the physics, s.
+        told: What the provenance says of their origin.
+
+    Raises:
+        ScenarioError: `measured` is no sequence of joints, each once.
+        SysidError: The command does not move at a line.
+    """
+    first = experiments[0]
+    outputs = _outputs(measured)
+    rows = [joint_index(name) for name in outputs]
     excited = [joint_index(name) for name in first.axes]
-    servo = [_record(first, outputs, log, log.commanded[:, excited], rows) for log in result]
+    servo = [_record(first, outputs, log, log.commanded[:, excited], rows) for log in logs]
     chain = [
         _record(first, outputs, log, experiment.asked(), rows)
-        for log, experiment in zip(result, experiments, strict=True)
+        for log, experiment in zip(logs, experiments, strict=True)
     ]
     of_servo = _bla(servo, first.multisines)
     steady = [record.scored for record in servo]
-    status = np.concatenate([log.status[len(log) - len(part) :] for log, part in zip(result, steady, strict=True)])
+    status = np.concatenate([log.status[len(log) - len(part) :] for log, part in zip(logs, steady, strict=True)])
     return BestLinearTruth(
         experiment=first,
         measured=outputs,
@@ -151,13 +178,12 @@ def best_linear(
         command_rms=np.sqrt(np.mean([part.u.var(axis=0) for part in steady], axis=0)),
         slewing=float(np.mean((status & Status.VELOCITY_LIMITED) != 0)),
         limited=float(np.mean((status & (Status.JOINT_LIMITED | Status.CONVERTER_SATURATED)) != 0)),
-        physics_seconds=result.physics_seconds,
+        physics_seconds=physics_seconds,
         provenance={
             "method": "robust method, random-phase multisines",
-            "setting": setting.name,
-            "seed": str(setting.seed),
+            **told,
             **{f"multisines_{name}": str(value) for name, value in vars(first.multisines).items()},
-            **result[0].provenance,
+            **logs[0].provenance,
             **versions(),
         },
     )

@@ -1,24 +1,26 @@
 """The best linear approximation for records of a data set: what linear models of them tend to."""
 
-from collections.abc import Hashable, Iterable, Mapping
+from collections.abc import Hashable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import numpy as np
 
+from hmtb_twin import JointLog, simulate
 from hmtb_twin.control_station import ControlStation
 from hmtb_twin.modes import joint_index
 from hmtb_twin.parameters import SAMPLE_TIME
-from scenarios.best_linear import BestLinearTruth, best_linear
+from scenarios.best_linear import BestLinearTruth, approximated
 from scenarios.dataset_truth.excitation_class import excitation_class
+from scenarios.dataset_truth.own_realisations import own_realisations
 from scenarios.datasets.netcdf import Attribute, Contents, Variable, read_netcdf
 from scenarios.datasets.plan import Entry, Plan
 from scenarios.datasets.spec import DataSetSpec
 from scenarios.errors import ScenarioError
 from scenarios.experiment_arm import experiment_arm
-from scenarios.multisine_experiment import MultisineExperiment
+from scenarios.multisine_experiment import MultisineExperiment, multisine_experiments
 from scenarios.multisines import Multisines
-from scenarios.thesis.best_linear_test import REALISATIONS, multisine_like
+from scenarios.thesis.best_linear_test import multisine_like
 from sysid import FrequencyResponse, IOData
 
 FORMAT = "hmtb best linear approximation 1"
@@ -39,7 +41,7 @@ class BestLinearStage:
         """Names of the first experiments of each class in the blocks that the spec names, on the first twin."""
         first: dict[Hashable, str] = {}
         blocks = set(plan.spec.truth.best_linear)
-        for entry in plan if blocks else ():
+        for entry in plan[: len(plan) // plan.twins] if blocks else ():
             if entry.block in blocks:
                 first.setdefault(excitation_class(entry), entry.name)
         return list(first.values())
@@ -56,10 +58,17 @@ class BestLinearStage:
             ScenarioError: It has no best linear approximation, for instance because it is no test of single joints.
         """
         entry = next(entry for entry in plan if entry.name == piece)
-        return {entry.best_linear: best_linear_contents(plan.spec, entry)}
+        own = own_realisations(plan, folder, entry)
+        return {entry.best_linear: best_linear_contents(plan.spec, entry, own=own)}
 
 
-def best_linear_contents(spec: DataSetSpec, entry: Entry, *, threads: int | None = None) -> Contents:
+def best_linear_contents(
+    spec: DataSetSpec,
+    entry: Entry,
+    *,
+    own: Sequence[tuple[MultisineExperiment, JointLog]] = (),
+    threads: int | None = None,
+) -> Contents:
     """Measure the best linear approximation under a multisine like the command of an experiment.
 
     A multisine is repeated with new phases; any other excitation of one joint by a multisine whose command has the same
@@ -68,18 +77,36 @@ def best_linear_contents(spec: DataSetSpec, entry: Entry, *, threads: int | None
     Args:
         spec: The data set.
         entry: The experiment.
+        own: Records of whole realisations that are there, which count; see `own_realisations`. What is missing of the
+            number that the spec asks for is simulated, two at least.
         threads: Threads for the physics; the bits do not depend on it.
 
     Raises:
         ScenarioError: Several joints excited otherwise than by multisines, work in contact or an emergency shutdown.
     """
-    setting, multisines = matched(spec, entry)
-    found = best_linear(setting, multisines, measured=entry.joints, threads=threads)
+    count = len(own) // len(entry.experiment.axes)
+    left = max(spec.truth.realisations - count, 0)
+    experiments, logs, seconds = [one for one, _ in own], [log for _, log in own], 0.0
+    told = {"setting": entry.name, "realisations of the data set": str(count), "realisations simulated": "0"}
+    if left:
+        setting, multisines = matched(spec, entry, realisations=max(left, 2))
+        more = multisine_experiments(setting, multisines)
+        result = simulate(more, threads=threads)
+        for name, reason in result.failed.items():
+            raise ScenarioError(f"{name}: {reason}")
+        experiments, logs, seconds = [*experiments, *more], [*logs, *result], result.physics_seconds
+        told |= {"seed": str(setting.seed), "realisations simulated": str(multisines.realisations)}
+    found = approximated(experiments, logs, measured=entry.joints, physics_seconds=seconds, told=told)
     return _contents(spec, entry, found)
 
 
-def matched(spec: DataSetSpec, entry: Entry) -> tuple[MultisineExperiment, Multisines]:
+def matched(spec: DataSetSpec, entry: Entry, *, realisations: int = 8) -> tuple[MultisineExperiment, Multisines]:
     """The multisine like the command of an experiment, and the setting that it is played in; see above.
+
+    Args:
+        spec: The data set.
+        entry: The experiment.
+        realisations: Of the multisine.
 
     Raises:
         ScenarioError: Several joints excited otherwise than by multisines.
@@ -87,7 +114,7 @@ def matched(spec: DataSetSpec, entry: Entry) -> tuple[MultisineExperiment, Multi
     seed = int(np.random.SeedSequence([spec.entropy, *f"best linear {entry.name}".encode()]).generate_state(1)[0])
     experiment = entry.experiment
     if isinstance(experiment, MultisineExperiment):
-        multisines = replace(experiment.multisines, realisations=REALISATIONS, seed=seed)
+        multisines = replace(experiment.multisines, realisations=realisations, seed=seed)
         return replace(experiment, seed=seed), multisines
     if len(experiment.axes) != 1:
         raise ScenarioError(
@@ -99,7 +126,8 @@ def matched(spec: DataSetSpec, entry: Entry) -> tuple[MultisineExperiment, Multi
     station = ControlStation(experiment, arm, np.random.default_rng(experiment.seed).spawn(2)[0])
     command = station.commands[:, joint_index(experiment.axes[0])]
     command = command - command.mean()
-    setting, multisines, _ = multisine_like(experiment, arm, [IOData(command, command, SAMPLE_TIME)], seed=seed)
+    record = IOData(command, command, SAMPLE_TIME)
+    setting, multisines, _ = multisine_like(experiment, arm, [record], seed=seed, realisations=realisations)
     return setting, multisines
 
 

@@ -124,7 +124,7 @@ def best_linear_of_test(
 
 
 def multisine_like(
-    setting: Experiment, arm: Arm, records: Sequence[IOData], *, seed: int = 0
+    setting: Experiment, arm: Arm, records: Sequence[IOData], *, seed: int = 0, realisations: int = REALISATIONS
 ) -> tuple[MultisineExperiment, Multisines, float]:
     """Choose the multisine that is like a test's command; see `best_linear_of_test`.
 
@@ -133,6 +133,7 @@ def multisine_like(
         arm: The arm of the experiment.
         records: Records of the test without means, of one seed or more, rad.
         seed: Draws phases and noise.
+        realisations: Of the multisine.
 
     Returns:
         The setting for `scenarios.best_linear.best_linear`, the multisine, and the root mean square of the test's
@@ -155,7 +156,7 @@ def multisine_like(
         hand_controller=setting.hand_controller,
         seed=seed,
     )
-    wanted = Multisines(rms=rms, f_max=_band(records), realisations=REALISATIONS, seed=seed)
+    wanted = Multisines(rms=rms, f_max=_band(records), realisations=realisations, seed=seed)
     return base, _matched(base, arm, wanted), rms
 
 

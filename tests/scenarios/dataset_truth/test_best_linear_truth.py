@@ -9,14 +9,21 @@ import pytest
 from hmtb_twin.control_station import ControlStation
 from hmtb_twin.modes import joint_index
 from scenarios.best_linear import best_linear
+from scenarios.dataset_build.build import build
+from scenarios.dataset_truth import best_linear_truth
 from scenarios.dataset_truth.arm_truth import arm_truth
 from scenarios.dataset_truth.best_linear_truth import BestLinearStage, best_linear_contents, matched, read_best_linear
 from scenarios.dataset_truth.excitation_class import excitation_class
+from scenarios.dataset_truth.own_realisations import own_realisations
+from scenarios.datasets.data_set import open_data_set
+from scenarios.datasets.netcdf import read_netcdf
 from scenarios.datasets.plan import Plan
 from scenarios.datasets.spec import DataSetSpec
 from scenarios.datasets.truth_asked import TruthAsked
 from scenarios.errors import ScenarioError
 from scenarios.experiment_arm import experiment_arm
+from scenarios.multisine_experiment import multisine_experiments
+from sysid import bla
 
 SPEC = DataSetSpec.from_toml("""
 name = "approximated"
@@ -105,7 +112,13 @@ def test_a_binary_sequence_is_matched_in_strength_and_band() -> None:
     inside = power[: round(multisines.f_max * 20.0) + 1].sum() / power.sum()
     assert inside == pytest.approx(0.95, abs=0.02)
     # The velocity limit takes some of what is asked for.
-    assert multisines.rms == pytest.approx(command.std(), rel=0.5)
+    assert multisines.rms > command.std()
+    stations = (
+        ControlStation(one, arm, np.random.default_rng(one.seed).spawn(2)[0])
+        for one in multisine_experiments(setting, multisines)
+    )
+    played = [station.commands[multisines.samples :, joint_index("elbow_pitch")] for station in stations]
+    assert np.sqrt(np.mean(np.var(played, axis=1))) == pytest.approx(command.std(), rel=0.02)
 
 
 def test_several_joints_at_once_need_multisines() -> None:
@@ -118,9 +131,91 @@ def test_what_is_asked_of_the_truth_is_checked_and_written_whole() -> None:
     for table, match in (
         ({"amplitudes": (0.0,)}, "above 0 and up to 1 rad"),
         ({"amplitudes": (0.1, 0.1)}, "expected each once"),
-        ({"floors": -1}, "expected 0 or more"),
+        ({"floors": -1}, "floors = -1 given, expected 0 or more"),
+        ({"search_steps": -1}, "search_steps = -1 given, expected 0 or more"),
+        ({"realisations": 1}, "realisations = 1 given, expected 2 or more"),
     ):
         with pytest.raises(ScenarioError, match=match):
             TruthAsked(**table)  # type: ignore[arg-type]
     with pytest.raises(ScenarioError, match=r"truth\.best_linear: unknown block 'prsb': did you mean 'prbs'"):
         replace(SPEC, truth=TruthAsked(best_linear=("prsb",)))
+
+
+OWN = DataSetSpec.from_toml("""
+name = "own"
+version = 1
+title = "Multisines that are a measurement"
+seed = 5
+
+[truth]
+best_linear = ["new"]
+realisations = 4
+floors = 0
+
+[baselines]
+models = []
+
+[[records]]
+name = "known"
+part = "train"
+axes = ["elbow_pitch"]
+frictions = ["none"]
+draw_waveforms = true
+multisines = { f_min = 0.4, f_max = 4.0, period = 2.56, realisations = 2, periods = 2, settling = 1 }
+
+[[records]]
+name = "stronger"
+part = "train"
+axes = ["elbow_pitch"]
+frictions = ["none"]
+draw_waveforms = true
+multisines = { rms = 0.02, f_min = 0.4, f_max = 4.0, period = 2.56, realisations = 2, periods = 2, settling = 1 }
+
+[[records]]
+name = "new"
+part = "test"
+axes = ["elbow_pitch"]
+frictions = ["none"]
+draw_waveforms = true
+multisines = { f_min = 0.4, f_max = 4.0, period = 2.56, realisations = 2, periods = 2, settling = 1 }
+""")
+
+
+@pytest.mark.filterwarnings("ignore:.* is not periodic")
+def test_own_realisations_of_a_class_are_the_measurement(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Records of one class count whatever their part, others do not; only what is missing is simulated."""
+    folder = build(OWN, tmp_path, workers=1).path
+    plan = Plan(OWN)
+    entry = next(entry for entry in plan if entry.name == "new-01")
+    own = own_realisations(plan, folder, entry)
+    assert [one.name for one, _ in own] == ["known-01", "known-02", "new-01", "new-02"]
+    records = [
+        record.iodata() for block in ("known", "new") for record in open_data_set(folder).select(block=block).records()
+    ]
+    expected = bla([replace(record, window=128) for record in records], 128, lines=entry.experiment.multisines.lines)
+    path = folder / entry.best_linear
+    np.testing.assert_array_equal(read_best_linear(path).response, expected.response.response)
+    assert read_netcdf(path).attributes["realisations"] == 4
+    with monkeypatch.context() as patched:
+        patched.setattr(best_linear_truth, "simulate", None)
+        best_linear_contents(OWN, entry, own=own)
+        with pytest.raises(TypeError):
+            best_linear_contents(OWN, entry, own=own[:3])
+    # Two at least are simulated: a measurement of one realisation is none.
+    more = best_linear_contents(OWN, entry, own=own[:3], threads=1)
+    assert more.attributes["realisations"] == 5
+    assert more.attributes["provenance_realisations simulated"] == "2"
+    (folder / plan[0].data).unlink()
+    assert [one.name for one, _ in own_realisations(plan, folder, entry)] == ["known-02", "new-01", "new-02"]
+
+
+def test_silent_lines_and_other_excitations_keep_records_apart(tmp_path: Path) -> None:
+    """Odd multisines of two seeds have different lines; nothing but a multisine has realisations."""
+    odd = tuple(replace(block, multisines=replace(block.multisines, odd=True)) for block in OWN.records)
+    plan = Plan(replace(OWN, records=odd))
+    for entry in plan:
+        (tmp_path / entry.data).parent.mkdir(parents=True, exist_ok=True)
+        (tmp_path / entry.data).touch()
+    with pytest.raises(ScenarioError, match="new-01"):
+        own_realisations(plan, tmp_path, next(entry for entry in plan if entry.name == "new-01"))
+    assert own_realisations(Plan(SPEC), tmp_path, Plan(SPEC)[-1]) == ()
