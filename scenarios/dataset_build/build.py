@@ -168,8 +168,8 @@ def _run(plan: Plan, folder: Path, manifest: Manifest, executor: Executor, rows:
         nonlocal done, kept
         if not waiting:
             return
-        for made in waiting:
-            write_files(folder, made.files)
+        # Together: the names in a folder are seen on the disk once.
+        write_files(folder, {place: content for made in waiting for place, content in made.files.items()})
         manifest.append([_line(made) for made in waiting])
         done += len(waiting)
         waiting.clear()

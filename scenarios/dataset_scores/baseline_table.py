@@ -14,7 +14,8 @@ from typing import Any
 from scenarios.dataset_scores.baselines import Baseline, Bench, baseline
 from scenarios.datasets.baselines_asked import BaselinesAsked, Method
 from scenarios.datasets.data_set import open_data_set
-from scenarios.datasets.layout import BASELINES, baseline_file
+from scenarios.datasets.hashes import file_hash
+from scenarios.datasets.layout import BASELINES, INDEX, baseline_file
 from scenarios.datasets.plan import Plan
 from scenarios.errors import ScenarioError
 from scenarios.provenance import versions
@@ -54,7 +55,7 @@ class BaselineStage:
             piece: A method, or `TABLE`.
         """
         if piece != TABLE:
-            bench = _bench(folder, open_data_set(folder).hash, plan.spec.baselines)
+            bench = _bench(folder, file_hash(folder / INDEX), plan.spec.baselines)
             return {str(baseline_file(piece)): _json(report(bench, Method.parsed(piece)))}
         _bench.cache_clear()
         made = (folder / baseline_file(str(method)) for method in plan.spec.baselines.methods)
