@@ -1,6 +1,7 @@
 """`hmtb dataset`: its commands, their help, and one clear line for everything that a user can get wrong."""
 
 import json
+import re
 import tomllib
 from collections.abc import Iterator, Sequence
 from pathlib import Path
@@ -164,3 +165,12 @@ def test_failures_are_told_and_the_exit_code_is_one(
     # A reason that many share is said once.
     assert out.startswith("failed: twin-0-one and 1 more: ") and out.count("failed: ") == 2
     assert "2 experiments, 4 failed" in out
+
+
+@pytest.mark.parametrize("name", DATASET)
+def test_help_breaks_no_line_in_a_sentence(name: str) -> None:
+    """The parser keeps line breaks within the description of an option, so each stands in one line."""
+    path = Path(__file__).parents[2] / f"scenarios/commands/dataset_{name}.py"
+    described = path.read_text(encoding="utf-8").split("    Args:\n", 1)[1].split('"""', 1)[0]
+    lines = described.rstrip().splitlines()
+    assert lines and all(re.match(r" {8}\w+: ", line) for line in lines), lines
