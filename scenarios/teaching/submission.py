@@ -2,6 +2,7 @@
 
 import csv
 import json
+from collections import Counter
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -219,10 +220,11 @@ def _json(path: Path) -> object:
 
 def _once(pairs: list[tuple[str, object]]) -> dict[str, object]:
     """An object, refused where a key is there twice: one of its values would be lost."""
-    for key in (names := [name for name, _ in pairs]):
-        if names.count(key) > 1:
-            raise ValueError(f"{key[:50]!r} is there twice")
-    return dict(pairs)
+    table = dict(pairs)
+    if len(table) < len(pairs):
+        name = next(name for name, count in Counter(name for name, _ in pairs).items() if count > 1)
+        raise ValueError(f"{name[:50]!r} is there twice")
+    return table
 
 
 def _json_rows(path: Path) -> Iterable[tuple[str, str, float]]:

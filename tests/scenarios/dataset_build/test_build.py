@@ -11,11 +11,12 @@ from pathlib import Path
 
 import pytest
 
-from hmtb_twin import Plant
+from hmtb_twin import Plant, TwinError, valve_equations
 from scenarios.dataset_build import build_record, chunk, finish, safe_write
 from scenarios.dataset_build.build import Built, build
 from scenarios.dataset_build.chunk import Made, run_chunk
 from scenarios.dataset_build.index import read_index
+from scenarios.dataset_build.manifest import line_of
 from scenarios.dataset_build.progress import Progress
 from scenarios.datasets.plan import Entry, Plan
 from scenarios.datasets.spec import DataSetSpec
@@ -174,6 +175,16 @@ def zeros(folder: Path) -> None:
         stream.write(bytes(512) + b"\n")
 
 
+def garbage(folder: Path) -> None:
+    """Lines that are no lines, and lines with a right checksum that make no sense."""
+    whole = {"about": {"name": "x"}, "files": {}, "arrays": {}}
+    lines = [b"[" * 200_000 + b"\n", line_of({"number": 0}), line_of({**whole, "number": 0, "files": {"x": 1}})]
+    lines += [line_of({**whole, "number": number}) for number in (3, 10**30, -1, True, 0.0, "0", [0])]
+    lines += [line_of({"stage": ["words"], "piece": "one", "files": {}}), line_of({"stage": "words", "files": {}})]
+    with (folder / "manifest.jsonl").open("ab") as stream:
+        stream.writelines(lines)
+
+
 def damaged(folder: Path) -> None:
     path = folder / "data" / "train" / "binary-shoulder_yaw.nc"
     content = bytearray(path.read_bytes())
@@ -211,6 +222,7 @@ def only_the_spec(folder: Path) -> None:
         (cut_off, [1, 2]),
         (spoilt, [0, 2]),
         (zeros, [2]),
+        (garbage, [2]),
         (damaged, [0, 2]),
         (missing, [0, 2]),
         (unnoted, [2]),
@@ -377,6 +389,9 @@ def test_a_build_begun_otherwise_is_not_gone_on_with(
         with pytest.raises(ScenarioError, match=r"numpy \S+ then, 1 now; source of this software \w+ then, 0000"):
             build(tiny_spec, tmp_path, executor=Recorded(records))
     assert files(folder) == before
+    (folder / "spec.toml").write_text("a = " + 5000 * "[")
+    with pytest.raises(ScenarioError, match=r"another records in the spec|then, 'tiny' now"):
+        build(tiny_spec, tmp_path, executor=Recorded(records))
     (folder / "build.json").write_text("{")
     with pytest.raises(ScenarioError, match=r"build\.json is damaged"):
         build(tiny_spec, tmp_path, executor=Recorded(records))
@@ -414,6 +429,56 @@ def test_a_folder_that_cannot_be_written_is_one_line(tiny_spec: DataSetSpec, tmp
     finally:
         os.seteuid(user)
         tmp_path.chmod(0o700)
+
+
+def test_a_set_without_any_record_is_not_published_and_can_be_tried_again(
+    tiny_spec: DataSetSpec, records: dict[int, Made], expected: Mapping[str, bytes], tmp_path: Path
+) -> None:
+    broken = {n: Made(n, made.about, failed=f"{made.about['name']}: too weak") for n, made in records.items()}
+    for _ in range(2):
+        with pytest.raises(
+            ScenarioError, match=r"none of 3 experiments has a record, .*; 3 of them: too weak\. The same"
+        ):
+            build(tiny_spec, tmp_path, executor=Recorded(broken))
+    assert os.listdir(tmp_path) == ["tiny-v1.unfinished"]
+    assert files(build(tiny_spec, tmp_path, executor=Recorded(records)).path) == expected
+
+
+def test_what_a_spec_needs_is_looked_for_before_anything_is_made(
+    tiny_spec: DataSetSpec, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(valve_equations, "COMPILER", False)
+    first, *others = tiny_spec.records
+    with pytest.raises(TwinError, match="Numba, which compiles its equations"):
+        build(replace(tiny_spec, records=(replace(first, actuators=("linear", "orifice")), *others)), tmp_path)
+    with pytest.raises(ScenarioError, match="workers = 1025 given, expected 1 to 1024"):
+        build(tiny_spec, tmp_path, workers=1025)
+    assert not list(tmp_path.iterdir())
+
+
+def test_a_folder_where_a_file_should_be_is_named(
+    tiny_spec: DataSetSpec, records: dict[int, Made], expected: Mapping[str, bytes], tmp_path: Path
+) -> None:
+    in_the_way = begun(tiny_spec, records, tmp_path) / "data" / "test" / "noise.nc"
+    in_the_way.mkdir(parents=True)
+    with pytest.raises(ScenarioError, match=r"/data/test/noise\.nc: a folder of that name is there, .* remove it"):
+        build(tiny_spec, tmp_path, executor=Recorded(records))
+    in_the_way.rmdir()
+    assert files(build(tiny_spec, tmp_path, executor=Recorded(records)).path) == expected
+
+
+def test_files_of_nobody_are_not_published(
+    tiny_spec: DataSetSpec, records: dict[int, Made], expected: Mapping[str, bytes], tmp_path: Path
+) -> None:
+    folder = begun(tiny_spec, records, tmp_path)
+    strays = [folder / "letter.txt", folder / "data" / "train" / "solution.nc"]
+    for stray in strays:
+        stray.write_text("mine")
+    with pytest.raises(ScenarioError, match=r"'data/train/solution\.nc', 'letter\.txt', which no part of the build"):
+        build(tiny_spec, tmp_path, executor=Recorded(records))
+    for stray in strays:
+        stray.unlink()
+    assert files(build(tiny_spec, tmp_path, executor=Recorded(records)).path) == expected
 
 
 def test_an_executor_that_leaves_experiments_out_is_found_out(

@@ -88,3 +88,47 @@ def test_blocks_that_make_experiments_of_one_name_are_refused() -> None:
     again = replace(spec.records[0], name="again")
     with pytest.raises(ScenarioError, match="siso-5-shoulder_yaw"):
         Plan(replace(spec, records=(*spec.records, again)))
+
+
+@pytest.mark.parametrize("label", ["hmtb-siso-v1", "hmtb-mimo-v1"])
+def test_lengths_and_windows_that_cannot_be_are_refused_before_anything_is_run(label: str) -> None:
+    spec = shipped()[label]
+    shortest = min(e.experiment.duration for e in Plan(spec) if e.part != "train")
+    with pytest.raises(ScenarioError, match="expected 10 or more behind it to score"):
+        Plan(replace(spec, window=round(50 * shortest) - 9))
+    assert len(Plan(replace(spec, window=round(50 * shortest) - 10)))
+
+
+def test_a_duration_of_no_whole_number_of_samples_is_refused(tiny_spec: DataSetSpec) -> None:
+    for duration in (4.013, 4.00001):
+        records = (replace(tiny_spec.records[0], duration=duration), tiny_spec.records[1])
+        with pytest.raises(ScenarioError, match=f"duration {duration} s given, expected a positive multiple of 0.02 s"):
+            Plan(replace(tiny_spec, records=records))
+
+
+@pytest.mark.parametrize(
+    ("before", "after", "says"),
+    [
+        (
+            'title = "Three short records"',
+            'title = "a\\u0000b"',
+            "title = 'a.x00b' given, expected no control characters",
+        ),
+        ('title = "Three short records"', 'title = "a\\u202eb"', "title = 'a.u202eb' given"),
+        ('description = "For tests."', 'description = "a\\u001b[2J"', "description = 'a.x1b"),
+        ('creators = ["The HMTB twin contributors"]', 'creators = ["A\\nB"]', "creators = 'A.nB' given"),
+        ('keywords = ["system ', 'keywords = ["a\\u007f", "system ', "keywords = 'a.x7f' given"),
+        ("version = 1", "version = 1000001", "version = 1000001 given, expected 1 to 1000000"),
+        ("version = 1", "version = 1" + 5000 * "0", "4300 digits"),
+        ("version = 1", "version = 0x" + 5000 * "f", "4300 digits"),
+        ("seed = 7", "seed = 7\nwindow = " + 5000 * "[", "nested too deeply"),
+        ("seed = 7", 'seed = 7\ntwins = { count = 1, mass = { kind = "lognormal", spread = 1e9 } }', "would be drawn"),
+    ],
+)
+def test_a_spec_that_nobody_means_is_refused_in_a_line(
+    tiny_spec: DataSetSpec, before: str, after: str, says: str
+) -> None:
+    text = tiny_spec.to_toml()
+    assert before in text
+    with pytest.raises(ScenarioError, match=says):
+        DataSetSpec.from_toml(text.replace(before, after, 1))

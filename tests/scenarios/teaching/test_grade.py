@@ -14,10 +14,15 @@ from scenarios.dataset_truth.arm_truth import read_arm
 from scenarios.datasets import open_data_set
 from scenarios.datasets.netcdf import Contents, Variable
 from scenarios.errors import ScenarioError
-from scenarios.teaching.grade import Grade, compared, grade, grade_all, pole_distance
+from scenarios.teaching import grade as grade_room
+from scenarios.teaching.grade import UNSAID, Grade, compared, grade, grade_all, pole_distance
 from scenarios.teaching.key_file import read_key, unpack
+from scenarios.teaching.submission import open_submission
 from scenarios.teaching.submitted_model import read_model
 from tests.scenarios.conftest import Class
+
+HUGE = b"1" + 400 * b"0"
+"""A number that no float holds."""
 
 NAME, ARM, JOINT = "ann-twin-0-noise", "ann-twin-0-arm-0", "elbow_pitch"
 
@@ -132,10 +137,30 @@ def test_every_folder_is_graded_and_those_refused_say_why(
     assert record["grades"]["ann"]["score"] > 0.0 and set(record["refused"]) == {"bob", "carol"}
 
 
+def test_one_submission_that_nobody_thought_of_does_not_stop_the_class(
+    hidden: Class, submit: Callable[..., Path], monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    submit("bob")
+    folder = submit("ann").parent
+
+    def overflowing(path: Path) -> object:
+        if path.name == "ann":
+            raise OverflowError("too large")
+        return open_submission(path)
+
+    monkeypatch.setattr(grade_room, "open_submission", overflowing)
+    found = grade_all(folder, hidden.key)
+    assert found["ann"] == f"{folder / 'ann'} cannot be graded: OverflowError('too large')"
+    assert "is of an experiment of ann's data set" in str(found["bob"])
+    assert grades(capsys, folder, "--key", hidden.key)[0] == 1
+
+
 def test_a_submission_may_say_itself_whose_it_is(hidden: Class, submit: Callable[..., Path]) -> None:
     spec = open_data_set(hidden.ann).spec
     stated = {"data_set": spec.label, "commitment": spec.commitment, "student": "ann"}
-    assert grade(submit(files={"submission.json": json.dumps(stated).encode()}), hidden.key).label == spec.label
+    found = grade(submit(files={"submission.json": json.dumps(stated).encode()}), hidden.key)
+    assert (found.label, found.remarks) == (spec.label, ())
+    assert grade(submit("silent"), hidden.key, student="ann").remarks == (UNSAID,)
     with pytest.raises(ScenarioError, match="of 2 students: say which"):
         grade(submit("other"), hidden.key)
     for key, value in (("commitment", "f" * 64), ("student", "bob"), ("data_set", "class-v1-bob")):
@@ -167,6 +192,35 @@ def test_a_submission_may_say_itself_whose_it_is(hidden: Class, submit: Callable
         ({"model-elbow_pitch.json": b'{"dt": 0.02, "A": [[1]]}'}, "expected either A, B, C and D"),
         ({"model-elbow_pitch.json": b'{"dt": 0.02, "A": [[1]], "B": [1], "C": [[1]], "D": [[1]]}'}, "real matrices"),
         ({"model-elbow_pitch.json": b'{"dt": 0.02, "run": "x"}'}, "unknown key 'run'"),
+        (
+            {"model-elbow_pitch.json": b'{"dt": 0.02, "A": [[1]], "B": [[1]], "C": [[1]], "D": [[0]]}'},
+            "gain at 0 Hz is infinite",
+        ),
+        ({"model-elbow_pitch.json": b'{"dt": 0.02, "poles": [1], "zeros": [], "gain": 1}'}, "gain at 0 Hz is infinite"),
+        (
+            {"model-elbow_pitch.json": b'{"dt": 0.02, "poles": [1e200], "zeros": [], "gain": 1}'},
+            "poles has numbers above 1e",
+        ),
+        (
+            {"model-elbow_pitch.json": b'{"dt": 0.02, "poles": [1e308, 1e308], "zeros": [], "gain": 1}'},
+            "poles has numbers above 1e",
+        ),
+        (
+            {"model-elbow_pitch.json": b'{"dt": 0.02, "A": [[1e308]], "B": [[1]], "C": [[1]], "D": [[0]]}'},
+            "A has numbers above 1e",
+        ),
+        (
+            {"model-elbow_pitch.json": b'{"dt": 0.02, "poles": [' + HUGE + b'], "zeros": [], "gain": 1}'},
+            "poles has numbers above 1e",
+        ),
+        (
+            {"model-elbow_pitch.json": b'{"dt": 0.02, "A": [[1.5, ' + HUGE + b"]]}"},
+            "expected numbers in rows",
+        ),
+        ({"bandwidths.json": b'{"elbow_pitch": ' + HUGE + b"}"}, "expected a number above 0 and up to"),
+        ({"bandwidths.json": b'{"elbow_pitch": 1, "elbow_pitch": 2}'}, "'elbow_pitch' is there twice"),
+        ({"bandwidths.csv": b"joint,bandwidth_hz\nelbow_pitch,1_0\n"}, "'1_0' given"),
+        ({f"{NAME}.csv": b"elbow_pitch\n" + 199 * b"1.5\n" + b"1_0\n"}, "row 201: '1_0' given"),
         ({"model-elbow_pitch.mat": b"cos\nsystem\n(S'true'\ntR."}, "cannot read"),
         ({"model-wrist.json": b"{}"}, "unknown joint 'wrist'"),
     ],

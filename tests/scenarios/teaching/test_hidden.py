@@ -28,9 +28,10 @@ from scenarios.datasets.records import Records
 from scenarios.datasets.spec import DataSetSpec
 from scenarios.errors import ScenarioError
 from scenarios.registry import load, registered
+from scenarios.teaching import hidden_build
 from scenarios.teaching.hidden_build import build_again, build_hidden, private_folder
 from scenarios.teaching.key_check import examine_with_key
-from scenarios.teaching.key_file import read_key, unpack
+from scenarios.teaching.key_file import begin_key, read_key, unpack
 from scenarios.teaching.publish import publish
 from scenarios.teaching.roster import read_roster
 from scenarios.teaching.secret import secret_spec, student_spec
@@ -273,6 +274,64 @@ def test_a_build_that_ends_before_its_end_is_gone_on_with_and_built_again(hidden
     again = build_again(key, tmp_path / "again", workers=1)
     for one, other in zip(made.paths, again.paths, strict=True):
         assert (one / "SHA256SUMS").read_bytes() == (other / "SHA256SUMS").read_bytes()
+
+
+def test_what_another_key_keeps_apart_is_no_build_to_go_on_with(
+    hidden: Class, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    key, out = tmp_path / "key", tmp_path / "out"
+    private, spec = (
+        private_folder(key),
+        replace(hidden.spec, baselines=replace(hidden.spec.baselines, models=("hold",))),
+    )
+
+    def again() -> None:
+        build_hidden(spec, out, key, workers=1)
+
+    def killed(*_: object) -> None:
+        raise KeyboardInterrupt
+
+    with monkeypatch.context() as patch:
+        patch.setattr(hidden_build, "complete_key", killed)
+        with pytest.raises(KeyboardInterrupt):
+            again()
+    assert (private / "class-v1" / "SHA256SUMS").is_file()
+    key.rename(tmp_path / "first")
+    with pytest.raises(ScenarioError, match="holds what was built for a key key that is not there any more"):
+        again()
+    assert not key.exists()
+    begin_key(key, secret_spec(spec), ())
+    with pytest.raises(ScenarioError, match="is of another key or another spec"):
+        again()
+    key.unlink()
+    (tmp_path / "first").rename(key)
+    # Killed in the midst of removing what tells the truth: the next start ends it, whatever else it says.
+    with monkeypatch.context() as patch:
+        patch.setattr(hidden_build.shutil, "rmtree", killed)
+        with pytest.raises(KeyboardInterrupt):
+            again()
+    assert read_key(key).sets and not private.exists()
+    left = tmp_path / "key.private.done"
+    assert (left / "class-v1" / "truth").is_dir()
+    with pytest.raises(ScenarioError, match="is complete"):
+        again()
+    assert not left.exists()
+    # Killed just before: the truth is still there, which is said, and how it goes.
+    private.mkdir()
+    with pytest.raises(
+        ScenarioError, match=r"dataset build --key .* removes \S+key\.private, which still tells the truth"
+    ):
+        again()
+    build_again(key, out, workers=1)
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["key", "out"]
+
+
+def test_what_a_key_keeps_is_what_its_own_spec_gives(hidden: Class, tmp_path: Path) -> None:
+    key = read_key(hidden.key)
+    other = replace(key, spec=replace(key.spec, secret_seed="7a" * 16))
+    with pytest.raises(ScenarioError, match="what it keeps of class-v1-ann is not what its own spec and secret give"):
+        unpack(other, "class-v1-ann", tmp_path)
+    assert not list(tmp_path.iterdir())
 
 
 @pytest.mark.parametrize(
