@@ -2,6 +2,7 @@
 
 import logging
 import socket
+import struct
 from asyncio import CancelledError as AsyncCancelledError
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import CancelledError
@@ -27,6 +28,12 @@ PAUSE = 1.0
 
 GATHER = 600.0
 """How long the files of a chunk may be on their way, s."""
+
+GREETING = struct.Struct("<Q")
+"""Beginning of every message between Dask's processes: its length, in bytes."""
+
+MOST_GREETING = 2**20
+"""The first one is shorter, in bytes."""
 
 INSTALL = "pip install 'hmtb-twin[cluster]'"
 
@@ -173,9 +180,11 @@ class Link:
 
         self._close()
         self._known = frozenset()
-        if parse_address(self._address)[0] in ("tcp", "tls"):
-            # Dask takes its time to say that nobody listens.
-            socket.create_connection(get_address_host_port(self._address, strict=True), timeout=FIRST).close()
+        host, port = get_address_host_port(self._address, strict=True)
+        # Dask takes its time to say that nobody listens, and far longer where something else does.
+        with socket.create_connection((host, port), timeout=FIRST) as connection:
+            if parse_address(self._address)[0] == "tcp":
+                _check_greeting(connection)
         self._client = Client(self._address, timeout=HANDSHAKE, set_as_default=False)
         return self._client
 
@@ -201,6 +210,22 @@ def require_dask() -> None:
 
 def _kinship() -> dict[str, str]:
     return dict(kinship())
+
+
+def _check_greeting(connection: socket.socket) -> None:
+    """Refuse what is no scheduler: one says, unasked, how it talks, in a message that begins with its own length.
+
+    Raises:
+        OSError: Nothing comes, or something else.
+    """
+    head = b""
+    while len(head) < GREETING.size:
+        part = connection.recv(GREETING.size - len(head))
+        if not part:
+            raise ConnectionError("what listens there hangs up")
+        head += part
+    if not 0 < GREETING.unpack(head)[0] < MOST_GREETING:
+        raise ConnectionError("what listens there is no Dask scheduler")
 
 
 def _short(error: Exception) -> str:
