@@ -3,7 +3,9 @@
 A picture carries the hash of what its data set is built from, so that a test can tell one that is of another spec.
 """
 
-from dataclasses import fields, replace
+import json
+import tomllib
+from dataclasses import replace
 from hashlib import sha256
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -26,8 +28,8 @@ ARMS = 100
 NOTE = "spec-sha256"
 """Name of the text in a picture that says of which spec it is."""
 
-TOLD = ("description", "creators", "keywords", "date", "url", "scoring")
-"""What no number depends on."""
+TOLD = ("title", "description", "creators", "keywords", "date", "url", "scoring", "truth", "baselines")
+"""Keys of a spec that no picture depends on."""
 
 
 def main() -> None:
@@ -45,10 +47,10 @@ def pictured(spec: DataSetSpec) -> DataSetSpec:
 
 
 def drawn_from(spec: DataSetSpec) -> str:
-    """Hash of what the picture of a data set depends on: its pictured spec, but for what is said to readers."""
-    usual = {entry.name: entry.default for entry in fields(DataSetSpec) if entry.name in TOLD}
-    plain = replace(pictured(spec), title="picture", **usual)
-    return sha256(plain.to_toml().encode()).hexdigest()
+    """Hash of what the picture of a data set depends on: its pictured spec, but for what no number depends on."""
+    table = tomllib.loads(pictured(spec).to_toml())
+    numbers = {key: value for key, value in table.items() if key not in TOLD}
+    return sha256(json.dumps(numbers, sort_keys=True).encode()).hexdigest()
 
 
 def draw(data_set: Path, path: Path, spec_hash: str) -> None:

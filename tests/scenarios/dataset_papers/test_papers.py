@@ -85,7 +85,7 @@ def test_the_citation_file_has_what_the_format_asks_for(tiny: Path, tiny_spec: D
     # Readers of the schema want texts where YAML would see a number or a day.
     assert (cited["version"], cited["date-released"]) == ("1", "2026-01-31")
     assert cited["identifiers"][0]["value"] == "sha256:" + read_index(tiny)["hash"]
-    named = replace(tiny_spec, creators=("Noether, Emmy", 'A "group": #1'), title="Süß: [1, 2]\n# no comment")
+    named = replace(tiny_spec, creators=("Noether, Emmy", 'A "group": #1'), title="Süß: [1, 2] # no comment")
     again = yaml.safe_load(citation_cff(named, "0" * 64))
     assert again["authors"] == [{"family-names": "Noether", "given-names": "Emmy"}, {"name": 'A "group": #1'}]
     assert again["title"] == named.title
