@@ -52,7 +52,9 @@ def _makes_sense(entry: Mapping[str, Any]) -> bool:
         named = isinstance(entry["stage"], str) and isinstance(entry.get("piece"), str)
     files = entry.get("files")
     sums = isinstance(files, dict) and all(isinstance(value, str) for value in files.values())
-    return named and sums and isinstance(entry.get("arrays", {}), dict)
+    arrays = entry.get("arrays", {})
+    hashed = isinstance(arrays, dict) and all(isinstance(value, dict) for value in arrays.values())
+    return named and sums and hashed
 
 
 def _checksum(text: str) -> str:

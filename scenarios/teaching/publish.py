@@ -11,11 +11,12 @@ from scenarios.dataset_build.index import read_index, write_index
 from scenarios.dataset_build.lock import locked, unlock_file
 from scenarios.dataset_build.manifest import Manifest
 from scenarios.dataset_build.safe_write import make_folder, remove_partial, sync_folder, write_files
+from scenarios.dataset_build.strays import refuse_strays
 from scenarios.dataset_build.sums import write_sums
 from scenarios.dataset_papers.papers import papers
 from scenarios.datasets.hashes import bytes_hash
 from scenarios.datasets.hidden_record import PRIVATE, published
-from scenarios.datasets.layout import BASELINES, BUILD, LOCK, MANIFEST, SPEC, SUMS, UNFINISHED
+from scenarios.datasets.layout import BASELINES, BUILD, INDEX, LOCK, MANIFEST, SPEC, SUMS, UNFINISHED
 from scenarios.datasets.netcdf import read_netcdf
 from scenarios.datasets.plan import Entry, Plan
 from scenarios.datasets.spec import DataSetSpec
@@ -40,7 +41,8 @@ def publish(full: Path, public: DataSetSpec, out: Path) -> Path:
         The folder.
 
     Raises:
-        ScenarioError: Another data set of that name is there, or another program is at work on it.
+        ScenarioError: Another data set of that name is there, another program is at work on it, or files are in its
+            folder that are none of it.
         OSError: A file cannot be written; the next call begins anew.
     """
     final, folder = out / public.label, out / (public.label + UNFINISHED)
@@ -67,7 +69,9 @@ def publish(full: Path, public: DataSetSpec, out: Path) -> Path:
                 files_of = {BASELINES: bytes_hash(table)}
                 manifest.append([{"stage": "baselines", "piece": "table", "files": files_of, "arrays": {}}])
             write_index(folder, public.label, manifest, commitment=public.commitment)
-            write_files(folder, papers(folder, public, read_index(folder)))
+            made = papers(folder, public, read_index(folder))
+            write_files(folder, made)
+            refuse_strays(folder, manifest, {SPEC, BUILD, MANIFEST, INDEX, LOCK, *made})
             write_sums(folder, manifest)
         folder.rename(final)
         sync_folder(out)

@@ -115,6 +115,7 @@ def test_every_quantity_of_a_specimen_may_scatter() -> None:
             {"shift": {"kind": "lognormal", "spread": 0.3}},
             "^shift: centre = 0 of a lognormal distribution given",
         ),
+        ({"mass": {"kind": "lognormal", "spread": 1e9}}, "^mass from 0 to inf would be drawn: specimen"),
         ({"process_noise": {"kind": "normal", "spread": 0.1}}, "^process_noise from -0.4 to 0.4 would be drawn: plant"),
     ],
 )

@@ -1,6 +1,7 @@
 """Opening a data set, and its records in the shape that others know."""
 
 import json
+import os
 import shutil
 from fractions import Fraction
 from pathlib import Path
@@ -145,6 +146,18 @@ def test_a_damaged_index_is_refused(tiny: Path, tmp_path: Path, broken) -> None:
     (tmp_path / "experiments.json").write_text(json.dumps(index))
     with pytest.raises(ScenarioError, match=r"experiments\.json is damaged"):
         open_data_set(tmp_path)
+
+
+def test_an_index_nested_without_end_and_a_pipe_in_place_of_a_record_are_refused(tiny: Path, tmp_path: Path) -> None:
+    folder = shutil.copytree(tiny, tmp_path / "copy")
+    record = folder / "data" / "train" / "binary-elbow_pitch.nc"
+    record.unlink()
+    os.mkfifo(record)
+    with pytest.raises(ScenarioError, match=r"binary-elbow_pitch\.nc is no ordinary file"):
+        [one.u for one in open_data_set(folder).train]
+    (folder / "experiments.json").write_text("[" * 200_000)
+    with pytest.raises(ScenarioError, match=r"experiments\.json is damaged"):
+        open_data_set(folder)
 
 
 def test_a_swapped_or_damaged_file_is_refused(tiny: Path, tmp_path: Path) -> None:

@@ -380,6 +380,13 @@ def test_a_folder_of_another_build_is_left_alone(hidden: Class, whole: Path, tmp
     (begun / "spec.toml").write_text("another")
     with pytest.raises(ScenarioError, match=r"holds something else, spec\.toml"):
         publish(whole, public, tmp_path)
+    # What somebody put beside a publication that was begun is not published with it.
+    (begun / "spec.toml").write_text(public.to_toml())
+    (begun / "truth.nc").write_text("x")
+    full = shutil.copytree(whole, tmp_path / "full")
+    shutil.copytree(hidden.ann / "data" / "train", full / "data" / "train")
+    with pytest.raises(ScenarioError, match=r"holds 'truth\.nc', which no part of the build made"):
+        publish(full, public, tmp_path)
     shutil.rmtree(begun)
     shutil.copytree(hidden.bob, tmp_path / "class-v1-ann")
     with pytest.raises(ScenarioError, match="never overwritten"):
