@@ -193,3 +193,11 @@ def test_predictions_that_do_not_fit_are_refused(opened: DataSet, record: DataRe
         score({record.name: record.y, "other": record.y}, opened)
     with pytest.raises(ScenarioError, match="expected real numbers"):
         score({record.name: record.y.astype(complex)}, opened)
+
+
+def test_only_a_root_mean_square_error_has_a_unit_of_angles() -> None:
+    assert [Scoring(metric).unit for metric in ("rmse", "nrmse", "fit")] == ["mrad", "%", "%"]
+    assert Scoring("rmse", "deg").unit == "deg"
+    for given in (("nrmse", "mrad"), ("fit", "rad"), ("rmse", "%")):
+        with pytest.raises(ScenarioError, match="unit"):
+            Scoring(*given)
