@@ -76,10 +76,7 @@ def build(
             written stays, and the next build goes on from there.
         TwinError: What the spec needs is not installed.
     """
-    if rows < 1:
-        raise ScenarioError(f"rows = {rows} given, expected 1 experiment side by side or more")
-    if workers is not None and not 1 <= workers <= MOST_THREADS:
-        raise ScenarioError(f"workers = {workers} given, expected 1 to {MOST_THREADS} threads")
+    check_work(workers, rows)
     if spec.commitment:
         raise ScenarioError(f"the seed of {spec.label} is kept apart: hmtb dataset build --key KEYFILE alone builds it")
     steady_memory()
@@ -108,6 +105,22 @@ def build(
     except OSError as error:
         raise ScenarioError(_said(error, folder)) from error
     return Built(final, summary.experiments, summary.failed, summary.hash)
+
+
+def check_work(workers: int | None, rows: int) -> None:
+    """Refuse what no build can be done with.
+
+    Args:
+        workers: Threads for the physics; None: all processors.
+        rows: Experiments that run side by side at most.
+
+    Raises:
+        ScenarioError: One of them is out of range.
+    """
+    if rows < 1:
+        raise ScenarioError(f"rows = {rows} given, expected 1 experiment side by side or more")
+    if workers is not None and not 1 <= workers <= MOST_THREADS:
+        raise ScenarioError(f"workers = {workers} given, expected 1 to {MOST_THREADS} threads")
 
 
 def _check(folder: Path, manifest: Manifest, told: Told) -> None:

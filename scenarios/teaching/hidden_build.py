@@ -14,7 +14,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 from hmtb_twin import Experiment
-from scenarios.dataset_build.build import build
+from scenarios.dataset_build.build import build, check_work
 from scenarios.dataset_build.chunk import MOST_ROWS
 from scenarios.dataset_build.executor import Executor
 from scenarios.dataset_build.index import summary
@@ -83,6 +83,7 @@ def build_hidden(
         ScenarioError: The truth of such a spec cannot be hidden; the key is of something else, complete, in a folder
             that is published, or cannot be written; or what `build` raises.
     """
+    check_work(workers, rows)
     hidden = secret_spec(spec)
     check_installed(hidden)
     chosen = tuple(students)
@@ -131,6 +132,7 @@ def build_again(
     Raises:
         ScenarioError: No key, or other software than it was made with; or what `build` raises.
     """
+    check_work(workers, rows)
     key = read_key(key_path)
     check_installed(key.spec)
     _check_place(key_path, out, key.specs)

@@ -4,7 +4,6 @@ import json
 import shutil
 import stat
 import struct
-import zipfile
 from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
@@ -25,7 +24,6 @@ from scenarios.datasets.hashes import file_hash
 from scenarios.datasets.netcdf import read_netcdf
 from scenarios.datasets.plan import Plan
 from scenarios.datasets.records import Records
-from scenarios.datasets.spec import DataSetSpec
 from scenarios.errors import ScenarioError
 from scenarios.registry import load, registered
 from scenarios.teaching import hidden_build
@@ -33,7 +31,6 @@ from scenarios.teaching.hidden_build import build_again, build_hidden, private_f
 from scenarios.teaching.key_check import examine_with_key
 from scenarios.teaching.key_file import begin_key, read_key, unpack
 from scenarios.teaching.publish import publish
-from scenarios.teaching.roster import read_roster
 from scenarios.teaching.secret import secret_spec, student_spec
 from sysid import arx
 from tests.scenarios.conftest import Class
@@ -211,33 +208,6 @@ def test_a_folder_that_was_exchanged_is_found_with_the_key(hidden: Class, tmp_pa
     assert "something was exchanged" in examine_with_key(folder, hidden.key).problems[0]
 
 
-def test_the_key_is_a_plain_archive_of_its_owner(hidden: Class) -> None:
-    assert stat.S_IMODE(hidden.key.stat().st_mode) == 0o600
-    assert not private_folder(hidden.key).exists()
-    with zipfile.ZipFile(hidden.key) as archive:
-        assert {one.compress_type for one in archive.infolist()} == {zipfile.ZIP_STORED}
-        names = archive.namelist()
-        head = json.loads(archive.read("key.json"))
-    assert (
-        "class-v1-ann/truth/arms/ann-twin-0-arm-0.nc" in names and "class-v1-bob/data/test/bob-twin-0-noise.nc" in names
-    )
-    assert not [name for name in names if "/data/train/" in name]
-    assert len(bytes.fromhex(head["salt"])) == 16 and DataSetSpec.from_toml(head["spec"]).secret_seed
-
-
-def test_a_damaged_key_is_refused(hidden: Class, tmp_path: Path) -> None:
-    content = bytearray(hidden.key.read_bytes())
-    position = content.index(b"truth/arms") + 5000
-    content[position] ^= 1
-    (tmp_path / "key").write_bytes(content)
-    with pytest.raises(ScenarioError, match="damaged"):
-        unpack(read_key(tmp_path / "key"), "class-v1-ann", tmp_path / "x")
-    (tmp_path / "none").write_bytes(b"no zip")
-    for name in ("none", "absent"):
-        with pytest.raises(ScenarioError, match=r"no key"):
-            read_key(tmp_path / name)
-
-
 def test_a_build_that_ends_before_its_end_is_gone_on_with_and_built_again(hidden: Class, tmp_path: Path) -> None:
     class Killed(BaseException):
         pass
@@ -326,14 +296,6 @@ def test_what_another_key_keeps_apart_is_no_build_to_go_on_with(
     assert sorted(path.name for path in tmp_path.iterdir()) == ["key", "out"]
 
 
-def test_what_a_key_keeps_is_what_its_own_spec_gives(hidden: Class, tmp_path: Path) -> None:
-    key = read_key(hidden.key)
-    other = replace(key, spec=replace(key.spec, secret_seed="7a" * 16))
-    with pytest.raises(ScenarioError, match="what it keeps of class-v1-ann is not what its own spec and secret give"):
-        unpack(other, "class-v1-ann", tmp_path)
-    assert not list(tmp_path.iterdir())
-
-
 @pytest.mark.parametrize(
     ("place", "says"),
     [
@@ -370,6 +332,13 @@ def test_a_truth_that_cannot_be_hidden_is_refused(
 ) -> None:
     with pytest.raises(ScenarioError, match=says):
         build_hidden(replace(hidden.spec, **change), tmp_path, tmp_path / "key")  # type: ignore[arg-type]
+    assert not list(tmp_path.iterdir())
+
+
+def test_what_no_build_can_be_done_with_is_refused_before_a_key_is_begun(hidden: Class, tmp_path: Path) -> None:
+    for workers, rows in ((0, 1), (10**6, 1), (1, 0)):
+        with pytest.raises(ScenarioError, match="given, expected 1 "):
+            build_hidden(hidden.spec, tmp_path / "out", tmp_path / "key", workers=workers, rows=rows)
     assert not list(tmp_path.iterdir())
 
 
@@ -421,44 +390,3 @@ def test_scores_that_need_withheld_outputs_are_refused(hidden: Class, tmp_path: 
     spec = replace(hidden.spec, scoring=replace(hidden.spec.scoring, steps=5))
     with pytest.raises(ScenarioError, match="need the outputs that are withheld"):
         build_hidden(spec, tmp_path, tmp_path / "key")
-
-
-@pytest.mark.parametrize(
-    ("text", "says"),
-    [
-        ("", "0 lines given"),
-        ("ann\n\nbob\n", "line 2: ''"),
-        ("ann\nbob smith\n", "line 2: 'bob smith'"),
-        ("../ann\n", "line 1"),
-        ("ann\nANN\n", "'ANN' stands on line 1 already"),
-        ("a" * 41 + "\n", "1 to 40"),
-    ],
-)
-def test_a_roster_is_read_strictly(tmp_path: Path, text: str, says: str) -> None:
-    path = tmp_path / "roster"
-    path.write_text(text)
-    with pytest.raises(ScenarioError, match=says):
-        read_roster(path)
-    path.write_text("ann\nbob-2\n")
-    assert read_roster(path) == ("ann", "bob-2")
-
-
-def test_a_secret_seed_is_drawn_unless_it_is_given(hidden: Class) -> None:
-    one, other = secret_spec(hidden.spec), secret_spec(hidden.spec)
-    assert one.secret_seed != other.secret_seed and len(one.secret_seed) == 32 and one.seed is None
-    assert all(block.draw_waveforms for block in one.records)
-    given = "7a" * 16
-    assert secret_spec(replace(hidden.spec, seed=None, secret_seed=given)).secret_seed == given
-    seeds = {entry.experiment.seed for entry in Plan(one)}
-    assert len(seeds) == 3 and max(seeds) > 2**32
-
-
-def test_a_spec_has_one_source_of_chance(hidden: Class) -> None:
-    for change in ({"seed": None}, {"secret_seed": "a" * 32}, {"commitment": "b" * 64}):
-        with pytest.raises(ScenarioError, match="of seed, secret_seed and commitment given, expected one"):
-            replace(hidden.spec, **change)  # type: ignore[arg-type]
-    with pytest.raises(ScenarioError, match="expected 32 digits") as caught:
-        replace(hidden.spec, seed=None, secret_seed="abc")
-    assert "abc" not in str(caught.value)
-    secret = replace(hidden.spec, seed=None, secret_seed="c" * 32, student="ann")
-    assert DataSetSpec.from_toml(secret.to_toml()) == secret
