@@ -170,9 +170,9 @@ def _axes(axes: Axes, kind: str, measure: Measure) -> None:
         axes.set_xlim(min(shown) - reach, max(shown) + reach)
     else:
         # Of a short record not every degree is there: the axis is that of the disturbance, not of what was found.
-        axes.set_xscale("log")
         reach = (max(shown) / min(shown)) ** 0.05
         axes.set_xlim(min(shown) / reach, max(shown) * reach)
+        axes.set_xscale("log")
     axes.set_xticks(shown, [f"{degree:g}" for degree in shown])
     axes.minorticks_off()
     if disturbance.falling:
