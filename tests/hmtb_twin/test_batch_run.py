@@ -1,3 +1,4 @@
+import gc
 from dataclasses import replace
 from itertools import product
 from weakref import ref
