@@ -222,6 +222,8 @@ def _row(spec: DataSetSpec, entry: Entry, angles: Scored, joint: str, kept: Mapp
         }
     elif kept:
         note = kept["reason"]
+    if spec.scoring.steps and not certain:
+        note = "; ".join(filter(None, (note, "process noise: attainable knows what the drives will do; no model does")))
     best = values["one_step_attainable"] if spec.scoring.steps else values["attainable"]
     values |= {"attainable": best, "attainable_by_chance": None if best is None else by_chance(best, len(scored))}
     return {
