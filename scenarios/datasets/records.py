@@ -46,8 +46,8 @@ class Records:
         each_axis: Each of the axes in a record of its own, instead of all at once.
         excitation: One entry, played on every axis, or one per axis.
         multisines: Random-phase multisines: every realisation and record of the measurement is an experiment.
-        draw_waveforms: Waveforms that chance makes are drawn anew, instead of those written: for every experiment, or of
-            multisines for every measurement, whose realisations and records belong together.
+        draw_waveforms: Waveforms that chance makes are drawn anew, instead of those written: for every experiment, or
+            of multisines for every measurement, whose realisations and records belong together.
         amplitudes: Of the excitation, V; root mean square of multisines, rad; as written where there are none.
         joints: Whose commands are the inputs and whose angles the outputs; the excited joints by default, in Cartesian
             modes the three that the thesis studied.
