@@ -5,12 +5,12 @@ from dataclasses import replace
 from statistics import median
 from time import perf_counter, process_time
 
-import mujoco
 import numpy as np
 
-from hmtb_twin import Arm, JointLog, Specimen, load_arm, simulate
+from hmtb_twin import Specimen, load_arm, simulate
 from hmtb_twin.specimen import LINK_NAMES
 from scenarios import Scenario, load
+from tests.benchmarks.bare_steps import bare_seconds
 
 ROWS = 64
 SECONDS = 20.0
@@ -52,16 +52,5 @@ def _cost(experiments: Sequence[Scenario], specimens: Sequence[Specimen]) -> tup
     logs = simulate(experiments, threads=1)
     ours, wall = process_time() - started, perf_counter() - wall
     arms = [load_arm(specimen=specimen) for specimen in specimens]
-    bare = sum(_bare_seconds(arms[i % len(arms)], log) for i, log in enumerate(logs))
+    bare = sum(bare_seconds(arms[i % len(arms)], log) for i, log in enumerate(logs))
     return (ours, bare), wall / logs.physics_seconds
-
-
-def _bare_seconds(arm: Arm, log: JointLog) -> float:
-    """Processor time of the steps of one experiment, with the controls it had and nothing else."""
-    data, controls = arm.rest(arm.pose(log.provenance["pose"])), arm.controls(log.commanded)
-    substeps = round(log.dt / arm.model.opt.timestep)
-    started = process_time()
-    for row in controls:
-        data.ctrl[:] = row
-        mujoco.mj_step(arm.model, data, nstep=substeps)
-    return process_time() - started

@@ -4,12 +4,12 @@ from dataclasses import replace
 from statistics import median
 from time import process_time
 
-import mujoco
 import numpy as np
 import pytest
 
-from hmtb_twin import Arm, JointLog, load_arm, simulate
+from hmtb_twin import load_arm, simulate
 from scenarios import load, names
+from tests.benchmarks.bare_steps import bare_seconds
 
 SECONDS = 10.0
 ROUNDS = 7
@@ -33,19 +33,8 @@ def test_campaign_costs_little_more_than_bare_steps(campaign, most, request):
         started = process_time()
         logs = simulate(experiments, threads=1)
         ours = process_time() - started
-        bare = sum(_bare_seconds(arm, log) for arm, log in zip(arms, logs, strict=True))
+        bare = sum(bare_seconds(arm, log) for arm, log in zip(arms, logs, strict=True))
         ratios.append(ours / bare)
     print(f"\n{request.node.callspec.id}, {logs.steps} steps: simulate / bare mj_step {median(ratios):.3f}", end="")
     print(f" (median of {np.round(ratios, 3)})")
     assert median(ratios) <= most
-
-
-def _bare_seconds(arm: Arm, log: JointLog) -> float:
-    """Processor time of the steps of one experiment, with the controls it had and nothing else."""
-    data, controls = arm.rest(arm.pose(log.provenance["pose"])), arm.controls(log.commanded)
-    substeps = round(log.dt / arm.model.opt.timestep)
-    started = process_time()
-    for row in controls:
-        data.ctrl[:] = row
-        mujoco.mj_step(arm.model, data, nstep=substeps)
-    return process_time() - started

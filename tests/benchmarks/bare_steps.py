@@ -1,0 +1,18 @@
+"""The physical limit of a simulation: MuJoCo's own steps and nothing else."""
+
+from time import process_time
+
+import mujoco
+
+from hmtb_twin import Arm, JointLog
+
+
+def bare_seconds(arm: Arm, log: JointLog) -> float:
+    """Processor time of the steps of one experiment, with the controls it had and nothing else."""
+    data, controls = arm.rest(arm.pose(log.provenance["pose"])), arm.controls(log.commanded)
+    substeps = round(log.dt / arm.model.opt.timestep)
+    started = process_time()
+    for row in controls:
+        data.ctrl[:] = row
+        mujoco.mj_step(arm.model, data, nstep=substeps)
+    return process_time() - started
