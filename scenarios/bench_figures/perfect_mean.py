@@ -1,0 +1,48 @@
+"""Where the mean of a statistic over many records lies if the estimator is perfect, and how sure a measured mean is."""
+
+import numpy as np
+from scipy.stats import norm, pearson3, t
+
+from sysid.arrays import FloatArray
+
+NORMAL = 1e-6
+"""A skewness below it is none."""
+
+
+def limits_of_mean(
+    single: FloatArray, draws: int, false_alarm: float, *, low: bool = True, high: bool = True
+) -> tuple[float, float]:
+    """Limits that the mean over independent records leaves with a given probability.
+
+    The distribution of the mean is that of Pearson's type III with the mean's first three moments, which are those of
+    one record's value, scaled; it holds the skewness that a normal distribution would ignore.
+
+    Args:
+        single: Values of the statistic for many single records (M,), drawn for a perfect estimator.
+        draws: Records over which the mean is taken.
+        false_alarm: Probability of a mean outside, in all.
+        low: Whether there is a lower limit.
+        high: Whether there is an upper one; with both, each has half of the probability.
+
+    Returns:
+        Lower and upper limit, infinite where there is none.
+    """
+    mean = float(np.mean(single))
+    deviation = float(np.std(single)) / np.sqrt(draws)
+    if deviation == 0.0:
+        return (mean if low else -np.inf, mean if high else np.inf)
+    skewness = float(np.mean((single - mean) ** 3)) / float(np.std(single)) ** 3 / np.sqrt(draws)
+    shape = norm(mean, deviation) if abs(skewness) < NORMAL else pearson3(skewness, mean, deviation)
+    share = false_alarm / (low + high)
+    return (
+        float(shape.ppf(share)) if low else -np.inf,
+        float(shape.isf(share)) if high else np.inf,
+    )
+
+
+def interval_of_mean(values: FloatArray) -> tuple[float, float]:
+    """The 95 % interval of a mean from its own values (n,), by Student's distribution; NaN of fewer than two."""
+    if len(values) < 2:
+        return (float("nan"), float("nan"))
+    half = float(t.ppf(0.975, len(values) - 1)) * float(np.std(values, ddof=1)) / np.sqrt(len(values))
+    return (float(np.mean(values)) - half, float(np.mean(values)) + half)

@@ -1,0 +1,31 @@
+"""One request to an estimator, by name: what any process needs to make it again."""
+
+import hashlib
+from dataclasses import dataclass
+
+ASKS = ("fit", "underfit", "select")
+
+
+@dataclass(frozen=True, order=True)
+class Trial:
+    """A record of a problem given to an estimator once.
+
+    Attributes:
+        problem: Name of the problem.
+        draw: Number of the record, from 0.
+        ask: One of `ASKS`; see `Problem.task`.
+    """
+
+    problem: str
+    draw: int
+    ask: str = "fit"
+
+    @property
+    def key(self) -> str:
+        """Text that names it among all."""
+        return f"{self.problem}#{self.draw}/{self.ask}"
+
+    def seed(self, run_seed: int) -> int:
+        """Seed of the record: of the run's seed, the problem and the draw, not of what is asked or of whom."""
+        text = f"{run_seed}|{self.problem}|{self.draw}"
+        return int.from_bytes(hashlib.sha256(text.encode()).digest()[:8], "big") >> 1
