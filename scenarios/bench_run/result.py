@@ -33,6 +33,8 @@ class Result:
         reasons: The commonest reasons of failures, with how often.
         seconds: Processor time of all its answers, s.
         figures: By name.
+        run: Mark that all results of one run share: their speeds were measured side by side.
+        protocol: Version of the contract that it was run by.
     """
 
     contestant: Contestant
@@ -47,6 +49,8 @@ class Result:
     reasons: Mapping[str, int]
     seconds: float
     figures: Mapping[str, Figure]
+    run: str = ""
+    protocol: int = PROTOCOL
 
     @property
     def passed(self) -> bool:
@@ -55,7 +59,7 @@ class Result:
 
     def to_json(self) -> str:
         """The text of the file; numbers that are not finite as null, infinities as text."""
-        table = {"format": FORMAT, "protocol": PROTOCOL, "passed": self.passed, **asdict(self)}
+        table = {"format": FORMAT, "passed": self.passed, **asdict(self)}
         return json.dumps(_told(table), indent=1, allow_nan=False) + "\n"
 
     @classmethod
@@ -73,12 +77,12 @@ class Result:
             given = table.get("format") if isinstance(table, dict) else type(table).__name__
             raise ScenarioError(f"{path}: format {given!r} given, expected a result of hmtb verify of format {FORMAT}")
         try:
-            table = {key: value for key, value in table.items() if key not in ("format", "protocol", "passed")}
+            table = {key: value for key, value in table.items() if key not in ("format", "passed")}
             table["contestant"] = Contestant(**table["contestant"])
             table["limits"] = Limits(**table["limits"])
             table["figures"] = {name: _figure(entry) for name, entry in table["figures"].items()}
             return cls(**table)
-        except (TypeError, KeyError, AttributeError, ScenarioError) as error:
+        except (TypeError, KeyError, IndexError, AttributeError, ValueError) as error:
             raise ScenarioError(f"{path} is no result of hmtb verify: {error}") from error
 
 
