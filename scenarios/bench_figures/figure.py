@@ -81,8 +81,13 @@ class Figure:
 class FigureMaker(Protocol):
     """Says which trials a figure needs, and makes it from what was measured."""
 
-    name: str
-    title: str
+    @property
+    def name(self) -> str:
+        """Key in results."""
+
+    @property
+    def title(self) -> str:
+        """In words."""
 
     def trials(self, effort: str) -> tuple[Trial, ...]:
         """Trials that it needs; those that figures share are run once.
@@ -92,7 +97,7 @@ class FigureMaker(Protocol):
         """
 
     def verdicts(self) -> int:
-        """How many verdicts it gives at most: false alarms are shared among those of all figures."""
+        """How many verdicts it gives at most that chance can turn: false alarms are shared among those of all figures."""
 
     def figure(
         self,

@@ -1,0 +1,21 @@
+"""All figures of the test bench, in the sequence in which they are told."""
+
+from scenarios.bench_figures.figure import FALSE_ALARM, FigureMaker
+from scenarios.bench_figures.reliability import Reliability
+from scenarios.bench_trials.trial import Trial
+
+TEN: tuple[FigureMaker, ...] = ()
+"""Those of which a verdict is asked, and the bandwidth, which is told."""
+
+ALL_FIGURES: tuple[FigureMaker, ...] = (*TEN, Reliability(TEN))
+"""Beside them what holds for all trials."""
+
+
+def trials_of_all(effort: str) -> tuple[Trial, ...]:
+    """Every trial that a figure needs, once, sorted by problem so that neighbours share their problem."""
+    return tuple(sorted({trial for maker in ALL_FIGURES for trial in maker.trials(effort)}))
+
+
+def false_alarm_of_each() -> float:
+    """Allowed probability of a false alarm of each verdict, so that of any in a run is at most `FALSE_ALARM`."""
+    return FALSE_ALARM / max(1, sum(maker.verdicts() for maker in ALL_FIGURES))

@@ -1,0 +1,96 @@
+"""Reliability: how often an estimator gives no stable model at all, and why."""
+
+from collections import Counter
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from scipy.stats import beta
+
+from scenarios.bench_contract.contestant import Contestant
+from scenarios.bench_contract.outcome import KINDS, MODEL, REFUSED
+from scenarios.bench_figures.figure import Figure, FigureMaker, Part
+from scenarios.bench_trials.measured import Measured
+from scenarios.bench_trials.trial import Trial
+
+FAILURES = tuple(kind for kind in KINDS if kind not in (MODEL, REFUSED))
+REASONS = 20
+"""Reasons told at most."""
+
+
+@dataclass(frozen=True)
+class Reliability:
+    """Share of failures among all requests that were not refused.
+
+    A single one fails: a perfect estimator has none, so that chance raises no false alarm.
+
+    Attributes:
+        others: The figures whose trials are counted.
+    """
+
+    others: tuple[FigureMaker, ...] = ()
+    name: str = "reliability"
+    title: str = "Failures"
+
+    def trials(self, effort: str) -> tuple[Trial, ...]:
+        """Those of all other figures, each once."""
+        return tuple(dict.fromkeys(trial for maker in self.others for trial in maker.trials(effort)))
+
+    def verdicts(self) -> int:
+        """None that chance can turn."""
+        return 0
+
+    def figure(
+        self, measured: Sequence[Measured], contestant: Contestant, false_alarm: float, referee: Sequence[Measured]
+    ) -> Figure:
+        """Count the failures, by kind."""
+        del contestant, false_alarm, referee
+        counted = [m for m in measured if m.kind != REFUSED]
+        kinds = Counter(m.kind for m in counted)
+        failed = [m for m in counted if m.kind != MODEL]
+        total = len(counted)
+        refused = len(measured) - total
+        parts = tuple(
+            Part(
+                label=kind,
+                value=_percent(kinds[kind], total),
+                expected=0.0,
+                interval=interval_of_share(kinds[kind], total),
+                limits=(0.0, 0.0),
+                passed=kinds[kind] == 0 if total else None,
+                why=KINDS.get(kind, ""),
+                draws=total,
+            )
+            for kind in FAILURES
+        )
+        told = f"{len(failed)} of {total} requests failed" if total else "no request was answered"
+        reasons = Counter(f"{m.kind}: {m.why}" if m.why else m.kind for m in failed)
+        return Figure(
+            name=self.name,
+            title=self.title,
+            unit="%",
+            value=_percent(len(failed), total),
+            expected=0.0,
+            interval=interval_of_share(len(failed), total),
+            passed=not failed if total else None,
+            false_alarm=0.0,
+            why=told + (f"; {refused} more were refused, which is no failure" if refused else ""),
+            parts=parts,
+            curves={
+                "reasons": dict(reasons.most_common(REASONS)),
+                "problems": dict(Counter(m.trial.problem for m in failed).most_common()),
+                "refused": refused,
+            },
+        )
+
+
+def interval_of_share(found: int, total: int) -> tuple[float, float]:
+    """The 95 % interval of a share after Clopper and Pearson, in percent; NaN of nothing."""
+    if total == 0:
+        return (float("nan"), float("nan"))
+    low = float(beta.ppf(0.025, found, total - found + 1)) if found else 0.0
+    high = float(beta.isf(0.025, found + 1, total - found)) if found < total else 1.0
+    return (100.0 * low, 100.0 * high)
+
+
+def _percent(found: int, total: int) -> float:
+    return 100.0 * found / total if total else float("nan")
