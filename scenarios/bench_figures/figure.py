@@ -97,7 +97,7 @@ class FigureMaker(Protocol):
         """
 
     def verdicts(self) -> int:
-        """How many verdicts it gives at most that chance can turn: false alarms are shared among those of all figures."""
+        """How many verdicts it gives at most that chance can turn; false alarms are shared among all of them."""
 
     def figure(
         self,
