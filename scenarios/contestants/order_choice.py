@@ -1,0 +1,61 @@
+"""Orders for a task that leaves them to the estimator: Schwarz's criterion over orders from one to the highest."""
+
+from collections.abc import Callable
+
+import numpy as np
+
+import sysid
+from scenarios.bench_contract.task import STRUCTURES, Task
+from sysid import Estimate, IOData
+from sysid.arrays import FloatArray
+from sysid.structure_table import StructureTable
+
+
+def arx_orders(data: IOData, task: Task) -> dict[str, int]:
+    """Orders of the ARX structure with the least BIC among all of up to the highest order [Ljung1999, sec. 16.4]."""
+    upto = range(1, task.most_order + 1)
+    chosen = sysid.selstruc(data, upto, upto, upto).best("bic")
+    return {name: int(np.max(value)) for name, value in chosen.items()}
+
+
+def scanned(estimator: Callable[..., Estimate], data: IOData, task: Task, *, simulated: bool = False) -> dict[str, int]:
+    """Orders of any structure by the least BIC, all polynomials of one degree, the delay that of the best ARX model.
+
+    One degree for all is what keeps the number of fits to the highest order; a delay that is too small costs a
+    coefficient that is nearly zero, and no order.
+
+    Args:
+        estimator: Called with data and orders in the sequence of the structure.
+        data: The record.
+        task: What was asked.
+        simulated: Whether the error of the simulated output counts instead of that one step ahead: for methods whose
+            model of the noise means nothing.
+
+    Returns:
+        Orders by their names in the structure.
+    """
+    if task.structure == "ss":
+        candidates = [{"order": n} for n in range(1, task.most_order + 1)]
+    else:
+        delay = arx_orders(data, task)["nk"]
+        candidates = [_of_degree(n, delay, task.structure) for n in range(1, task.most_order + 1)]
+    table = sysid.structure_scan(
+        estimator,
+        data,
+        tuple(candidates[0]),
+        [tuple(candidate.values()) for candidate in candidates],
+        validation=data if simulated else None,
+        steps=None if simulated else 1,
+    )
+    best = table.best(simulated_bic(table) if simulated else "bic")
+    return {name: int(np.max(value)) for name, value in best.items()}
+
+
+def simulated_bic(table: StructureTable) -> FloatArray:
+    """Schwarz's criterion of the error of simulation that stands in the table as that of validation (m,)."""
+    return np.asarray(np.log(table.validation) + table.parameters * np.log(table.samples) / table.samples)
+
+
+def _of_degree(n: int, delay: int, structure: str) -> dict[str, int]:
+    sizes = {"na": n, "nb": max(n + 1 - delay, 1), "nc": n, "nd": n, "nf": n, "nk": delay}
+    return {name: sizes[name] for name in STRUCTURES[structure]}

@@ -1,0 +1,129 @@
+"""The estimators of this package on the test bench: what a user gets who asks for the orders of the task.
+
+Where the task leaves the orders open they are chosen as the toolbox's page tells, by Schwarz's criterion.
+"""
+
+from collections.abc import Callable
+
+import numpy as np
+
+import sysid
+from scenarios.bench_contract.answer import Answer
+from scenarios.bench_contract.task import Task
+from scenarios.contestants.estimates import answer_of
+from scenarios.contestants.order_choice import arx_orders, scanned
+from sysid import Estimate, IOData
+
+LEAST_P, P_PER_ORDER = 20, 2
+"""Observer Markov parameters for OKID: so many, and so many more per state."""
+
+SAMPLES_PER_UNKNOWN = 5
+"""Equations that OKID has at least for each of its unknowns, as far as the order allows."""
+
+PULSES, MOST_INPUT_COLUMNS = 200, 0.2
+"""Values of the pulse response that ERA realises, and the columns of inputs, as a part of the samples, at most."""
+
+
+def arx(data: IOData, task: Task) -> Answer:
+    """A y = B u + e by least squares."""
+    _only(task, "arx", data)
+    return answer_of(sysid.arx(data, **(task.orders or arx_orders(data, task))), task)
+
+
+def armax(data: IOData, task: Task) -> Answer:
+    """A y = B u + C e by prediction error."""
+    _only(task, "armax", data)
+    return answer_of(sysid.armax(data, **(task.orders or scanned(sysid.armax, data, task))), task)
+
+
+def oe(data: IOData, task: Task) -> Answer:
+    """Output error: y = B/F u + e."""
+    _only(task, "oe", data)
+    return answer_of(sysid.oe(data, **(task.orders or scanned(sysid.oe, data, task))), task)
+
+
+def bj(data: IOData, task: Task) -> Answer:
+    """Box-Jenkins: y = B/F u + C/D e."""
+    _only(task, "bj", data)
+    return answer_of(sysid.bj(data, **(task.orders or scanned(sysid.bj, data, task))), task)
+
+
+def iv4(data: IOData, task: Task) -> Answer:
+    """A y = B u + disturbance of any colour by instrumental variables; no model of the disturbance is claimed."""
+    _only(task, "arx", data)
+    orders = task.orders or scanned(sysid.iv4, data, task, simulated=True)
+    return answer_of(sysid.iv4(data, **orders), task, noise_model=False)
+
+
+def n4sid(data: IOData, task: Task) -> Answer:
+    """State space by subspace projection; it claims no covariance."""
+    return answer_of(_state_space(_n4sid, data, task), task)
+
+
+def pem_ss(data: IOData, task: Task) -> Answer:
+    """State space by prediction error, from N4SID's model."""
+    return answer_of(_state_space(_pem_ss, data, task), task)
+
+
+def okid(data: IOData, task: Task) -> Answer:
+    """Observer/Kalman filter identification with ERA."""
+    return answer_of(_state_space(_okid, data, task), task)
+
+
+def era(data: IOData, task: Task) -> Answer:
+    """ERA on the pulse response by least squares on past inputs alone; no model of the noise, no covariance."""
+    _only(task, "ss")
+    if task.chooses:
+        raise NotImplementedError("ERA by itself has no criterion of orders; okid has one")
+    count = min(PULSES, int(MOST_INPUT_COLUMNS * len(data) / data.nu))
+    past = np.lib.stride_tricks.sliding_window_view(data.u, count, axis=0)[:-1, :, ::-1]
+    columns = past.transpose(0, 2, 1).reshape(len(past), count * data.nu)
+    solution = np.linalg.lstsq(columns, data.y[count:], rcond=None)[0]
+    pulses = solution.reshape(count, data.nu, data.ny).transpose(0, 2, 1)
+    markov = np.concatenate((np.zeros((1, data.ny, data.nu)), pulses))
+    return Answer(sysid.era(markov, task.orders["order"], dt=data.dt).model)
+
+
+def pem(data: IOData, task: Task) -> Answer:
+    """Whatever is asked, by prediction error; ARX by least squares, which is the same."""
+    return PEM[task.structure](data, task)
+
+
+PEM: dict[str, Callable[[IOData, Task], Answer]] = {"arx": arx, "armax": armax, "oe": oe, "bj": bj, "ss": pem_ss}
+"""Prediction-error estimators by structure."""
+
+
+def observer_parameters(data: IOData, order: int) -> int:
+    """Number p of OKID's observer Markov parameters for a record and an order."""
+    wanted = LEAST_P + P_PER_ORDER * order
+    allowed = len(data) // (SAMPLES_PER_UNKNOWN * (data.nu + data.ny))
+    return max(min(wanted, allowed), -(-order // data.ny))
+
+
+def _n4sid(data: IOData, order: int) -> Estimate:
+    return sysid.n4sid(data, order, direct=False)
+
+
+def _pem_ss(data: IOData, order: int) -> Estimate:
+    return sysid.pem_ss(data, sysid.n4sid(data, order, direct=False), direct=False)
+
+
+def _okid(data: IOData, order: int) -> Estimate:
+    return sysid.okid(data, order, p=observer_parameters(data, order), direct=False)
+
+
+def _state_space(estimator: Callable[[IOData, int], Estimate], data: IOData, task: Task) -> Estimate:
+    _only(task, "ss")
+    return estimator(data, **(task.orders or scanned(estimator, data, task)))
+
+
+def _only(task: Task, structure: str, data: IOData | None = None) -> None:
+    """Refuse another structure and, of a polynomial method, several outputs.
+
+    Raises:
+        NotImplementedError: One of them is asked for.
+    """
+    if task.structure != structure:
+        raise NotImplementedError(f"structure {task.structure!r} asked for, this method has {structure!r}")
+    if data is not None and data.ny > 1:
+        raise NotImplementedError(f"{data.ny} outputs given, polynomial methods take one; n4sid and okid take several")
