@@ -45,5 +45,5 @@ def _version(package: str) -> str:
     try:
         return f"{package} {version(package)}"
     except PackageNotFoundError:
-        # a checkout on the path, or a package that belongs to a program
-        return package
+        # a checkout on the path
+        return ""

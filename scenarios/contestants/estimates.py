@@ -12,8 +12,8 @@ from sysid import Estimate
 def answer_of(estimate: Estimate, task: Task, *, noise_model: bool = True) -> Answer:
     """Model, covariance and intervals of an estimate.
 
-    The covariance of a polynomial model's parameters says all of its response; that of a state-space model's, which
-    are coordinates of its own, is carried to the response here.
+    Response and bandwidth of a polynomial model are as uncertain as its parameters say, and the bench knows how; the
+    parameters of a state-space model are coordinates of its own, so that their covariance is carried through here.
 
     Args:
         estimate: From any method; a covariance that it does not know (NaN) is not claimed.
@@ -26,8 +26,7 @@ def answer_of(estimate: Estimate, task: Task, *, noise_model: bool = True) -> An
     model = estimate.model if noise_model else replace(estimate.model, K=None, innovation_covariance=None)
     if not np.isfinite(estimate.covariance).all():
         return Answer(model, estimate.polynomials)
-    interval = estimate.bandwidth().ci95
     if estimate.polynomials is not None:
-        return Answer(model, estimate.polynomials, estimate.covariance, bandwidth_ci95=interval)
+        return Answer(model, estimate.polynomials, estimate.covariance)
     response = estimate.frequency_response(task.frequencies)
-    return Answer(model, response_covariance=response.covariance, bandwidth_ci95=interval)
+    return Answer(model, response_covariance=response.covariance, bandwidth_ci95=estimate.bandwidth().ci95)

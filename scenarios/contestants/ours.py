@@ -3,13 +3,14 @@
 Where the task leaves the orders open they are chosen as the toolbox's page tells, by Schwarz's criterion.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
+from functools import partial
 
 import numpy as np
 
 import sysid
 from scenarios.bench_contract.answer import Answer
-from scenarios.bench_contract.task import Task
+from scenarios.bench_contract.task import STRUCTURES, Task
 from scenarios.contestants.estimates import answer_of
 from scenarios.contestants.order_choice import arx_orders, scanned
 from sysid import Estimate, IOData
@@ -26,33 +27,28 @@ PULSES, MOST_INPUT_COLUMNS = 200, 0.2
 
 def arx(data: IOData, task: Task) -> Answer:
     """A y = B u + e by least squares."""
-    _only(task, "arx", data)
-    return answer_of(sysid.arx(data, **(task.orders or arx_orders(data, task))), task)
+    return answer_of(_polynomial(sysid.arx, "arx", data, task, arx_orders), task)
 
 
 def armax(data: IOData, task: Task) -> Answer:
     """A y = B u + C e by prediction error."""
-    _only(task, "armax", data)
-    return answer_of(sysid.armax(data, **(task.orders or scanned(sysid.armax, data, task))), task)
+    return answer_of(_polynomial(sysid.armax, "armax", data, task), task)
 
 
 def oe(data: IOData, task: Task) -> Answer:
     """Output error: y = B/F u + e."""
-    _only(task, "oe", data)
-    return answer_of(sysid.oe(data, **(task.orders or scanned(sysid.oe, data, task))), task)
+    return answer_of(_polynomial(sysid.oe, "oe", data, task), task)
 
 
 def bj(data: IOData, task: Task) -> Answer:
     """Box-Jenkins: y = B/F u + C/D e."""
-    _only(task, "bj", data)
-    return answer_of(sysid.bj(data, **(task.orders or scanned(sysid.bj, data, task))), task)
+    return answer_of(_polynomial(sysid.bj, "bj", data, task), task)
 
 
 def iv4(data: IOData, task: Task) -> Answer:
     """A y = B u + disturbance of any colour by instrumental variables; no model of the disturbance is claimed."""
-    _only(task, "arx", data)
-    orders = task.orders or scanned(sysid.iv4, data, task, simulated=True)
-    return answer_of(sysid.iv4(data, **orders), task, noise_model=False)
+    chooses = partial(scanned, sysid.iv4, simulated=True)
+    return answer_of(_polynomial(sysid.iv4, "arx", data, task, chooses), task, noise_model=False)
 
 
 def n4sid(data: IOData, task: Task) -> Answer:
@@ -112,18 +108,26 @@ def _okid(data: IOData, order: int) -> Estimate:
     return sysid.okid(data, order, p=observer_parameters(data, order), direct=False)
 
 
+def _polynomial(
+    estimator: Callable[..., Estimate],
+    structure: str,
+    data: IOData,
+    task: Task,
+    chooses: Callable[[IOData, Task], Mapping[str, int]] | None = None,
+) -> Estimate:
+    _only(task, structure)
+    if data.ny > 1:
+        raise NotImplementedError(f"{data.ny} outputs given, polynomial methods take one; n4sid and okid take several")
+    orders = task.orders or (chooses or partial(scanned, estimator))(data, task)
+    return estimator(data, *(orders[name] for name in STRUCTURES[structure]))
+
+
 def _state_space(estimator: Callable[[IOData, int], Estimate], data: IOData, task: Task) -> Estimate:
     _only(task, "ss")
-    return estimator(data, **(task.orders or scanned(estimator, data, task)))
+    orders = task.orders or scanned(estimator, data, task)
+    return estimator(data, orders["order"])
 
 
-def _only(task: Task, structure: str, data: IOData | None = None) -> None:
-    """Refuse another structure and, of a polynomial method, several outputs.
-
-    Raises:
-        NotImplementedError: One of them is asked for.
-    """
+def _only(task: Task, structure: str) -> None:
     if task.structure != structure:
         raise NotImplementedError(f"structure {task.structure!r} asked for, this method has {structure!r}")
-    if data is not None and data.ny > 1:
-        raise NotImplementedError(f"{data.ny} outputs given, polynomial methods take one; n4sid and okid take several")
