@@ -1,5 +1,7 @@
 """Where the mean of a statistic over many records lies if the estimator is perfect, and how sure a measured mean is."""
 
+from collections.abc import Sequence
+
 import numpy as np
 from scipy.stats import norm, pearson3, t
 
@@ -27,11 +29,39 @@ def limits_of_mean(
     Returns:
         Lower and upper limit, infinite where there is none.
     """
-    mean = float(np.mean(single))
-    deviation = float(np.std(single)) / np.sqrt(draws)
-    if deviation == 0.0:
+    return limits_of_pooled_mean([single], [draws], false_alarm, low=low, high=high)
+
+
+def limits_of_pooled_mean(
+    singles: Sequence[FloatArray], draws: Sequence[int], false_alarm: float, *, low: bool = True, high: bool = True
+) -> tuple[float, float]:
+    """The same for the mean over the records of several problems together.
+
+    Args:
+        singles: Of each problem, values of the statistic for many single records (M,).
+        draws: Records of each.
+        false_alarm: Probability of a mean outside, in all.
+        low: Whether there is a lower limit.
+        high: Whether there is an upper one.
+
+    Returns:
+        Lower and upper limit, infinite where there is none.
+    """
+    total = sum(draws)
+    mean = sum(n * float(np.mean(single)) for single, n in zip(singles, draws, strict=True)) / total
+    variance = sum(n * float(np.var(single)) for single, n in zip(singles, draws, strict=True)) / total**2
+    third = sum(n * float(np.mean((single - np.mean(single)) ** 3)) for single, n in zip(singles, draws, strict=True))
+    return limits_of_moments(mean, variance, third / total**3, false_alarm, low=low, high=high)
+
+
+def limits_of_moments(
+    mean: float, variance: float, third: float, false_alarm: float, *, low: bool = True, high: bool = True
+) -> tuple[float, float]:
+    """The same from mean, variance and third central moment of the mean itself."""
+    if variance == 0.0:
         return (mean if low else -np.inf, mean if high else np.inf)
-    skewness = float(np.mean((single - mean) ** 3)) / float(np.std(single)) ** 3 / np.sqrt(draws)
+    deviation = float(np.sqrt(variance))
+    skewness = third / deviation**3
     shape = norm(mean, deviation) if abs(skewness) < NORMAL else pearson3(skewness, mean, deviation)
     share = false_alarm / (low + high)
     return (

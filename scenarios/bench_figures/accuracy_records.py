@@ -1,0 +1,50 @@
+"""Records on which accuracy is judged: the same for efficiency, coverage, normalised error and frequency response."""
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from scenarios.bench_contract.outcome import MODEL
+from scenarios.bench_figures.figure import DRAWS
+from scenarios.bench_trials.measured import Measured
+from scenarios.bench_trials.trial import Trial
+from scenarios.errors import ScenarioError
+
+QUICK = ("p2", "p3", "p4", "p5")
+"""One problem for each kind of disturbance: output error, ARMAX, Box-Jenkins, equation error."""
+
+FULL = ("p1", *QUICK, "mimo", "published-4.7", "random-easy-1", "random-medium-1", "random-hard-1")
+RECORDS = 100
+"""Of each problem by the quick effort."""
+
+
+def problems_of(effort: str) -> tuple[str, ...]:
+    """Names of the problems of an effort.
+
+    Raises:
+        ScenarioError: There is no such effort.
+    """
+    if effort not in DRAWS:
+        raise ScenarioError(f"effort {effort!r} given, expected one of {', '.join(DRAWS)}")
+    return QUICK if effort == "quick" else FULL
+
+
+def accuracy_trials(effort: str) -> tuple[Trial, ...]:
+    """Trials of the figures of accuracy."""
+    return tuple(Trial(name, draw) for name in problems_of(effort) for draw in range(RECORDS * DRAWS[effort]))
+
+
+def by_problem(measured: Sequence[Measured]) -> dict[str, tuple[list[Measured], int]]:
+    """Trials with a model by problem, in their sequence, each with the number that were run."""
+    groups: dict[str, tuple[list[Measured], int]] = {}
+    for m in measured:
+        good, run = groups.setdefault(m.trial.problem, ([], 0))
+        if m.kind == MODEL and m.response is not None and np.isfinite(m.response).all():
+            good.append(m)
+        groups[m.trial.problem] = (good, run + 1)
+    return groups
+
+
+def enough(count: int, run: int) -> bool:
+    """Whether there are values of enough records for a verdict: of at least half of them, and two."""
+    return count >= 2 and 2 * count >= run

@@ -1,0 +1,119 @@
+"""A figure's part that is a mean over records, with its verdict; and the mean over the records of several parts."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from scenarios.bench_figures.accuracy_records import enough
+from scenarios.bench_figures.figure import Part
+from scenarios.bench_figures.perfect_mean import interval_of_mean, limits_of_pooled_mean
+from scenarios.bench_figures.theory import Expectation
+from sysid.arrays import FloatArray
+
+TOGETHER = "together"
+NOWHERE = (-np.inf, np.inf)
+
+
+@dataclass(frozen=True, eq=False)
+class Values:
+    """A statistic of the records of one problem.
+
+    Attributes:
+        label: Of the part.
+        values: One per record that has a value (n,).
+        run: Records that were run.
+        single: For many single records of a perfect estimator (M,); None: there is no bound, and so no verdict.
+        theory: What theory says.
+        why_not: Why there are no values, where there are none.
+    """
+
+    label: str
+    values: FloatArray
+    run: int
+    single: FloatArray | None
+    theory: Expectation
+    why_not: str = ""
+
+
+@dataclass(frozen=True)
+class Judgement:
+    """How a mean is judged.
+
+    Attributes:
+        expected: Mean of a perfect estimator.
+        ratio: Slack as a factor on the limits.
+        points: Slack as a difference.
+        low: Whether there is a lower limit.
+        high: Whether there is an upper one.
+    """
+
+    expected: float
+    ratio: float = 1.0
+    points: float = 0.0
+    low: bool = True
+    high: bool = True
+
+    def limits(self, singles: Sequence[FloatArray], draws: Sequence[int], false_alarm: float) -> tuple[float, float]:
+        """Limits for the mean over the records of several problems, the slack included."""
+        low, high = limits_of_pooled_mean(singles, draws, false_alarm, low=self.low, high=self.high)
+        return (low / self.ratio - self.points, high * self.ratio + self.points)
+
+
+def part_of_mean(given: Values, judgement: Judgement, false_alarm: float) -> Part:
+    """The mean over the records of one problem."""
+    count = len(given.values)
+    reason = given.theory.why
+    judged = False
+    if count == 0 and given.why_not:
+        reason = given.why_not
+    elif not enough(count, given.run):
+        reason = f"no verdict: {count} of {given.run} records have a value"
+    elif given.single is None:
+        reason = "no verdict: the problem has no Cramér-Rao bound"
+    else:
+        judged = True
+    limits = NOWHERE
+    if judged and given.single is not None:
+        limits = judgement.limits([given.single], [count], false_alarm)
+    return _part(given.label, given.values, judgement.expected, limits, judged, given.theory.passes, reason)
+
+
+def part_together(label: str, given: Sequence[Values], judgement: Judgement, false_alarm: float) -> Part | None:
+    """The mean over the records of all problems on which theory expects the estimator to pass.
+
+    Returns:
+        The part; None where there are fewer than two such problems.
+    """
+    chosen = [g for g in given if g.theory.passes and g.single is not None and enough(len(g.values), g.run)]
+    if len(chosen) < 2:
+        return None
+    singles = [g.single for g in chosen if g.single is not None]
+    limits = judgement.limits(singles, [len(g.values) for g in chosen], false_alarm)
+    values = np.concatenate([g.values for g in chosen])
+    reason = f"all records of {', '.join(g.label.split()[0] for g in chosen)}"
+    return _part(label, values, judgement.expected, limits, True, True, reason)
+
+
+def _part(
+    label: str,
+    values: FloatArray,
+    expected: float,
+    limits: tuple[float, float],
+    judged: bool,
+    theory: bool,
+    why: str,
+) -> Part:
+    finite = bool(np.isfinite(values).all())
+    mean = float(np.mean(values)) if len(values) else float("nan")
+    return Part(
+        label=label,
+        value=mean,
+        expected=expected,
+        interval=interval_of_mean(values) if finite else (float("nan"), float("nan")),
+        limits=limits,
+        passed=bool(limits[0] <= mean <= limits[1]) if judged else None,
+        theory=theory,
+        why=why,
+        draws=len(values),
+    )

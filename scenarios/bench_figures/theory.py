@@ -1,0 +1,139 @@
+"""What theory expects of an estimator on the test bench: which figures it passes, which not, and why.
+
+The classical results: a prediction-error estimate in a structure that holds the truth, its disturbance included, is
+consistent, reaches the Cramér-Rao bound and knows its own covariance, in open loop and under feedback [Ljung1999,
+theorems 8.2, 9.1 and sec. 13.4]. Everything else gives up some of this.
+"""
+
+from dataclasses import dataclass
+from functools import lru_cache
+
+from scenarios.bench_contract.contestant import Contestant
+from scenarios.bench_problems.registry import problem
+
+CONSISTENT = ("consistency", "bias")
+"""Figures of the mean error."""
+
+CLAIMS = ("coverage", "normalised_error", "frequency_response")
+"""Figures of what an estimator says of its own accuracy."""
+
+ACCURACY = (*CONSISTENT, "efficiency", *CLAIMS)
+TESTS = "tests_and_orders"
+
+
+@dataclass(frozen=True)
+class Expectation:
+    """What theory says.
+
+    Attributes:
+        passes: Whether the figure is expected to pass.
+        why: Reason and reference.
+    """
+
+    passes: bool
+    why: str = ""
+
+
+@dataclass(frozen=True)
+class Limitation:
+    """A reason why a kind of estimator fails some figures.
+
+    Attributes:
+        fails: Names of the figures.
+        why: Reason and reference.
+    """
+
+    fails: tuple[str, ...]
+    why: str
+
+
+FEEDBACK_INPUT = Limitation(
+    ACCURACY,
+    "its method takes the input as independent of the disturbance; feedback makes it depend on it, and the estimate "
+    "biased [Ljung1999, sec. 13.4; Soderstrom1989, sec. 10.2]",
+)
+FEEDBACK_NOISE = Limitation(
+    ACCURACY,
+    "under feedback the model of the disturbance must be right, or the estimate of the dynamics is biased "
+    "[Ljung1999, sec. 13.4]",
+)
+EQUATION_ERROR = Limitation(
+    (*ACCURACY, TESTS),
+    "least squares are biased unless the disturbance is white equation error: past outputs carry it "
+    "[Ljung1999, sec. 7.3]",
+)
+OUTPUT_ERROR = Limitation(
+    ("efficiency", *CLAIMS, TESTS),
+    "under a coloured disturbance output error is consistent in open loop, but not efficient, and intervals that take "
+    "it as white are wrong; residuals are not white [Ljung1999, theorem 8.4 and sec. 9.4]",
+)
+WRONG_DISTURBANCE = Limitation(
+    (*ACCURACY, TESTS),
+    "the structure has poles in common between input and disturbance and cannot hold this disturbance: what is "
+    "estimated is a compromise of both [Ljung1999, sec. 8.5]",
+)
+INSTRUMENTS = Limitation(
+    ("efficiency",),
+    "instruments built of the input leave out what past outputs tell through the disturbance: consistent, not "
+    "efficient [Soderstrom1989, ch. 8]",
+)
+INSTRUMENTS_COLOURED = Limitation(
+    ("efficiency", TESTS),
+    INSTRUMENTS.why + "; its residuals are those of A y - B u and need not be white",
+)
+SUBSPACE = Limitation(
+    ("efficiency",),
+    "subspace projections minimise no likelihood: consistent, above the Cramér-Rao bound [VanOverschee1996, ch. 3]",
+)
+OBSERVER = Limitation(
+    (*ACCURACY, TESTS),
+    "an observer with p Markov parameters truncates what the disturbance would need: biased where p or the order is "
+    "low, and the claimed covariance knows nothing of it [Juang1993]",
+)
+
+
+def expectation(contestant: Contestant, name: str, figure: str) -> Expectation:
+    """What theory expects of an estimator.
+
+    Args:
+        contestant: The estimator; everything is expected of it where its method is not said.
+        name: Name of the problem.
+        figure: Key of the figure.
+
+    Returns:
+        Whether it passes, and why.
+    """
+    found = limitation(contestant.method, contestant.structure, name)
+    if found is not None and figure in found.fails:
+        return Expectation(False, found.why)
+    return Expectation(True)
+
+
+@lru_cache(maxsize=1024)
+def limitation(method: str | None, structure: str | None, name: str) -> Limitation | None:
+    """What theory holds against a method in a structure on a problem; None: nothing.
+
+    Args:
+        method: One of `scenarios.bench_contract.contestant.METHODS`, or None.
+        structure: One of `scenarios.bench_contract.task.STRUCTURES`; None: that of the truth.
+        name: Name of the problem.
+    """
+    family = name.split("@")[0].split("-")[0]
+    if method is None or family in ("quiet", "twin"):
+        return None
+    if method == "observer":
+        return FEEDBACK_INPUT if family == "feedback" else OBSERVER
+    if method == "subspace":
+        return FEEDBACK_INPUT if family == "feedback" else SUBSPACE
+    held = structure is None or problem(name).bound(structure) is not None
+    if method == "instrumental":
+        if family == "feedback":
+            return FEEDBACK_INPUT
+        return INSTRUMENTS if held else INSTRUMENTS_COLOURED
+    if held:
+        return None
+    if family == "feedback":
+        return FEEDBACK_INPUT if structure == "oe" else FEEDBACK_NOISE
+    if structure == "oe":
+        return OUTPUT_ERROR
+    return EQUATION_ERROR if structure == "arx" else WRONG_DISTURBANCE
