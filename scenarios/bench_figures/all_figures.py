@@ -2,12 +2,13 @@
 
 from scenarios.bench_figures.figure import FALSE_ALARM, FigureMaker
 from scenarios.bench_figures.reliability import Reliability
+from scenarios.bench_figures.speed import Speed
 from scenarios.bench_trials.trial import Trial
 
 TEN: tuple[FigureMaker, ...] = ()
 """Those of which a verdict is asked, and the bandwidth, which is told."""
 
-ALL_FIGURES: tuple[FigureMaker, ...] = (*TEN, Reliability(TEN))
+ALL_FIGURES: tuple[FigureMaker, ...] = (*TEN, Reliability(TEN), Speed(TEN))
 """Beside them what holds for all trials."""
 
 
