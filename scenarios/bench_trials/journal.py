@@ -1,0 +1,147 @@
+"""The journal of a contestant: a line for each trial that is done, so that a run that was stopped is gone on with."""
+
+import fcntl
+import json
+import re
+from collections.abc import Callable, Iterator, Mapping
+from hashlib import sha256
+from io import FileIO
+from pathlib import Path
+from types import TracebackType
+from typing import Any
+
+from scenarios.bench_trials.measured import Measured
+from scenarios.bench_trials.trial import Trial
+from scenarios.errors import ScenarioError
+
+ENDING = ".jsonl"
+
+PASSING = {"source": "its file", "software": "this software, or a package that it uses,"}
+"""Entries of a key that no command line brings back, in words: a journal under another one is of no more use."""
+
+
+class Journal:
+    """Trials of one contestant that are done, in a file that is only ever added to.
+
+    The first line holds the key: all that outcomes depend on. What a kill left half written is cut off and done again.
+
+    Args:
+        folder: For journals.
+        name: Of the contestant.
+        key: What outcomes depend on, as JSON holds it: contestant, source, limits, seed, software.
+        run: Mark of this run, for a journal that is new.
+        said: Told in words why an earlier journal is of no use.
+
+    Attributes:
+        path: The file.
+        run: Mark of the run that began it.
+        done: Keys of the trials that it holds.
+
+    Raises:
+        ScenarioError: Another run is at work with it.
+        OSError: It cannot be read or written.
+    """
+
+    def __init__(
+        self, folder: Path, name: str, key: Mapping[str, Any], *, run: str, said: Callable[[str], None]
+    ) -> None:
+        text, stem = json.dumps(key, sort_keys=True), file_name(name)
+        self.path = folder / f"{stem}-{sha256(text.encode()).hexdigest()[:12]}{ENDING}"
+        folder.mkdir(parents=True, exist_ok=True)
+        _forget_others(folder, stem, self.path, key, lambda why: said(f"{name}: {why}"))
+        self.run, self.done = run, set[str]()
+        # Unbuffered: a line is with the system as soon as it is written.
+        self._stream = FileIO(self.path, "a+")
+        try:
+            self._lock()
+            if not self._take_up():
+                self._stream.truncate(0)
+                self._write(json.dumps({"run": run, "key": key}))
+        except BaseException:
+            self.close()
+            raise
+
+    def __enter__(self) -> "Journal":
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self.close()
+
+    def close(self) -> None:
+        """Let others at it."""
+        self._stream.close()
+
+    def add(self, measured: Measured) -> None:
+        """Add a trial; one that it holds already is left as it is."""
+        if measured.trial.key not in self.done:
+            self._write(measured.to_json())
+            self.done.add(measured.trial.key)
+
+    def measured(self) -> dict[Trial, Measured]:
+        """All that it holds, by trial."""
+        with self.path.open("rb") as stream:
+            next(stream)
+            return {one.trial: one for one in (Measured.from_json(line.decode()) for line in stream)}
+
+    def _write(self, line: str) -> None:
+        left = memoryview(f"{line}\n".encode())
+        while left:
+            try:
+                left = left[self._stream.write(left) :]
+            except OSError as error:  # a full disk: writing to a stream gives the error no name
+                error.filename = str(self.path)
+                raise
+
+    def _lock(self) -> None:
+        try:
+            fcntl.flock(self._stream, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except BlockingIOError:
+            raise ScenarioError(
+                f"{self.path}: another hmtb verify is at work on this estimator in this folder; wait for it, stop it, "
+                "or give another --out"
+            ) from None
+
+    def _take_up(self) -> bool:
+        """Take over what an earlier run left; False where there is not even a whole first line."""
+        good = 0
+        with self.path.open("rb") as stream:
+            for line in stream:
+                try:
+                    if not line.endswith(b"\n"):
+                        break
+                    if good:
+                        self.done.add(Measured.from_json(line.decode()).trial.key)
+                    else:
+                        self.run = str(json.loads(line)["run"])
+                except (ValueError, TypeError, KeyError):
+                    break
+                good += len(line)
+        self._stream.truncate(good)
+        return good > 0
+
+
+def file_name(name: str) -> str:
+    """A contestant's name as that of a file, without an ending."""
+    return re.sub(r"[^A-Za-z0-9_.+-]+", "-", name).strip(".-") or "estimator"
+
+
+def _forget_others(folder: Path, stem: str, path: Path, key: Mapping[str, Any], said: Callable[[str], None]) -> None:
+    """Remove journals of the same contestant that no command can take up again, and say why it starts anew."""
+    for other, theirs in _keys(folder, stem):
+        passed = [words for entry, words in PASSING.items() if theirs.get(entry) != key[entry]]
+        if other != path and passed:
+            other.unlink(missing_ok=True)
+            said(f"{' and '.join(passed)} changed since the last run: it starts anew")
+
+
+def _keys(folder: Path, stem: str) -> Iterator[tuple[Path, Mapping[str, Any]]]:
+    for path in sorted(folder.glob(f"{stem}-{'[0-9a-f]' * 12}{ENDING}")):
+        try:
+            with path.open("rb") as stream:
+                key = json.loads(stream.readline())["key"]
+        except (OSError, ValueError, TypeError, KeyError):
+            continue
+        if isinstance(key, Mapping):
+            yield path, key
