@@ -1,0 +1,128 @@
+"""Bias of the response in closed loop, and where two inputs share their waveform."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from scenarios.bench_contract.contestant import Contestant
+from scenarios.bench_contract.outcome import MODEL
+from scenarios.bench_figures.figure import DRAWS, Figure, Part
+from scenarios.bench_figures.mean_error import mean_error
+from scenarios.bench_figures.perfect_records import bound_for
+from scenarios.bench_figures.theory import expectation
+from scenarios.bench_figures.worst_part import figure_of_parts, unjudged
+from scenarios.bench_problems.problem import Bound
+from scenarios.bench_trials.measured import Measured
+from scenarios.bench_trials.trial import Trial
+from sysid.arrays import FloatArray
+
+PROBLEMS = ("feedback", "shared")
+RECORDS = 40
+DIRECTIONS = 4
+"""In which the mean error is looked for: those in which the record says least of the response, by the bound."""
+
+ALLOWED = 0.2
+"""Bias that is no fault, in standard deviations of the estimator's own error.
+
+Estimates that are unbiased in the limit have one of the order of 1/N, a fraction of a deviation on a short record.
+"""
+
+
+@dataclass(frozen=True)
+class Bias:
+    """Mean error of the response, in standard deviations of one record's error.
+
+    The scatter is the estimator's own, so that one that is inefficient and unbiased passes. A mean over errors of many
+    frequencies lives in as many directions as there are parameters; it is judged in the few in which the bound is
+    largest, which are chosen without the data.
+    """
+
+    name: str = "bias"
+    title: str = "Bias under feedback and under a shared waveform"
+
+    def trials(self, effort: str) -> tuple[Trial, ...]:
+        """Records in closed loop, and with a shared waveform."""
+        return tuple(Trial(name, draw) for name in PROBLEMS for draw in range(RECORDS * DRAWS[effort]))
+
+    def verdicts(self) -> int:
+        """One per problem."""
+        return len(PROBLEMS)
+
+    def figure(
+        self, measured: Sequence[Measured], contestant: Contestant, false_alarm: float, referee: Sequence[Measured]
+    ) -> Figure:
+        """Test the mean error on each problem."""
+        del referee
+        parts, curves = [], {}
+        for name in PROBLEMS:
+            asked = [m for m in measured if m.trial.problem == name and m.trial.ask == "fit"]
+            part, curve = _part(name, asked, contestant, false_alarm)
+            parts.append(part)
+            curves[name] = curve
+        worst = {name: curve["percent"] for name, curve in curves.items() if curve}
+        told = ", ".join(f"{percent:.2g} % on {name}" for name, percent in worst.items())
+        return figure_of_parts(
+            self.name,
+            self.title,
+            "deviations of one record",
+            parts,
+            self.verdicts() * false_alarm,
+            f"mean error in {DIRECTIONS} directions against the estimator's own scatter, {ALLOWED:g} deviations allowed"
+            + (f"; mean error of the response at its worst {told}" if told else ""),
+            curves,
+        )
+
+
+def _part(
+    name: str, asked: Sequence[Measured], contestant: Contestant, false_alarm: float
+) -> tuple[Part, dict[str, object]]:
+    bound = bound_for(name, contestant.structure)
+    if bound is None:
+        return unjudged(name, "no bound is known, which says where to look"), {}
+    found = [m.response for m in asked if m.kind == MODEL and m.response is not None]
+    found = [response for response in found if response.shape == bound.response.shape]
+    axes = directions(bound)
+    if not asked or 2 * len(found) < len(asked) or len(found) < 2 * axes.shape[1] + 3:
+        return unjudged(name, f"{len(found)} of {len(asked)} records gave a model: too few", len(found)), {}
+    errors = np.array(found) - bound.response
+    flat = np.stack((errors.real, errors.imag), axis=-1).reshape(len(found), -1)
+    judged = mean_error(flat @ axes, false_alarm, ALLOWED)
+    theory = expectation(contestant, name, "bias")
+    mean = errors.mean(axis=0)
+    size = np.sqrt(np.mean(np.abs(bound.response) ** 2, axis=0))
+    curve: dict[str, object] = {
+        "percent": float(np.max(100.0 * np.abs(mean) / size)),
+        "frequencies": bound.frequencies.tolist(),
+        "mean_error": np.abs(mean).reshape(len(mean), -1).T.tolist(),
+        "deviation_of_mean": (errors.std(axis=0, ddof=1) / np.sqrt(len(errors))).reshape(len(mean), -1).T.tolist(),
+    }
+    part = Part(
+        label=name,
+        value=judged.size,
+        expected=0.0,
+        interval=judged.interval,
+        limits=(0.0, judged.limit),
+        passed=judged.size <= judged.limit,
+        theory=theory.passes,
+        why=theory.why,
+        draws=len(found),
+    )
+    return part, curve
+
+
+def directions(bound: Bound) -> FloatArray:
+    """Combinations of real and imaginary parts of the response that the record says least of.
+
+    Each response is told in its own deviations first, so that small ones count as large ones do.
+
+    Returns:
+        One column per direction (nf ny nu 2, q); a perfect estimate's errors have variance 1 along each.
+    """
+    flat = bound.response_directions.reshape(len(bound.response_directions), -1, 2)
+    deviation = np.sqrt(np.sum(flat**2, axis=(0, 2)))
+    weight = np.where(deviation > 0.0, 1.0 / np.where(deviation > 0.0, deviation, 1.0), 0.0)
+    scaled = (flat * weight[:, None]).reshape(len(flat), -1)
+    _, values, right = np.linalg.svd(scaled, full_matrices=False)
+    q = min(DIRECTIONS, int(np.count_nonzero(values > 1e-6 * values[0])))
+    return np.asarray((right[:q] / values[:q, None]).T * np.repeat(weight, 2)[:, None])

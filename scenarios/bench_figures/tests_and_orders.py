@@ -1,0 +1,190 @@
+"""Residual tests of the identified models, of right orders and of orders too low, and the choice of orders."""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.stats import binom, chi2
+
+from scenarios.bench_contract.contestant import Contestant
+from scenarios.bench_contract.outcome import MODEL, REFUSED
+from scenarios.bench_figures.figure import DRAWS, Figure, Part
+from scenarios.bench_figures.perfect_records import bound_for
+from scenarios.bench_figures.reliability import interval_of_share
+from scenarios.bench_figures.theory import expectation
+from scenarios.bench_figures.worst_part import figure_of_parts, unjudged
+from scenarios.bench_problems.problem import Bound
+from scenarios.bench_problems.registry import problem
+from scenarios.bench_trials.measure import dynamic_order
+from scenarios.bench_trials.measured import Measured
+from scenarios.bench_trials.trial import Trial
+
+PROBLEMS = ("p2", "p3", "p4", "p5")
+RECORDS = {"fit": 40, "underfit": 10, "select": 10}
+LEVEL = 0.01
+"""Of the tests."""
+
+LAGS = 25
+"""That the tests look at; see `sysid.resid`."""
+
+POWER = 0.95
+"""Share of models of too low an order that the tests must at least reject in the mean."""
+
+HITS = 0.9
+"""Share of right orders that a choice must at least have in the mean; consistent criteria have more."""
+
+SINGLES = 100_000
+SEED = 20_009
+
+
+@dataclass(frozen=True)
+class ResidualTestsAndOrders:
+    """Share of models whose residuals are rejected, and of orders that are chosen rightly.
+
+    Of right orders the tests should reject about 1 %: somewhat fewer where the model was fitted to the same record,
+    somewhat more where its error has nothing to do with the record's noise, as that of the perfect estimator; the limit
+    is that of the latter. Of orders too low by one they should reject nearly all.
+    """
+
+    name: str = "tests_and_orders"
+    title: str = "Residual tests and choice of orders"
+
+    def trials(self, effort: str) -> tuple[Trial, ...]:
+        """Records of some problems with right orders, with too low ones, and without."""
+        return tuple(
+            Trial(name, draw, ask)
+            for name in PROBLEMS
+            for ask, records in RECORDS.items()
+            for draw in range(records * DRAWS[effort])
+        )
+
+    def verdicts(self) -> int:
+        """Whiteness, independence, power and choice per problem."""
+        return 4 * len(PROBLEMS)
+
+    def figure(
+        self, measured: Sequence[Measured], contestant: Contestant, false_alarm: float, referee: Sequence[Measured]
+    ) -> Figure:
+        """Count rejections and hits."""
+        del referee
+        parts = []
+        for name in PROBLEMS:
+            own = [m for m in measured if m.trial.problem == name]
+            bound = bound_for(name, contestant.structure)
+            parts += [
+                _size("whiteness", name, own, contestant, bound, false_alarm),
+                _size("independence", name, own, contestant, bound, false_alarm),
+                _power(name, own, false_alarm),
+                _hits(name, own, contestant, false_alarm),
+            ]
+        return figure_of_parts(
+            self.name,
+            self.title,
+            "%",
+            parts,
+            self.verdicts() * false_alarm,
+            f"rejections at the nominal {100 * LEVEL:g} % of right orders, at least {100 * POWER:g} % of orders too "
+            f"low by one, at least {100 * HITS:g} % of chosen orders right",
+        )
+
+
+def _size(
+    test: str,
+    name: str,
+    own: Sequence[Measured],
+    contestant: Contestant,
+    bound: Bound | None,
+    false_alarm: float,
+) -> Part:
+    label = f"{test} on {name}"
+    values = {"whiteness": lambda m: m.whiteness_p, "independence": lambda m: m.independence_p}[test]
+    known, why = _known(own, "fit", lambda m: bool(np.isfinite(values(m))))
+    if known is None:
+        return unjudged(label, why)
+    found = sum(values(m) < LEVEL for m in known)
+    count = 0 if bound is None else len(bound.parameters)
+    share = size_of_independent_estimate(count)
+    most = int(binom.isf(false_alarm, len(known), share))
+    theory = expectation(contestant, name, "tests_and_orders")
+    return _part(label, found, known, 100.0 * LEVEL, (0.0, 100.0 * most / len(known)), theory.passes, theory.why)
+
+
+def _power(name: str, own: Sequence[Measured], false_alarm: float) -> Part:
+    label = f"orders too low on {name}"
+    known, why = _known(own, "underfit", lambda m: bool(np.isfinite([m.whiteness_p, m.independence_p]).any()))
+    if known is None:
+        return unjudged(label, why)
+    found = sum(m.whiteness_p < LEVEL or m.independence_p < LEVEL for m in known)
+    least = int(binom.ppf(false_alarm, len(known), POWER))
+    return _part(label, found, known, 100.0, (100.0 * least / len(known), 100.0))
+
+
+def _hits(name: str, own: Sequence[Measured], contestant: Contestant, false_alarm: float) -> Part:
+    label = f"choice on {name}"
+    known, why = _known(own, "select", lambda m: m.order >= 0)
+    if known is None:
+        return unjudged(label, why)
+    order = true_order(name)
+    found = sum(m.order == order for m in known)
+    least = int(binom.ppf(false_alarm, len(known), HITS))
+    theory = expectation(contestant, name, "tests_and_orders")
+    return _part(label, found, known, 100.0, (100.0 * least / len(known), 100.0), theory.passes, theory.why)
+
+
+def size_of_independent_estimate(count: int) -> float:
+    """How often a test at the nominal level rejects an efficient estimate whose error is independent of the record.
+
+    Correlations of the residuals at h lags are normal with unit covariance in the true model. An efficient estimate's
+    error adds at most as much again in each of the directions that its parameters open, since the part of the record's
+    information on them that the h lags hold is at most all of it; a fit to the same record takes as much away.
+
+    Args:
+        count: Number of parameters.
+    """
+    rng = np.random.default_rng(SEED)
+    opened = min(count, LAGS)
+    statistic = rng.chisquare(LAGS - opened, SINGLES) if opened < LAGS else np.zeros(SINGLES)
+    if opened:
+        statistic = statistic + 2.0 * rng.chisquare(opened, SINGLES)
+    return float(np.mean(statistic > chi2.isf(LEVEL, LAGS)))
+
+
+def true_order(name: str) -> int:
+    """Of the truth from input to output."""
+    return dynamic_order(problem(name).truth)
+
+
+def _known(own: Sequence[Measured], ask: str, told: Callable[[Measured], bool]) -> tuple[list[Measured] | None, str]:
+    """Trials of which something is known, or why there is no verdict."""
+    asked = [m for m in own if m.trial.ask == ask]
+    if not asked:
+        return None, "not asked"
+    if all(m.kind == REFUSED for m in asked):
+        return None, asked[0].why or "refused"
+    known = [m for m in asked if m.kind == MODEL and told(m)]
+    if 2 * len(known) < len(asked):
+        return None, f"{len(known)} of {len(asked)} records tell of it: too few"
+    return known, ""
+
+
+def _part(
+    label: str,
+    found: int,
+    known: Sequence[Measured],
+    expected: float,
+    limits: tuple[float, float],
+    theory: bool = True,
+    why: str = "",
+) -> Part:
+    value = 100.0 * found / len(known)
+    return Part(
+        label=label,
+        value=value,
+        expected=expected,
+        interval=interval_of_share(found, len(known)),
+        limits=limits,
+        passed=limits[0] <= value <= limits[1],
+        theory=theory,
+        why=why,
+        draws=len(known),
+    )
