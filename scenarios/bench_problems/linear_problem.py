@@ -11,7 +11,7 @@ from scenarios.bench_problems.bound import polynomial_bound
 from scenarios.bench_problems.comparison import comparison_frequencies
 from scenarios.bench_problems.embedding import Embedding, embedding, layout, own_structure, parameters, underfit
 from scenarios.bench_problems.problem import Bound
-from scenarios.bench_problems.regressors import Signals
+from scenarios.bench_problems.regressors import Signals, regressors
 from scenarios.errors import ScenarioError
 from sysid import IOData, Polynomials, StateSpace, innovations_form
 from sysid.arrays import FloatArray, Locked
@@ -83,8 +83,7 @@ class LinearProblem(Locked):
 
     def draw(self, seed: int) -> IOData:
         """One record: the noise depends on the seed."""
-        noise = np.random.default_rng(seed).standard_normal(len(self.reference)) * np.sqrt(self.variance)
-        signals = self.respond(self.reference, noise)
+        signals = self.respond(self.reference, self._noise(seed))
         return IOData(signals.u[BURN_IN:], signals.y[BURN_IN:], self.dt)
 
     def task(self, structure: str | None, ask: str = "fit") -> Task | None:
@@ -105,6 +104,24 @@ class LinearProblem(Locked):
         if embedded.structure not in self._bounds:
             self._bounds[embedded.structure] = self._bound(embedded, embedded.polynomials)
         return self._bounds[embedded.structure]
+
+    def efficient(self, structure: str, seed: int) -> FloatArray:
+        """Parameters (p,) of a perfect estimate from a record: its error is the bound times the record's score.
+
+        That is the first-order error of every efficient estimator: its covariance is the bound, it is normal but for
+        what a sum over the record is not, and what it leaves in the residuals is what a fit leaves there.
+
+        Args:
+            structure: One that has a bound.
+            seed: Of the record.
+        """
+        bound, embedded = self.bound(structure), self.embedded(structure)
+        if bound is None or embedded is None:
+            raise ScenarioError(f"{self.name} is no {structure} model: nothing is efficient there")
+        e = self._noise(seed)
+        orders = layout(structure, embedded.orders, self.polynomials.nu)
+        rows = regressors(bound.polynomials, orders, self.respond(self.reference, e))[BURN_IN:]
+        return bound.parameters + bound.covariance @ (rows.T @ e[BURN_IN:]) / self.variance
 
     def realise(self, structure: str, theta: FloatArray) -> tuple[StateSpace, Polynomials]:
         """The model with the parameters of a structure's bound (p,), and its polynomials."""
@@ -156,6 +173,9 @@ class LinearProblem(Locked):
             raise ScenarioError(f"{self.name}: a root of modulus {slowest:.6g} given, expected less than 1")
         steps = 100 if slowest < 1e-3 else 100 + int(np.log(DIED_OUT) / np.log(slowest))
         return min(steps, LONGEST_PULSE)
+
+    def _noise(self, seed: int) -> FloatArray:
+        return np.random.default_rng(seed).standard_normal(len(self.reference)) * np.sqrt(self.variance)
 
     def _bound(self, embedded: Embedding, at: Polynomials) -> Bound:
         orders = layout(embedded.structure, embedded.orders, self.polynomials.nu)

@@ -44,14 +44,14 @@ def textbook(name: str, label: str, samples: int | None) -> LinearProblem:
     if name == "p1":
         a, f = np.array([1, -2.542, 2.367, -0.8523, -0.08044, 0.1103]), ONE
         b = np.array([0, 0, 0.003804, 0.003504, -0.004285])
-        c = np.poly([0.5, 0.3 + 0.4j, 0.3 - 0.4j, -0.2, 0.1]).real
+        c = np.asarray(np.poly([0.5, 0.3 + 0.4j, 0.3 - 0.4j, -0.2, 0.1]).real, dtype=np.float64)
     elif name == "p3":
         a, b, c, f = np.array([1, -1.5, 0.7]), np.array([0, 1.0, 0.5]), np.array([1, -1.0, 0.2]), ONE
         length, hold, variance = 2000, 1, 1.0
     elif name == "p4":
         c, d, length = np.array([1, -0.8, 0.2]), np.array([1, -1.5, 0.7]), 3000
     elif name == "p5":
-        a = np.poly([0.9 * np.exp(0.4j), 0.9 * np.exp(-0.4j), 0.6]).real
+        a = np.asarray(np.poly([0.9 * np.exp(0.4j), 0.9 * np.exp(-0.4j), 0.6]).real, dtype=np.float64)
         b, f, length, hold = np.array([0, 0, 0.5, -0.2, 0.1]), ONE, 2000, 2
     full = binary_sequence(length + BURN_IN, hold)
     truth = Polynomials(a, b, c, d, f)
