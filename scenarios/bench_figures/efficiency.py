@@ -10,9 +10,10 @@ from scenarios.bench_figures.accuracy_records import QUICK, accuracy_trials, by_
 from scenarios.bench_figures.figure import Figure
 from scenarios.bench_figures.part_of_mean import TOGETHER, Judgement, Values, part_of_mean, part_together
 from scenarios.bench_figures.perfect_records import bound_for, single_records
-from scenarios.bench_figures.response_statistics import covariance_of, free_parts, parts_of, power
+from scenarios.bench_figures.response_statistics import free_parts, parts_of, power
 from scenarios.bench_figures.theory import expectation
 from scenarios.bench_figures.worst_part import figure_of_parts
+from scenarios.bench_problems.bound import response_covariance
 from scenarios.bench_trials.measured import Measured
 from scenarios.bench_trials.trial import Trial
 from sysid.arrays import FloatArray
@@ -72,6 +73,6 @@ def power_against_bound(good: Sequence[Measured], name: str, structure: str | No
     bound = bound_for(name, structure)
     if bound is None or not good:
         return np.empty(0)
-    covariance = covariance_of(bound.response_directions)
+    covariance = response_covariance(bound)
     errors = np.stack([parts_of(m.response - bound.response) for m in good if m.response is not None])
     return power(errors, covariance, free_parts(covariance))

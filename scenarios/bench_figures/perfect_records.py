@@ -9,10 +9,12 @@ from functools import lru_cache
 
 import numpy as np
 
-from scenarios.bench_figures.response_statistics import covariance_of, free_parts
+from scenarios.bench_figures.response_statistics import TWO_SIDED_95, free_parts, parts_of
+from scenarios.bench_problems.bound import perfect_errors, response_covariance
 from scenarios.bench_problems.problem import Bound
 from scenarios.bench_problems.registry import problem
 from sysid.arrays import FloatArray
+from sysid.delta_method import standard_directions
 
 Statistic = Callable[[FloatArray, FloatArray, np.ndarray], FloatArray]
 """Of errors, covariance and free parts; see `response_statistics`."""
@@ -55,17 +57,38 @@ def single_records(name: str, structure: str | None, statistic: Statistic, mean:
 def statistic_of_perfect(bound: Bound, statistic: Statistic, records: int, seed: int) -> FloatArray:
     """A statistic for records of the perfect estimator (records,)."""
     rng = np.random.default_rng(seed)
-    covariance = covariance_of(bound.response_directions)
+    covariance = response_covariance(bound)
     free = free_parts(covariance)
     return np.concatenate(
         [
-            statistic(perfect_errors_of_response(bound, min(CHUNK, records - first), rng), covariance, free)
+            statistic(parts_of_perfect(bound, min(CHUNK, records - first), rng), covariance, free)
             for first in range(0, records, CHUNK)
         ]
     )
 
 
-def perfect_errors_of_response(bound: Bound, records: int, rng: np.random.Generator) -> FloatArray:
-    """Errors of the response of a perfect estimator (records, nf, ny, nu, 2)."""
-    steps = rng.standard_normal((records, len(bound.response_directions)))
-    return np.asarray(np.tensordot(steps, bound.response_directions, axes=1))
+def parts_of_perfect(bound: Bound, records: int, rng: np.random.Generator) -> FloatArray:
+    """Errors of the response of a perfect estimator, real and imaginary part (records, nf, ny, nu, 2)."""
+    return parts_of(perfect_errors(bound, records, rng))
+
+
+@lru_cache(maxsize=256)
+def parameters_covered(name: str, structure: str | None) -> FloatArray | None:
+    """Share of true parameters within their 95 % intervals, for records of the perfect estimator (M,)."""
+    bound = bound_for(name, structure)
+    if bound is None:
+        return None
+    directions = standard_directions(bound.covariance)
+    directions = directions / np.linalg.norm(directions, axis=1, keepdims=True)
+    steps = np.random.default_rng(SEED).standard_normal((SINGLES, directions.shape[1]))
+    shares = np.mean(np.abs(steps @ directions.T) <= TWO_SIDED_95, axis=1)
+    return np.asarray(shares + 0.95 - np.mean(shares))
+
+
+@lru_cache(maxsize=1)
+def bandwidth_covered() -> FloatArray:
+    """Whether a 95 % interval holds, for records of the perfect estimator (M,).
+
+    With several bandwidths their share, as if they erred all together: the widest that it can spread.
+    """
+    return np.asarray(np.arange(SINGLES) < 0.95 * SINGLES, dtype=float)

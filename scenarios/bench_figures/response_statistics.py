@@ -19,11 +19,6 @@ def parts_of(difference: ComplexArray) -> FloatArray:
     return np.stack((difference.real, difference.imag), axis=-1)
 
 
-def covariance_of(directions: FloatArray) -> FloatArray:
-    """Covariance (nf, ny, nu, 2, 2) that independent unit steps along directions (p, nf, ny, nu, 2) make."""
-    return np.asarray(np.einsum("p...a,p...b->...ab", directions, directions))
-
-
 def free_parts(covariance: FloatArray) -> np.ndarray:
     """Parts that vary (nf, ny, nu, 2), booleans."""
     variances = np.diagonal(covariance, axis1=-2, axis2=-1)

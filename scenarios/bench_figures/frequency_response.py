@@ -1,0 +1,158 @@
+"""Error of the frequency response, against the band that the estimator claims around it."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from scenarios.bench_contract.contestant import Contestant
+from scenarios.bench_figures.accuracy_records import QUICK, accuracy_trials, by_problem, enough
+from scenarios.bench_figures.claimed_errors import NOT_CLAIMED, by_claim, claims
+from scenarios.bench_figures.figure import Figure, Part
+from scenarios.bench_figures.part_of_mean import TOGETHER, Judgement, Values, part_of_mean, part_together
+from scenarios.bench_figures.perfect_mean import interval_of_mean, limits_of_moments
+from scenarios.bench_figures.perfect_records import bound_for, single_records
+from scenarios.bench_figures.response_statistics import free_parts, power, power_by_frequency
+from scenarios.bench_figures.theory import Expectation, expectation
+from scenarios.bench_figures.worst_part import excess, figure_of_parts
+from scenarios.bench_problems.bound import response_covariance
+from scenarios.bench_problems.registry import problem
+from scenarios.bench_trials.measured import Measured
+from scenarios.bench_trials.trial import Trial
+from sysid.arrays import FloatArray
+
+JUDGED = Judgement(expected=1.0, ratio=1.05)
+"""Of squares; the figure tells their roots."""
+
+
+@dataclass(frozen=True)
+class FrequencyResponse:
+    """Root mean square error of the response in claimed standard deviations, over all frequencies and at the worst.
+
+    The error relative to the response, in percent, is told beside it, also where nothing is claimed.
+    """
+
+    name: str = "frequency_response"
+    title: str = "Error of the frequency response against the claimed band"
+
+    def trials(self, effort: str) -> tuple[Trial, ...]:
+        """The records of accuracy."""
+        return accuracy_trials(effort)
+
+    def verdicts(self) -> int:
+        """Two of each problem of the quick effort and one of all; with more problems each gets less."""
+        return 2 * len(QUICK) + 1
+
+    def figure(
+        self, measured: Sequence[Measured], contestant: Contestant, false_alarm: float, referee: Sequence[Measured]
+    ) -> Figure:
+        """Compare the errors with what is claimed of them."""
+        del referee
+        groups = by_problem(measured)
+        budget = false_alarm * self.verdicts()
+        share = budget / (2 * len(groups) + 1)
+        structure = contestant.structure
+        given: list[Values] = []
+        parts: list[Part] = []
+        for name, (good, run) in groups.items():
+            theory = expectation(contestant, name, self.name)
+            ratios = by_claim(good, name, structure, power_by_frequency)
+            values = np.array([float(np.nanmean(one)) for one in ratios])
+            given.append(
+                Values(name, values, run, single_records(name, structure, power, 1.0), theory, why_not=NOT_CLAIMED)
+            )
+            parts.append(_root(part_of_mean(given[-1], JUDGED, share)))
+            if enough(len(ratios), run):
+                parts.append(_root(_worst_frequency(np.concatenate(ratios), name, structure, theory, share)))
+        together = part_together(TOGETHER, given, JUDGED, share)
+        parts += [_root(together)] if together else []
+        curves = {name: _curves(good, name, structure) for name, (good, _) in groups.items() if good}
+        told = ", ".join(f"{curve['relative_error_percent']:.3g} % on {name}" for name, curve in curves.items())
+        return figure_of_parts(
+            self.name,
+            self.title,
+            "claimed standard deviations",
+            parts,
+            budget,
+            "root mean square error of the response in claimed standard deviations, within what chance allows a "
+            f"perfect estimator and 5 % of the variance; relative to the response it is {told or 'not known'}",
+            curves,
+        )
+
+
+def _worst_frequency(
+    ratios: FloatArray, name: str, structure: str | None, theory: Expectation, false_alarm: float
+) -> Part:
+    """The frequency at which the mean of squares (n, nf, ny, nu) lies furthest from its limits."""
+    bound = bound_for(name, structure)
+    if bound is None:
+        raise AssertionError(f"{name}: errors in claimed deviations without a bound")
+    covariance = response_covariance(bound)
+    free = free_parts(covariance)
+    places = np.argwhere(free.any(axis=-1))
+    n = len(ratios)
+    worst: Part | None = None
+    for place in places:
+        k, i, j = (int(index) for index in place)
+        kept = covariance[k, i, j] * np.outer(free[k, i, j], free[k, i, j])
+        shares = np.linalg.eigvalsh(kept) / np.trace(kept)
+        # a sum of squares of independent Gaussian variables with these variances
+        low, high = limits_of_moments(
+            1.0, 2.0 * float(np.sum(shares**2)) / n, 8.0 * float(np.sum(shares**3)) / n**2, false_alarm / len(places)
+        )
+        limits = (low / JUDGED.ratio, high * JUDGED.ratio)
+        values = ratios[:, k, i, j]
+        value = float(np.mean(values))
+        finite = bool(np.isfinite(values).all())
+        part = Part(
+            label=f"{name} at {bound.frequencies[k]:.3g} Hz",
+            value=value,
+            expected=1.0,
+            interval=interval_of_mean(values) if finite else (float("nan"), float("nan")),
+            limits=limits,
+            passed=limits[0] <= value <= limits[1],
+            theory=theory.passes,
+            why=theory.why,
+            draws=n,
+        )
+        if worst is None or excess(part) > excess(worst):
+            worst = part
+    if worst is None:
+        raise AssertionError(f"{name}: a response that cannot be wrong")
+    return worst
+
+
+def _root(part: Part) -> Part:
+    """The same of roots of mean squares."""
+    return replace(
+        part,
+        value=float(np.sqrt(part.value)),
+        interval=(_above_zero(part.interval[0]), _above_zero(part.interval[1])),
+        limits=(_above_zero(part.limits[0]) if np.isfinite(part.limits[0]) else -np.inf, _above_zero(part.limits[1])),
+    )
+
+
+def _above_zero(square: float) -> float:
+    return float(np.sqrt(max(square, 0.0))) if not np.isnan(square) else square
+
+
+def _curves(good: Sequence[Measured], name: str, structure: str | None) -> Mapping[str, Any]:
+    """For drawing: gains (nf, ny, nu) of truth, error, claimed band and bound."""
+    bound = bound_for(name, structure)
+    frequencies = problem(name).frequencies
+    true = problem(name).truth.frequency_response(frequencies)
+    square = np.mean([np.abs(m.response - true) ** 2 for m in good if m.response is not None], axis=0)
+    claimed = [
+        np.trace(m.response_covariance, axis1=-2, axis2=-1)
+        for m in good
+        if claims(m) and m.response_covariance is not None
+    ]
+    return {
+        "frequencies_hz": frequencies.tolist(),
+        "truth": np.abs(true).tolist(),
+        "error": np.sqrt(square).tolist(),
+        "claimed": np.sqrt(np.mean(claimed, axis=0)).tolist() if claimed else None,
+        "bound": None if bound is None else np.sqrt(np.sum(bound.response_directions**2, axis=(0, -1))).tolist(),
+        "relative_error_percent": 100.0 * float(np.sqrt(np.mean(square) / np.mean(np.abs(true) ** 2))),
+    }

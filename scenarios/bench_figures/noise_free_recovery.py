@@ -1,0 +1,94 @@
+"""Recovery without noise: how many digits of the frequency response are right."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from scenarios.bench_contract.contestant import Contestant
+from scenarios.bench_figures.accuracy_records import by_problem
+from scenarios.bench_figures.figure import DRAWS, Figure, Part
+from scenarios.bench_figures.theory import expectation
+from scenarios.bench_figures.worst_part import figure_of_parts, unjudged
+from scenarios.bench_problems.registry import problem
+from scenarios.bench_trials.measured import Measured
+from scenarios.bench_trials.trial import Trial
+
+ORDERS = (1, 2, 3, 4, 5, 6)
+DELAYS = (1, 2, 3)
+DEMANDED = 6.0
+"""Digits. Double precision has 15.7; normal equations may lose half of them, and a search that stops when the sum of
+squares no longer changes in its 12th digit knows its minimum to half as many. What has fewer has another fault than
+rounding: a delay, a transient that is not allowed for, a term that is left out."""
+MOST = 16.0
+"""Digits that are told at most."""
+
+
+@dataclass(frozen=True)
+class NoiseFreeRecovery:
+    """Digits of the response, -log10 of the relative root mean square error, by order and delay."""
+
+    name: str = "noise_free_recovery"
+    title: str = "Recovery without noise"
+
+    def trials(self, effort: str) -> tuple[Trial, ...]:
+        """One record of a system of each order and delay, or several."""
+        return tuple(
+            Trial(f"quiet-{order}-{delay}", draw)
+            for order in ORDERS
+            for delay in DELAYS
+            for draw in range(DRAWS[effort])
+        )
+
+    def verdicts(self) -> int:
+        """None that chance can turn: there is none in the records."""
+        return 0
+
+    def figure(
+        self, measured: Sequence[Measured], contestant: Contestant, false_alarm: float, referee: Sequence[Measured]
+    ) -> Figure:
+        """Count the digits."""
+        del false_alarm, referee
+        parts = [
+            _part(name, good, run, contestant, self.name) for name, (good, run) in by_problem(measured).items()
+        ] or [unjudged("all", "no verdict: no record was run")]
+        judged = [part for part in parts if part.passed is not None]
+        table = [
+            [next((part.value for part in parts if part.label == f"quiet-{order}-{delay}"), None) for delay in DELAYS]
+            for order in ORDERS
+        ]
+        whole = figure_of_parts(
+            self.name,
+            self.title,
+            "digits",
+            parts,
+            0.0,
+            f"digits of the response that are right without noise, the fewest of all orders and delays; {DEMANDED:g} "
+            "are demanded",
+            {"orders": list(ORDERS), "delays": list(DELAYS), "digits": table},
+        )
+        if 2 * len(judged) < len(parts) or not judged:
+            told = f"; no verdict: {len(judged)} of {len(parts)} systems have a model"
+            return replace(whole, passed=None, why=whole.why + told)
+        return replace(whole, value=min(part.value for part in judged), expected=DEMANDED)
+
+
+def _part(name: str, good: Sequence[Measured], run: int, contestant: Contestant, figure: str) -> Part:
+    if 2 * len(good) < run or not good:
+        return unjudged(name, f"no verdict: {len(good)} of {run} records have a model", len(good))
+    true = problem(name).truth.frequency_response(problem(name).frequencies)
+    size = np.sqrt(np.mean(np.abs(true) ** 2))
+    errors = [np.sqrt(np.mean(np.abs(m.response - true) ** 2)) / size for m in good if m.response is not None]
+    digits = float(np.min(-np.log10(np.maximum(errors, 10.0**-MOST))))
+    theory = expectation(contestant, name, figure)
+    return Part(
+        label=name,
+        value=digits,
+        expected=DEMANDED,
+        interval=(digits, digits),
+        limits=(DEMANDED, np.inf),
+        passed=digits >= DEMANDED,
+        theory=theory.passes,
+        why=theory.why,
+        draws=len(good),
+    )
