@@ -6,7 +6,7 @@ from sysid import Polynomials, StateSpace
 from sysid.arrays import FloatArray, Locked
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class Answer(Locked):
     """A model, and what its estimator claims to know of it.
 

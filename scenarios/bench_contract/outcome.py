@@ -3,6 +3,7 @@
 from dataclasses import dataclass
 
 from scenarios.bench_contract.answer import Answer
+from sysid.arrays import Locked
 
 MODEL = "model"
 REFUSED = "refused"
@@ -20,8 +21,8 @@ KINDS = {
 """What can come of it. All but the first two are failures."""
 
 
-@dataclass(frozen=True, eq=False)
-class Outcome:
+@dataclass(frozen=True, eq=False, repr=False)
+class Outcome(Locked):
     """What came of one request.
 
     Attributes:

@@ -1,0 +1,199 @@
+"""What an estimator claims to know of its model: covariances and intervals, checked."""
+
+import warnings
+
+import numpy as np
+
+from scenarios.bench_contract.no_model import NoModelError
+from scenarios.bench_contract.shapes import shaped
+from scenarios.bench_contract.task import Task
+from sysid import Estimate, IOData, Polynomials, StateSpace
+from sysid.arrays import FloatArray
+from sysid.errors import SysidWarning
+from sysid.estimate import DataSummary
+from sysid.orders import Orders, make_orders
+from sysid.polynomial_estimate import Realise
+
+NEGATIVE = 1e-6
+"""So far below zero, relative to the largest, rounding may take an eigenvalue of a covariance."""
+
+
+def check_covariance(name: str, matrix: FloatArray) -> None:
+    """Check that a matrix is a covariance.
+
+    Raises:
+        NoModelError: It is not symmetric, or has a negative eigenvalue.
+    """
+    size = float(np.abs(matrix).max(initial=0.0))
+    if np.abs(matrix - matrix.T).max(initial=0.0) > NEGATIVE * size:
+        raise NoModelError("malformed", f"{name} is not symmetric, expected a covariance")
+    scale = np.sqrt(np.maximum(np.diag(matrix), 0.0))
+    scale[scale == 0.0] = 1.0
+    least = float(np.linalg.eigvalsh(matrix / np.outer(scale, scale))[0]) if matrix.size else 0.0
+    if (np.diag(matrix) < 0.0).any() or least < -NEGATIVE * len(matrix):
+        raise NoModelError("malformed", f"{name} has a negative eigenvalue, expected a covariance")
+
+
+def covariance_of_response(values: FloatArray, data: IOData, task: Task) -> FloatArray:
+    """The claimed covariance of the response (nf, ny, nu, 2, 2).
+
+    Args:
+        values: In that shape, or (nf, 2, 2) where there is one input and one output.
+        data: The record.
+        task: With the frequencies.
+
+    Raises:
+        NoModelError: It has another shape or is none.
+    """
+    nf = len(task.frequencies)
+    wanted = (nf, data.ny, data.nu, 2, 2)
+    if (data.ny, data.nu) == (1, 1) and values.shape == (nf, 2, 2):
+        values = values.reshape(wanted)
+    if values.shape != wanted:
+        raise NoModelError("malformed", f"response_covariance of shape {values.shape} given, expected {wanted}")
+    size = np.abs(values).max(axis=(-2, -1), initial=0.0)
+    crooked = np.abs(values - values.swapaxes(-1, -2)).max(axis=(-2, -1), initial=0.0) > NEGATIVE * size
+    negative = np.linalg.eigvalsh(0.5 * (values + values.swapaxes(-1, -2)))[..., 0] < -NEGATIVE * size
+    if (crooked | negative).any():
+        f, i, j = np.argwhere(crooked | negative)[0]
+        what = "is not symmetric" if crooked[f, i, j] else "has a negative eigenvalue"
+        raise NoModelError(
+            "malformed",
+            f"response_covariance {what} at {task.frequencies[f]:g} Hz from input {j + 1} to output {i + 1}, "
+            "expected a covariance",
+        )
+    return values
+
+
+def interval_of(values: FloatArray, data: IOData) -> tuple[FloatArray, FloatArray]:
+    """The claimed interval of the bandwidth: its ends (ny, nu), NaN where there is no bandwidth.
+
+    Args:
+        values: (2, ny, nu), or two numbers where there is one input and one output.
+        data: The record.
+
+    Raises:
+        NoModelError: It has another shape, or an end lies beyond the other.
+    """
+    wanted = (2, data.ny, data.nu)
+    low, high = shaped("bandwidth_ci95", values, wanted)
+    if (np.isnan(low) != np.isnan(high)).any() or (low > high).any() or (low < 0.0).any():
+        raise NoModelError("malformed", "bandwidth_ci95 holds an interval whose ends are not 0 <= lower <= upper, Hz")
+    return low, high
+
+
+def known_parameters(
+    covariance: FloatArray, polynomials: Polynomials | None, model: StateSpace, data: IOData, task: Task
+) -> Estimate:
+    """An estimate of which response and bandwidth are known as the covariance of its parameters says.
+
+    Args:
+        covariance: Of the parameters in the sequence A, B, C, D, F (p, p).
+        polynomials: With the parameters.
+        model: The same in state space.
+        data: The record.
+        task: With the orders, where they were asked.
+
+    Raises:
+        NoModelError: There are no parameters, or not as many, or it is no covariance.
+    """
+    if polynomials is None:
+        raise NoModelError(
+            "malformed",
+            "covariance of parameters given without polynomials, expected those, or response_covariance and "
+            "bandwidth_ci95 instead",
+        )
+    layouts = [_orders(polynomials, asked=dict(task.orders)), _orders(polynomials, asked={})]
+    given = int(np.sqrt(covariance.size))
+    fitting = [orders for orders in layouts if orders is not None and orders.count == given]
+    if not fitting or covariance.size != given**2:
+        counts = " or ".join(dict.fromkeys(str(orders.count) for orders in layouts if orders is not None))
+        raise NoModelError(
+            "malformed",
+            f"covariance of shape {covariance.shape} given, expected one of {counts} parameters: A without its 1, B "
+            "without its leading zeros, C, D, F without theirs",
+        )
+    orders = fitting[0]
+    matrix = shaped("covariance", covariance, (given, given))
+    check_covariance("covariance", matrix)
+    summary = DataSummary.of((data,))
+    variance = 1.0 if model.innovation_covariance is None else float(model.innovation_covariance[0, 0])
+    rows = [polynomials.channel(j) for j in range(polynomials.nu)]
+    theta = np.concatenate(
+        [
+            _padded(polynomials.A[1:], orders.na),
+            *(_padded(b[k:], n) for (b, _), n, k in zip(rows, orders.nb, orders.nk, strict=True)),
+            _padded(polynomials.C[1:], orders.nc),
+            _padded(polynomials.D[1:], orders.nd),
+            *(_padded(f[1:], n) for (_, f), n in zip(rows, orders.nf, strict=True)),
+        ]
+    )
+    return Estimate(
+        model=model,
+        polynomials=polynomials,
+        parameters=theta,
+        parameter_names=orders.names,
+        covariance=matrix,
+        noise_variance=np.array([[variance]]),
+        residuals=np.zeros((0, 1)),
+        method="claimed",
+        orders={},
+        diagnostics={},
+        data=summary,
+        realise=Realise(orders, summary, variance),
+    )
+
+
+def response_and_interval(
+    estimate: Estimate, task: Task
+) -> tuple[FloatArray | None, tuple[FloatArray, FloatArray] | None]:
+    """Covariance of the response (nf, ny, nu, 2, 2) and ends of the bandwidth's interval; None where not known."""
+    if not np.isfinite(estimate.covariance).all() or not len(estimate.parameters):
+        return None, None
+    with warnings.catch_warnings(), np.errstate(all="ignore"):
+        warnings.simplefilter("ignore", SysidWarning)
+        return estimate.frequency_response(task.frequencies).covariance, estimate.bandwidth().ci95
+
+
+def _padded(row: FloatArray, length: int) -> FloatArray:
+    return np.concatenate((row, np.zeros(max(length - len(row), 0))))[:length]
+
+
+def _orders(polynomials: Polynomials, *, asked: dict[str, int]) -> Orders | None:
+    """Orders as asked, if the polynomials have no higher ones; else those that the polynomials show."""
+    rows = [polynomials.channel(j) for j in range(polynomials.nu)]
+    leading = [int(np.flatnonzero(b)[0]) if b.any() else 0 for b, _ in rows]
+    single = polynomials.nu == 1
+    # What stands behind the last coefficient of a row is filled up with zeros where there are several rows.
+    b_lengths = [np.size(polynomials.B)] if single else [len(b) for b, _ in rows]
+    f_lengths = [np.size(polynomials.F)] if single else [len(f) for _, f in rows]
+    shown = Orders(
+        na=len(polynomials.A) - 1,
+        nb=tuple(n - k for n, k in zip(b_lengths, leading, strict=True)),
+        nc=len(polynomials.C) - 1,
+        nd=len(polynomials.D) - 1,
+        nf=tuple(n - 1 for n in f_lengths),
+        nk=tuple(leading),
+    )
+    if not asked:
+        return shown
+    if "nb" not in asked:
+        return None
+    wanted = make_orders(
+        polynomials.nu,
+        nb=asked["nb"],
+        nk=asked["nk"],
+        na=asked.get("na", 0),
+        nc=asked.get("nc", 0),
+        nd=asked.get("nd", 0),
+        nf=asked.get("nf", 0),
+    )
+    fits = (
+        shown.na <= wanted.na
+        and shown.nc <= wanted.nc
+        and shown.nd <= wanted.nd
+        and all(f <= n for f, n in zip(shown.nf, wanted.nf, strict=True))
+        and all(len(b) <= n + k for (b, _), n, k in zip(rows, wanted.nb, wanted.nk, strict=True))
+        and all(lead >= k or not b.any() for (b, _), lead, k in zip(rows, leading, wanted.nk, strict=True))
+    )
+    return wanted if fits else None

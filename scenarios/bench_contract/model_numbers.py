@@ -1,0 +1,149 @@
+"""From numbers to a model: the one check that every answer passes, wherever it comes from."""
+
+from collections.abc import Mapping
+
+import numpy as np
+
+from scenarios.bench_contract.answer import Answer
+from scenarios.bench_contract.claims import (
+    check_covariance,
+    covariance_of_response,
+    interval_of,
+    known_parameters,
+    response_and_interval,
+)
+from scenarios.bench_contract.no_model import NoModelError
+from scenarios.bench_contract.polynomial_numbers import FRACTION, POLYNOMIALS, of_fractions, polynomials_of
+from scenarios.bench_contract.shapes import shaped
+from scenarios.bench_contract.task import Task
+from sysid import IOData, StateSpace, SysidError, innovations_form
+from sysid.arrays import FloatArray
+
+Numbers = Mapping[str, FloatArray]
+"""Real numbers by name."""
+
+MATRICES = ("A", "B", "C", "D", "K")
+CLAIMS = ("innovation_covariance", "covariance", "response_covariance", "bandwidth_ci95")
+NAMES = ("dt", *MATRICES, *POLYNOMIALS, *FRACTION, *CLAIMS)
+"""All that a model may consist of."""
+
+MOST_ORDER = 300
+"""No model has more states."""
+
+LARGEST = 1e60
+"""No number of a model is larger."""
+
+SAME_DT = 1e-6
+"""So far, relative to it, the sampling time may be from that of the record."""
+
+
+def answer_of(numbers: Numbers, data: IOData, task: Task) -> Answer:
+    """Check numbers and make a model of them.
+
+    Args:
+        numbers: By names of `NAMES`: `dt`, and A, B, C (D zero, K none where left out) or `num` and `den` or `poly_a`
+            ... `poly_f`, or matrices and polynomials together; and what is claimed.
+        data: The record that was asked about.
+        task: What was asked.
+
+    Raises:
+        NoModelError: They are none, `malformed` or `not_finite`.
+    """
+    _check_names(numbers)
+    _check_finite(numbers)
+    _check_dt(numbers, data)
+    polynomials = polynomials_of(numbers, data)
+    innovation = numbers.get("innovation_covariance")
+    if innovation is not None:
+        innovation = shaped("innovation_covariance", innovation, (data.ny, data.ny))
+        check_covariance("innovation_covariance", innovation)
+    try:
+        if "A" in numbers:
+            model = _state_space(numbers, data, innovation)
+        elif polynomials is not None:
+            model = innovations_form(polynomials, data.dt, innovation)
+        else:
+            model = of_fractions(numbers, data)
+    except SysidError as error:
+        raise NoModelError("malformed", str(error)) from error
+    if model.order > MOST_ORDER:
+        raise NoModelError("malformed", f"a model of {model.order} states given, expected at most {MOST_ORDER}")
+    covariance = numbers.get("covariance")
+    spread = numbers.get("response_covariance")
+    response_covariance = None if spread is None else covariance_of_response(spread, data, task)
+    ends = numbers.get("bandwidth_ci95")
+    ci95 = None if ends is None else interval_of(ends, data)
+    if covariance is not None:
+        estimate = known_parameters(covariance, polynomials, model, data, task)
+        covariance = estimate.covariance
+        if (response_covariance is None or ci95 is None) and not unstable(model):
+            follows = response_and_interval(estimate, task)
+            response_covariance = follows[0] if response_covariance is None else response_covariance
+            ci95 = follows[1] if ci95 is None else ci95
+    return Answer(model, polynomials, covariance, response_covariance, ci95)
+
+
+def unstable(model: StateSpace) -> str:
+    """Why a model counts as unstable; empty where it does not.
+
+    The poles from input to output count: a model of the noise may have any, and states that stand apart none.
+    """
+    poles = model.input_path().poles()
+    outside = poles[np.abs(poles) >= 1.0]
+    if not len(outside):
+        return ""
+    return (
+        f"{len(outside)} of {len(poles)} poles on or outside the unit circle, the largest at {np.abs(outside[0]):.6g}"
+    )
+
+
+def _check_names(numbers: Numbers) -> None:
+    unknown = sorted(numbers.keys() - set(NAMES))
+    if unknown:
+        raise NoModelError("malformed", f"unknown {unknown[0]!r} given, expected some of {', '.join(NAMES)}")
+    kinds = [
+        {"A", "B", "C"} <= numbers.keys(),
+        set(FRACTION) <= numbers.keys(),
+        "poly_b" in numbers,
+    ]
+    if kinds not in ([True, False, False], [False, True, False], [False, False, True], [True, False, True]):
+        given = ", ".join(sorted(numbers)) or "nothing"
+        raise NoModelError(
+            "malformed",
+            f"{given} given, expected dt and either A, B, C (D, K), or num and den, or poly_b (and others of poly_a to "
+            "poly_f)",
+        )
+
+
+def _check_finite(numbers: Numbers) -> None:
+    for name, values in numbers.items():
+        # An interval that is NaN says that there is none.
+        bad = np.isinf(values) if name == "bandwidth_ci95" else ~np.isfinite(values)
+        if bad.any():
+            raise NoModelError(
+                "not_finite", f"{name} has {int(bad.sum())} of {values.size} numbers that are not finite"
+            )
+        if (np.abs(values) > LARGEST).any():
+            raise NoModelError("malformed", f"{name} has numbers above {LARGEST:g}")
+
+
+def _check_dt(numbers: Numbers, data: IOData) -> None:
+    dt = numbers.get("dt")
+    if dt is None or dt.size != 1:
+        raise NoModelError("malformed", f"no sampling time given, expected dt = {data.dt:g}, s")
+    if not abs(float(dt.ravel()[0]) - data.dt) <= SAME_DT * data.dt:
+        raise NoModelError(
+            "malformed",
+            f"dt = {float(dt.ravel()[0]):g} given, expected a discrete-time model with that of the record, {data.dt:g}",
+        )
+
+
+def _state_space(numbers: Numbers, data: IOData, innovation: FloatArray | None) -> StateSpace:
+    a = numbers["A"]
+    n = 0 if a.size == 0 else (a.shape[0] if a.ndim else 1)
+    if n > MOST_ORDER:
+        raise NoModelError("malformed", f"A of shape {a.shape} given, expected at most {MOST_ORDER} states")
+    shapes = {"A": (n, n), "B": (n, data.nu), "C": (data.ny, n), "D": (data.ny, data.nu), "K": (n, data.ny)}
+    found = {name: shaped(name, numbers[name], shape) for name, shape in shapes.items() if name in numbers}
+    direct = found.get("D", np.zeros(shapes["D"]))
+    return StateSpace(found["A"], found["B"], found["C"], direct, found.get("K"), data.dt, innovation)

@@ -1,0 +1,205 @@
+"""The process in which a Python estimator runs: told of a record over a pipe, it calls the function and answers.
+
+Whatever the function prints goes elsewhere. Nothing that it returns is run anywhere else: numbers alone leave.
+"""
+
+import contextlib
+import ctypes
+import importlib
+import importlib.util
+import os
+import resource
+import sys
+import time
+import traceback
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from typing import Any
+
+from scenarios.bench_contract.no_model import NoModelError
+from scenarios.bench_contract.outcome import REFUSED
+from scenarios.bench_contract.record_on_wire import requested
+from scenarios.bench_contract.returned import numbers_of
+from scenarios.bench_contract.task import Task
+from scenarios.bench_contract.wire import BEGINNING, pack, unpack, whole
+from sysid import IOData
+from sysid.arrays import FloatArray
+
+TOLD = 500
+"""Characters of an error that are told."""
+
+_SUBREAPER = 36
+"""Of Linux's prctl: orphans become children of this process, not of the first of the system."""
+
+
+def serve(request: int, reply: int) -> None:
+    """Load a function, say so, and answer requests until there are no more.
+
+    Args:
+        request: Number of the pipe from which requests come.
+        reply: Number of the pipe for replies.
+    """
+    this = os.getpid()
+    for end in (request, reply):
+        os.set_inheritable(end, False)
+    with contextlib.suppress(OSError, AttributeError):
+        ctypes.CDLL(None).prctl(_SUBREAPER, 1, 0, 0, 0)
+    fields, _ = unpack(_received(request))
+    sys.argv = [fields["target"]]
+    try:
+        function = load(fields["target"], Path(fields["home"]))
+    # Whatever happens while somebody's module is loaded, SystemExit too.
+    except BaseException as error:
+        _send(reply, {"kind": "no_target", "why": _told(error)})
+        return
+    limit_memory(fields["memory_bytes"])
+    _send(reply, {"kind": "ready"})
+    while message := _received(request):
+        fields, arrays = unpack(message)
+        answer = answered(function, fields, arrays)
+        if os.getpid() != this:
+            # It forked, and this is the copy.
+            os._exit(0)
+        _send(reply, *answer)
+
+
+def load(target: str, home: Path) -> Callable[..., Any]:
+    """Find a function.
+
+    Args:
+        target: `module:function` or `path/to/file.py:function`.
+        home: Folder in which the module or file is looked for.
+
+    Raises:
+        ImportError: There is none; and whatever the module raises.
+    """
+    place, _, name = target.rpartition(":")
+    if not place or not name:
+        raise ImportError(f"{target!r} given, expected module:function or path/to/file.py:function")
+    if place.endswith(".py"):
+        path = home / place
+        if not path.is_file():
+            raise ImportError(f"no file {str(path)!r}")
+        sys.path.insert(0, str(path.parent))
+        known = path.stem if path.stem not in sys.modules else f"estimator_{path.stem}"
+        spec = importlib.util.spec_from_file_location(known, path)
+        if spec is None or spec.loader is None:
+            raise ImportError(f"{str(path)!r} is no Python file")
+        module = importlib.util.module_from_spec(spec)
+        sys.modules[known] = module
+        spec.loader.exec_module(module)
+    else:
+        sys.path.insert(0, str(home))
+        module = importlib.import_module(place)
+    found: Any = module
+    for part in name.split("."):
+        if not hasattr(found, part):
+            others = ", ".join(sorted(n for n, v in vars(module).items() if callable(v) and not n.startswith("_"))[:12])
+            raise ImportError(f"{place} has no {name!r}; it has {others or 'no functions'}")
+        found = getattr(found, part)
+    if not callable(found):
+        raise ImportError(f"{target} is of type {type(found).__name__}, expected a function")
+    function: Callable[..., Any] = found
+    return function
+
+
+def limit_memory(more: int) -> None:
+    """Let this process have no more data than it has now and some bytes: what goes beyond raises MemoryError."""
+    with contextlib.suppress(OSError, ValueError, IndexError):
+        held = [
+            line.split() for line in Path("/proc/self/status").read_text().splitlines() if line.startswith("VmData")
+        ]
+        limit = 1024 * int(held[0][1]) + more
+        resource.setrlimit(resource.RLIMIT_DATA, (limit, limit))
+
+
+def answered(
+    function: Callable[..., Any], fields: Mapping[str, Any], arrays: Mapping[str, FloatArray]
+) -> tuple[dict[str, Any], dict[str, FloatArray]]:
+    """Call a function with a record; fields and arrays of the reply."""
+    data, task = requested(fields, arrays)
+    _forget_peak()
+    begun, wall = processor_seconds(), time.monotonic()
+    outcome, value = _called(function, data, task)
+    outcome |= {
+        "seconds": processor_seconds() - begun,
+        "wall": time.monotonic() - wall,
+        "peak_bytes": _peak(),
+    }
+    if outcome["kind"] != "returned":
+        return outcome, {}
+    try:
+        return outcome, numbers_of(value, data, task)
+    except NoModelError as error:
+        return outcome | {"kind": error.kind, "why": str(error)[:TOLD]}, {}
+    except MemoryError as error:
+        return outcome | {"kind": "memory", "why": _told(error)}, {}
+    # What it returned may do anything when it is looked at.
+    except BaseException as error:
+        return outcome | {"kind": "malformed", "why": f"what it returned cannot be read: {_told(error)}"[:TOLD]}, {}
+
+
+def _called(function: Callable[..., Any], data: IOData, task: Task) -> tuple[dict[str, Any], object]:
+    try:
+        return {"kind": "returned", "why": ""}, function(data, task)
+    except NotImplementedError as error:
+        return {"kind": REFUSED, "why": _told(error)}, None
+    except MemoryError as error:
+        return {"kind": "memory", "why": _told(error)}, None
+    # SystemExit and KeyboardInterrupt are its own as well.
+    except BaseException as error:
+        return {"kind": "error", "why": _told(error)}, None
+
+
+def processor_seconds() -> float:
+    """Processor time of this process, all its threads, and its children that have ended, s."""
+    used = (resource.getrusage(who) for who in (resource.RUSAGE_SELF, resource.RUSAGE_CHILDREN))
+    return sum(one.ru_utime + one.ru_stime for one in used)
+
+
+def _forget_peak() -> None:
+    with contextlib.suppress(OSError):
+        Path("/proc/self/clear_refs").write_text("5")
+
+
+def _peak() -> int:
+    """The most memory since it was last forgotten, bytes."""
+    with contextlib.suppress(OSError, ValueError):
+        for line in Path("/proc/self/status").read_text().splitlines():
+            if line.startswith("VmHWM:"):
+                return 1024 * int(line.split()[1])
+    return 1024 * resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+
+
+def _told(error: BaseException) -> str:
+    """An error in a line: kind, text, and where in the estimator's own files."""
+    try:
+        text = f"{type(error).__name__}: {error}".strip(": \n")
+        frames = traceback.extract_tb(error.__traceback__)
+        here = [frame for frame in frames if frame.filename != __file__ and "importlib" not in frame.filename]
+        where = f" ({Path(here[-1].filename).name}, line {here[-1].lineno})" if here else ""
+        return " ".join(text.split())[:TOLD] + where
+    # Its text may itself be a function of the estimator's.
+    except BaseException:
+        return "an error that cannot say what it is"
+
+
+def _received(end: int) -> bytes:
+    """A message; empty where there are no more."""
+    message = bytearray()
+    while (size := whole(message)) is None or len(message) < size:
+        more = os.read(end, (BEGINNING if size is None else size) - len(message))
+        if not more:
+            return b""
+        message += more
+    return bytes(message)
+
+
+def _send(end: int, fields: Mapping[str, Any], arrays: Mapping[str, FloatArray] | None = None) -> None:
+    rest = memoryview(pack(fields, arrays))
+    while rest:
+        rest = rest[os.write(end, rest) :]
+
+
+if __name__ == "__main__":
+    serve(*(int(number) for number in sys.argv[1:3]))

@@ -1,0 +1,32 @@
+"""Shapes of numbers from languages in which a row, a column and a matrix of one row are the same or are not."""
+
+import numpy as np
+
+from scenarios.bench_contract.no_model import NoModelError
+from sysid.arrays import FloatArray
+
+
+def shaped(name: str, values: FloatArray, shape: tuple[int, ...]) -> FloatArray:
+    """Values in a shape; a plain list or one number does where the shape leaves no choice. Nothing is transposed.
+
+    Raises:
+        NoModelError: They have another shape.
+    """
+    if values.shape == shape:
+        return values
+    single = sum(n != 1 for n in shape) <= 1
+    flat = sum(n != 1 for n in values.shape) <= 1 and (values.ndim <= 1 or values.size == 1)
+    if values.size == int(np.prod(shape)) and ((single and flat) or values.size == 0):
+        return values.reshape(shape)
+    raise NoModelError("malformed", f"{name} of shape {values.shape} given, expected {shape}")
+
+
+def row(name: str, values: FloatArray) -> FloatArray:
+    """Coefficients (k,): programs that know matrices alone write (1, k) or (k, 1).
+
+    Raises:
+        NoModelError: A matrix, or nothing.
+    """
+    if values.size == 0 or sum(n != 1 for n in values.shape) > 1:
+        raise NoModelError("malformed", f"{name} of shape {values.shape} given, expected a row of coefficients")
+    return values.ravel()

@@ -1,0 +1,100 @@
+"""Messages between the bench and the process of an estimator: a JSON head and raw numbers, nothing that runs."""
+
+import json
+import struct
+from collections.abc import Mapping
+from math import prod
+from typing import Any
+
+import numpy as np
+
+from scenarios.errors import ScenarioError
+from sysid.arrays import FloatArray
+
+MARK = b"hmtb"
+MOST_HEAD = 2**20
+"""Bytes of a head, at most."""
+
+MOST_BYTES = 2**28
+"""Bytes of the numbers of a message, at most."""
+
+_START = struct.Struct("<4sIQ")
+
+BEGINNING = _START.size
+"""Bytes after which it is known how long a message is."""
+
+
+class WireError(ScenarioError):
+    """Bytes that are no message."""
+
+
+def pack(fields: Mapping[str, Any], arrays: Mapping[str, FloatArray] | None = None) -> bytes:
+    """Make a message.
+
+    Args:
+        fields: What JSON can say.
+        arrays: Real numbers by name, any shape.
+    """
+    numbers = {name: np.ascontiguousarray(values, dtype="<f8") for name, values in (arrays or {}).items()}
+    shapes = [[name, list(np.shape((arrays or {})[name]))] for name in numbers]
+    head = json.dumps({"fields": dict(fields), "arrays": shapes}).encode("ascii")
+    body = b"".join(values.tobytes() for values in numbers.values())
+    return _START.pack(MARK, len(head), len(body)) + head + body
+
+
+def whole(message: bytes | bytearray) -> int | None:
+    """Bytes that a message has, from its beginning; None while that is too short to tell.
+
+    Raises:
+        WireError: It is the beginning of no message.
+    """
+    if message[: len(MARK)] != MARK[: len(message)]:
+        raise WireError(f"{bytes(message[:40])!r} is no message")
+    if len(message) < _START.size:
+        return None
+    _, head, body = _START.unpack_from(message)
+    if head > MOST_HEAD or body > MOST_BYTES:
+        raise WireError(f"a message of {head} + {body} bytes, expected at most {MOST_HEAD} + {MOST_BYTES}")
+    return int(_START.size + head + body)
+
+
+def complete(message: bytearray) -> bool:
+    """Whether all of a message is there.
+
+    Raises:
+        WireError: It is none, or something stands behind it.
+    """
+    size = whole(message)
+    if size is not None and len(message) > size:
+        raise WireError(f"{len(message) - size} bytes behind a message")
+    return size is not None and len(message) == size
+
+
+def unpack(message: bytes | bytearray) -> tuple[dict[str, Any], dict[str, FloatArray]]:
+    """Read a whole message.
+
+    Returns:
+        Fields and arrays.
+
+    Raises:
+        WireError: It is none.
+    """
+    if whole(message) != len(message):
+        raise WireError(f"{len(message)} bytes are no whole message")
+    _, size, _ = _START.unpack_from(message)
+    at = _START.size + size
+    try:
+        head = json.loads(bytes(message[_START.size : at]))
+        fields, shapes = head["fields"], [(str(name), tuple(shape)) for name, shape in head["arrays"]]
+        if not isinstance(fields, dict) or any(type(n) is not int or n < 0 for _, shape in shapes for n in shape):
+            raise ValueError("neither fields nor shapes")
+    except (ValueError, TypeError, KeyError, RecursionError) as error:
+        raise WireError(f"a message without a head: {error}") from error
+    if at + 8 * sum(prod(shape) for _, shape in shapes) != len(message):
+        raise WireError("a message whose numbers are not as many as its head says")
+    arrays: dict[str, FloatArray] = {}
+    for name, shape in shapes:
+        values = np.frombuffer(message, dtype="<f8", count=prod(shape), offset=at)
+        arrays[name] = values.astype(np.float64).reshape(shape)
+        at += values.nbytes
+    return fields, arrays
