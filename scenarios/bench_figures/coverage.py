@@ -24,7 +24,7 @@ from scenarios.bench_trials.trial import Trial
 from sysid.arrays import FloatArray
 
 SHARE = 0.95
-JUDGED = Judgement(expected=SHARE, points=0.01)
+JUDGED = Judgement(expected=SHARE, points=0.01, within=(0.0, 1.0))
 KINDS = ("parameters", "bandwidth", "response")
 NOT_CLAIMED = "no verdict: the estimator claims no interval of the {}"
 

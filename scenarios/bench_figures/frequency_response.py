@@ -11,7 +11,7 @@ from scenarios.bench_figures.accuracy_records import QUICK, accuracy_trials, by_
 from scenarios.bench_figures.claimed_errors import NOT_CLAIMED, by_claim, claims
 from scenarios.bench_figures.figure import Figure, Part
 from scenarios.bench_figures.part_of_mean import TOGETHER, Judgement, Values, part_of_mean, part_together
-from scenarios.bench_figures.perfect_mean import interval_of_mean, limits_of_moments
+from scenarios.bench_figures.perfect_mean import limits_of_moments
 from scenarios.bench_figures.perfect_records import bound_for, single_records
 from scenarios.bench_figures.response_statistics import free_parts, power, power_by_frequency
 from scenarios.bench_figures.theory import Expectation, expectation
@@ -104,12 +104,11 @@ def _worst_frequency(
         limits = (low / JUDGED.ratio, high * JUDGED.ratio)
         values = ratios[:, k, i, j]
         value = float(np.mean(values))
-        finite = bool(np.isfinite(values).all())
         part = Part(
             label=f"{name} at {bound.frequencies[k]:.3g} Hz",
             value=value,
             expected=1.0,
-            interval=interval_of_mean(values) if finite else (float("nan"), float("nan")),
+            interval=JUDGED.interval(values),
             limits=limits,
             passed=limits[0] <= value <= limits[1],
             theory=theory.passes,

@@ -46,6 +46,7 @@ class Judgement:
         points: Slack as a difference.
         low: Whether there is a lower limit.
         high: Whether there is an upper one.
+        within: Between what the values lie by their nature.
     """
 
     expected: float
@@ -53,11 +54,23 @@ class Judgement:
     points: float = 0.0
     low: bool = True
     high: bool = True
+    within: tuple[float, float] = NOWHERE
 
     def limits(self, singles: Sequence[FloatArray], draws: Sequence[int], false_alarm: float) -> tuple[float, float]:
         """Limits for the mean over the records of several problems, the slack included."""
         low, high = limits_of_pooled_mean(singles, draws, false_alarm, low=self.low, high=self.high)
-        return (low / self.ratio - self.points, high * self.ratio + self.points)
+        return (
+            max(low / self.ratio - self.points, self.within[0]),
+            min(high * self.ratio + self.points, self.within[1]),
+        )
+
+    def interval(self, values: FloatArray) -> tuple[float, float]:
+        """The 95 % Monte-Carlo interval of the mean; NaN where it is infinite."""
+        if not np.isfinite(values).all():
+            return (float("nan"), float("nan"))
+        low, high = interval_of_mean(values)
+        # not `max` and `min`, which would turn NaN into a bound
+        return (float(np.clip(low, *self.within)), float(np.clip(high, *self.within)))
 
 
 def part_of_mean(given: Values, judgement: Judgement, false_alarm: float) -> Part:
@@ -76,7 +89,7 @@ def part_of_mean(given: Values, judgement: Judgement, false_alarm: float) -> Par
     limits = NOWHERE
     if judged and given.single is not None:
         limits = judgement.limits([given.single], [count], false_alarm)
-    return _part(given.label, given.values, judgement.expected, limits, judged, given.theory.passes, reason)
+    return _part(given.label, given.values, judgement, limits, judged, given.theory.passes, reason)
 
 
 def part_together(label: str, given: Sequence[Values], judgement: Judgement, false_alarm: float) -> Part | None:
@@ -92,25 +105,24 @@ def part_together(label: str, given: Sequence[Values], judgement: Judgement, fal
     limits = judgement.limits(singles, [len(g.values) for g in chosen], false_alarm)
     values = np.concatenate([g.values for g in chosen])
     reason = f"all records of {', '.join(g.label.split()[0] for g in chosen)}"
-    return _part(label, values, judgement.expected, limits, True, True, reason)
+    return _part(label, values, judgement, limits, True, True, reason)
 
 
 def _part(
     label: str,
     values: FloatArray,
-    expected: float,
+    judgement: Judgement,
     limits: tuple[float, float],
     judged: bool,
     theory: bool,
     why: str,
 ) -> Part:
-    finite = bool(np.isfinite(values).all())
     mean = float(np.mean(values)) if len(values) else float("nan")
     return Part(
         label=label,
         value=mean,
-        expected=expected,
-        interval=interval_of_mean(values) if finite else (float("nan"), float("nan")),
+        expected=judgement.expected,
+        interval=judgement.interval(values),
         limits=limits,
         passed=bool(limits[0] <= mean <= limits[1]) if judged else None,
         theory=theory,

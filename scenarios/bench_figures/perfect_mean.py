@@ -75,4 +75,4 @@ def interval_of_mean(values: FloatArray) -> tuple[float, float]:
     if len(values) < 2:
         return (float("nan"), float("nan"))
     half = float(t.ppf(0.975, len(values) - 1)) * float(np.std(values, ddof=1)) / np.sqrt(len(values))
-    return (float(np.mean(values)) - half, float(np.mean(values)) + half)
+    return (float(np.mean(values) - half), float(np.mean(values) + half))
