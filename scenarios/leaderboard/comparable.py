@@ -1,0 +1,75 @@
+"""Where results on one page are not comparable."""
+
+from collections.abc import Callable, Sequence
+
+from scenarios.leaderboard.entry import Entry, shown
+
+CONDITIONS: dict[str, tuple[Callable[[Entry], str], str]] = {
+    "seed": (
+        lambda entry: str(entry.result.seed),
+        "they saw different records, and differences within their intervals may be chance",
+    ),
+    "effort": (
+        lambda entry: entry.result.effort,
+        "their intervals and limits are of different numbers of records, and problems may differ",
+    ),
+    "limits": (
+        lambda entry: f"{entry.result.limits.seconds:g} s and {entry.result.limits.memory_bytes / 2**20:.0f} MiB",
+        "failures by time and memory do not compare",
+    ),
+    "protocol": (lambda entry: str(entry.result.protocol), "they were asked in different ways"),
+    "version of the bench": (
+        lambda entry: entry.result.versions.get("hmtb-twin", "not stated"),
+        "problems, records and limits may differ",
+    ),
+    "machine": (
+        lambda entry: entry.result.machine or "not stated",
+        "speeds compare as multiples of the ruler only, and limits of time are not the same",
+    ),
+}
+"""What must be equal for two rows to compare, how it is read from one, and what follows if it is not."""
+
+
+def groups(entries: Sequence[Entry], condition: str) -> dict[str, list[Entry]]:
+    """Entries by the value of a condition, in the order of the page."""
+    read, _ = CONDITIONS[condition]
+    found: dict[str, list[Entry]] = {}
+    for entry in entries:
+        found.setdefault(shown(read(entry)), []).append(entry)
+    return found
+
+
+def runs(entries: Sequence[Entry]) -> list[list[Entry]]:
+    """Entries that were run side by side; one whose file names no run stands alone."""
+    found: dict[str, list[Entry]] = {}
+    for entry in entries:
+        found.setdefault(entry.result.run or f"\n{entry.number}", []).append(entry)
+    return list(found.values())
+
+
+def notes(entries: Sequence[Entry]) -> list[str]:
+    """What a reader who compares rows must know, a sentence each; none where all is equal and of one run."""
+    said = []
+    for condition, (_, consequence) in CONDITIONS.items():
+        found = groups(entries, condition)
+        if len(found) > 1:
+            values = "; ".join(f"{value}: {names(group)}" for value, group in found.items())
+            said.append(f"Rows differ in {condition}, so {consequence}. {values}.")
+    together = runs(entries)
+    if len(together) > 1:
+        sides = [group for group in together if len(group) > 1]
+        alone = [group[0] for group in together if len(group) == 1]
+        parts = [f"run side by side: {names(group)}" for group in sides]
+        parts += [f"each run on its own: {names(alone)}"] if alone else []
+        said.append(
+            "Rows are not all of one run, so compare their speeds as multiples of the ruler only. "
+            + "; ".join(parts)[:1].upper()
+            + "; ".join(parts)[1:]
+            + "."
+        )
+    return said
+
+
+def names(entries: Sequence[Entry]) -> str:
+    """Names of entries in a sentence."""
+    return ", ".join(entry.name for entry in entries)

@@ -1,0 +1,138 @@
+"""Result files as rows of a leaderboard."""
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+
+from scenarios.bench_figures.figure import Figure, Part
+from scenarios.bench_run.result import Result
+from scenarios.errors import ScenarioError
+
+MOST_BYTES = 2**26
+"""A result file is far smaller."""
+
+
+@dataclass(frozen=True)
+class Entry:
+    """An estimator on the leaderboard.
+
+    Attributes:
+        number: Its place, from 1; figures name it by that.
+        result: What came of its run.
+        path: File that it was read from.
+    """
+
+    number: int
+    result: Result
+    path: Path
+
+    @property
+    def name(self) -> str:
+        """As the page shows it."""
+        return shown(self.result.contestant.name)
+
+    @property
+    def title(self) -> str:
+        """Number and name."""
+        return f"{self.number} {self.name}"
+
+    @property
+    def mark(self) -> str:
+        """Its anchor on the page."""
+        return f"estimator-{self.number}"
+
+    def figure(self, name: str) -> Figure | None:
+        """One of its figures, or None."""
+        return self.result.figures.get(name)
+
+
+def shown(text: str) -> str:
+    """Text of others on one line, characters that cannot be seen or that turn lines around replaced."""
+    return "".join(c if c.isprintable() else "\N{REPLACEMENT CHARACTER}" for c in " ".join(text.split()))
+
+
+def read_results(paths: Iterable[Path]) -> list[tuple[Path, Result]]:
+    """Read result files.
+
+    Args:
+        paths: Files; of a folder all files in it whose name ends in `.json`.
+
+    Raises:
+        ScenarioError: There is none, one is no result, or two are of the same name.
+    """
+    files = [file for path in paths for file in _files(path)]
+    if not files:
+        raise ScenarioError("no result given; expected files that hmtb verify wrote, such as results/*.json")
+    found: dict[str, tuple[Path, Result]] = {}
+    for path in dict.fromkeys(files):
+        result = _read(path)
+        name = shown(result.contestant.name)
+        if name in found:
+            raise ScenarioError(
+                f"{path} and {found[name][0]} are both of {name!r}; expected a name for each: leave one out, "
+                "or run it again under another name"
+            )
+        found[name] = (path, result)
+    return list(found.values())
+
+
+def _files(path: Path) -> list[Path]:
+    if not path.is_dir():
+        return [path]
+    files = sorted(path.glob("*.json"))
+    if not files:
+        raise ScenarioError(f"folder {path} given, expected one with results of hmtb verify in it (*.json)")
+    return files
+
+
+def _read(path: Path) -> Result:
+    if path.is_file() and path.stat().st_size > MOST_BYTES:
+        raise ScenarioError(f"{path} is no result of hmtb verify: it has more than {MOST_BYTES} bytes")
+    result = Result.read(path)
+    wrong = _wrong(result)
+    if wrong:
+        raise ScenarioError(f"{path} is no result of hmtb verify: {wrong}")
+    return result
+
+
+def _wrong(result: Result) -> str:
+    """What is not of its kind in a file that anyone may have written; empty where all is."""
+    contestant = result.contestant
+    texts = {
+        "name": contestant.name,
+        "target": contestant.target,
+        "version": contestant.version,
+        "settings": contestant.settings,
+        "home": contestant.home,
+        "effort": result.effort,
+        "command": result.command,
+        "source": result.source,
+        "machine": result.machine,
+        "run": result.run,
+    }
+    for key, value in texts.items():
+        if not isinstance(value, str):
+            return f"{key} is {value!r}, expected a text"
+    if not shown(contestant.name):
+        return f"name {contestant.name!r} has no character that can be seen"
+    for key, kind in (("outcomes", int), ("reasons", int), ("versions", str), ("figures", Figure)):
+        table = getattr(result, key)
+        if not isinstance(table, Mapping) or not all(type(value) is kind for value in table.values()):
+            return f"{key} is {str(table)[:80]!r}, expected {kind.__name__} by name"
+    for name, figure in result.figures.items():
+        problem = _wrong_verdict(figure) or next(filter(None, map(_wrong_verdict, figure.parts)), "")
+        if problem:
+            return f"figure {name}: {problem}"
+        if not isinstance(figure.title, str) or not isinstance(figure.unit, str):
+            return f"figure {name} has title {figure.title!r} and unit {figure.unit!r}, expected texts"
+        if not isinstance(figure.curves, Mapping):
+            return f"figure {name} has curves {figure.curves!r}, expected them by name"
+    return ""
+
+
+def _wrong_verdict(made: Figure | Part) -> str:
+    if made.passed not in (True, False, None) or not isinstance(made.why, str):
+        return f"passed {made.passed!r} because {made.why!r}, expected true, false or null and a text"
+    if isinstance(made, Part) and not (isinstance(made.label, str) and isinstance(made.theory, bool)):
+        return f"part {made.label!r} with theory {made.theory!r}, expected a text and true or false"
+    return ""

@@ -1,0 +1,34 @@
+"""The order of estimators on the page. No score is made of several figures."""
+
+import math
+from collections.abc import Iterable
+from pathlib import Path
+
+from scenarios.bench_run.result import Result
+from scenarios.leaderboard.entry import Entry, read_results, shown
+from scenarios.leaderboard.verdict import Verdict, count
+
+RULE = (
+    "Rows are ordered by the number of figures passed, then by efficiency on the worst problem that theory expects to "
+    "pass, then by name. No score is made of several figures: which of them matters depends on what the model is for."
+)
+
+
+def ranked(paths: Iterable[Path]) -> tuple[Entry, ...]:
+    """Read results and put them in order.
+
+    Args:
+        paths: See `read_results`.
+
+    Raises:
+        ScenarioError: There is none, one is no result, or two are of the same name.
+    """
+    ordered = sorted(read_results(paths), key=lambda found: _key(found[1]))
+    return tuple(Entry(number, result, path) for number, (path, result) in enumerate(ordered, 1))
+
+
+def _key(result: Result) -> tuple[int, float, str]:
+    passed = count(result.figures.values())[Verdict.PASSES]
+    efficiency = result.figures.get("efficiency")
+    worst = math.nan if efficiency is None else efficiency.value
+    return (-passed, math.inf if math.isnan(worst) else worst, shown(result.contestant.name))

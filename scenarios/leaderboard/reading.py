@@ -1,0 +1,109 @@
+"""How each figure of the test bench is read: what it measures, and what it cannot see."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from types import MappingProxyType
+
+
+@dataclass(frozen=True)
+class Reading:
+    """How a figure is read.
+
+    Attributes:
+        short: Heading of its column.
+        measures: What it measures and when it passes.
+        blind: What it cannot see.
+    """
+
+    short: str
+    measures: str
+    blind: str
+
+
+FIGURES: Mapping[str, Reading] = MappingProxyType(
+    {
+        "noise_free_recovery": Reading(
+            "Digits without noise",
+            "Correct digits of the frequency response on records without noise, −log10 of its relative rms error, by "
+            "order and delay: quiet-3-2 is a system of order 3 with a delay of 2 samples. A method whose structure "
+            "holds the system finds it up to rounding; fewer than 6 digits have another reason. More is better.",
+            "whatever noise does.",
+        ),
+        "consistency": Reading(
+            "Consistency",
+            "Slope of log rms error of the response over log number of samples: −1/2 where the error is chance, "
+            "however much of it; 0 where it is bias and stays however long the record. Only a flatter slope fails.",
+            "how large the error is, and a bias that is small beside the scatter at the longest record.",
+        ),
+        "efficiency": Reading(
+            "Efficiency",
+            "Mean of |error|² over the variance of the Cramér-Rao bound, over frequencies and records. 1 is what the "
+            "best unbiased estimator reaches; one at 2 needs a record twice as long. The bound is that of the "
+            "structure that the estimator declares: one that must also find the noise’s model is allowed more.",
+            "whether an error is scatter or bias, and what the estimator says of its own accuracy.",
+        ),
+        "coverage": Reading(
+            "Coverage",
+            "Share of claimed 95 % intervals that hold the truth: of parameters, of the bandwidth, of the response. "
+            "Fewer than 95 %: it claims more than it knows; more: it knows more than it claims. Both fail.",
+            "how wide intervals are: wide ones about a poor estimate hold the truth too.",
+        ),
+        "normalised_error": Reading(
+            "Normalised error",
+            "Mean of error′ covariance⁻¹ error over its degrees of freedom, by the claimed covariance: 1 where the "
+            "claim is right, ½ where the covariance is claimed twice too large. It sees correlations, which single "
+            "intervals hide.",
+            "estimators that claim no covariance.",
+        ),
+        "frequency_response": Reading(
+            "Response and band",
+            "Rms error of the response in claimed standard deviations, over all frequencies and at the worst of them;"
+            " 1 where the claim is right.",
+            "frequencies that the problem does not ask for, and how large the error is: the drawing shows that.",
+        ),
+        "amplitude_split": Reading(
+            "Split over amplitude",
+            "On the arm, which has friction and limits: the difference between estimate and truth told apart into "
+            "linear error, noise and nonlinear distortion, against the amplitude of the command.",
+            "distortion that looks like a linear system at the amplitude at hand.",
+        ),
+        "bias": Reading(
+            "Bias",
+            "Mean error of the response under feedback, and where two inputs share their waveform, in standard "
+            "deviations of one record’s error, in the directions of which the records say least. 0.2 are allowed.",
+            "errors in other directions, and those that cancel in the mean.",
+        ),
+        "tests_and_orders": Reading(
+            "Tests and orders",
+            "How often residual tests at 1 % reject models of right order, how often they reject models of an order "
+            "too low by one, and how often the estimator’s own choice of order is right, in percent.",
+            "estimators that refuse to choose; a refusal is no failure.",
+        ),
+        "agreement": Reading(
+            "Agreement",
+            "Mean of |difference|² from a second implementation on the same records, in variances of the bound. Two "
+            "efficient estimators differ by at most 4, of one record by hardly anything.",
+            "errors that both have.",
+        ),
+        "reliability": Reading(
+            "Failures",
+            "Share of requests that ended in no stable model, by kind. A single one fails. Failed requests are left "
+            "out of all other figures, so that each fault shows where it belongs.",
+            "a model that is stable and wrong.",
+        ),
+        "speed": Reading(
+            "Time",
+            "Median processor time of an answer in rulers: a ruler is the time of a fixed least-squares problem on "
+            "the same record in the same run, so that machines and lengths of records matter little. Beyond 2000 it "
+            "fails.",
+            "the time that starting a program takes.",
+        ),
+        "bandwidth": Reading(
+            "Bandwidth",
+            "Half-power bandwidth that the estimator finds for each joint of the arm, beside the truth and the 1 Hz "
+            "of the thesis. It is told, not judged.",
+            "why a bandwidth differs: friction lowers it for every linear estimator.",
+        ),
+    }
+)
+"""Figures by name, in the order in which they are told."""

@@ -1,0 +1,41 @@
+"""How estimators look in the figures of the leaderboard: each the same in all."""
+
+import textwrap
+from collections.abc import Sequence
+
+from scenarios.leaderboard.entry import Entry
+from sysid.palette import PALETTE, Style
+
+NOT_METHODS = ("truth", "measured", "bla", "published", "welch", "etfe", "cra", "spa")
+"""Styles that mean something else everywhere."""
+
+WIDEST = 18
+"""Characters of a name on one line of a figure."""
+
+
+def styles(entries: Sequence[Entry]) -> dict[int, Style]:
+    """Style of each estimator by its number: that of its method's name where it bears one, else one that is free.
+
+    When there are more estimators than styles, styles repeat; figures name each by its number too.
+    """
+    methods = {name: style for name, style in PALETTE.items() if name not in NOT_METHODS}
+    found: dict[int, Style] = {}
+    free = dict(methods)
+    for entry in entries:
+        if entry.name.lower() in free:
+            found[entry.number] = free.pop(entry.name.lower())
+    spare = list(free.values()) or list(methods.values())
+    others = [entry for entry in entries if entry.number not in found]
+    found |= {entry.number: spare[k % len(spare)] for k, entry in enumerate(others)}
+    return found
+
+
+def label(entry: Entry, width: int = WIDEST) -> str:
+    """Number and name on at most two lines of a figure; the number tells names apart that are cut."""
+    lines = textwrap.wrap(entry.title, width, max_lines=2, placeholder="…")
+    return literal("\n".join(lines))
+
+
+def literal(text: str) -> str:
+    """Text that matplotlib shall not read as a formula."""
+    return text.replace("\\", "\N{REVERSE SOLIDUS OPERATOR}").replace("$", r"\$")

@@ -1,0 +1,122 @@
+"""The tables of the leaderboard."""
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from scenarios.bench_contract.outcome import KINDS
+from scenarios.bench_figures.figure import Figure
+from scenarios.leaderboard.entry import Entry, shown
+from scenarios.leaderboard.reading import FIGURES
+from scenarios.leaderboard.response_drawing import relative_errors
+from scenarios.leaderboard.table import Cell, Table, number_cell, pair, table_of_entries, verdict_cell
+from scenarios.leaderboard.verdict import Verdict, count, part_verdict, verdict
+
+HEADLINE = ("efficiency", "noise_free_recovery", "coverage", "bias", "reliability", "speed")
+"""Figures whose numbers stand in the first table."""
+
+
+def figure_names(entries: Sequence[Entry]) -> list[str]:
+    """All figures that any row has, those of this version in their order, others behind."""
+    there = {name for entry in entries for name in entry.result.figures}
+    return [name for name in FIGURES if name in there] + sorted(there - set(FIGURES))
+
+
+def title(entries: Sequence[Entry], name: str) -> str:
+    """What a figure is called: by the first row that has it."""
+    figures = [figure for entry in entries if (figure := entry.figure(name))]
+    return shown(figures[0].title) or shown(name)
+
+
+def unit(entries: Sequence[Entry], name: str) -> str:
+    """Unit of a figure, by the first row that has it."""
+    return next((shown(figure.unit) for entry in entries if (figure := entry.figure(name))), "")
+
+
+def short(name: str) -> str:
+    """Heading of a figure's column."""
+    return FIGURES[name].short if name in FIGURES else shown(name).replace("_", " ")
+
+
+def standing(entries: Sequence[Entry]) -> Table:
+    """The first table: verdicts counted, and the numbers that most look for."""
+    columns = [name for name in HEADLINE if any(entry.figure(name) for entry in entries)]
+    headings = [f"{short(name)}{_in(unit(entries, name))}" for name in columns]
+    rows = []
+    for entry in entries:
+        found = count(entry.result.figures.values())
+        judged = sum(found.values()) - found[Verdict.NONE]
+        cells = [
+            Cell(f"{found[Verdict.PASSES]} of {judged}", float(found[Verdict.PASSES])),
+            Cell(str(found[Verdict.FAILS]), float(found[Verdict.FAILS])),
+            Cell(str(found[Verdict.FAILS_AS_THEORY_SAYS]), float(found[Verdict.FAILS_AS_THEORY_SAYS])),
+        ]
+        errors = list(relative_errors(entry).values())
+        cells.append(number_cell(float(np.median(errors)) if errors else float("nan")))
+        rows.append((entry, [*cells, *(_value(entry.figure(name)) for name in columns)]))
+    caption = (
+        "Figures passed of those judged, and each figure’s number on its worst problem; "
+        "response error: median over problems"
+    )
+    return table_of_entries(caption, ("Passed", "Fails", "Fails as theory says", "Response error / %", *headings), rows)
+
+
+def verdicts(entries: Sequence[Entry]) -> Table:
+    """A verdict of each figure that is ever judged."""
+    judged = [
+        name
+        for name in figure_names(entries)
+        if any(verdict(entry.figure(name)) is not Verdict.NONE for entry in entries)
+    ]
+    rows = [
+        (entry, [verdict_cell(verdict(f := entry.figure(name)), "" if f is None else shown(f.why)) for name in judged])
+        for entry in entries
+    ]
+    return table_of_entries(
+        "The reasons stand in the sections of the estimators", [short(name) for name in judged], rows
+    )
+
+
+def by_part(entries: Sequence[Entry], name: str) -> Table | None:
+    """A figure problem by problem; None where it has no parts."""
+    labels = list(dict.fromkeys(p.label for e in entries if (f := e.figure(name)) for p in f.parts))
+    if not labels:
+        return None
+    rows = []
+    for entry in entries:
+        figure = entry.figure(name)
+        parts = {part.label: part for part in figure.parts} if figure else {}
+        cells = [
+            number_cell(
+                part.value,
+                part_verdict(part),
+                f"95 % interval {pair(part.interval)}; passes: {pair(part.limits)}; {shown(part.why)}".rstrip("; "),
+            )
+            if (part := parts.get(label))
+            else Cell("", float("inf"))
+            for label in labels
+        ]
+        rows.append((entry, cells))
+    heading = f"{title(entries, name)}{_in(unit(entries, name))}"
+    return table_of_entries(heading, [shown(label) for label in labels], rows)
+
+
+def failures(entries: Sequence[Entry]) -> Table:
+    """How requests ended, by kind."""
+    there = {kind for entry in entries for kind, number in entry.result.outcomes.items() if number}
+    kinds = [kind for kind in KINDS if kind in there] + sorted(there - set(KINDS))
+    rows = [
+        (entry, [Cell(str(n), float(n)) for n in (entry.result.outcomes.get(kind, 0) for kind in kinds)])
+        for entry in entries
+    ]
+    return table_of_entries("How many requests ended how", [shown(kind).replace("_", " ") for kind in kinds], rows)
+
+
+def _value(figure: Figure | None) -> Cell:
+    if figure is None:
+        return Cell("", float("inf"))
+    return number_cell(figure.value, verdict(figure), shown(figure.why))
+
+
+def _in(unit: str) -> str:
+    return f" / {unit}" if unit else ""

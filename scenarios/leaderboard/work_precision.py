@@ -1,0 +1,90 @@
+"""Accuracy against time."""
+
+from collections.abc import Sequence
+
+import numpy as np
+from matplotlib.figure import Figure
+from matplotlib.patheffects import withStroke
+
+from scenarios.leaderboard.entry import Entry
+from scenarios.leaderboard.response_drawing import relative_errors
+from scenarios.leaderboard.style import label, styles
+from scenarios.thesis.figure_style import WIDTH, dress
+from sysid.arrays import FloatArray
+
+
+def work_precision(entries: Sequence[Entry]) -> tuple[Figure, str] | None:
+    """A large mark for each estimator at the medians over problems, a small one for each problem.
+
+    Returns:
+        The figure and its caption; None where no row has both numbers of any problem.
+    """
+    clouds = [(entry, found) for entry in entries if len(found := _points(entry))]
+    if not clouds:
+        return None
+    figure = Figure(figsize=(WIDTH, 4.2), layout="constrained")
+    axes = figure.subplots()
+    looks = styles(entries)
+    for entry, points in clouds:
+        look = looks[entry.number]
+        middle = np.median(points, axis=0)
+        axes.plot(points[:, 0], points[:, 1], look.marker, color=look.colour, ms=3, alpha=0.5, ls="")
+        axes.plot(*middle, look.marker, color=look.colour, ms=9, mec="white", mew=0.8, zorder=3)
+    axes.set(xscale="log", yscale="log", xlabel="time of an answer / rulers", ylabel="rms error of the response / %")
+    dress([axes])
+    axes.margins(0.14, 0.12)
+    _labels(figure, {label(entry): (np.median(points, axis=0), looks[entry.number].colour) for entry, points in clouds})
+    present = {entry.number for entry, _ in clouds}
+    absent = [entry.name for entry in entries if entry.number not in present]
+    caption = (
+        "Accuracy against time, both better to the lower left. Large marks: median over problems; small ones: single "
+        "problems. The error is relative to the true response; a ruler is the time of a fixed least-squares problem on "
+        "the same record in the same run."
+    )
+    return figure, caption + (f" Without both numbers: {', '.join(absent)}." if absent else "")
+
+
+def _points(entry: Entry) -> FloatArray:
+    """Multiple of the ruler and error of the response in percent, of each problem that has both (k, 2)."""
+    speed = entry.figure("speed")
+    errors = relative_errors(entry)
+    times = {} if speed is None else {part.label: part.value for part in speed.parts}
+    found = [(times[name], error) for name, error in errors.items() if times.get(name, 0.0) > 0.0]
+    return np.array([pair for pair in found if np.isfinite(pair).all()]).reshape(-1, 2)
+
+
+def _labels(figure: Figure, wanted: dict[str, tuple[FloatArray, str]]) -> None:
+    """Names beside their marks, moved up or down as far as keeps them apart."""
+    axes = figure.axes[0]
+    figure.draw_without_rendering()
+    unit = figure.dpi / 72.0
+    places = {text: axes.transData.transform(at) for text, (at, _) in wanted.items()}
+    taken: list[tuple[float, float, float, float]] = []
+    right = axes.bbox.x1
+    for text in sorted(wanted, key=lambda text: -places[text][1]):
+        at, colour = wanted[text]
+        lines = text.split("\n")
+        width, height = 4.6 * unit * max(map(len, lines)), 9.5 * unit * len(lines)
+        x, y = places[text]
+        left = x + width + 8 * unit > right
+        box_left = x - width - 8 * unit if left else x + 8 * unit
+        shift = 0.0
+        for step in range(40):
+            shift = (step + 1) // 2 * (-1) ** step * 4.0 * unit
+            box = (box_left, y + shift - height / 2, box_left + width, y + shift + height / 2)
+            if not any(b[0] < box[2] and box[0] < b[2] and b[1] < box[3] and box[1] < b[3] for b in taken):
+                break
+        taken.append(box)
+        axes.annotate(
+            text,
+            tuple(at),
+            xytext=((-8 if left else 8), shift / unit),
+            textcoords="offset points",
+            fontsize=7.5,
+            color=colour,
+            ha="right" if left else "left",
+            va="center",
+            path_effects=[withStroke(linewidth=2.5, foreground="white")],
+            zorder=4,
+            arrowprops={"arrowstyle": "-", "lw": 0.5, "color": colour} if abs(shift) > 6 * unit else None,
+        )
