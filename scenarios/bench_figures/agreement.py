@@ -10,9 +10,10 @@ from scenarios.bench_contract.outcome import MODEL
 from scenarios.bench_figures.figure import DRAWS, Figure, Part
 from scenarios.bench_figures.perfect_mean import interval_of_mean, limits_of_mean
 from scenarios.bench_figures.perfect_records import bound_for, single_records
-from scenarios.bench_figures.response_statistics import covariance_of, free_parts, parts_of, power
+from scenarios.bench_figures.response_statistics import free_parts, parts_of, power
 from scenarios.bench_figures.theory import expectation
 from scenarios.bench_figures.worst_part import figure_of_parts, unjudged
+from scenarios.bench_problems.bound import response_covariance
 from scenarios.bench_problems.problem import Bound
 from scenarios.bench_trials.measured import Measured
 from scenarios.bench_trials.trial import Trial
@@ -126,7 +127,7 @@ def _part(
 
 
 def _variances(difference: ComplexArray, bound: Bound) -> FloatArray:
-    covariance = covariance_of(bound.response_directions)
+    covariance = response_covariance(bound)
     return power(parts_of(difference), covariance, free_parts(covariance))
 
 

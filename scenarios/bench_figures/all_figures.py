@@ -1,14 +1,28 @@
 """All figures of the test bench, in the sequence in which they are told."""
 
 from scenarios.bench_figures.agreement import Agreement
+from scenarios.bench_figures.consistency import Consistency
+from scenarios.bench_figures.coverage import Coverage
 from scenarios.bench_figures.efficiency import Efficiency
 from scenarios.bench_figures.figure import FALSE_ALARM, FigureMaker
+from scenarios.bench_figures.frequency_response import FrequencyResponse
+from scenarios.bench_figures.noise_free_recovery import NoiseFreeRecovery
+from scenarios.bench_figures.normalised_error import NormalisedError
 from scenarios.bench_figures.reliability import Reliability
 from scenarios.bench_figures.speed import Speed
 from scenarios.bench_figures.tests_and_orders import ResidualTestsAndOrders
 from scenarios.bench_trials.trial import Trial
 
-TEN: tuple[FigureMaker, ...] = (Efficiency(), ResidualTestsAndOrders(), Agreement())
+TEN: tuple[FigureMaker, ...] = (
+    NoiseFreeRecovery(),
+    Consistency(),
+    Efficiency(),
+    Coverage(),
+    NormalisedError(),
+    FrequencyResponse(),
+    ResidualTestsAndOrders(),
+    Agreement(),
+)
 """Those of which a verdict is asked, and the bandwidth, which is told."""
 
 ALL_FIGURES: tuple[FigureMaker, ...] = (*TEN, Reliability(TEN), Speed(TEN))

@@ -45,9 +45,9 @@ SEED = 20_009
 class ResidualTestsAndOrders:
     """Share of models whose residuals are rejected, and of orders that are chosen rightly.
 
-    Of right orders the tests should reject about 1 %: somewhat fewer where the model was fitted to the same record,
-    somewhat more where its error has nothing to do with the record's noise, as that of the perfect estimator; the limit
-    is that of the latter. Of orders too low by one they should reject nearly all.
+    Of right orders the tests should reject about 1 %: fewer where an efficient estimate was fitted to the same record,
+    more where its error has nothing to do with the record's noise. The limit is that of the latter, so that nothing
+    efficient fails it. Of orders too low by one they should reject nearly all.
     """
 
     name: str = "tests_and_orders"
