@@ -20,6 +20,7 @@ from scenarios.commands.convert import convert
 from scenarios.commands.dataset import DATASET, dataset
 from scenarios.commands.dataset import DESCRIPTION as DATASET_DESCRIPTION
 from scenarios.commands.identify import identify
+from scenarios.commands.leaderboard import leaderboard
 from scenarios.commands.output import reason
 from scenarios.commands.preview import preview
 from scenarios.commands.scenarios import scenarios
@@ -27,6 +28,7 @@ from scenarios.commands.simulate import simulate
 from scenarios.commands.thesis import thesis
 from scenarios.commands.truth import truth
 from scenarios.commands.usage import one_line, wrapped
+from scenarios.commands.verify import verify
 from scenarios.commands.video import video
 from scenarios.commands.view import view
 from scenarios.commands.waveform import waveform
@@ -46,6 +48,8 @@ Start with:
   hmtb truth                                      what an estimator should have found
   hmtb bandwidth                                  is every joint's bandwidth about 1 Hz?
   hmtb dataset list                               benchmark data sets, to build, check and score
+  hmtb verify my_module:my_estimator --quick      your own estimator on the test bench
+  hmtb leaderboard results/*.json                 estimators of the test bench side by side
 
 Every command has its own --help; hmtb --version says which release this is.
 Exit codes: 0 done, 1 a check found a difference, 2 bad input, 130 interrupted.
@@ -63,6 +67,8 @@ COMMANDS: dict[str, Callable[..., int]] = {
     "compare": compare,
     "convert": convert,
     "dataset": dataset,
+    "verify": verify,
+    "leaderboard": leaderboard,
     "view": view,
     "video": video,
 }

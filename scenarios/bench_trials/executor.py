@@ -13,6 +13,10 @@ class Executor(Protocol):
     def workers(self) -> int:
         """How many pieces are done at a time, as far as it is known."""
 
+    @property
+    def here(self) -> bool:
+        """Whether pieces are done on this machine, where they find what is in its folders."""
+
     def __call__(self, bench: Bench, pieces: Iterable[Piece], /) -> Iterator[Done]:
         """Do pieces.
 

@@ -6,21 +6,21 @@ import numpy as np
 from scipy.linalg import LinAlgError, cho_factor, cho_solve
 
 from scenarios.bench_contract.answer import Answer
+from scenarios.bench_contract.claims import known_parameters, response_and_interval
+from scenarios.bench_contract.no_model import NoModelError
 from scenarios.bench_contract.outcome import MODEL, Outcome
+from scenarios.bench_contract.task import Task
 from scenarios.bench_problems.problem import Bound, Problem
-from scenarios.bench_trials.claim import Claim, claim_of, layout
 from scenarios.bench_trials.measured import Measured
 from scenarios.bench_trials.trial import Trial
-from scenarios.errors import ScenarioError
-from sysid import IOData, StateSpace, SysidError, SysidWarning, resid
+from sysid import Estimate, IOData, StateSpace, SysidError, SysidWarning, resid
 from sysid.arrays import FloatArray
-from sysid.estimate import Estimate
 from sysid.frequency import NORMAL_95
+from sysid.orders import make_orders
+from sysid.polynomial_estimate import Realise
 
 CANCELS = 1e-9
 """States with a Hankel singular value below this part of the largest cancel."""
-
-MALFORMED = "malformed"
 
 NAN = float("nan")
 
@@ -28,6 +28,7 @@ NAN = float("nan")
 def measure(
     problem: Problem,
     trial: Trial,
+    task: Task,
     bound: Bound | None,
     record: IOData,
     outcome: Outcome,
@@ -39,6 +40,7 @@ def measure(
     Args:
         problem: Its problem.
         trial: The trial.
+        task: What was asked.
         bound: That of the contestant's structure: the truth in its parameters; None where there is none.
         record: What the estimator was given.
         outcome: What came of it.
@@ -55,13 +57,10 @@ def measure(
         # Of a bandwidth that is hardly known, or a predictor that is not stable: the numbers tell it.
         warnings.simplefilter("ignore", SysidWarning)
         try:
-            claim = claim_of(answer)
-        except ScenarioError as error:
-            return failed(MALFORMED, str(error))
-        estimate = None if claim is None else claim.estimate(answer, record)
-        normalised, parameters, covered = _errors(claim, bound if trial.ask == "fit" else None)
-        whiteness, independence = _residual_tests(answer.model, record)
-        try:
+            claim = _claim(answer, record, task)
+            response_covariance, interval = _claims_that_follow(answer, claim, task)
+            normalised, parameters, covered = _errors(claim, task, bound if trial.ask == "fit" else None)
+            whiteness, independence = _residual_tests(answer.model, record)
             return Measured(
                 trial,
                 MODEL,
@@ -71,17 +70,19 @@ def measure(
                 outcome.peak_bytes,
                 order=dynamic_order(answer.model),
                 response=answer.model.frequency_response(problem.frequencies),
-                response_covariance=_response_covariance(answer, estimate, problem.frequencies),
+                response_covariance=response_covariance,
                 normalised_error=normalised,
                 parameters=parameters,
                 covered=covered,
                 bandwidth_hz=answer.model.bandwidth(),
-                bandwidth_ci95=_bandwidth_interval(answer, estimate),
+                bandwidth_ci95=None if interval is None else np.stack(interval),
                 whiteness_p=whiteness,
                 independence_p=independence,
             )
+        except NoModelError as error:
+            return failed(error.kind, str(error))
         except (SysidError, LinAlgError) as error:
-            return failed(MALFORMED, f"a model that cannot be evaluated: {error}")
+            return failed("malformed", f"a model that cannot be evaluated: {error}")
 
 
 def dynamic_order(model: StateSpace) -> int:
@@ -111,28 +112,51 @@ def normalised_error(error: FloatArray, covariance: FloatArray) -> float:
     return float(scaled @ cho_solve(factor, scaled))
 
 
-def _errors(claim: Claim | None, bound: Bound | None) -> tuple[float, int, int]:
+def _claim(answer: Answer, record: IOData, task: Task) -> Estimate | None:
+    """The parameters with their claimed covariance; None where none is claimed."""
+    if answer.polynomials is None or answer.covariance is None:
+        return None
+    return known_parameters(answer.covariance, answer.polynomials, answer.model, record, task)
+
+
+def _claims_that_follow(
+    answer: Answer, claim: Estimate | None, task: Task
+) -> tuple[FloatArray | None, tuple[FloatArray, FloatArray] | None]:
+    """Covariance of the response and interval of the bandwidth, as claimed or as they follow from the parameters'."""
+    spread, ends = answer.response_covariance, answer.bandwidth_ci95
+    if claim is not None and (spread is None or ends is None):
+        follows = response_and_interval(claim, task)
+        spread, ends = (follows[0] if spread is None else spread), (follows[1] if ends is None else ends)
+    return spread, ends
+
+
+def _errors(claim: Estimate | None, task: Task, bound: Bound | None) -> tuple[float, int, int]:
     """Normalised error, number of parameters, and how many of them lie within their intervals."""
     if claim is None:
         return NAN, 0, -1
     count = len(claim.parameters)
-    if bound is None or claim.orders != layout(bound.polynomials, len(bound.parameters)):
+    if bound is None or not _as_asked(claim, task) or count != len(bound.parameters):
         return NAN, count, -1
     error = claim.parameters - bound.parameters
     half = NORMAL_95 * np.sqrt(np.maximum(np.diag(claim.covariance), 0.0))
     return normalised_error(error, claim.covariance), count, int((np.abs(error) <= half).sum())
 
 
-def _response_covariance(answer: Answer, estimate: Estimate | None, frequencies: FloatArray) -> FloatArray | None:
-    if answer.response_covariance is not None:
-        return answer.response_covariance
-    return None if estimate is None else estimate.frequency_response(frequencies).covariance
-
-
-def _bandwidth_interval(answer: Answer, estimate: Estimate | None) -> FloatArray | None:
-    if answer.bandwidth_ci95 is not None:
-        return np.stack(answer.bandwidth_ci95)
-    return None if estimate is None else np.stack(estimate.bandwidth().ci95)
+def _as_asked(claim: Estimate, task: Task) -> bool:
+    """Whether the parameters are those of the orders that were asked, one by one."""
+    if task.chooses or task.structure == "ss" or not isinstance(claim.realise, Realise):
+        return False
+    asked = dict(task.orders)
+    orders = make_orders(
+        len(claim.realise.orders.nb),
+        nb=asked["nb"],
+        nk=asked["nk"],
+        na=asked.get("na", 0),
+        nc=asked.get("nc", 0),
+        nd=asked.get("nd", 0),
+        nf=asked.get("nf", 0),
+    )
+    return claim.realise.orders == orders
 
 
 def _residual_tests(model: StateSpace, record: IOData) -> tuple[float, float]:

@@ -2,6 +2,7 @@
 
 from collections.abc import Collection, Iterable, Sequence
 from dataclasses import dataclass
+from pathlib import Path
 
 from scenarios.bench_contract.contestant import Contestant, Limits
 from scenarios.bench_trials.measured import Measured
@@ -16,11 +17,13 @@ class Bench:
         contestants: In the sequence by which pieces number them.
         limits: Of each answer.
         seed: Of the run.
+        records: Folder of records that were simulated before; None: there is none.
     """
 
     contestants: tuple[Contestant, ...]
     limits: Limits
     seed: int
+    records: Path | None = None
 
 
 @dataclass(frozen=True)

@@ -1,0 +1,245 @@
+"""Estimators on the test bench: their trials are run, measured, and made into figures with verdicts."""
+
+import secrets
+from collections import Counter
+from collections.abc import Callable, Mapping, Sequence
+from contextlib import ExitStack
+from dataclasses import dataclass, field
+from itertools import chain
+from pathlib import Path
+from time import monotonic
+
+import numpy as np
+
+from scenarios.bench_contract.contestant import Contestant, Limits
+from scenarios.bench_contract.outcome import MODEL, REFUSED
+from scenarios.bench_figures.all_figures import ALL_FIGURES, false_alarm_of_each
+from scenarios.bench_figures.figure import DRAWS, Figure, FigureMaker
+from scenarios.bench_problems.registry import problem
+from scenarios.bench_run.cost import Cost, Pilot, pilot_of, told_time
+from scenarios.bench_run.key import key_of, machine
+from scenarios.bench_run.result import Result
+from scenarios.bench_trials.executor import Executor
+from scenarios.bench_trials.journal import Journal, file_name
+from scenarios.bench_trials.measured import Measured
+from scenarios.bench_trials.simulated import is_twin, simulate_records
+from scenarios.bench_trials.source import source_hash
+from scenarios.bench_trials.trial import Trial
+from scenarios.bench_trials.work import Bench, Done, Piece, pieces
+from scenarios.dataset_build.safe_write import write_text
+from scenarios.errors import ScenarioError
+from scenarios.provenance import versions
+
+JOURNALS = "journals"
+"""Folder of the journals, in that of the results."""
+
+RECORDS = "records"
+"""Folder of records that the twin made, beside it."""
+
+AGREEMENT = "agreement"
+"""Figure that needs the second implementation."""
+
+REASONS = 20
+"""Reasons of failures that a result keeps."""
+
+Progress = Callable[[int, int], None]
+"""Told how many trials are done, of how many."""
+
+
+@dataclass(frozen=True)
+class Plan:
+    """What a run does.
+
+    Attributes:
+        contestants: Whose results are wanted.
+        effort: One of `DRAWS`.
+        seed: Of the run.
+        limits: What an estimator may use for an answer.
+        figures: Those that are made, all by default.
+        referee: The second implementation, for the figure of agreement; None: there is none here.
+        commands: Command line that makes a result again, by the contestant's name.
+    """
+
+    contestants: tuple[Contestant, ...]
+    effort: str = "full"
+    seed: int = 0
+    limits: Limits = field(default_factory=Limits)
+    figures: tuple[FigureMaker, ...] = ALL_FIGURES
+    referee: Contestant | None = None
+    commands: Mapping[str, str] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        if self.effort not in DRAWS:
+            raise ScenarioError(f"effort {self.effort!r} given, expected one of {', '.join(DRAWS)}")
+        if not 0 <= self.seed < 2**63:
+            raise ScenarioError(f"seed {self.seed} given, expected a whole number from 0 to 2^63 - 1")
+        if not self.contestants:
+            raise ScenarioError("no estimator given, expected one or several")
+        twice = [name for name, count in Counter(file_name(c.name) for c in self.contestants).items() if count > 1]
+        if twice:
+            raise ScenarioError(f"estimators of the same name given: {', '.join(twice)}; expected a name each")
+
+    def all_contestants(self) -> tuple[Contestant, ...]:
+        """Those whose results are wanted, and the referee where a figure needs it and it is none of them."""
+        asked = any(maker.name == AGREEMENT for maker in self.figures)
+        if not asked or self.referee is None or self.referee in self.contestants:
+            return self.contestants
+        return (*self.contestants, self.referee)
+
+    def trials(self, contestant: Contestant) -> tuple[Trial, ...]:
+        """Trials that it can be asked, each once, sorted.
+
+        Args:
+            contestant: One of `all_contestants`.
+        """
+        own = contestant in self.contestants
+        makers = [maker for maker in self.figures if own or maker.name == AGREEMENT]
+        wanted = sorted(set(chain.from_iterable(maker.trials(self.effort) for maker in makers)))
+        askable: dict[tuple[str, str], bool] = {}
+        for trial in wanted:
+            if (trial.problem, trial.ask) not in askable:
+                task = problem(trial.problem).task(contestant.structure, trial.ask)
+                askable[trial.problem, trial.ask] = task is not None
+        return tuple(trial for trial in wanted if askable[trial.problem, trial.ask])
+
+
+def verify(
+    plan: Plan,
+    folder: Path,
+    executor: Executor,
+    *,
+    progress: Progress = lambda done, total: None,
+    said: Callable[[str], None] = lambda line: None,
+    told: Callable[[Cost], None] = lambda cost: None,
+) -> list[Result]:
+    """Run what is missing, and make results of all; each is written to a file of the contestant's name.
+
+    Args:
+        plan: What is done.
+        folder: For results and journals; made where it is missing.
+        executor: Who does it.
+        progress: Told how far it is.
+        said: Told in words what is to be known on the way.
+        told: Told what the run will cost, once the first trials of each problem are done.
+
+    Returns:
+        A result of each contestant.
+
+    Raises:
+        ScenarioError: Something given cannot be used, or workers die; what is done is kept.
+        OSError: A file cannot be written.
+    """
+    everyone = plan.all_contestants()
+    records = (folder / RECORDS).resolve() if executor.here else None
+    bench = Bench(everyone, plan.limits, plan.seed, records)
+    wanted = [plan.trials(contestant) for contestant in everyone]
+    with ExitStack() as stack:
+        run = secrets.token_hex(6)
+        journals = [
+            stack.enter_context(
+                Journal(folder / JOURNALS, one.name, key_of(one, plan.limits, plan.seed), run=run, said=said)
+            )
+            for one in everyone
+        ]
+        left = pieces(wanted, [journal.done for journal in journals])
+        if records is not None:
+            _simulate(left, plan.seed, records, said)
+        _run(bench, left, journals, executor, _Counted(wanted, journals, progress), told)
+        referee = _of_referee(plan, everyone, journals)
+        results = []
+        for contestant, journal, trials in zip(everyone, journals, wanted, strict=True):
+            if contestant in plan.contestants:
+                measured = journal.measured()
+                kept = {trial: measured[trial] for trial in trials if trial in measured}
+                results.append(_result(plan, contestant, journal.run, kept, referee))
+                write_text(folder / f"{file_name(contestant.name)}.json", results[-1].to_json())
+        return results
+
+
+class _Counted:
+    """Counts trials that are done."""
+
+    def __init__(self, wanted: Sequence[Sequence[Trial]], journals: Sequence[Journal], progress: Progress) -> None:
+        self._progress = progress
+        self._total = sum(map(len, wanted))
+        pairs = zip(wanted, journals, strict=True)
+        self._done = sum(trial.key in journal.done for trials, journal in pairs for trial in trials)
+        progress(self._done, self._total)
+
+    def __call__(self) -> None:
+        self._done += 1
+        self._progress(self._done, self._total)
+
+
+def _simulate(left: Sequence[Piece], seed: int, folder: Path, said: Callable[[str], None]) -> None:
+    """Simulate records of the twin, side by side, before anyone is asked."""
+    trials = [Trial(piece.problem, piece.draw) for piece in left if is_twin(piece.problem)]
+    if trials:
+        begun = monotonic()
+        made = simulate_records(trials, seed, folder)
+        if made:
+            said(f"{made} records of the arm simulated in {told_time(monotonic() - begun)}")
+
+
+def _run(
+    bench: Bench,
+    left: Sequence[Piece],
+    journals: Sequence[Journal],
+    executor: Executor,
+    counted: _Counted,
+    told: Callable[[Cost], None],
+) -> None:
+    pilot, (first, others) = Pilot(), pilot_of(left)
+    for learns, some in ((True, first), (False, others)):
+        if not some:
+            continue
+        if not learns:
+            told(pilot.cost(others, executor.workers, bench.limits))
+            # The longest first: at the end no worker is left alone with one.
+            some = tuple(sorted(others, key=pilot.seconds, reverse=True))
+        for done in executor(bench, some):
+            _note(done, journals, counted)
+            if learns:
+                pilot.learn(done)
+
+
+def _note(done: Done, journals: Sequence[Journal], counted: _Counted) -> None:
+    journal = journals[done.contestant]
+    if done.measured.trial.key not in journal.done:
+        journal.add(done.measured)
+        counted()
+
+
+def _of_referee(plan: Plan, everyone: Sequence[Contestant], journals: Sequence[Journal]) -> tuple[Measured, ...]:
+    makers = [maker for maker in plan.figures if maker.name == AGREEMENT]
+    if plan.referee is None or plan.referee not in everyone or not makers:
+        return ()
+    measured = journals[everyone.index(plan.referee)].measured()
+    return tuple(measured[trial] for trial in makers[0].trials(plan.effort) if trial in measured)
+
+
+def _result(
+    plan: Plan, contestant: Contestant, run: str, measured: Mapping[Trial, Measured], referee: Sequence[Measured]
+) -> Result:
+    each = false_alarm_of_each()
+    figures: dict[str, Figure] = {}
+    for maker in plan.figures:
+        own = [measured[trial] for trial in maker.trials(plan.effort) if trial in measured]
+        figures[maker.name] = maker.figure(own, contestant, each, referee)
+    outcomes = Counter(one.kind for one in measured.values())
+    reasons = Counter(f"{one.kind}: {one.why}" for one in measured.values() if one.kind not in (MODEL, REFUSED))
+    return Result(
+        contestant=contestant,
+        limits=plan.limits,
+        effort=plan.effort,
+        seed=plan.seed,
+        command=plan.commands.get(contestant.name, ""),
+        source=source_hash(contestant),
+        versions=versions(),
+        machine=machine(),
+        outcomes=dict(sorted(outcomes.items())),
+        reasons=dict(reasons.most_common(REASONS)),
+        seconds=float(np.nansum([one.seconds for one in measured.values()])),
+        figures=figures,
+        run=run,
+    )

@@ -1,0 +1,152 @@
+"""Pieces of a run done by the workers of a Dask scheduler, wherever they are."""
+
+from collections import deque
+from collections.abc import Callable, Iterable, Iterator
+from dataclasses import asdict
+from itertools import islice
+from threading import Event
+from time import monotonic
+from typing import TYPE_CHECKING, Any
+
+from scenarios.bench_trials.cluster_task import DONE, STRANGE, Parcel, task
+from scenarios.bench_trials.measured import Measured
+from scenarios.bench_trials.work import Bench, Done, Piece
+from scenarios.dataset_build.cluster import ADDRESS, MOST_PORTS
+from scenarios.dataset_build.cluster_link import Link, LostError, require_dask
+from scenarios.dataset_build.kinship import kinship
+from scenarios.errors import ScenarioError
+
+if TYPE_CHECKING:
+    from distributed import Client, Future
+
+TOGETHER = 8
+"""Pieces that travel together: the processes of estimators are started once for all of them."""
+
+AHEAD = 2
+"""Tasks per worker that are on their way at a time: one that runs, one that waits beside it."""
+
+LOOK = 2.0
+"""How often it is looked whether workers and scheduler are still there, s."""
+
+GUESS = 1
+"""Workers of a cluster that has not been asked yet."""
+
+
+class Cluster:
+    """Does pieces on the workers of a Dask scheduler.
+
+    What travels there are names and numbers, and the source text of an estimator's module with its hash; records are
+    drawn, and the arm is simulated, by the worker. What comes back is what was measured. No folder is shared. A task
+    whose worker dies is done by another one; one that brings death to worker after worker is parted into its pieces,
+    and a piece that does so alone ends the run with an error that names it.
+
+    Args:
+        address: Of the scheduler, ``"tcp://host:8786"``.
+        patience: How long a scheduler that has gone, or workers that are not there, are waited for, s.
+        said: Told in words what is waited for.
+
+    Attributes:
+        workers: How many there were when they were last counted.
+
+    Raises:
+        ScenarioError: No address, or Dask is not installed.
+    """
+
+    def __init__(self, address: str, patience: float = 300.0, said: Callable[[str], None] = lambda _: None) -> None:
+        match = ADDRESS.fullmatch(address)
+        if match is None or not 1 <= int(match[1]) <= MOST_PORTS:
+            raise ScenarioError(
+                f"cluster {address[:100]!r} given, expected the address of a Dask scheduler as 'dask scheduler' says "
+                "it, such as tcp://127.0.0.1:8786"
+            )
+        require_dask()
+        if not patience >= 0.0:
+            raise ScenarioError(f"patience = {patience} given, expected 0 s or more")
+        self._address, self._patience, self._said = address, patience, said
+        self.workers = GUESS
+
+    @property
+    def here(self) -> bool:
+        """They may be anywhere."""
+        return False
+
+    def __call__(self, bench: Bench, pieces: Iterable[Piece], /) -> Iterator[Done]:
+        """Do pieces; see `Executor`.
+
+        Raises:
+            ScenarioError: No scheduler there, or gone for too long; no workers for too long; workers on which software
+                or an estimator is another; a piece that brings death to its workers.
+        """
+        with Link(self._address, self._patience, self._said) as link:
+            yield from _Run(bench, pieces, link, self._counted).done()
+
+    def _counted(self, workers: int) -> None:
+        self.workers = workers
+
+
+class _Run:
+    """Tasks on their way."""
+
+    def __init__(self, bench: Bench, pieces: Iterable[Piece], link: Link, counted: Callable[[int], None]) -> None:
+        self._parcels = [asdict(Parcel.of(contestant)) for contestant in bench.contestants]
+        self._limits, self._seed = asdict(bench.limits), bench.seed
+        self._pieces, self._link, self._counted = iter(pieces), link, counted
+        self._again: deque[tuple[Piece, ...]] = deque()
+        self._running: dict[Future, tuple[Piece, ...]] = {}
+        self._news = Event()
+
+    def done(self) -> Iterator[Done]:
+        """What was measured, as it comes."""
+        client = self._link.connect()
+        looked, workers = -LOOK, 0
+        while True:
+            if monotonic() - looked >= LOOK:
+                client, workers = self._link.workers(client)
+                self._counted(workers)
+                looked = monotonic()
+            while len(self._running) < AHEAD * workers and (some := self._next()):
+                self._send(client, some)
+            if not self._running and not self._again:
+                return
+            self._news.wait(LOOK)
+            self._news.clear()
+            for future in [one for one in self._running if one.status != "pending"]:
+                yield from self._received(future)
+
+    def _next(self) -> tuple[Piece, ...]:
+        return self._again.popleft() if self._again else tuple(islice(self._pieces, TOGETHER))
+
+    def _send(self, client: "Client", some: tuple[Piece, ...]) -> None:
+        plain = [(piece.problem, piece.draw, [list(one) for one in piece.asked]) for piece in some]
+        future = client.submit(task, self._parcels, self._limits, self._seed, plain, dict(kinship()), pure=False)
+        self._running[future] = some
+        future.add_done_callback(lambda _: self._news.set())
+
+    def _received(self, future: "Future") -> Iterator[Done]:
+        """What has come of a task, or nothing where it has to be sent anew."""
+        some = self._running.pop(future)
+        try:
+            answer: dict[str, Any] | None = self._link.answer(future)
+        except LostError:
+            self._again.append(some)
+            return
+        finally:
+            future.release()
+        if answer is None:
+            self._part(some)
+            return
+        if STRANGE in answer:
+            raise ScenarioError(self._link.strange(answer["worker"], answer[STRANGE]))
+        for contestant, line, wall in answer[DONE]:
+            yield Done(contestant, Measured.from_json(line), wall)
+
+    def _part(self, some: tuple[Piece, ...]) -> None:
+        """A task whose workers died: its pieces one by one."""
+        first = f"{some[0].problem}, record {some[0].draw}"
+        if len(some) == 1:
+            raise ScenarioError(
+                f"{first}: every worker that did it died; its memory may have been too small. What is done is kept: "
+                "the same command, without --cluster or with larger workers, goes on from there"
+            )
+        self._link.said(f"{len(some)} records from {first} on: every worker died; they are done one by one")
+        self._again.extend((piece,) for piece in some)

@@ -1,0 +1,107 @@
+"""Pieces of a run done in this process: a record is drawn, each contestant asked in its sandbox, answers measured."""
+
+from collections.abc import Iterator
+from contextlib import ExitStack
+from dataclasses import replace
+from time import perf_counter
+from types import TracebackType
+
+from scenarios.bench_contract.outcome import Outcome
+from scenarios.bench_contract.sandbox import Sandbox, open_sandbox
+from scenarios.bench_contract.task import Task
+from scenarios.bench_problems.problem import Bound, Problem
+from scenarios.bench_problems.registry import problem as find_problem
+from scenarios.bench_trials.measure import measure
+from scenarios.bench_trials.perfect import perfect
+from scenarios.bench_trials.ruler import Ruler
+from scenarios.bench_trials.simulated import is_twin, use_records
+from scenarios.bench_trials.trial import Trial
+from scenarios.bench_trials.work import Bench, Done, Piece
+from sysid import IOData
+
+PERFECT = "bench:perfect"
+"""Target of the contestant that knows the truth; it runs here, because a sandbox would not let it see it."""
+
+MOST_SEED = 2**31 - 1
+"""Seeds that tasks hand on stay below it: other languages have no larger whole numbers."""
+
+
+class Runner:
+    """Does pieces of a run; sandboxes stay open from one to the next.
+
+    Args:
+        bench: What the pieces share.
+    """
+
+    def __init__(self, bench: Bench) -> None:
+        self._bench = bench
+        self._stack = ExitStack()
+        self._sandboxes: dict[int, Sandbox] = {}
+        self._bounds: dict[tuple[str, str | None], Bound | None] = {}
+
+    def __enter__(self) -> "Runner":
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self._stack.close()
+        self._sandboxes.clear()
+
+    def run(self, piece: Piece) -> Iterator[Done]:
+        """Do a piece.
+
+        Args:
+            piece: Its trials; those in which a contestant cannot be asked are left out.
+
+        Yields:
+            What was measured, for all of a piece at once: the ruler is laid on before the first and after the last.
+        """
+        begun = perf_counter()
+        if self._bench.records is not None and is_twin(piece.problem):
+            use_records(self._bench.records)
+        problem = find_problem(piece.problem)
+        contestants = self._bench.contestants
+        asked = [
+            (number, Trial(piece.problem, piece.draw, ask), task)
+            for ask, number in _in_turn(piece)
+            if (task := problem.task(contestants[number].structure, ask)) is not None
+        ]
+        if not asked:
+            return
+        record = problem.draw(asked[0][1].seed(self._bench.seed))
+        ruler = Ruler(record)
+        ruler.measure()
+        shared = (perf_counter() - begun) / len(asked)
+        outcomes: list[tuple[Outcome, float]] = []
+        for number, trial, task in asked:
+            begun = perf_counter()
+            seed = trial.seed(self._bench.seed)
+            seeded = replace(task, seed=seed % MOST_SEED)
+            outcomes.append((self._ask(number, problem, seeded, record, seed), perf_counter() - begun))
+        ruler.measure()
+        for (number, trial, task), (outcome, wall) in zip(asked, outcomes, strict=True):
+            begun = perf_counter()
+            bound = self._bound(problem, contestants[number].structure)
+            measured = measure(problem, trial, task, bound, record, outcome, ruler_seconds=ruler.seconds)
+            yield Done(number, measured, shared + wall + perf_counter() - begun)
+
+    def _ask(self, number: int, problem: Problem, task: Task, record: IOData, seed: int) -> Outcome:
+        contestant = self._bench.contestants[number]
+        if contestant.target == PERFECT:
+            return perfect(problem, task, seed)  # its error belongs to the record's noise
+        if number not in self._sandboxes:
+            self._sandboxes[number] = self._stack.enter_context(open_sandbox(contestant, self._bench.limits))
+        return self._sandboxes[number].ask(record, task)
+
+    def _bound(self, problem: Problem, structure: str | None) -> Bound | None:
+        key = (problem.name, structure)
+        if key not in self._bounds:
+            self._bounds[key] = problem.bound(structure)
+        return self._bounds[key]
+
+
+def _in_turn(piece: Piece) -> tuple[tuple[str, int], ...]:
+    """What is asked of whom, another one first at every draw: the first finds caches as the record left them."""
+    first = piece.draw % len(piece.asked) if piece.asked else 0
+    return piece.asked[first:] + piece.asked[:first]

@@ -1,0 +1,205 @@
+"""`hmtb verify`: anyone's estimator on the test bench."""
+
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Literal
+
+import tyro
+
+from scenarios.commands.output import output_folder, print_json, print_table, progress, say
+
+if TYPE_CHECKING:
+    from scenarios.bench_run.cost import Cost
+    from scenarios.bench_run.result import Result
+    from scenarios.bench_run.verify import Plan
+    from scenarios.bench_trials.executor import Executor
+
+
+def verify(
+    estimators: Annotated[tuple[str, ...], tyro.conf.Positional, tyro.conf.arg(metavar="ESTIMATOR")] = (),
+    /,
+    *,
+    command: str | None = None,
+    stays: bool = False,
+    name: str = "",
+    structure: Literal["arx", "armax", "oe", "bj", "ss"] | None = None,
+    method: Literal["pem", "least_squares", "instrumental", "subspace", "observer"] | None = None,
+    quick: bool = False,
+    seed: int = 0,
+    out: Path = Path("results"),
+    figures: tuple[str, ...] = (),
+    seconds: float = 30.0,
+    memory_gib: float = 2.0,
+    workers: int | None = None,
+    cluster: str | None = None,
+    patience: float = 300.0,
+    list: bool = False,
+    json: bool = False,
+) -> int:
+    """Put an estimator on the test bench: problems with known truth, ten figures, each with a verdict.
+
+    An estimator is a function that takes a record and what is asked, and returns a model; or a program in any language
+    that reads a file and writes one (docs/your-estimator.md). It runs in a process of its own with limits of time and
+    memory: errors, crashes, hangs, NaN and unstable models are counted and never end the bench.
+
+      hmtb verify my_module:my_estimator --quick           a function of a module in this folder
+      hmtb verify my_file.py:my_estimator --structure oe   of a file; its models are output-error models
+      hmtb verify --command "octave-cli my.m {mat} {task} {model}" --name mine
+      hmtb verify my_module:my_estimator our-oe our-n4sid  beside others, on the same records, at the same time
+      hmtb verify --list                                   the others that there are
+
+    Say which structure and kind of method yours is, and it is measured by what theory says of these; without that it is
+    given the orders of each system in its own structure, and everything is expected of it that can be. The verdicts
+    together fail an estimator that is as good as the Cramér-Rao bound allows in one of 200 runs at most.
+
+    Every trial that is done is kept in OUT/journals. A run that was interrupted or killed is gone on with by the same
+    command; --quick is a part of the full bench, which goes on from it. Where the estimator's file has changed, its
+    trials begin anew.
+
+    Exit code 1: an estimator fails a figure that theory expects it to pass.
+
+    Args:
+        estimators: MODULE:FUNCTION, FILE.py:FUNCTION, or names of --list.
+        command: A program instead; {mat} or {nc} becomes the file of the record, {task} that of what is asked,
+            {model} that of the answer.
+        stays: The program is started once and told of each task on its standard input.
+        name: What your estimator is called in tables and files; by default as its function or program.
+        structure: That of your estimator's models; without it, it takes each that is asked.
+        method: Kind of your estimator's method, for what theory expects.
+        quick: A tenth of the records, and fewer problems: minutes, and wider limits.
+        seed: Of the records.
+        out: Folder for results, one file for each estimator, NAME.json; hmtb leaderboard makes a page of them.
+        figures: Only these.
+        seconds: An answer may take this long, s; then the process is ended, and the trial is a hang.
+        memory_gib: It may use this much memory, GiB.
+        workers: Processes that ask and measure; all processors by default. Nothing but times depends on it.
+        cluster: Address of a Dask scheduler, tcp://HOST:8786, whose workers do the trials, with this package.
+        patience: How long a scheduler that has gone, or workers that are not there, are waited for, s.
+        list: List the estimators that the bench knows, and whether they can be run here.
+        json: Print JSON.
+    """
+    if list:
+        return _listed(json=json)
+    from scenarios.bench_contract.contestant import Limits
+    from scenarios.bench_run.given import Said
+    from scenarios.bench_run.given import estimators as found
+    from scenarios.bench_run.selection import figures_of
+    from scenarios.bench_run.verify import Plan
+    from scenarios.commands.verify_tables import record, show
+    from scenarios.contestants.referee import REFEREE
+
+    given = found(estimators, command, Said(name, structure, method, stays))
+    effort = "quick" if quick else "full"
+    limits = Limits(seconds, round(memory_gib * 2**30))
+    options = _options(quick, seed, figures, seconds, memory_gib)
+    plan = Plan(
+        tuple(given),
+        effort,
+        seed,
+        limits,
+        figures_of(figures),
+        REFEREE,
+        {contestant.name: f"hmtb verify {words}{options}" for contestant, words in given.items()},
+    )
+    executor = _executor(workers, cluster, patience)
+    with output_folder(out) as folder:
+        results = _run(plan, folder, executor)
+    if json:
+        print_json(record(results, out))
+    else:
+        show(results, out)
+    return 0 if all(result.passed for result in results) else 1
+
+
+def _executor(workers: int | None, cluster: str | None, patience: float) -> "Executor":
+    from scenarios.bench_trials.local import Local
+    from scenarios.errors import ScenarioError
+
+    if cluster is None:
+        return Local() if workers is None else Local(workers)
+    if workers is not None:
+        raise ScenarioError("--workers and --cluster given; expected one: the cluster has workers of its own")
+    from scenarios.bench_trials.cluster import Cluster
+
+    return Cluster(cluster, patience=patience, said=_said)
+
+
+def _options(quick: bool, seed: int, figures: Sequence[str], seconds: float, memory_gib: float) -> str:
+    """Options on which a result depends, as the command line has them where they are not the usual ones."""
+    words = ["--quick"] * quick + [f"--seed {seed}"] * (seed != 0)
+    words += [f"--figures {' '.join(figures)}"] * bool(figures)
+    words += [f"--seconds {seconds:g}"] * (seconds != 30.0) + [f"--memory-gib {memory_gib:g}"] * (memory_gib != 2.0)
+    return "".join(f" {word}" for word in words)
+
+
+def _run(plan: "Plan", folder: Path, executor: "Executor") -> "list[Result]":
+    from scenarios.bench_run.verify import JOURNALS, verify
+
+    latest = (0, 0)
+
+    def told(cost: "Cost") -> None:
+        if cost.calls:
+            _said(f"hmtb verify: still to do: {cost}")
+
+    with progress("verify", lines=True) as bar:
+
+        def counted(done: int, total: int) -> None:
+            nonlocal latest
+            latest = (done, total)
+            bar(done, total, "trials")
+
+        try:
+            return verify(plan, folder, executor, progress=counted, said=_said, told=told)
+        except KeyboardInterrupt:
+            done, total = latest
+            raise KeyboardInterrupt(f"{done} of {total} trials kept in {folder / JOURNALS}") from None
+
+
+def _said(line: str) -> None:
+    """A line on stderr; a bar that is there stays below it."""
+    sys.stderr.write(f"{line}\n")
+    sys.stderr.flush()
+
+
+def _listed(*, json: bool) -> int:
+    """Print the estimators that the bench knows."""
+    from scenarios.contestants.registry import ENTRIES, available
+
+    rows = []
+    for name, entry in ENTRIES.items():
+        can_run, why = available(name)
+        one = entry.versioned() if can_run else entry.contestant
+        rows.append((one, can_run, why))
+    if json:
+        entries = {
+            one.name: {
+                "structure": one.structure,
+                "method": one.method,
+                "version": one.version,
+                "settings": one.settings,
+                "available": can_run,
+                "why": why,
+            }
+            for one, can_run, why in rows
+        }
+        print_json({"estimators": entries})
+        return 0
+    print_table(
+        "Estimators that the bench knows",
+        ("", "structure", "method", "here", "settings"),
+        [
+            (
+                one.name,
+                one.structure or "any",
+                one.method or "",
+                one.version or "yes" if can_run else "no",
+                one.settings,
+            )
+            for one, can_run, _ in rows
+        ],
+    )
+    for _, _, why in rows:
+        if why:
+            say(why)
+    return 0

@@ -1,0 +1,174 @@
+"""What `hmtb verify` prints: the figures of each estimator, its failures, and all side by side."""
+
+import math
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+from scenarios.bench_contract.outcome import KINDS, MODEL, REFUSED
+from scenarios.bench_figures.figure import Figure, Part
+from scenarios.bench_run.result import Result
+from scenarios.bench_trials.journal import file_name
+from scenarios.commands.output import print_table, say
+from scenarios.leaderboard.verdict import Verdict, part_verdict, verdict
+
+SHOWN_REASONS = 5
+"""Reasons of failures that are printed; the file has more."""
+
+
+def show(results: Sequence[Result], out: Path) -> None:
+    """Print results.
+
+    Args:
+        results: Of each estimator.
+        out: Folder that they were written to.
+    """
+    for result in results:
+        _show_figures(result)
+        _show_failures(result)
+        say(f"{out / file_name(result.contestant.name)}.json")
+        say("")
+    if len(results) > 1:
+        _show_side_by_side(results)
+    for result in results:
+        say(f"{result.contestant.name}: {_verdict(result)}")
+
+
+def record(results: Sequence[Result], out: Path) -> dict[str, Any]:
+    """Results as JSON: those of one estimator, or of several by name.
+
+    Args:
+        results: Of each estimator.
+        out: Folder that they were written to.
+    """
+    if len(results) == 1:
+        return _entry(results[0], out)
+    first = {"figures": _entry(results[0], out)["figures"]} if results else {}
+    return {
+        **first,
+        "passed": all(result.passed for result in results),
+        "estimators": {result.contestant.name: _entry(result, out) for result in results},
+    }
+
+
+def _entry(result: Result, out: Path) -> dict[str, Any]:
+    return {
+        "figures": {name: _figure(figure) for name, figure in result.figures.items()},
+        "passed": result.passed,
+        "estimator": result.contestant.name,
+        "effort": result.effort,
+        "seed": result.seed,
+        "outcomes": result.outcomes,
+        "reasons": result.reasons,
+        "seconds": result.seconds,
+        "command": result.command,
+        "file": out / f"{file_name(result.contestant.name)}.json",
+    }
+
+
+def _figure(figure: Figure) -> dict[str, Any]:
+    return {
+        "title": figure.title,
+        "value": figure.value,
+        "unit": figure.unit,
+        "expected": figure.expected,
+        "interval": figure.interval,
+        "passed": figure.passed,
+        "verdict": verdict(figure).word,
+        "false_alarm": figure.false_alarm,
+        "why": figure.why,
+        "parts": [
+            {
+                "label": part.label,
+                "value": part.value,
+                "expected": part.expected,
+                "interval": part.interval,
+                "limits": [_end(end) for end in part.limits],
+                "passed": part.passed,
+                "theory": part.theory,
+                "why": part.why,
+                "draws": part.draws,
+            }
+            for part in figure.parts
+        ],
+    }
+
+
+def _end(value: float) -> float | str:
+    """An end of an interval; JSON has no infinity, and null would be one that is not known."""
+    return str(value) if math.isinf(value) else value
+
+
+def _show_figures(result: Result) -> None:
+    own = result.contestant
+    what = ", ".join(part for part in (own.structure or "", own.method or "", own.version) if part)
+    title = f"{own.name}{f' ({what})' if what else ''}: {result.effort} bench, seed {result.seed}"
+    rows = [
+        (
+            figure.title,
+            f"{number(figure.value)} {figure.unit}".strip(),
+            number(figure.expected),
+            interval(figure.interval),
+            f"{verdict(figure).sign} {verdict(figure).word}",
+        )
+        for figure in result.figures.values()
+    ]
+    print_table(title, ("", "value", "expected", "95 % interval", "verdict"), rows)
+    for figure in result.figures.values():
+        worst = _worst(figure)
+        told = f" {worst.label}: {worst.why}." if worst is not None and worst.why else ""
+        if verdict(figure) is not Verdict.PASSES:
+            say(f"{figure.title}: {figure.why}.{told}")
+    say("")
+
+
+def _worst(figure: Figure) -> Part | None:
+    """The part that the reason is of: one that surprises, else one that fails as theory says."""
+    for wanted in (Verdict.FAILS, Verdict.FAILS_AS_THEORY_SAYS):
+        for part in figure.parts:
+            if part_verdict(part) is wanted:
+                return part
+    return None
+
+
+def _show_failures(result: Result) -> None:
+    asked = sum(result.outcomes.values())
+    counted = ", ".join(f"{kind} {count}" for kind, count in result.outcomes.items() if kind != MODEL)
+    say(f"{asked} requests, {result.outcomes.get(MODEL, 0)} answered by a stable model{f'; {counted}' * bool(counted)}")
+    for kind in result.outcomes:
+        if kind not in (MODEL, REFUSED):
+            say(f"  {kind}: {KINDS[kind]}")
+    for reason, count in list(result.reasons.items())[:SHOWN_REASONS]:
+        say(f"  {count} x {reason}")
+
+
+def _show_side_by_side(results: Sequence[Result]) -> None:
+    names = list(dict.fromkeys(name for result in results for name in result.figures))
+    rows = []
+    for name in names:
+        figures = [result.figures.get(name) for result in results]
+        first = next(figure for figure in figures if figure is not None)
+        unit = f", {first.unit}" if first.unit else ""
+        cells = ["" if one is None else f"{number(one.value)} {verdict(one).sign}" for one in figures]
+        rows.append((f"{first.title}{unit}", *cells))
+    failures = [sum(count for kind, count in r.outcomes.items() if kind not in (MODEL, REFUSED)) for r in results]
+    asked = [sum(r.outcomes.values()) for r in results]
+    rows.append(("Failures", *(f"{count} of {all_}" for count, all_ in zip(failures, asked, strict=True))))
+    print_table("Side by side", ("", *(result.contestant.name for result in results)), rows)
+    say("  ".join(f"{one.sign} {one.word}" for one in Verdict))
+    say("")
+
+
+def _verdict(result: Result) -> str:
+    failed = [figure.title for figure in result.figures.values() if figure.passed is False]
+    return f"fails {len(failed)} figures: {', '.join(failed)}" if failed else "fails no figure that it should pass"
+
+
+def number(value: float) -> str:
+    """A number with four digits; a dash for one that there is none of."""
+    return "—" if math.isnan(value) else f"{value:.4g}"
+
+
+def interval(ends: tuple[float, float]) -> str:
+    """An interval in words."""
+    return "—" if math.isnan(ends[0]) or math.isnan(ends[1]) else f"{number(ends[0])} to {number(ends[1])}"
