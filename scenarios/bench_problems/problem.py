@@ -1,7 +1,7 @@
 """What the test bench knows of a problem: records, the truth behind them, and how well it can be known."""
 
 from dataclasses import dataclass
-from typing import Protocol
+from typing import Protocol, runtime_checkable
 
 from scenarios.bench_contract.task import Task
 from sysid import IOData, Polynomials, StateSpace
@@ -66,3 +66,15 @@ class Problem(Protocol):
 
     def bound(self, structure: str | None) -> Bound | None:
         """The bound with the orders of the task; None where no model of the structure is the truth, noise included."""
+
+
+@runtime_checkable
+class Periodic(Protocol):
+    """A problem whose records hold whole periods: they show their response without a model."""
+
+    def nonparametric(self, record: IOData) -> ComplexArray:
+        """Output over input at the problem's frequencies (nf, ny, nu).
+
+        Args:
+            record: One that was drawn from this problem.
+        """

@@ -3,13 +3,20 @@
 import re
 from functools import lru_cache
 
+from scenarios.bench_problems.feedback import FEEDBACK, feedback
 from scenarios.bench_problems.problem import Problem
+from scenarios.bench_problems.published_problems import SINGLE, published_problem
+from scenarios.bench_problems.quiet import DELAYS, ORDERS, quiet
+from scenarios.bench_problems.random_problems import DIFFICULTIES, random_problem
+from scenarios.bench_problems.shared import SHARED, shared
 from scenarios.bench_problems.textbook import TEXTBOOK, textbook
 from scenarios.errors import ScenarioError
 from scenarios.suggest import unknown
 
 FEWEST = 200
 """Samples that a record has at least."""
+
+LISTED = 3
 
 
 @lru_cache(maxsize=256)
@@ -33,9 +40,28 @@ def problem(name: str) -> Problem:
     samples = int(length) if at else None
     if plain in TEXTBOOK:
         return textbook(plain, name, samples)
+    if plain in FEEDBACK:
+        return feedback(plain, name, samples)
+    if plain in SHARED:
+        return shared(plain, name, samples)
+    if plain in SINGLE:
+        return published_problem(plain, name, samples)
+    if found := re.fullmatch(r"quiet-(\d)-(\d)", plain):
+        order, delay = int(found[1]), int(found[2])
+        if order in ORDERS and delay in DELAYS:
+            return quiet(order, delay, name, samples)
+    if found := re.fullmatch(rf"random-({'|'.join(DIFFICULTIES)})-([1-9]\d{{0,3}})", plain):
+        return random_problem(found[1], int(found[2]), name, samples)
     raise ScenarioError(unknown("problem", plain, [entry for family in names().values() for entry in family]))
 
 
 def names() -> dict[str, tuple[str, ...]]:
-    """Synthetic problems by family; of endless families the first few."""
-    return {"textbook": tuple(TEXTBOOK)}
+    """Problems but those of the arm, by family; of random ones the first few of 9999."""
+    return {
+        "textbook": tuple(TEXTBOOK),
+        "quiet": tuple(f"quiet-{order}-{delay}" for order in ORDERS for delay in DELAYS),
+        "published": tuple(SINGLE),
+        "random": tuple(f"random-{name}-{number}" for name in DIFFICULTIES for number in range(1, LISTED + 1)),
+        "feedback": tuple(FEEDBACK),
+        "shared": tuple(SHARED),
+    }
