@@ -5,6 +5,7 @@ Where the task leaves the orders open they are chosen as the toolbox's page tell
 
 from collections.abc import Callable, Mapping
 from functools import partial
+from types import MappingProxyType
 
 import numpy as np
 
@@ -13,6 +14,7 @@ from scenarios.bench_contract.answer import Answer
 from scenarios.bench_contract.task import STRUCTURES, Task
 from scenarios.contestants.estimates import answer_of
 from scenarios.contestants.order_choice import arx_orders, scanned
+from scenarios.contestants.refusals import only_given_orders, only_one_output, only_structure
 from sysid import Estimate, IOData
 
 LEAST_P, P_PER_ORDER = 20, 2
@@ -68,9 +70,8 @@ def okid(data: IOData, task: Task) -> Answer:
 
 def era(data: IOData, task: Task) -> Answer:
     """ERA on the pulse response by least squares on past inputs alone; no model of the noise, no covariance."""
-    _only(task, "ss")
-    if task.chooses:
-        raise NotImplementedError("ERA by itself has no criterion of orders; okid has one")
+    only_structure(task, "ss")
+    only_given_orders(task, "ERA by itself has no criterion; okid has one")
     count = min(PULSES, int(MOST_INPUT_COLUMNS * len(data) / data.nu))
     past = np.lib.stride_tricks.sliding_window_view(data.u, count, axis=0)[:-1, :, ::-1]
     columns = past.transpose(0, 2, 1).reshape(len(past), count * data.nu)
@@ -82,11 +83,22 @@ def era(data: IOData, task: Task) -> Answer:
 
 def pem(data: IOData, task: Task) -> Answer:
     """Whatever is asked, by prediction error; ARX by least squares, which is the same."""
-    return PEM[task.structure](data, task)
+    return answer_of(prediction_error(data, task), task)
 
 
-PEM: dict[str, Callable[[IOData, Task], Answer]] = {"arx": arx, "armax": armax, "oe": oe, "bj": bj, "ss": pem_ss}
-"""Prediction-error estimators by structure."""
+def prediction_error(data: IOData, task: Task) -> Estimate:
+    """The estimate behind `pem`."""
+    if task.structure == "ss":
+        return _state_space(_pem_ss, data, task)
+    return _polynomial(
+        POLYNOMIAL[task.structure], task.structure, data, task, arx_orders if task.structure == "arx" else None
+    )
+
+
+POLYNOMIAL: Mapping[str, Callable[..., Estimate]] = MappingProxyType(
+    {"arx": sysid.arx, "armax": sysid.armax, "oe": sysid.oe, "bj": sysid.bj}
+)
+"""Prediction-error estimators of polynomials, by structure."""
 
 
 def observer_parameters(data: IOData, order: int) -> int:
@@ -115,19 +127,13 @@ def _polynomial(
     task: Task,
     chooses: Callable[[IOData, Task], Mapping[str, int]] | None = None,
 ) -> Estimate:
-    _only(task, structure)
-    if data.ny > 1:
-        raise NotImplementedError(f"{data.ny} outputs given, polynomial methods take one; n4sid and okid take several")
+    only_structure(task, structure)
+    only_one_output(data)
     orders = task.orders or (chooses or partial(scanned, estimator))(data, task)
     return estimator(data, *(orders[name] for name in STRUCTURES[structure]))
 
 
 def _state_space(estimator: Callable[[IOData, int], Estimate], data: IOData, task: Task) -> Estimate:
-    _only(task, "ss")
+    only_structure(task, "ss")
     orders = task.orders or scanned(estimator, data, task)
     return estimator(data, orders["order"])
-
-
-def _only(task: Task, structure: str) -> None:
-    if task.structure != structure:
-        raise NotImplementedError(f"structure {task.structure!r} asked for, this method has {structure!r}")

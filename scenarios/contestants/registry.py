@@ -3,12 +3,14 @@
 from types import MappingProxyType
 
 from scenarios.bench_contract.contestant import Contestant
+from scenarios.contestants.entries_faulty import FAULTY
 from scenarios.contestants.entries_ours import OURS
+from scenarios.contestants.entries_peers import PEERS
 from scenarios.contestants.entry import Entry
 from scenarios.errors import ScenarioError
 from scenarios.suggest import unknown
 
-ENTRIES = MappingProxyType({entry.contestant.name: entry for entry in OURS})
+ENTRIES = MappingProxyType({entry.contestant.name: entry for entry in (*OURS, *PEERS, *FAULTY)})
 """All of them."""
 
 

@@ -1,0 +1,40 @@
+"""nfoursid [https://pypi.org/project/nfoursid]: subspace identification after Verhaegen and Verdult."""
+
+import numpy as np
+import pandas
+from nfoursid.nfoursid import NFourSID
+from scipy.linalg import solve_discrete_are
+
+from scenarios.bench_contract.answer import Answer
+from scenarios.bench_contract.task import Task
+from scenarios.contestants.refusals import only_given_orders, only_structure
+from sysid import IOData, StateSpace
+
+LEAST_ROWS, ROWS_PER_ORDER = 20, 2
+"""Block rows: more than the order, as its documentation asks."""
+
+
+def n4sid(data: IOData, task: Task) -> Answer:
+    """Model of the order asked for; its users read an order off a diagram of eigenvalues."""
+    only_structure(task, "ss")
+    only_given_orders(task, "an order is read off a diagram by eye")
+    return Answer(subspace(data, task.orders["order"]))
+
+
+def subspace(data: IOData, order: int) -> StateSpace:
+    """Model with the Kalman gain that belongs to its covariances, D as it comes out.
+
+    Args:
+        data: The record.
+        order: Number of states.
+    """
+    inputs, outputs = [f"u{j}" for j in range(data.nu)], [f"y{j}" for j in range(data.ny)]
+    table = pandas.DataFrame(np.hstack((data.u, data.y)), columns=inputs + outputs)
+    rows = max(LEAST_ROWS, ROWS_PER_ORDER * order)
+    search = NFourSID(table, output_columns=outputs, input_columns=inputs, num_block_rows=rows)
+    search.subspace_identification()
+    m, noise = search.system_identification(rank=order)
+    R, S, Q = noise[: data.ny, : data.ny], noise[data.ny :, : data.ny], noise[data.ny :, data.ny :]
+    P = solve_discrete_are(m.a.T, m.c.T, Q, R, s=S)
+    K = np.linalg.solve(m.c @ P @ m.c.T + R, m.c @ P @ m.a.T + S.T).T
+    return StateSpace(m.a, m.b, m.c, m.d, K, data.dt)

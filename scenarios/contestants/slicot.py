@@ -1,0 +1,55 @@
+"""SLICOT's subspace identification through ctrlsys [https://pypi.org/project/ctrlsys].
+
+The routes that ask for a Kalman gain are left alone: they return none of use in version 1.1.1.
+"""
+
+import ctrlsys
+import numpy as np
+
+from scenarios.bench_contract.answer import Answer
+from scenarios.bench_contract.task import Task
+from scenarios.contestants.refusals import only_structure
+from sysid import IOData, StateSpace
+
+LEAST_ROWS, ROWS_PER_ORDER = 20, 2
+"""Block rows: more than the order, as its manual asks."""
+
+LARGEST_GAP = -1.0
+"""Tolerance by which it takes the order at the largest gap between logarithms of singular values."""
+
+
+def n4sid(data: IOData, task: Task) -> Answer:
+    """Its N4SID route."""
+    return _answered("N", data, task)
+
+
+def moesp(data: IOData, task: Task) -> Answer:
+    """Its MOESP route, whose B and D are wrong in version 1.1.1 of the wrapper, also of records without noise."""
+    return _answered("M", data, task)
+
+
+def subspace(method: str, data: IOData, order: int | None, most_order: int) -> StateSpace:
+    """Model by a subspace method, D as it comes out, no gain.
+
+    Args:
+        method: `N` or `M`.
+        data: The record.
+        order: Number of states; None for that at the largest gap of the singular values.
+        most_order: The highest order then.
+    """
+    rows, nu, ny = max(LEAST_ROWS, ROWS_PER_ORDER * (order or most_order)), data.nu, data.ny
+    u, y = np.asfortranarray(data.u), np.asfortranarray(data.y)
+    # 'M' in the third place: B and D of the MOESP route the MOESP way; the N4SID route does not look at it.
+    found, factor, *_, failed = ctrlsys.ib01ad(method, "C", "M", "O", "N", "N", rows, nu, ny, u, y, 0.0, LARGEST_GAP)
+    if failed:
+        raise RuntimeError(f"IB01AD ended with INFO = {failed}")
+    n = min(int(found), most_order) if order is None else order
+    A, C, B, D, *_, failed = ctrlsys.ib01bd(method, "A", "N", rows, n, nu, ny, len(u), factor, 0.0)
+    if failed:
+        raise RuntimeError(f"IB01BD ended with INFO = {failed}")
+    return StateSpace(A, B, C, D, None, data.dt)
+
+
+def _answered(method: str, data: IOData, task: Task) -> Answer:
+    only_structure(task, "ss")
+    return Answer(subspace(method, data, task.orders.get("order"), task.most_order))
