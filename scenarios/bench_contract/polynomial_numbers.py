@@ -64,8 +64,8 @@ def _fraction(num: FloatArray, den: FloatArray) -> tuple[FloatArray, FloatArray]
     if len(num) != len(den):
         raise NoModelError(
             "malformed",
-            f"num with {len(num)} and den with {len(den)} coefficients given, expected as many of both, filled up with zeros: "
-            "then powers of z and of 1/z mean the same",
+            f"num with {len(num)} and den with {len(den)} coefficients given, expected as many of both: filled up "
+            "with zeros  powers of z and of 1/z mean the same",
         )
     if den[0] == 0.0:
         raise NoModelError("malformed", "den begins with 0, expected the coefficient of its highest power of z")

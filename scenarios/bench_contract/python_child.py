@@ -21,7 +21,7 @@ from scenarios.bench_contract.outcome import REFUSED
 from scenarios.bench_contract.record_on_wire import requested
 from scenarios.bench_contract.returned import numbers_of
 from scenarios.bench_contract.task import Task
-from scenarios.bench_contract.wire import BEGINNING, pack, unpack, whole
+from scenarios.bench_contract.wire import receive, send, unpack
 from sysid import IOData
 from sysid.arrays import FloatArray
 
@@ -44,23 +44,23 @@ def serve(request: int, reply: int) -> None:
         os.set_inheritable(end, False)
     with contextlib.suppress(OSError, AttributeError):
         ctypes.CDLL(None).prctl(_SUBREAPER, 1, 0, 0, 0)
-    fields, _ = unpack(_received(request))
+    fields, _ = unpack(receive(request))
     sys.argv = [fields["target"]]
     try:
         function = load(fields["target"], Path(fields["home"]))
     # Whatever happens while somebody's module is loaded, SystemExit too.
     except BaseException as error:
-        _send(reply, {"kind": "no_target", "why": _told(error)})
+        send(reply, {"kind": "no_target", "why": _told(error)})
         return
     limit_memory(fields["memory_bytes"])
-    _send(reply, {"kind": "ready"})
-    while message := _received(request):
+    send(reply, {"kind": "ready"})
+    while message := receive(request):
         fields, arrays = unpack(message)
         answer = answered(function, fields, arrays)
         if os.getpid() != this:
             # It forked, and this is the copy.
             os._exit(0)
-        _send(reply, *answer)
+        send(reply, *answer)
 
 
 def load(target: str, home: Path) -> Callable[..., Any]:
@@ -182,23 +182,6 @@ def _told(error: BaseException) -> str:
     # Its text may itself be a function of the estimator's.
     except BaseException:
         return "an error that cannot say what it is"
-
-
-def _received(end: int) -> bytes:
-    """A message; empty where there are no more."""
-    message = bytearray()
-    while (size := whole(message)) is None or len(message) < size:
-        more = os.read(end, (BEGINNING if size is None else size) - len(message))
-        if not more:
-            return b""
-        message += more
-    return bytes(message)
-
-
-def _send(end: int, fields: Mapping[str, Any], arrays: Mapping[str, FloatArray] | None = None) -> None:
-    rest = memoryview(pack(fields, arrays))
-    while rest:
-        rest = rest[os.write(end, rest) :]
 
 
 if __name__ == "__main__":

@@ -5,6 +5,7 @@ from typing import Protocol
 
 from scenarios.bench_contract.contestant import Contestant, Limits
 from scenarios.bench_contract.outcome import Outcome
+from scenarios.bench_contract.program_sandbox import ProgramSandbox
 from scenarios.bench_contract.python_sandbox import PythonSandbox
 from scenarios.bench_contract.task import Task
 from sysid import IOData
@@ -42,4 +43,4 @@ def open_sandbox(contestant: Contestant, limits: Limits) -> Sandbox:
         limits: What it may use for one answer: of a function, memory beyond what it has once its module is loaded; of a
             program, all of it.
     """
-    return PythonSandbox(contestant, limits)
+    return (ProgramSandbox if contestant.program else PythonSandbox)(contestant, limits)

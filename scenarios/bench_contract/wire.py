@@ -1,6 +1,7 @@
 """Messages between the bench and the process of an estimator: a JSON head and raw numbers, nothing that runs."""
 
 import json
+import os
 import struct
 from collections.abc import Mapping
 from math import prod
@@ -19,9 +20,6 @@ MOST_BYTES = 2**28
 """Bytes of the numbers of a message, at most."""
 
 _START = struct.Struct("<4sIQ")
-
-BEGINNING = _START.size
-"""Bytes after which it is known how long a message is."""
 
 
 class WireError(ScenarioError):
@@ -98,3 +96,37 @@ def unpack(message: bytes | bytearray) -> tuple[dict[str, Any], dict[str, FloatA
         arrays[name] = values.astype(np.float64).reshape(shape)
         at += values.nbytes
     return fields, arrays
+
+
+def receive(end: int) -> bytes:
+    """Wait for a message.
+
+    Args:
+        end: Number of a pipe.
+
+    Returns:
+        The message; empty where there are no more.
+
+    Raises:
+        WireError: Something else came.
+    """
+    message = bytearray()
+    while (size := whole(message)) is None or len(message) < size:
+        more = os.read(end, (_START.size if size is None else size) - len(message))
+        if not more:
+            return b""
+        message += more
+    return bytes(message)
+
+
+def send(end: int, fields: Mapping[str, Any], arrays: Mapping[str, FloatArray] | None = None) -> None:
+    """Send a message.
+
+    Args:
+        end: Number of a pipe.
+        fields: As in `pack`.
+        arrays: As in `pack`.
+    """
+    rest = memoryview(pack(fields, arrays))
+    while rest:
+        rest = rest[os.write(end, rest) :]

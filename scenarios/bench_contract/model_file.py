@@ -1,0 +1,104 @@
+"""Files in which programs write their model: JSON, .mat or NetCDF4, numbers alone."""
+
+import json
+import stat
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+
+from scenarios.bench_contract.model_numbers import NAMES
+from scenarios.bench_contract.no_model import NoModelError
+from scenarios.bench_contract.returned import real
+from scenarios.bench_contract.task_files import MODEL_STEM
+from scenarios.dataset_scores.mat_numbers import read_mat_numbers
+from scenarios.datasets.netcdf import read_netcdf
+from scenarios.errors import ScenarioError
+from sysid.arrays import FloatArray
+
+MOST_BYTES = 2**26
+"""No file of a model is larger."""
+
+
+def find_model(folder: Path) -> Path:
+    """The one file of a model in a folder: `model.json`, `model.mat` or `model.nc`.
+
+    Raises:
+        NoModelError: There is none, or several, or something that is no ordinary file of a sensible size.
+    """
+    found = [path for ending in READERS if (path := folder / f"{MODEL_STEM}{ending}").exists() or path.is_symlink()]
+    if len(found) != 1:
+        given = ", ".join(path.name for path in found) or "no file of a model"
+        raise NoModelError("malformed", f"{given} written, expected {{model}} with .json, .mat or .nc behind it")
+    status = found[0].lstat()
+    if not stat.S_ISREG(status.st_mode):
+        raise NoModelError("malformed", f"{found[0].name} is no ordinary file")
+    if status.st_size > MOST_BYTES:
+        raise NoModelError(
+            "malformed", f"{found[0].name} has {status.st_size} bytes, expected a model of at most {MOST_BYTES}"
+        )
+    return found[0]
+
+
+def read_model_numbers(path: Path) -> dict[str, FloatArray]:
+    """The numbers of a model; see `scenarios.bench_contract.model_numbers.NAMES`.
+
+    Args:
+        path: The file.
+
+    Raises:
+        NoModelError: It cannot be read, or holds something else.
+    """
+    try:
+        return READERS[path.suffix](path)
+    except NoModelError:
+        raise
+    except ScenarioError as error:
+        # The folder changes with every request and tells nobody anything.
+        raise NoModelError("malformed", str(error).replace(str(path), path.name)) from error
+
+
+def _read_json(path: Path) -> dict[str, FloatArray]:
+    try:
+        table = json.loads(path.read_text(encoding="utf-8"))
+    except (OSError, ValueError, RecursionError) as error:
+        raise NoModelError("malformed", f"cannot read {path.name}: {error}") from error
+    if not isinstance(table, dict):
+        raise NoModelError("malformed", f"{path.name} holds no JSON object, expected dt and a model by names")
+    unknown = sorted(table.keys() - set(NAMES))
+    if unknown:
+        raise NoModelError(
+            "malformed", f"{path.name}: unknown {unknown[0][:50]!r}, expected some of {', '.join(NAMES)}"
+        )
+    return {name: _json_numbers(name, value) for name, value in table.items() if value is not None}
+
+
+def _json_numbers(name: str, value: object) -> FloatArray:
+    """Numbers of JSON; null within them is NaN, as JSON cannot say that."""
+    if isinstance(value, list):
+        value = _nan_for_null(value)
+    return real(name, value) if not (isinstance(value, list) and not value) else np.zeros(0)
+
+
+def _nan_for_null(value: list[object]) -> list[object]:
+    return [_nan_for_null(x) if isinstance(x, list) else (float("nan") if x is None else x) for x in value]
+
+
+def _read_mat(path: Path) -> dict[str, FloatArray]:
+    return {name: real(name, values) for name, values in read_mat_numbers(path, NAMES).items()}
+
+
+def _read_netcdf(path: Path) -> dict[str, FloatArray]:
+    contents = read_netcdf(path, only=NAMES)
+    found = {name: variable.values for name, variable in contents.variables.items()}
+    if "dt" in contents.attributes:
+        found["dt"] = np.asarray(contents.attributes["dt"])
+    return {name: real(name, values) for name, values in found.items()}
+
+
+READERS: dict[str, Callable[[Path], dict[str, FloatArray]]] = {
+    ".json": _read_json,
+    ".mat": _read_mat,
+    ".nc": _read_netcdf,
+}
+"""Readers by the ending of the file."""
