@@ -22,7 +22,7 @@ FEEDBACK = {
 
 
 def feedback(plain: str, name: str, samples: int | None) -> LinearProblem:
-    """u = r - 0.4 y with a binary r, every bit held for two samples.
+    """Input u = r - 0.4 y with a binary r, every bit held for two samples.
 
     Which estimators are biased: all that take the input as independent of the noise (output error, instruments of the
     input, spectra, open-loop subspace methods), and those whose noise model is wrong. Which are not: prediction-error

@@ -116,11 +116,11 @@ class LinearProblem(Locked):
             seed: Of the record.
         """
         bound, embedded = self.bound(structure), self.embedded(structure)
-        if bound is None or embedded is None:
+        if bound is None or embedded is None or embedded.polynomials is None:
             raise ScenarioError(f"{self.name} is no {structure} model: nothing is efficient there")
         e = self._noise(seed)
         orders = layout(structure, embedded.orders, self.polynomials.nu)
-        rows = regressors(bound.polynomials, orders, self.respond(self.reference, e))[BURN_IN:]
+        rows = regressors(embedded.polynomials, orders, self.respond(self.reference, e))[BURN_IN:]
         return bound.parameters + bound.covariance @ (rows.T @ e[BURN_IN:]) / self.variance
 
     def realise(self, structure: str, theta: FloatArray) -> tuple[StateSpace, Polynomials]:

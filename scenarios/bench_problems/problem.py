@@ -13,8 +13,8 @@ class Bound(Locked):
     """The Cramér-Rao bound of a structure on a problem: covariance of the best unbiased estimate from one record.
 
     Attributes:
-        polynomials: The truth in the structure.
-        parameters: Its parameters in the sequence A, B, C, D, F (p,).
+        polynomials: The truth in the structure; of `ss` with one output as ARMAX of its order, with several None.
+        parameters: Its parameters in the sequence A, B, C, D, F, or local coordinates where there are none (p,).
         covariance: Of them (p, p).
         frequencies: (nf,), Hz.
         response: From input to output (nf, ny, nu).
@@ -24,7 +24,7 @@ class Bound(Locked):
         bandwidth_deviation: Standard deviation of its logarithm (ny, nu).
     """
 
-    polynomials: Polynomials
+    polynomials: Polynomials | None
     parameters: FloatArray
     covariance: FloatArray
     frequencies: FloatArray

@@ -12,7 +12,7 @@ from scenarios.bench_problems.regressors import response_derivatives
 from scenarios.bench_problems.textbook import DT, binary_sequence, noise_variance
 from scenarios.errors import ScenarioError
 from sysid import Polynomials
-from sysid.arrays import ComplexArray
+from sysid.arrays import ComplexArray, FloatArray
 from sysid.delta_method import standard_directions
 from sysid.polynomials import is_stable
 
@@ -93,16 +93,20 @@ def random_problem(difficulty: str, number: int, name: str, samples: int | None)
 
 
 def _system(rng: np.random.Generator, wanted: Difficulty, order: int, structure: str) -> Polynomials:
-    poles = np.poly(_roots(rng, order, wanted.modulus, wanted.damping)).real
+    poles = _monic(_roots(rng, order, wanted.modulus, wanted.damping))
     delay = int(rng.integers(1, wanted.delay + 1))
     b = rng.standard_normal(int(rng.integers(1, order + 1)))
     b = np.concatenate((np.zeros(delay), b * poles.sum() / b.sum()))
-    noise = [np.poly(_roots(rng, 2, (0.2, 0.8), 0.1)).real for _ in range(2)]
+    noise = [_monic(_roots(rng, 2, (0.2, 0.8), 0.1)) for _ in range(2)]
     if structure == "oe":
         return Polynomials(B=b, F=poles)
     if structure == "armax":
-        return Polynomials(A=poles, B=b, C=np.poly(_roots(rng, order, (0.2, 0.8), 0.1)).real)
+        return Polynomials(A=poles, B=b, C=_monic(_roots(rng, order, (0.2, 0.8), 0.1)))
     return Polynomials(B=b, C=noise[0], D=noise[1], F=poles)
+
+
+def _monic(roots: ComplexArray) -> FloatArray:
+    return np.atleast_1d(np.asarray(np.poly(roots).real, dtype=np.float64))
 
 
 def _roots(rng: np.random.Generator, count: int, modulus: tuple[float, float], damping: float) -> ComplexArray:

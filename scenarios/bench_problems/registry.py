@@ -4,6 +4,7 @@ import re
 from functools import lru_cache
 
 from scenarios.bench_problems.feedback import FEEDBACK, feedback
+from scenarios.bench_problems.mimo import MIMO, mimo
 from scenarios.bench_problems.problem import Problem
 from scenarios.bench_problems.published_problems import SINGLE, published_problem
 from scenarios.bench_problems.quiet import DELAYS, ORDERS, quiet
@@ -44,6 +45,8 @@ def problem(name: str) -> Problem:
         return feedback(plain, name, samples)
     if plain in SHARED:
         return shared(plain, name, samples)
+    if plain in MIMO:
+        return mimo(plain, name, samples)
     if plain in SINGLE:
         return published_problem(plain, name, samples)
     if found := re.fullmatch(r"quiet-(\d)-(\d)", plain):
@@ -64,4 +67,5 @@ def names() -> dict[str, tuple[str, ...]]:
         "random": tuple(f"random-{name}-{number}" for name in DIFFICULTIES for number in range(1, LISTED + 1)),
         "feedback": tuple(FEEDBACK),
         "shared": tuple(SHARED),
+        "mimo": tuple(MIMO),
     }
