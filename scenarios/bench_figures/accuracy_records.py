@@ -17,6 +17,8 @@ FULL = ("p1", *QUICK, "mimo", "published-4.7", "random-easy-1", "random-medium-1
 RECORDS = 100
 """Of each problem by the quick effort."""
 
+NO_RECORD = "no verdict: no record was run"
+
 
 def problems_of(effort: str) -> tuple[str, ...]:
     """Names of the problems of an effort.

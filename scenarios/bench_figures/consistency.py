@@ -7,7 +7,7 @@ from functools import lru_cache
 import numpy as np
 
 from scenarios.bench_contract.contestant import Contestant
-from scenarios.bench_figures.accuracy_records import by_problem, enough
+from scenarios.bench_figures.accuracy_records import NO_RECORD, by_problem, enough
 from scenarios.bench_figures.figure import DRAWS, Figure, Part
 from scenarios.bench_figures.perfect_mean import limits_of_mean
 from scenarios.bench_figures.perfect_records import CHUNK, SEED, SINGLES, bound_for, parts_of_perfect
@@ -78,7 +78,7 @@ class Consistency:
             self.name,
             self.title,
             "log error / log samples",
-            parts or [unjudged("all", "no verdict: no record was run")],
+            parts or [unjudged("all", NO_RECORD)],
             budget,
             "slope of log root mean square error of the response over log number of samples; flatter than chance "
             f"allows a perfect estimator, and {SLACK} more, fails",

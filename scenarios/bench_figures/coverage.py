@@ -6,10 +6,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from scenarios.bench_contract.contestant import Contestant
-from scenarios.bench_figures.accuracy_records import QUICK, accuracy_trials, by_problem
+from scenarios.bench_figures.accuracy_records import NO_RECORD, QUICK, accuracy_trials, by_problem
 from scenarios.bench_figures.claimed_errors import claimed_records
 from scenarios.bench_figures.figure import Figure, Part
-from scenarios.bench_figures.part_of_mean import TOGETHER, Judgement, Values, part_of_mean, part_together
+from scenarios.bench_figures.part_of_mean import TOGETHER, Judgement, Values, part_of_mean, parts_together
 from scenarios.bench_figures.perfect_records import (
     bandwidth_covered,
     bound_for,
@@ -18,7 +18,7 @@ from scenarios.bench_figures.perfect_records import (
 )
 from scenarios.bench_figures.response_statistics import covered
 from scenarios.bench_figures.theory import Expectation, expectation
-from scenarios.bench_figures.worst_part import figure_of_parts
+from scenarios.bench_figures.worst_part import figure_of_parts, unjudged
 from scenarios.bench_trials.measured import Measured
 from scenarios.bench_trials.trial import Trial
 from sysid.arrays import FloatArray
@@ -63,13 +63,12 @@ class Coverage:
                 for name, (good, run) in groups.items()
             ]
             parts += [part_of_mean(values, JUDGED, share) for values in given]
-            together = part_together(f"{TOGETHER} {kind}", given, JUDGED, share)
-            parts += [together] if together else []
+            parts += parts_together(f"{TOGETHER} {kind}", given, JUDGED, share)
         return figure_of_parts(
             self.name,
             self.title,
             "share of intervals",
-            parts,
+            parts or [unjudged("all", NO_RECORD)],
             budget,
             "share of 95 % intervals that hold the truth, within what chance allows a perfect estimator and one "
             "percentage point of it",

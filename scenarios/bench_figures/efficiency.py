@@ -6,13 +6,13 @@ from dataclasses import dataclass
 import numpy as np
 
 from scenarios.bench_contract.contestant import Contestant
-from scenarios.bench_figures.accuracy_records import QUICK, accuracy_trials, by_problem
+from scenarios.bench_figures.accuracy_records import NO_RECORD, QUICK, accuracy_trials, by_problem
 from scenarios.bench_figures.figure import Figure
-from scenarios.bench_figures.part_of_mean import TOGETHER, Judgement, Values, part_of_mean, part_together
+from scenarios.bench_figures.part_of_mean import TOGETHER, Judgement, Values, part_of_mean, parts_together
 from scenarios.bench_figures.perfect_records import bound_for, single_records
 from scenarios.bench_figures.response_statistics import free_parts, parts_of, power
 from scenarios.bench_figures.theory import expectation
-from scenarios.bench_figures.worst_part import figure_of_parts
+from scenarios.bench_figures.worst_part import figure_of_parts, unjudged
 from scenarios.bench_problems.bound import response_covariance
 from scenarios.bench_trials.measured import Measured
 from scenarios.bench_trials.trial import Trial
@@ -55,12 +55,12 @@ class Efficiency:
         budget = false_alarm * self.verdicts()
         share = budget / (len(given) + 1)
         parts = [part_of_mean(values, JUDGED, share) for values in given]
-        together = part_together(TOGETHER, given, JUDGED, share)
+        together = parts_together(TOGETHER, given, JUDGED, share)
         return figure_of_parts(
             self.name,
             self.title,
             "variance / bound",
-            [*parts, together] if together else parts,
+            [*parts, *together] or [unjudged("all", NO_RECORD)],
             budget,
             "mean square error of the response over the Cramér-Rao variance, frequency by frequency, averaged; "
             "more than 1.05 times what chance allows a perfect estimator fails",

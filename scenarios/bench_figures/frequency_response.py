@@ -2,20 +2,21 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import lru_cache
 from typing import Any
 
 import numpy as np
 
 from scenarios.bench_contract.contestant import Contestant
-from scenarios.bench_figures.accuracy_records import QUICK, accuracy_trials, by_problem, enough
+from scenarios.bench_figures.accuracy_records import NO_RECORD, QUICK, accuracy_trials, by_problem, enough
 from scenarios.bench_figures.claimed_errors import NOT_CLAIMED, by_claim, claims
 from scenarios.bench_figures.figure import Figure, Part
-from scenarios.bench_figures.part_of_mean import TOGETHER, Judgement, Values, part_of_mean, part_together
+from scenarios.bench_figures.part_of_mean import TOGETHER, Judgement, Values, part_of_mean, parts_together
 from scenarios.bench_figures.perfect_mean import limits_of_moments
 from scenarios.bench_figures.perfect_records import bound_for, single_records
 from scenarios.bench_figures.response_statistics import free_parts, power, power_by_frequency
 from scenarios.bench_figures.theory import Expectation, expectation
-from scenarios.bench_figures.worst_part import excess, figure_of_parts
+from scenarios.bench_figures.worst_part import excess, figure_of_parts, unjudged
 from scenarios.bench_problems.bound import response_covariance
 from scenarios.bench_problems.registry import problem
 from scenarios.bench_trials.measured import Measured
@@ -65,15 +66,14 @@ class FrequencyResponse:
             parts.append(_root(part_of_mean(given[-1], JUDGED, share)))
             if enough(len(ratios), run):
                 parts.append(_root(_worst_frequency(np.concatenate(ratios), name, structure, theory, share)))
-        together = part_together(TOGETHER, given, JUDGED, share)
-        parts += [_root(together)] if together else []
+        parts += [_root(part) for part in parts_together(TOGETHER, given, JUDGED, share)]
         curves = {name: _curves(good, name, structure) for name, (good, _) in groups.items() if good}
         told = ", ".join(f"{curve['relative_error_percent']:.3g} % on {name}" for name, curve in curves.items())
         return figure_of_parts(
             self.name,
             self.title,
             "claimed standard deviations",
-            parts,
+            parts or [unjudged("all", NO_RECORD)],
             budget,
             "root mean square error of the response in claimed standard deviations, within what chance allows a "
             f"perfect estimator and 5 % of the variance; relative to the response it is {told or 'not known'}",
@@ -88,38 +88,56 @@ def _worst_frequency(
     bound = bound_for(name, structure)
     if bound is None:
         raise AssertionError(f"{name}: errors in claimed deviations without a bound")
+    low, high = limits_by_frequency(name, structure, len(ratios), false_alarm)
+    parts = []
+    for k, i, j in np.argwhere(np.isfinite(low)):
+        limits = JUDGED.widened(float(low[k, i, j]), float(high[k, i, j]))
+        values = ratios[:, k, i, j]
+        parts.append(
+            Part(
+                label=f"{name} at {bound.frequencies[k]:.3g} Hz",
+                value=float(np.mean(values)),
+                expected=1.0,
+                interval=JUDGED.interval(values),
+                limits=limits,
+                passed=bool(limits[0] <= np.mean(values) <= limits[1]),
+                theory=theory.passes,
+                why=theory.why,
+                draws=len(values),
+            )
+        )
+    return max(parts, key=lambda part: (np.isinf(part.value), excess(part)))
+
+
+@lru_cache(maxsize=256)
+def limits_by_frequency(
+    name: str, structure: str | None, draws: int, false_alarm: float
+) -> tuple[FloatArray, FloatArray]:
+    """Limits of the mean of |error|^2 over its variance at each frequency (nf, ny, nu), without slack.
+
+    Args:
+        name: Of a problem with a bound.
+        structure: Of the contestant.
+        draws: Records.
+        false_alarm: Probability that a perfect estimator's mean lies outside at any frequency, at most.
+
+    Returns:
+        Lower and upper limits, NaN where the response cannot be wrong.
+    """
+    bound = bound_for(name, structure)
+    if bound is None:
+        raise AssertionError(f"{name}: limits without a bound")
     covariance = response_covariance(bound)
     free = free_parts(covariance)
-    places = np.argwhere(free.any(axis=-1))
-    n = len(ratios)
-    worst: Part | None = None
+    low, high = np.full(bound.response.shape, np.nan), np.full(bound.response.shape, np.nan)
+    places = [tuple(place) for place in np.argwhere(free.any(axis=-1))]
     for place in places:
-        k, i, j = (int(index) for index in place)
-        kept = covariance[k, i, j] * np.outer(free[k, i, j], free[k, i, j])
+        kept = covariance[place] * np.outer(free[place], free[place])
+        # |error|^2 is a sum of squares of independent Gaussian variables with these shares of its mean
         shares = np.linalg.eigvalsh(kept) / np.trace(kept)
-        # a sum of squares of independent Gaussian variables with these variances
-        low, high = limits_of_moments(
-            1.0, 2.0 * float(np.sum(shares**2)) / n, 8.0 * float(np.sum(shares**3)) / n**2, false_alarm / len(places)
-        )
-        limits = (low / JUDGED.ratio, high * JUDGED.ratio)
-        values = ratios[:, k, i, j]
-        value = float(np.mean(values))
-        part = Part(
-            label=f"{name} at {bound.frequencies[k]:.3g} Hz",
-            value=value,
-            expected=1.0,
-            interval=JUDGED.interval(values),
-            limits=limits,
-            passed=limits[0] <= value <= limits[1],
-            theory=theory.passes,
-            why=theory.why,
-            draws=n,
-        )
-        if worst is None or excess(part) > excess(worst):
-            worst = part
-    if worst is None:
-        raise AssertionError(f"{name}: a response that cannot be wrong")
-    return worst
+        variance, third = 2.0 * float(np.sum(shares**2)), 8.0 * float(np.sum(shares**3))
+        low[place], high[place] = limits_of_moments(1.0, variance / draws, third / draws**2, false_alarm / len(places))
+    return low, high
 
 
 def _root(part: Part) -> Part:

@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from scenarios.bench_contract.contestant import Contestant
-from scenarios.bench_figures.accuracy_records import by_problem
+from scenarios.bench_figures.accuracy_records import NO_RECORD, by_problem
 from scenarios.bench_figures.figure import DRAWS, Figure, Part
 from scenarios.bench_figures.theory import expectation
 from scenarios.bench_figures.worst_part import figure_of_parts, unjudged
@@ -51,7 +51,7 @@ class NoiseFreeRecovery:
         del false_alarm, referee
         parts = [
             _part(name, good, run, contestant, self.name) for name, (good, run) in by_problem(measured).items()
-        ] or [unjudged("all", "no verdict: no record was run")]
+        ] or [unjudged("all", NO_RECORD)]
         judged = [part for part in parts if part.passed is not None]
         table = [
             [next((part.value for part in parts if part.label == f"quiet-{order}-{delay}"), None) for delay in DELAYS]

@@ -8,14 +8,14 @@ import numpy as np
 from scipy.stats import chi2, ks_2samp, kstest
 
 from scenarios.bench_contract.contestant import Contestant
-from scenarios.bench_figures.accuracy_records import QUICK, accuracy_trials, by_problem, enough
+from scenarios.bench_figures.accuracy_records import NO_RECORD, QUICK, accuracy_trials, by_problem, enough
 from scenarios.bench_figures.claimed_errors import NOT_CLAIMED, claimed_records
 from scenarios.bench_figures.figure import Figure
-from scenarios.bench_figures.part_of_mean import TOGETHER, Judgement, Values, part_of_mean, part_together
+from scenarios.bench_figures.part_of_mean import TOGETHER, Judgement, Values, part_of_mean, parts_together
 from scenarios.bench_figures.perfect_records import SINGLES, single_records
 from scenarios.bench_figures.response_statistics import normalised
 from scenarios.bench_figures.theory import expectation
-from scenarios.bench_figures.worst_part import figure_of_parts
+from scenarios.bench_figures.worst_part import figure_of_parts, unjudged
 from scenarios.bench_trials.measured import Measured
 from scenarios.bench_trials.trial import Trial
 from sysid.arrays import FloatArray
@@ -65,12 +65,12 @@ class NormalisedError:
         budget = false_alarm * self.verdicts()
         share = budget / (len(given) + 1)
         parts = [part_of_mean(values, JUDGED, share) for values in given]
-        together = part_together(TOGETHER, given, JUDGED, share)
+        together = parts_together(TOGETHER, given, JUDGED, share)
         return figure_of_parts(
             self.name,
             self.title,
             "error' covariance^-1 error / degrees of freedom",
-            [*parts, together] if together else parts,
+            [*parts, *together] or [unjudged("all", NO_RECORD)],
             budget,
             "mean of the squared error in claimed standard deviations, within what chance allows a perfect estimator "
             "and 5 % of it; the whole distribution is told, not judged",

@@ -58,7 +58,10 @@ class Judgement:
 
     def limits(self, singles: Sequence[FloatArray], draws: Sequence[int], false_alarm: float) -> tuple[float, float]:
         """Limits for the mean over the records of several problems, the slack included."""
-        low, high = limits_of_pooled_mean(singles, draws, false_alarm, low=self.low, high=self.high)
+        return self.widened(*limits_of_pooled_mean(singles, draws, false_alarm, low=self.low, high=self.high))
+
+    def widened(self, low: float, high: float) -> tuple[float, float]:
+        """Limits with the slack."""
         return (
             max(low / self.ratio - self.points, self.within[0]),
             min(high * self.ratio + self.points, self.within[1]),
@@ -92,20 +95,20 @@ def part_of_mean(given: Values, judgement: Judgement, false_alarm: float) -> Par
     return _part(given.label, given.values, judgement, limits, judged, given.theory.passes, reason)
 
 
-def part_together(label: str, given: Sequence[Values], judgement: Judgement, false_alarm: float) -> Part | None:
+def parts_together(label: str, given: Sequence[Values], judgement: Judgement, false_alarm: float) -> list[Part]:
     """The mean over the records of all problems on which theory expects the estimator to pass.
 
     Returns:
-        The part; None where there are fewer than two such problems.
+        The part; none where there are fewer than two such problems.
     """
     chosen = [g for g in given if g.theory.passes and g.single is not None and enough(len(g.values), g.run)]
     if len(chosen) < 2:
-        return None
+        return []
     singles = [g.single for g in chosen if g.single is not None]
     limits = judgement.limits(singles, [len(g.values) for g in chosen], false_alarm)
     values = np.concatenate([g.values for g in chosen])
     reason = f"all records of {', '.join(g.label.split()[0] for g in chosen)}"
-    return _part(label, values, judgement, limits, True, True, reason)
+    return [_part(label, values, judgement, limits, True, True, reason)]
 
 
 def _part(

@@ -125,9 +125,9 @@ def _wrong(response: ComplexArray, frequencies: np.ndarray, dt: float, fault: Fa
 
 
 def _parameters(bound: Bound, fault: Fault, scale: float, rng: np.random.Generator) -> tuple[float, int, int]:
-    """Normalised error, covered and number of the parameters; none where a delay makes them others than the truth's."""
+    """Normalised error, covered and number of the parameters; none of a state space, nor of a model with a delay."""
     p = len(bound.parameters)
-    if fault.delay:
+    if fault.delay or bound.polynomials is None:
         return (float("nan"), -1, p)
     directions = standard_directions(bound.covariance)
     errors = directions @ rng.standard_normal(p) * np.sqrt(fault.variance)

@@ -78,8 +78,10 @@ INSTRUMENTS = Limitation(
     "efficient [Soderstrom1989, ch. 8]",
 )
 INSTRUMENTS_COLOURED = Limitation(
-    ("efficiency", TESTS),
-    INSTRUMENTS.why + "; its residuals are those of A y - B u and need not be white",
+    ("efficiency", *CLAIMS, TESTS),
+    "instruments built of the input are consistent whatever the disturbance; they are efficient, and their covariance "
+    "is right, only where the autoregression that filters the data is that of A y - B u, which then is not white "
+    "[Soderstrom1989, ch. 8; Ljung1999, sec. 15.3]",
 )
 SUBSPACE = Limitation(
     ("efficiency",),
