@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -13,12 +14,18 @@ from scenarios.bench_figures.perfect_records import bound_for
 from scenarios.bench_figures.theory import expectation
 from scenarios.bench_figures.worst_part import figure_of_parts, unjudged
 from scenarios.bench_problems.problem import Bound
+from scenarios.bench_problems.registry import problem
+from scenarios.bench_problems.shared import SharedAlone
 from scenarios.bench_trials.measured import Measured
 from scenarios.bench_trials.trial import Trial
-from sysid.arrays import FloatArray
+from sysid.arrays import ComplexArray, FloatArray
 
-PROBLEMS = ("feedback", "shared")
+PROBLEMS = ("feedback", "feedback-arx", "shared")
 RECORDS = 40
+ALONE = "shared-alone"
+"""One of two inputs that share their waveform: what everyone finds there is the sum of both paths, and is told."""
+
+RECORDS_ALONE = 20
 DIRECTIONS = 4
 """In which the mean error is looked for: those in which the record says least of the response, by the bound."""
 
@@ -43,7 +50,8 @@ class Bias:
 
     def trials(self, effort: str) -> tuple[Trial, ...]:
         """Records in closed loop, and with a shared waveform."""
-        return tuple(Trial(name, draw) for name in PROBLEMS for draw in range(RECORDS * DRAWS[effort]))
+        counts = {**dict.fromkeys(PROBLEMS, RECORDS), ALONE: RECORDS_ALONE}
+        return tuple(Trial(name, draw) for name, count in counts.items() for draw in range(count * DRAWS[effort]))
 
     def verdicts(self) -> int:
         """One per problem."""
@@ -60,8 +68,10 @@ class Bias:
             part, curve = _part(name, asked, contestant, false_alarm)
             parts.append(part)
             curves[name] = curve
-        worst = {name: curve["percent"] for name, curve in curves.items() if curve}
-        told = ", ".join(f"{percent:.2g} % on {name}" for name, percent in worst.items())
+        alone = [m for m in measured if m.trial.problem == ALONE and m.trial.ask == "fit"]
+        if alone:
+            parts.append(_alone(alone, contestant))
+        told = ", ".join(f"{curve['percent']:.2g} % on {name}" for name, curve in curves.items() if curve)
         return figure_of_parts(
             self.name,
             self.title,
@@ -76,7 +86,7 @@ class Bias:
 
 def _part(
     name: str, asked: Sequence[Measured], contestant: Contestant, false_alarm: float
-) -> tuple[Part, dict[str, object]]:
+) -> tuple[Part, dict[str, Any]]:
     bound = bound_for(name, contestant.structure)
     if bound is None:
         return unjudged(name, "no bound is known, which says where to look"), {}
@@ -86,12 +96,11 @@ def _part(
     if not asked or 2 * len(found) < len(asked) or len(found) < 2 * axes.shape[1] + 3:
         return unjudged(name, f"{len(found)} of {len(asked)} records gave a model: too few", len(found)), {}
     errors = np.array(found) - bound.response
-    flat = np.stack((errors.real, errors.imag), axis=-1).reshape(len(found), -1)
-    judged = mean_error(flat @ axes, false_alarm, ALLOWED)
+    judged = mean_error(_flat(errors) @ axes, false_alarm, ALLOWED)
     theory = expectation(contestant, name, "bias")
     mean = errors.mean(axis=0)
     size = np.sqrt(np.mean(np.abs(bound.response) ** 2, axis=0))
-    curve: dict[str, object] = {
+    curve: dict[str, Any] = {
         "percent": float(np.max(100.0 * np.abs(mean) / size)),
         "frequencies": bound.frequencies.tolist(),
         "mean_error": np.abs(mean).reshape(len(mean), -1).T.tolist(),
@@ -109,6 +118,42 @@ def _part(
         draws=len(found),
     )
     return part, curve
+
+
+def _alone(asked: Sequence[Measured], contestant: Contestant) -> Part:
+    """What an estimator finds that is not given the other input, beside what it must find."""
+    found = problem(ALONE)
+    own = found.first.bound(contestant.structure) if isinstance(found, SharedAlone) else None
+    own = found.first.bound(None) if isinstance(found, SharedAlone) and own is None else own
+    if not isinstance(found, SharedAlone) or own is None:
+        return unjudged(ALONE, "no bias is predicted")
+    axes = directions(own)
+    responses = [m.response for m in asked if m.kind == MODEL and m.response is not None]
+    responses = [response for response in responses if response.shape == own.response.shape]
+    if len(responses) < 2 * axes.shape[1] + 3:
+        return unjudged(ALONE, f"{len(responses)} of {len(asked)} records gave a model: too few", len(responses))
+    errors = np.array(responses) - own.response
+    predicted = found.expected_bias()
+    judged = mean_error(_flat(errors) @ axes, 0.5)
+    shifted = mean_error(_flat(errors - errors.mean(axis=0) + predicted) @ axes, 0.5)
+    scale = float(np.sqrt(np.mean(np.abs(own.response) ** 2)))
+    size, expected = (100.0 * float(np.sqrt(np.mean(np.abs(b) ** 2))) / scale for b in (errors.mean(axis=0), predicted))
+    return Part(
+        label=ALONE,
+        value=judged.size,
+        expected=shifted.size,
+        interval=judged.interval,
+        limits=(-np.inf, np.inf),
+        passed=None,
+        theory=False,
+        why=f"told, not judged: without the other input the response is {size:.3g} % off, by theory {expected:.3g} %",
+        draws=len(responses),
+    )
+
+
+def _flat(errors: ComplexArray) -> FloatArray:
+    """Real and imaginary parts side by side (records, nf ny nu 2)."""
+    return np.stack((errors.real, errors.imag), axis=-1).reshape(len(errors), -1)
 
 
 def directions(bound: Bound) -> FloatArray:
