@@ -70,7 +70,9 @@ class Journal:
         self.close()
 
     def close(self) -> None:
-        """Let others at it."""
+        """Let others at it; one in which nothing is done is removed."""
+        if not self.done:
+            self.path.unlink(missing_ok=True)
         self._stream.close()
 
     def add(self, measured: Measured) -> None:

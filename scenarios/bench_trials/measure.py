@@ -3,14 +3,14 @@
 import warnings
 
 import numpy as np
-from scipy.linalg import LinAlgError, cho_factor, cho_solve
+from scipy.linalg import LinAlgError, LinAlgWarning, cho_factor, cho_solve
 
 from scenarios.bench_contract.answer import Answer
 from scenarios.bench_contract.claims import known_parameters, response_and_interval
 from scenarios.bench_contract.no_model import NoModelError
 from scenarios.bench_contract.outcome import MODEL, Outcome
 from scenarios.bench_contract.task import Task
-from scenarios.bench_problems.problem import Bound, Problem
+from scenarios.bench_problems.problem import Bound, Periodic, Problem
 from scenarios.bench_trials.measured import Measured
 from scenarios.bench_trials.trial import Trial
 from sysid import Estimate, IOData, StateSpace, SysidError, SysidWarning, resid
@@ -54,8 +54,10 @@ def measure(
     if outcome.kind != MODEL or answer is None:
         return failed(outcome.kind, outcome.why)
     with warnings.catch_warnings(), np.errstate(all="ignore"):
-        # Of a bandwidth that is hardly known, or a predictor that is not stable: the numbers tell it.
+        # Of a bandwidth that is hardly known, a predictor that is not stable, poles close to the unit circle: the
+        # numbers tell it.
         warnings.simplefilter("ignore", SysidWarning)
+        warnings.simplefilter("ignore", LinAlgWarning)
         try:
             claim = _claim(answer, record, task)
             response_covariance, interval = _claims_that_follow(answer, claim, task)
@@ -78,6 +80,7 @@ def measure(
                 bandwidth_ci95=None if interval is None else np.stack(interval),
                 whiteness_p=whiteness,
                 independence_p=independence,
+                nonparametric=problem.nonparametric(record) if isinstance(problem, Periodic) else None,
             )
         except NoModelError as error:
             return failed(error.kind, str(error))

@@ -34,6 +34,8 @@ class Measured(Locked):
         bandwidth_ci95: (2, ny, nu), or None.
         whiteness_p: p-value of the residuals' whiteness test, the least of all outputs; NaN where not tested.
         independence_p: Of their independence of past inputs, the least of all pairs; NaN where not tested.
+        nonparametric: Response that the record shows without a model, at the same frequencies (nf, ny, nu); None where
+            the problem's records are not periodic.
     """
 
     trial: Trial
@@ -52,6 +54,7 @@ class Measured(Locked):
     bandwidth_ci95: FloatArray | None = None
     whiteness_p: float = float("nan")
     independence_p: float = float("nan")
+    nonparametric: ComplexArray | None = None
 
     def to_json(self) -> str:
         """One line."""

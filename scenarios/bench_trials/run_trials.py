@@ -57,7 +57,6 @@ class Runner:
         Yields:
             What was measured, for all of a piece at once: the ruler is laid on before the first and after the last.
         """
-        begun = perf_counter()
         if self._bench.records is not None and is_twin(piece.problem):
             use_records(self._bench.records)
         problem = find_problem(piece.problem)
@@ -69,6 +68,10 @@ class Runner:
         ]
         if not asked:
             return
+        for number, _, _ in asked:
+            # What is done once for many trials belongs to none of them.
+            self._make_ready(number, problem)
+        begun = perf_counter()
         record = problem.draw(asked[0][1].seed(self._bench.seed))
         ruler = Ruler(record)
         ruler.measure()
@@ -82,7 +85,7 @@ class Runner:
         ruler.measure()
         for (number, trial, task), (outcome, wall) in zip(asked, outcomes, strict=True):
             begun = perf_counter()
-            bound = self._bound(problem, contestants[number].structure)
+            bound = self._bounds[problem.name, contestants[number].structure]
             measured = measure(problem, trial, task, bound, record, outcome, ruler_seconds=ruler.seconds)
             yield Done(number, measured, shared + wall + perf_counter() - begun)
 
@@ -90,15 +93,14 @@ class Runner:
         contestant = self._bench.contestants[number]
         if contestant.target == PERFECT:
             return perfect(problem, task, seed)  # its error belongs to the record's noise
-        if number not in self._sandboxes:
-            self._sandboxes[number] = self._stack.enter_context(open_sandbox(contestant, self._bench.limits))
         return self._sandboxes[number].ask(record, task)
 
-    def _bound(self, problem: Problem, structure: str | None) -> Bound | None:
-        key = (problem.name, structure)
-        if key not in self._bounds:
-            self._bounds[key] = problem.bound(structure)
-        return self._bounds[key]
+    def _make_ready(self, number: int, problem: Problem) -> None:
+        contestant = self._bench.contestants[number]
+        if (problem.name, contestant.structure) not in self._bounds:
+            self._bounds[problem.name, contestant.structure] = problem.bound(contestant.structure)
+        if number not in self._sandboxes and contestant.target != PERFECT:
+            self._sandboxes[number] = self._stack.enter_context(open_sandbox(contestant, self._bench.limits))
 
 
 def _in_turn(piece: Piece) -> tuple[tuple[str, int], ...]:

@@ -7,7 +7,8 @@ from typing import TYPE_CHECKING, Annotated, Literal
 
 import tyro
 
-from scenarios.commands.output import output_folder, print_json, print_table, progress, say
+from scenarios.commands.build_progress import build_progress
+from scenarios.commands.output import output_folder, print_json, print_table, say
 
 if TYPE_CHECKING:
     from scenarios.bench_run.cost import Cost
@@ -135,6 +136,7 @@ def _options(quick: bool, seed: int, figures: Sequence[str], seconds: float, mem
 
 def _run(plan: "Plan", folder: Path, executor: "Executor") -> "list[Result]":
     from scenarios.bench_run.verify import JOURNALS, verify
+    from scenarios.dataset_build.progress import Progress
 
     latest = (0, 0)
 
@@ -142,12 +144,12 @@ def _run(plan: "Plan", folder: Path, executor: "Executor") -> "list[Result]":
         if cost.calls:
             _said(f"hmtb verify: still to do: {cost}")
 
-    with progress("verify", lines=True) as bar:
+    with build_progress("hmtb verify") as show:
 
         def counted(done: int, total: int) -> None:
             nonlocal latest
             latest = (done, total)
-            bar(done, total, "trials")
+            show(Progress("trials", done, total))
 
         try:
             return verify(plan, folder, executor, progress=counted, said=_said, told=told)

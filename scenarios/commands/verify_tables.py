@@ -15,6 +15,9 @@ from scenarios.leaderboard.verdict import Verdict, part_verdict, verdict
 SHOWN_REASONS = 5
 """Reasons of failures that are printed; the file has more."""
 
+SHOWN_PARTS = 4
+"""Parts of a figure that fail which are printed."""
+
 
 def show(results: Sequence[Result], out: Path) -> None:
     """Print results.
@@ -105,8 +108,8 @@ def _show_figures(result: Result) -> None:
     title = f"{own.name}{f' ({what})' if what else ''}: {result.effort} bench, seed {result.seed}"
     rows = [
         (
-            figure.title,
-            f"{number(figure.value)} {figure.unit}".strip(),
+            f"{figure.title}, {figure.unit}" if figure.unit else figure.title,
+            number(figure.value),
             number(figure.expected),
             interval(figure.interval),
             f"{verdict(figure).sign} {verdict(figure).word}",
@@ -115,20 +118,27 @@ def _show_figures(result: Result) -> None:
     ]
     print_table(title, ("", "value", "expected", "95 % interval", "verdict"), rows)
     for figure in result.figures.values():
-        worst = _worst(figure)
-        told = f" {worst.label}: {worst.why}." if worst is not None and worst.why else ""
         if verdict(figure) is not Verdict.PASSES:
-            say(f"{figure.title}: {figure.why}.{told}")
+            say(f"{figure.title}: {_reason(figure)}.")
     say("")
 
 
-def _worst(figure: Figure) -> Part | None:
-    """The part that the reason is of: one that surprises, else one that fails as theory says."""
+def _reason(figure: Figure) -> str:
+    """What the verdict rests on, and where it fails: parts that fail unexpectedly, else those of which theory says so."""
     for wanted in (Verdict.FAILS, Verdict.FAILS_AS_THEORY_SAYS):
-        for part in figure.parts:
-            if part_verdict(part) is wanted:
-                return part
-    return None
+        parts = [part for part in figure.parts if part_verdict(part) is wanted]
+        if parts:
+            whys = [why for why in dict.fromkeys(part.why for part in parts) if why and why not in figure.why]
+            told = "; ".join((figure.why, *whys[:SHOWN_REASONS]))
+            return f"{told}; {wanted.word}: {', '.join(map(_told_part, parts[:SHOWN_PARTS]))}" + (
+                f" and {len(parts) - SHOWN_PARTS} more" if len(parts) > SHOWN_PARTS else ""
+            )
+    return figure.why
+
+
+def _told_part(part: Part) -> str:
+    low, high = part.limits
+    return f"{part.label} {number(part.value)} (within {number(low)} to {number(high)})"
 
 
 def _show_failures(result: Result) -> None:
