@@ -12,6 +12,7 @@ from scenarios.bench_problems.twin_best_linear import BestLinear, twin_best_line
 from scenarios.bench_problems.twin_experiment import frequencies
 from scenarios.bench_problems.twin_name import TwinName, twin_name
 from scenarios.bench_problems.twin_records import RECORDS
+from scenarios.bench_problems.twin_scatter import scattered_model
 from scenarios.dataset_truth.arm_truth import arm_truth
 from sysid import IOData, StateSpace
 from sysid.arrays import ComplexArray, FloatArray
@@ -109,6 +110,14 @@ class TwinProblem:
         lines = np.arange(1, len(self.frequencies) + 1) * (len(part) // self.parsed.period)
         u, y = (np.fft.rfft(signal, axis=0)[lines, 0] for signal in (part.u, part.y))
         return (y / u)[:, None, None]
+
+    def scattered(self, seed: int) -> StateSpace:
+        """An estimate as good as any: the best linear truth with the scatter of a measured response.
+
+        Args:
+            seed: Of the draw.
+        """
+        return scattered_model(self.parsed, self.truth, self.best_linear, seed)
 
 
 def twin_problem(name: str) -> TwinProblem:

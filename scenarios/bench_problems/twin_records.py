@@ -1,6 +1,7 @@
 """Records of the twin, simulated side by side and kept."""
 
 import json
+import os
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from functools import lru_cache
@@ -30,16 +31,24 @@ MOST = 20_000
 """Records that are kept in memory: some hundred megabytes."""
 
 
+BATCH = 500
+"""Records that are simulated side by side at most, for the sake of memory."""
+
+FOLDER = "HMTB_TWIN_RECORDS"
+"""Environment variable that names the folder of records, so that processes that this one starts have it, too."""
+
+
 @dataclass
 class TwinRecords:
-    """Records that are there: in memory, and in a folder where one is given.
+    """Records that are there: in memory, and as files in the folder that the environment names, if it names one."""
 
-    Attributes:
-        folder: Where they are kept as files; None: nowhere.
-    """
-
-    folder: Path | None = None
     _kept: dict[str, IOData] = field(default_factory=dict)
+
+    @property
+    def folder(self) -> Path | None:
+        """Where records are kept as files; None: nowhere."""
+        named = os.environ.get(FOLDER)
+        return Path(named) if named else None
 
     def find(self, name: TwinName, seed: int) -> IOData | None:
         """A record, if it is there."""
@@ -51,7 +60,7 @@ class TwinRecords:
         return self._kept.get(key)
 
     def simulate(self, wanted: Sequence[tuple[TwinName, int]], *, threads: int | None = None) -> int:
-        """Simulate those of which there is no record yet, all in one batch, and keep them.
+        """Simulate those of which there is no record yet, side by side, and keep them.
 
         Args:
             wanted: Problems with the seeds of their draws.
@@ -64,18 +73,13 @@ class TwinRecords:
             ScenarioError: The physics failed in one.
         """
         missing = [one for one in dict.fromkeys(wanted) if self.find(*one) is None]
-        if not missing:
-            return 0
-        logs = simulate([twin_experiment(*one) for one in missing], threads=threads)
-        if logs.failed:
-            raise ScenarioError("; ".join(f"{name}: {why}" for name, why in logs.failed.items()))
-        for (name, seed), log in zip(missing, logs, strict=True):
-            record = twin_record(name, log)
-            key = record_key(name, seed)
-            self._keep(key, record)
-            if self.folder is not None:
-                self.folder.mkdir(parents=True, exist_ok=True)
-                _write(self.folder / f"{key}.npz", record)
+        for begin in range(0, len(missing), BATCH):
+            some = missing[begin : begin + BATCH]
+            logs = simulate([twin_experiment(*one) for one in some], threads=threads)
+            if logs.failed:
+                raise ScenarioError("; ".join(f"{name}: {why}" for name, why in logs.failed.items()))
+            for (name, seed), log in zip(some, logs, strict=True):
+                self._add(name, seed, twin_record(name, log))
         return len(missing)
 
     def draw(self, name: TwinName, seed: int) -> IOData:
@@ -85,6 +89,13 @@ class TwinRecords:
         found = self.find(name, seed)
         assert found is not None  # noqa: S101 - it has just been kept
         return found
+
+    def _add(self, name: TwinName, seed: int, record: IOData) -> None:
+        key, folder = record_key(name, seed), self.folder
+        self._keep(key, record)
+        if folder is not None:
+            folder.mkdir(parents=True, exist_ok=True)
+            _write(folder / f"{key}.npz", record)
 
     def _keep(self, key: str, record: IOData) -> None:
         while len(self._kept) >= MOST:
@@ -97,27 +108,32 @@ RECORDS = TwinRecords()
 
 
 def use_folder(folder: Path | None) -> None:
-    """Let the problems of this process draw from the files of a folder, and add to them.
+    """Let the problems of this process, and of those that it starts from now on, draw from the files of a folder.
 
     Args:
-        folder: The folder that `prepare` filled; None: none.
+        folder: The folder that `prepare` fills; None: none.
     """
-    RECORDS.folder = folder
+    if folder is None:
+        os.environ.pop(FOLDER, None)
+    else:
+        os.environ[FOLDER] = str(folder.resolve())
 
 
 def prepare(trials: Sequence[Trial], run_seed: int, *, folder: Path | None = None, threads: int | None = None) -> int:
-    """Simulate the records of all trials of the twin's problems in one batch; call it once before a run.
+    """Simulate the records of all trials of the twin's problems side by side; call it once before a run.
 
-    Row by row of a batch the physics costs a tenth of what it costs alone. Trials of other problems are passed over.
-    A process that runs trials calls `use_folder(folder)` first; without it, or without `prepare`, `Problem.draw`
-    simulates the same records alone, bit for bit, only more slowly.
+    Side by side the records cost a fraction of what they cost one by one. Trials of other problems are passed over.
+    Processes that are started afterwards find the folder by themselves; one on another machine calls
+    `use_folder(folder)`. Without it, or without `prepare`, `Problem.draw` simulates the same records alone, bit for
+    bit, only more slowly.
 
     Args:
         trials: Trials of the run, of whatever problems.
         run_seed: Seed of the run.
         folder: Where records are kept as files for other processes; those that are there already are not made again.
-            A file is named by a hash of all that it was made from, arm, experiment, seed, our source and the versions
-            of what it rests on, so that none that is out of date is ever taken.
+            None: in memory alone, unless `use_folder` was called. A file is named by a hash of all that it was made
+            from, arm, experiment, seed, our source and the versions of what it rests on, so that none that is out of
+            date is ever taken.
         threads: Threads for the physics; all processors by default.
 
     Returns:
