@@ -13,19 +13,20 @@ from sysid import IOData, Polynomials, StateSpace, innovations_form
 from sysid.arrays import ComplexArray, FloatArray, Locked
 
 SAMPLES = 2000
-HOLD = 5
-OWN = 0.4
-"""What the second input has of its own, as a part of the first: enough to tell the paths apart, a tenth each."""
+HOLD = 3
+OWN = 0.3
+"""What the second input has of its own, as a part of the first: enough to tell the paths apart, with errors that
+are three times those of inputs without anything in common."""
 
 OTHER_BITS = 11
-SIGNAL_TO_NOISE_DB = 20.0
-F = np.array([1.0, -0.9776, 0.07922])
-B1 = np.array([0.0, 0.03459, 0.07584])
-B2 = np.array([0.0, 0.02, -0.005])
+SIGNAL_TO_NOISE_DB = 26.0
+F = np.array([1.0, -1.35, 0.425])
+B1 = np.array([0.0, 0.03, 0.045])
+B2 = np.array([0.0, 0.04, 0.02])
 """The second path has the poles of the first, so that what one input alone shows is a system of the same order."""
 
 SHARED = {
-    "shared": "two inputs, the second the first's waveform and two fifths of its own: both are given",
+    "shared": "two inputs, the second the first's waveform and three tenths of its own: both are given",
     "shared-alone": "the same records, the first input alone: every estimate tends to the sum of both paths",
 }
 """Names, with what they are."""
