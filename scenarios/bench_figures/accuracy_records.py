@@ -13,27 +13,30 @@ from scenarios.errors import ScenarioError
 QUICK = ("p2", "p3", "p4", "p5")
 """One problem for each kind of disturbance: output error, ARMAX, Box-Jenkins, equation error."""
 
-FULL = ("p1", *QUICK, "mimo", "published-4.7", "random-easy-1", "random-medium-1", "random-hard-1")
+FULL = {
+    **dict.fromkeys(("p1", *QUICK), 1000),
+    **dict.fromkeys(("published-4.7", "published-4.12"), 1000),
+    **{f"random-{difficulty}-{number}": 1000 for difficulty in ("easy", "medium", "hard") for number in (1, 2)},
+    "mimo": 200,
+}
+"""Records of each problem by the full effort; fewer of three inputs and outputs, which have nine responses each."""
+
 RECORDS = 100
 """Of each problem by the quick effort."""
 
 NO_RECORD = "no verdict: no record was run"
 
 
-def problems_of(effort: str) -> tuple[str, ...]:
-    """Names of the problems of an effort.
+def accuracy_trials(effort: str) -> tuple[Trial, ...]:
+    """Trials of the figures of accuracy.
 
     Raises:
         ScenarioError: There is no such effort.
     """
     if effort not in DRAWS:
         raise ScenarioError(f"effort {effort!r} given, expected one of {', '.join(DRAWS)}")
-    return QUICK if effort == "quick" else FULL
-
-
-def accuracy_trials(effort: str) -> tuple[Trial, ...]:
-    """Trials of the figures of accuracy."""
-    return tuple(Trial(name, draw) for name in problems_of(effort) for draw in range(RECORDS * DRAWS[effort]))
+    records = dict.fromkeys(QUICK, RECORDS) if effort == "quick" else FULL
+    return tuple(Trial(name, draw) for name, count in records.items() for draw in range(count))
 
 
 def by_problem(measured: Sequence[Measured]) -> dict[str, tuple[list[Measured], int]]:

@@ -128,9 +128,11 @@ def _slope_of(
 
 
 @lru_cache(maxsize=64)
-def perfect_slopes(name: str, structure: str | None, lengths: tuple[int, ...], counts: tuple[int, ...]) -> FloatArray:
+def perfect_slopes(
+    name: str, structure: str | None, lengths: tuple[int, ...], counts: tuple[int, ...], *, seed: int = SEED
+) -> FloatArray:
     """Slopes of perfect estimators (SETS,), each from as many records of each length."""
-    rng = np.random.default_rng(SEED)
+    rng = np.random.default_rng(seed)
     means = [
         single[rng.integers(len(single), size=(SETS, count))].mean(axis=1)
         for single, count in zip(_single_squares(name, structure, lengths), counts, strict=True)

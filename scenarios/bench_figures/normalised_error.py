@@ -85,7 +85,7 @@ def _of_problem(
     known = [m for m in good if m.parameters > 0 and not np.isnan(m.normalised_error)]
     if enough(len(known), len(good)) and len({m.parameters for m in known}) == 1:
         p = known[0].parameters
-        return np.array([m.normalised_error / p for m in known]), _chi_square(p), p
+        return np.array([m.normalised_error / p for m in known]), chi_square(p), p
     return (
         claimed_records(good, name, structure, normalised),
         single_records(name, structure, normalised, 1.0),
@@ -94,7 +94,7 @@ def _of_problem(
 
 
 @lru_cache(maxsize=64)
-def _chi_square(freedom: int) -> FloatArray:
+def chi_square(freedom: int) -> FloatArray:
     """Chi-square over its degrees of freedom at evenly spaced probabilities, all but free of chance (M,)."""
     values = chi2.ppf((np.arange(SINGLES) + 0.5) / SINGLES, freedom) / freedom
     return np.asarray(values + 1.0 - np.mean(values))
