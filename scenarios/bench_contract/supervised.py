@@ -23,6 +23,9 @@ READ = 1 << 18
 FIRST_LOOK, LONGEST_LOOK = 0.02, 0.1
 """Time between looks at its memory, s: soon at first, then rarer."""
 
+LOOKS = 5
+"""After so many looks it is looked for what has come of it: that means reading of every process there is."""
+
 ONE_THREAD = {
     name: "1"
     for name in (
@@ -99,6 +102,7 @@ class Supervised:
             for end in theirs:
                 os.close(end)
         self._request, self._reply, self._printed = request, reply, tail
+        self._members = [self._process.pid]
         self._life = os.pidfd_open(self._process.pid)
         self._ends.append(self._life)
 
@@ -120,7 +124,7 @@ class Supervised:
         """
         begun, used = time.monotonic(), self._processor_seconds()
         reply, rest, peak = bytearray(), memoryview(request), 0
-        look, pause = begun + FIRST_LOOK, FIRST_LOOK
+        look, pause, looks = begun + FIRST_LOOK, FIRST_LOOK, 0
         poll = select.poll()
         for end in (self._reply, self._printed):
             if end >= 0:
@@ -130,8 +134,9 @@ class Supervised:
             poll.register(self._request, select.POLLOUT)
 
         def outcome(end: str, why: str = "") -> Exchange:
-            spent = self._processor_seconds() - used
-            return Exchange(end, bytes(reply), time.monotonic() - begun, peak, spent, why)
+            wall, spent = time.monotonic() - begun, self._processor_seconds() - used
+            most = max(peak, process_tree.resident(self._members))
+            return Exchange(end, bytes(reply), wall, most, spent, why)
 
         while True:
             now = time.monotonic()
@@ -158,10 +163,12 @@ class Supervised:
                 self._keep_tail()
                 return outcome("ended")
             if time.monotonic() >= look:
-                members = process_tree.family(self.pid)
-                held = process_tree.resident(members)
+                if looks % LOOKS == 0:
+                    self._members = process_tree.family(self.pid)
+                looks += 1
+                held = process_tree.resident(self._members)
                 if held > memory_bytes:
-                    held = process_tree.resident_once(members)
+                    held = process_tree.resident_once(self._members)
                 peak = max(peak, held)
                 if held > memory_bytes:
                     return outcome("memory")
@@ -209,8 +216,8 @@ class Supervised:
             return f"signal {-code}"
 
     def _processor_seconds(self) -> float:
-        """Of the process, which may just have died, and of all that came of it, s."""
-        return process_tree.processor_seconds(list({self.pid, *process_tree.family(self.pid)}))
+        """Of the process, which may just have died, and of what was last seen to have come of it, s."""
+        return process_tree.processor_seconds(list({self.pid, *self._members}))
 
     def _pipe(self, *, ours_writes: bool) -> tuple[int, int]:
         """A pipe: our end, which never waits, and theirs."""

@@ -1,0 +1,96 @@
+"""Whatever a function does is an outcome, and nothing is left running."""
+
+import os
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import sysid
+from scenarios.bench_contract import process_tree
+from scenarios.bench_contract.contestant import Contestant, Limits
+from scenarios.bench_contract.python_sandbox import PythonSandbox
+from scenarios.bench_contract.sandbox import open_sandbox
+from scenarios.bench_contract.task import Task
+from scenarios.errors import ScenarioError
+from tests.scenarios.bench_contract.estimators import BEHAVIOURS
+
+HERE = Path(__file__).parent
+EXPECTED = {
+    "arx": ("model", ""),
+    "refuses": ("refused", "only on Sundays (estimators.py, line"),
+    "raises": ("error", "ZeroDivisionError: by zero (estimators.py, line"),
+    "leaves": ("error", "SystemExit: 3"),
+    "raises_without_words": ("error", "cannot say"),
+    "none": ("malformed", "NoneType given, expected Answer"),
+    "wrong_dt": ("malformed", "dt = 1 given"),
+    "two_inputs": ("malformed", "B of shape (1, 2) given, expected (1, 1)"),
+    "unstable": ("unstable", "the largest at 1.01"),
+    "hollow": ("malformed", "what it returned cannot be read: KeyboardInterrupt"),
+    "nan_covariance": ("not_finite", "response_covariance has 12 of 12"),
+    "negative_covariance": ("malformed", "covariance has a negative eigenvalue"),
+    "asks_for_much": ("memory", "MemoryError"),
+    "floods": ("model", ""),
+    "forks_and_answers": ("model", ""),
+    "answers_twice": ("model", ""),
+    "deletes_its_folder": ("model", ""),
+    "dies": ("crash", "exit code 5; it printed 'last words'"),
+    "hangs": ("hang", "no answer within 2 s"),
+    "writes_garbage": ("malformed", "something else than an answer"),
+    "closes_everything": ("crash", "its process ended"),
+    "shares_much": ("memory", "more than 128 MiB"),
+}
+
+
+@pytest.mark.slow
+def test_whatever_it_does_is_an_outcome_and_nothing_is_left(data: sysid.IOData, task: Task) -> None:
+    before = {pid for pid in process_tree._pids() if process_tree._read(pid, "cmdline")}
+    contestant = Contestant("any", "estimators.py:by_seed", home=str(HERE))
+    with open_sandbox(contestant, Limits(seconds=2.0, memory_bytes=2**27)) as sandbox:
+        for number, behaviour in enumerate(BEHAVIOURS):
+            kind, why = EXPECTED[behaviour.__name__]
+            got = sandbox.ask(data, replace(task, seed=number))
+            assert (got.kind, why in got.why) == (kind, True), f"{behaviour.__name__}: {got}"
+            assert (got.answer is not None) == (kind in ("model", "unstable"))
+            assert got.wall < 10.0
+        assert sandbox.ask(data, replace(task, seed=0)).kind == "model"
+        folder = sandbox._folder
+    assert not folder.exists()
+    # Processes of others may have begun meanwhile; ours would say so or be our children.
+    left = [pid for pid in process_tree.family(os.getpid()) if pid not in before and pid != os.getpid()]
+    left += [pid for pid in process_tree._pids() if b"time.sleep(1000)" in process_tree._read(pid, "cmdline")]
+    assert not left
+
+
+def test_an_answer_is_that_of_a_direct_call(data: sysid.IOData, task: Task) -> None:
+    """To the last bit, with covariances and intervals; time and memory are told."""
+    contestant = Contestant("ours", "tests.scenarios.bench_contract.estimators:arx")
+    with open_sandbox(contestant, Limits()) as sandbox:
+        got = sandbox.ask(data, task)
+    direct = sysid.arx(data, 1, 1, 1)
+    assert got.answer is not None
+    for name in ("A", "B", "C", "D", "K", "innovation_covariance"):
+        np.testing.assert_array_equal(getattr(got.answer.model, name), getattr(direct.model, name))
+    np.testing.assert_array_equal(got.answer.covariance, direct.covariance)
+    np.testing.assert_array_equal(
+        got.answer.response_covariance, direct.frequency_response(task.frequencies).covariance
+    )
+    np.testing.assert_array_equal(got.answer.bandwidth_ci95, direct.bandwidth().ci95)
+    assert 0.0 < got.seconds < 10.0 and got.peak_bytes > 2**20
+
+
+@pytest.mark.parametrize(
+    ("target", "why"),
+    [
+        ("no_such_package:f", "No module named 'no_such_package'"),
+        ("estimators.py:arxx", "estimators.py has no 'arxx'; it has"),
+        ("estimators.py", "expected module:function or path/to/file.py:function"),
+    ],
+)
+def test_what_cannot_be_loaded_is_said_at_once(target: str, why: str) -> None:
+    with (
+        pytest.raises(ScenarioError, match=why),
+        PythonSandbox(Contestant("none", target, home=str(HERE)), Limits()),
+    ):
+        raise AssertionError("it opened")
