@@ -1,6 +1,7 @@
 """All figures of the test bench, in the sequence in which they are told."""
 
 from scenarios.bench_figures.agreement import Agreement
+from scenarios.bench_figures.bias import Bias
 from scenarios.bench_figures.consistency import Consistency
 from scenarios.bench_figures.coverage import Coverage
 from scenarios.bench_figures.efficiency import Efficiency
@@ -20,6 +21,7 @@ TEN: tuple[FigureMaker, ...] = (
     Coverage(),
     NormalisedError(),
     FrequencyResponse(),
+    Bias(),
     ResidualTestsAndOrders(),
     Agreement(),
 )
