@@ -2,6 +2,7 @@
 
 from scenarios.bench_contract.contestant import Contestant
 from scenarios.contestants.entry import Entry
+from scenarios.contestants.referee import REFEREE
 
 HOME = "scenarios.contestants.ours"
 BIC = "orders, where they are open, by the least BIC"
@@ -27,4 +28,4 @@ OURS = (
         Contestant("perfect", "bench:perfect", method="pem", settings="the truth and an error of the best covariance")
     ),
 )
-"""The estimators of this package, and the perfect one that knows the truth."""
+"""The estimators of this package, the second implementation, and the perfect one that knows the truth."""

@@ -1,77 +1,120 @@
 """Entries of other packages, each at its best documented settings."""
 
+from pathlib import Path
+
 from scenarios.bench_contract.contestant import Contestant
 from scenarios.contestants.entry import Entry
 
 INSTALL = "pip install 'hmtb-twin[peers]'"
-ROOM = "scenarios.contestants"
+INSTALL_OCTAVE = "apt-get install octave octave-control"
+OCTAVE = Path(__file__).parent / "octave"
+
+Row = tuple[str, str, str | None, str]
+"""Function, structure, method, settings."""
 
 
-def _entry(
-    file: str, function: str, structure: str, method: str | None, settings: str, package: str, module: str
-) -> Entry:
-    contestant = Contestant(
-        f"{file}_{function}", f"{ROOM}.{file}:{function}", structure=structure, method=method, settings=settings
+def _python(file: str, package: str, module: str, *rows: Row) -> tuple[Entry, ...]:
+    """Functions of a file of this folder, which needs a package."""
+    return tuple(
+        Entry(
+            Contestant(
+                f"{file}_{function}",
+                f"scenarios.contestants.{file}:{function}",
+                structure=structure,
+                method=method,
+                settings=settings,
+            ),
+            package=package,
+            module=module,
+            install=INSTALL,
+        )
+        for function, structure, method, settings in rows
     )
-    return Entry(contestant, package=package, module=module, install=INSTALL)
 
 
-def _pysib(structure: str, method: str, settings: str) -> Entry:
-    return _entry("pysib", structure, structure, method, settings, "pysib", "pysib")
+def _octave(*rows: Row) -> tuple[Entry, ...]:
+    """Functions of the folder `octave`, which need a package of Octave's."""
+    return tuple(
+        Entry(
+            Contestant(
+                f"octave_{function}",
+                f"octave-cli --quiet --norc main.m {function} {{mat}} {{task}} {{model}}",
+                program=True,
+                stays=True,
+                structure=structure,
+                method=method,
+                settings=settings,
+                home=str(OCTAVE),
+            ),
+            octave="control",
+            install=INSTALL_OCTAVE,
+        )
+        for function, structure, method, settings in rows
+    )
 
 
-def _sippy(function: str, structure: str, method: str, settings: str) -> Entry:
-    return _entry("sippy", function, structure, method, settings, "sippy-unipi", "sippy_unipi")
-
-
-FILTERED = "Newton's method from ARX; anew with filtered data where the predictor is not stable, as its warning advises"
-IPOPT = "optimisation by IPOPT (OPT), 200 iterations; no constraint of stability"
+FILTERED = "search from ARX; anew with filtered data where the predictor is not stable, as its warning advises"
+IPOPT = "optimisation by IPOPT (OPT), 200 iterations, no constraint of stability"
 ROWS = "block rows 20, or twice the order where that is more"
+GAP = "orders, where they are open, at the largest gap of singular values"
 
 PEERS = (
-    _pysib("arx", "least_squares", "as it comes"),
-    _pysib("armax", "pem", FILTERED),
-    _pysib("oe", "pem", FILTERED),
-    _pysib("bj", "pem", FILTERED),
-    _sippy("arx", "arx", "least_squares", "linear least squares (LLS)"),
-    _sippy("armax", "armax", "pem", IPOPT),
-    _sippy("oe", "oe", "pem", IPOPT),
-    _sippy("bj", "bj", "pem", IPOPT),
-    _sippy("n4sid", "ss", "subspace", f"{ROWS}; D = 0; orders, where they are open, by its BIC"),
-    _entry(
-        *("python_control", "era", "ss", "observer"),
-        "markov with 200 values, truncate=True, and eigensys_realization with a square Hankel matrix of all of them",
-        *("control", "control"),
+    *_python(
+        *("pysib", "pysib", "pysib"),
+        ("arx", "arx", "least_squares", "as it comes"),
+        ("armax", "armax", "pem", FILTERED),
+        ("oe", "oe", "pem", FILTERED),
+        ("bj", "bj", "pem", FILTERED),
     ),
-    _entry(
-        *("slicot", "n4sid", "ss", "subspace"),
-        f"{ROWS}; factor by Cholesky; orders, where they are open, at the largest gap of singular values; no gain",
-        *("ctrlsys", "ctrlsys"),
+    *_python(
+        *("sippy", "sippy-unipi", "sippy_unipi"),
+        ("arx", "arx", "least_squares", "linear least squares (LLS)"),
+        ("armax", "armax", "pem", IPOPT),
+        ("oe", "oe", "pem", IPOPT),
+        ("bj", "bj", "pem", IPOPT),
+        ("n4sid", "ss", "subspace", f"{ROWS}; D = 0; orders, where they are open, by its BIC"),
     ),
-    _entry(
-        *("slicot", "moesp", "ss", "subspace"),
-        f"{ROWS}; factor by Cholesky, B and D the MOESP way; orders at the largest gap of singular values; no gain",
-        *("ctrlsys", "ctrlsys"),
+    *_python(
+        *("python_control", "control", "control"),
+        (
+            "era",
+            "ss",
+            "observer",
+            "markov of 200 values, truncate=True; eigensys_realization, its Hankel matrix of all",
+        ),
     ),
-    _entry(
-        *("nfoursid", "n4sid", "ss", "subspace"),
-        f"{ROWS}; Kalman gain from its covariances",
-        *("nfoursid", "nfoursid"),
+    *_python(
+        *("slicot", "ctrlsys", "ctrlsys"),
+        ("moen4", "ss", "subspace", f"{ROWS}; factor by Cholesky; {GAP}; no gain"),
+        ("n4sid", "ss", "subspace", f"{ROWS}; factor by Cholesky; {GAP}; no gain"),
+        ("moesp", "ss", "subspace", f"{ROWS}; factor by Cholesky, B and D the MOESP way; {GAP}; no gain"),
     ),
-    _entry(
-        *("jax_sysid", "oe", "oe", "pem"),
-        "64 bits, channels scaled to one, L-BFGS of 2000 steps, no penalties, initial state fitted, one start",
-        *("jax-sysid", "jax_sysid"),
+    *_python(
+        *("nfoursid", "nfoursid", "nfoursid"),
+        ("n4sid", "ss", "subspace", f"{ROWS}; Kalman gain from its covariances"),
     ),
-    _entry(
-        *("sysidentpy", "arx", "arx", "least_squares"),
-        "FROLS with LeastSquares, polynomials of degree 1; terms, where orders are open, by BIC",
-        *("sysidentpy", "sysidentpy"),
+    *_python(
+        *("jax_sysid", "jax-sysid", "jax_sysid"),
+        (
+            "oe",
+            "oe",
+            "pem",
+            "64 bits, channels scaled to one, L-BFGS of 2000 steps, no penalties, x0 fitted, one start",
+        ),
     ),
-    _entry(
-        *("sysidentpy", "armax", "armax", None),
-        "FROLS with LeastSquares(unbiased=True): extended least squares, 60 rounds, polynomials of degree 1",
-        *("sysidentpy", "sysidentpy"),
+    *_python(
+        *("sysidentpy", "sysidentpy", "sysidentpy"),
+        ("arx", "arx", "least_squares", "FROLS with LeastSquares, degree 1; terms, where orders are open, by BIC"),
+        (
+            "armax",
+            "armax",
+            None,
+            "FROLS with LeastSquares(unbiased=True): extended least squares of 60 rounds, degree 1",
+        ),
+    ),
+    *_octave(
+        ("arx", "arx", "least_squares", "as it comes"),
+        ("moen4", "ss", "subspace", f"{ROWS}; {GAP}; gain from its covariances"),
     ),
 )
-"""Python packages beside ours."""
+"""Packages beside ours."""
