@@ -6,7 +6,12 @@ from scenarios.contestants.entry import Entry
 
 def _entry(name: str, fault: str) -> Entry:
     return Entry(
-        Contestant(name, f"scenarios.contestants.faulty:{name}", method="pem", settings=f"wrong on purpose: {fault}")
+        Contestant(
+            name.replace("_", "-"),
+            f"scenarios.contestants.faulty:{name}",
+            method="pem",
+            settings=f"wrong on purpose: {fault}",
+        )
     )
 
 

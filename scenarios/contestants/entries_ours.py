@@ -2,7 +2,6 @@
 
 from scenarios.bench_contract.contestant import Contestant
 from scenarios.contestants.entry import Entry
-from scenarios.contestants.referee import REFEREE
 
 HOME = "scenarios.contestants.ours"
 BIC = "orders, where they are open, by the least BIC"
@@ -10,7 +9,8 @@ P_RULE = "p = 20 observer Markov parameters and two more per state, five equatio
 
 
 def _entry(name: str, structure: str | None, method: str, settings: str) -> Entry:
-    return Entry(Contestant(name, f"{HOME}:{name}", structure=structure, method=method, settings=settings))
+    label = f"our-{name.replace('_', '-')}"
+    return Entry(Contestant(label, f"{HOME}:{name}", structure=structure, method=method, settings=settings))
 
 
 OURS = (

@@ -13,12 +13,12 @@ Row = tuple[str, str, str | None, str]
 """Function, structure, method, settings."""
 
 
-def _python(file: str, package: str, module: str, *rows: Row) -> tuple[Entry, ...]:
+def _python(label: str, file: str, package: str, module: str, *rows: Row) -> tuple[Entry, ...]:
     """Functions of a file of this folder, which needs a package."""
     return tuple(
         Entry(
             Contestant(
-                f"{file}_{function}",
+                f"{label}-{function}",
                 f"scenarios.contestants.{file}:{function}",
                 structure=structure,
                 method=method,
@@ -37,7 +37,7 @@ def _octave(*rows: Row) -> tuple[Entry, ...]:
     return tuple(
         Entry(
             Contestant(
-                f"octave_{function}",
+                f"octave-{function}",
                 f"octave-cli --quiet --norc main.m {function} {{mat}} {{task}} {{model}}",
                 program=True,
                 stays=True,
@@ -60,14 +60,14 @@ GAP = "orders, where they are open, at the largest gap of singular values"
 
 PEERS = (
     *_python(
-        *("pysib", "pysib", "pysib"),
+        *("pysib", "pysib", "pysib", "pysib"),
         ("arx", "arx", "least_squares", "as it comes"),
         ("armax", "armax", "pem", FILTERED),
         ("oe", "oe", "pem", FILTERED),
         ("bj", "bj", "pem", FILTERED),
     ),
     *_python(
-        *("sippy", "sippy-unipi", "sippy_unipi"),
+        *("sippy", "sippy", "sippy-unipi", "sippy_unipi"),
         ("arx", "arx", "least_squares", "linear least squares (LLS)"),
         ("armax", "armax", "pem", IPOPT),
         ("oe", "oe", "pem", IPOPT),
@@ -75,7 +75,7 @@ PEERS = (
         ("n4sid", "ss", "subspace", f"{ROWS}; D = 0; orders, where they are open, by its BIC"),
     ),
     *_python(
-        *("python_control", "control", "control"),
+        *("control", "python_control", "control", "control"),
         (
             "era",
             "ss",
@@ -84,17 +84,17 @@ PEERS = (
         ),
     ),
     *_python(
-        *("slicot", "ctrlsys", "ctrlsys"),
+        *("slicot", "slicot", "ctrlsys", "ctrlsys"),
         ("moen4", "ss", "subspace", f"{ROWS}; factor by Cholesky; {GAP}; no gain"),
         ("n4sid", "ss", "subspace", f"{ROWS}; factor by Cholesky; {GAP}; no gain"),
         ("moesp", "ss", "subspace", f"{ROWS}; factor by Cholesky, B and D the MOESP way; {GAP}; no gain"),
     ),
     *_python(
-        *("nfoursid", "nfoursid", "nfoursid"),
+        *("nfoursid", "nfoursid", "nfoursid", "nfoursid"),
         ("n4sid", "ss", "subspace", f"{ROWS}; Kalman gain from its covariances"),
     ),
     *_python(
-        *("jax_sysid", "jax-sysid", "jax_sysid"),
+        *("jax-sysid", "jax_sysid", "jax-sysid", "jax_sysid"),
         (
             "oe",
             "oe",
@@ -103,7 +103,7 @@ PEERS = (
         ),
     ),
     *_python(
-        *("sysidentpy", "sysidentpy", "sysidentpy"),
+        *("sysidentpy", "sysidentpy", "sysidentpy", "sysidentpy"),
         ("arx", "arx", "least_squares", "FROLS with LeastSquares, degree 1; terms, where orders are open, by BIC"),
         (
             "armax",
