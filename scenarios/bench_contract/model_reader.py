@@ -10,6 +10,7 @@ from scenarios.bench_contract.model_file import read_model_numbers
 from scenarios.bench_contract.no_model import NoModelError
 from scenarios.bench_contract.outcome import KINDS
 from scenarios.bench_contract.python_child import limit_memory
+from scenarios.bench_contract.started import start
 from scenarios.bench_contract.supervised import Supervised
 from scenarios.bench_contract.wire import WireError, complete, pack, receive, send, unpack
 from sysid.arrays import FloatArray
@@ -71,7 +72,7 @@ class ModelReader:
         raise NoModelError("malformed", f"reading {path.name} {what.get(got.end, 'crashes')}: it is damaged")
 
     def _started(self) -> Supervised:
-        process = Supervised(
+        process = start(
             [sys.executable, "-P", "-m", "scenarios.bench_contract.model_reader", "{request}", "{reply}"],
             folder=Path(tempfile.gettempdir()),
             environment={"PYTHONPATH": os.pathsep.join(path for path in sys.path if path)},

@@ -4,6 +4,7 @@ import contextlib
 import os
 import signal
 import time
+from collections.abc import Callable
 from dataclasses import dataclass
 
 PAGE = os.sysconf("SC_PAGE_SIZE")
@@ -82,19 +83,19 @@ def processor_seconds(pids: list[int]) -> float:
     return total
 
 
-def end_all(root: int, mark: str) -> None:
-    """End a process and all that came of it, also what has left its session.
+def end_all(find: Callable[[], set[int]], group: int) -> None:
+    """End processes until none is found any more.
 
     Args:
-        root: The process; it may be dead.
-        mark: What its environment was marked with.
+        find: Tells their numbers.
+        group: Group of processes that is ended with them.
     """
     until = time.monotonic() + PATIENCE
     while time.monotonic() < until:
-        left = set(family(root)) | set(marked(mark))
+        left = find()
         with contextlib.suppress(ProcessLookupError):
             # At one blow, so that what forks all the time does not outrun this.
-            os.killpg(root, signal.SIGKILL)
+            os.killpg(group, signal.SIGKILL)
         for pid in left:
             with contextlib.suppress(ProcessLookupError):
                 os.kill(pid, signal.SIGKILL)

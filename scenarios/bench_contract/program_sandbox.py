@@ -14,6 +14,7 @@ from scenarios.bench_contract.model_reader import ModelReader
 from scenarios.bench_contract.no_model import NoModelError
 from scenarios.bench_contract.outcome import REFUSED, Outcome
 from scenarios.bench_contract.python_sandbox import GRACE, NEARLY, outcome_of
+from scenarios.bench_contract.started import start
 from scenarios.bench_contract.supervised import Exchange, Supervised
 from scenarios.bench_contract.task import PROTOCOL, Task
 from scenarios.bench_contract.task_files import write_task
@@ -112,7 +113,7 @@ class ProgramSandbox:
     def _run(self) -> Outcome:
         """Run the program once."""
         try:
-            process = Supervised(filled(self._words, self._places), folder=self._home, environment={}, channel="none")
+            process = start(filled(self._words, self._places), folder=self._home, environment={}, channel="none")
         except OSError as error:
             return Outcome("error", f"it cannot be started: {error.strerror}")
         got = process.exchange(
@@ -164,7 +165,7 @@ class ProgramSandbox:
             ScenarioError: It cannot be started, or does not say that it is ready.
         """
         try:
-            self._process = Supervised(
+            self._process = start(
                 filled(self._words, self._places), folder=self._home, environment={}, channel="standard"
             )
         except OSError as error:

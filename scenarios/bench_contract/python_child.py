@@ -9,14 +9,16 @@ import importlib
 import importlib.util
 import os
 import resource
+import socket
 import sys
 import time
 import traceback
 from collections.abc import Callable, Mapping
 from pathlib import Path
-from typing import Any
+from typing import Any, NoReturn
 
 from scenarios.bench_contract.no_model import NoModelError
+from scenarios.bench_contract.nursery import FORK, NUMBER, WAIT
 from scenarios.bench_contract.outcome import REFUSED
 from scenarios.bench_contract.record_on_wire import requested
 from scenarios.bench_contract.returned import numbers_of
@@ -28,8 +30,64 @@ from sysid.arrays import FloatArray
 TOLD = 500
 """Characters of an error that are told."""
 
+LONGEST_PATH = 2**14
+
 _SUBREAPER = 36
 """Of Linux's prctl: orphans become children of this process, not of the first of the system."""
+
+
+def bear(control: socket.socket) -> None:
+    """Fork a process for each request to, until there are no more; see `Nursery`.
+
+    Args:
+        control: Over which requests come: the folder to run in with three pipes, or to wait for the last process.
+    """
+    with contextlib.suppress(OSError, AttributeError):
+        ctypes.CDLL(None).prctl(_SUBREAPER, 1, 0, 0, 0)
+    last = 0
+    while True:
+        message, pipes, _, _ = socket.recv_fds(control, LONGEST_PATH, 3)
+        if not message:
+            return
+        if message == WAIT:
+            _, status = os.waitpid(last, 0)
+            _bury()
+            control.sendall(NUMBER.pack(status))
+            continue
+        last = os.fork()
+        if last == 0:
+            control.close()
+            _live(os.fsdecode(message[len(FORK) :]), *pipes)
+        for end in pipes:
+            os.close(end)
+        control.sendall(NUMBER.pack(last))
+
+
+def _live(folder: str, request: int, reply: int, printed: int) -> NoReturn:
+    """Be the process of an estimator."""
+    code = 1
+    try:
+        os.setsid()
+        os.chdir(folder)
+        for standard in (1, 2):
+            os.dup2(printed, standard)
+        os.close(printed)
+        serve(request, reply)
+        code = 0
+    except BaseException:
+        traceback.print_exc()
+    finally:
+        with contextlib.suppress(BaseException):
+            sys.stdout.flush()
+            sys.stderr.flush()
+        os._exit(code)
+
+
+def _bury() -> None:
+    """Take leave of what else has ended: orphans come to this process."""
+    with contextlib.suppress(ChildProcessError):
+        while os.waitpid(-1, os.WNOHANG)[0]:
+            pass
 
 
 def serve(request: int, reply: int) -> None:
@@ -40,10 +98,6 @@ def serve(request: int, reply: int) -> None:
         reply: Number of the pipe for replies.
     """
     this = os.getpid()
-    for end in (request, reply):
-        os.set_inheritable(end, False)
-    with contextlib.suppress(OSError, AttributeError):
-        ctypes.CDLL(None).prctl(_SUBREAPER, 1, 0, 0, 0)
     fields, _ = unpack(receive(request))
     sys.argv = [fields["target"]]
     try:
@@ -94,7 +148,10 @@ def load(target: str, home: Path) -> Callable[..., Any]:
     found: Any = module
     for part in name.split("."):
         if not hasattr(found, part):
-            others = ", ".join(sorted(n for n, v in vars(module).items() if callable(v) and not n.startswith("_"))[:12])
+            own = [
+                n for n, v in vars(module).items() if getattr(v, "__module__", "") == module.__name__ and callable(v)
+            ]
+            others = ", ".join(sorted(n for n in own if not n.startswith("_"))[:12])
             raise ImportError(f"{place} has no {name!r}; it has {others or 'no functions'}")
         found = getattr(found, part)
     if not callable(found):
@@ -185,4 +242,5 @@ def _told(error: BaseException) -> str:
 
 
 if __name__ == "__main__":
-    serve(*(int(number) for number in sys.argv[1:3]))
+    with socket.socket(fileno=int(sys.argv[1])) as bench:
+        bear(bench)

@@ -1,8 +1,6 @@
 """A Python estimator in a process of its own, which stays from one request to the next as long as it behaves."""
 
-import os
 import shutil
-import sys
 import tempfile
 from collections.abc import Mapping
 from dataclasses import replace
@@ -14,6 +12,7 @@ from scenarios.bench_contract import process_tree
 from scenarios.bench_contract.contestant import Contestant, Limits
 from scenarios.bench_contract.model_numbers import answer_of, unstable
 from scenarios.bench_contract.no_model import NoModelError
+from scenarios.bench_contract.nursery import Nursery
 from scenarios.bench_contract.outcome import KINDS, MODEL, Outcome
 from scenarios.bench_contract.record_on_wire import request
 from scenarios.bench_contract.supervised import Exchange, Supervised
@@ -44,17 +43,24 @@ class PythonSandbox:
     def __init__(self, contestant: Contestant, limits: Limits) -> None:
         self._contestant, self._limits = contestant, limits
         self._process: Supervised | None = None
-        self._folder: Path | None = None
+        self._nursery: Nursery | None = None
+        self._home, self._asked = Path(), 0
         self._at_rest = 0
 
     def __enter__(self) -> "PythonSandbox":
-        self._start()
+        # Its working folder is its own: some delete what they find there.
+        self._home = Path(tempfile.mkdtemp(prefix="hmtb-estimator-"))
+        try:
+            self._start()
+        except BaseException:
+            self._close()
+            raise
         return self
 
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
-        self._end()
+        self._close()
 
     def ask(self, data: IOData, task: Task) -> Outcome:
         """Ask once; see `open_sandbox`."""
@@ -92,19 +98,15 @@ class PythonSandbox:
             ScenarioError: The function cannot be loaded.
         """
         contestant = self._contestant
-        self._folder = Path(tempfile.mkdtemp(prefix="hmtb-estimator-"))
         home = Path(contestant.home or ".").resolve()
-        self._process = Supervised(
-            # Without the working folder among the places of modules.
-            [sys.executable, "-P", "-m", "scenarios.bench_contract.python_child", "{request}", "{reply}"],
-            folder=self._folder,
-            environment={
-                "PYTHONPATH": os.pathsep.join(path for path in sys.path if path),
-                # The same answer to the same question, and no windows.
-                "PYTHONHASHSEED": "0",
-                "MPLBACKEND": "Agg",
-            },
-        )
+        if self._nursery is not None and not self._nursery.alive:
+            self._close_nursery()
+        if self._nursery is None:
+            self._nursery = Nursery(self._home)
+        self._asked += 1
+        folder = self._home / str(self._asked)
+        folder.mkdir()
+        self._process = self._nursery.fork(folder)
         fields = {"target": contestant.target, "home": str(home), "memory_bytes": self._limits.memory_bytes}
         got = self._process.exchange(pack(fields), complete, seconds=LOADING, memory_bytes=2**40)
         why = {
@@ -153,9 +155,16 @@ class PythonSandbox:
         process, self._process = self._process, None
         if process is not None:
             process.end()
-        folder, self._folder = self._folder, None
-        if folder is not None:
-            shutil.rmtree(folder, ignore_errors=True)
+
+    def _close_nursery(self) -> None:
+        nursery, self._nursery = self._nursery, None
+        if nursery is not None:
+            nursery.close()
+
+    def _close(self) -> None:
+        self._end()
+        self._close_nursery()
+        shutil.rmtree(self._home, ignore_errors=True)
 
 
 def outcome_of(

@@ -3,14 +3,12 @@
 import os
 import select
 import signal
-import subprocess
 import time
-import uuid
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass
-from pathlib import Path
 
 from scenarios.bench_contract import process_tree
+from scenarios.bench_contract.pipes import Pipes, read
 from scenarios.bench_contract.wire import WireError
 
 TAIL = 4000
@@ -19,21 +17,11 @@ TAIL = 4000
 TOLD = 300
 """Characters of them that are told."""
 
-READ = 1 << 18
 FIRST_LOOK, LONGEST_LOOK = 0.02, 0.1
 """Time between looks at its memory, s: soon at first, then rarer."""
 
 LOOKS = 5
 """After so many looks it is looked for what has come of it: that means reading of every process there is."""
-
-ONE_THREAD = {
-    name: "1"
-    for name in (
-        *("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "BLIS_NUM_THREADS"),
-        *("NUMEXPR_NUM_THREADS", "VECLIB_MAXIMUM_THREADS"),
-    )
-}
-"""With one thread each, times of estimators compare."""
 
 
 @dataclass(frozen=True)
@@ -58,58 +46,30 @@ class Exchange:
 
 
 class Supervised:
-    """A process of an estimator.
+    """A process of an estimator, watched.
 
     Args:
-        command: Program and arguments; `{request}` and `{reply}` become the numbers of its pipes.
-        folder: In which it runs.
-        environment: Added to this process's own.
-        channel: `pipes` of its own, `standard` input and output, or `none`.
-
-    Raises:
-        OSError: It cannot be started.
+        pid: Its number.
+        pipes: To it.
+        members: Tells the processes that run: it, and all that came of it.
+        finish: Ends them all; returns the exit code, or None where that is lost, and processor time, s.
     """
 
     def __init__(
-        self, command: Sequence[str], *, folder: Path, environment: Mapping[str, str], channel: str = "pipes"
+        self,
+        pid: int,
+        pipes: Pipes,
+        members: Callable[[], list[int]],
+        finish: Callable[[], tuple[int | None, float]],
     ) -> None:
-        self._mark = uuid.uuid4().hex
+        self.pid, self._pipes, self._find, self._finish = pid, pipes, members, finish
         self._tail = bytearray()
-        self._ends: list[int] = []
+        self._members = [pid]
+        self._over = False
         self.exit_code: int | None = None
         self.usage_seconds = float("nan")
-        request, theirs_request = self._pipe(ours_writes=True) if channel != "none" else (-1, -1)
-        reply, theirs_reply = self._pipe(ours_writes=False) if channel != "none" else (-1, -1)
-        tail, theirs_tail = self._pipe(ours_writes=False)
-        theirs = [end for end in (theirs_request, theirs_reply, theirs_tail) if end >= 0]
-        numbers = {"{request}": str(theirs_request), "{reply}": str(theirs_reply)}
-        standard = channel == "standard"
-        try:
-            self._process = subprocess.Popen(
-                [numbers.get(word, word) for word in command] if channel == "pipes" else list(command),
-                stdin=theirs_request if standard else subprocess.DEVNULL,
-                stdout=theirs_reply if standard else theirs_tail,
-                stderr=theirs_tail,
-                cwd=folder,
-                env={**os.environ, **ONE_THREAD, **environment, process_tree.MARK: self._mark},
-                pass_fds=(theirs_request, theirs_reply) if channel == "pipes" else (),
-                start_new_session=True,
-            )
-        except BaseException:
-            self._close_pipes()
-            raise
-        finally:
-            for end in theirs:
-                os.close(end)
-        self._request, self._reply, self._printed = request, reply, tail
-        self._members = [self._process.pid]
-        self._life = os.pidfd_open(self._process.pid)
-        self._ends.append(self._life)
-
-    @property
-    def pid(self) -> int:
-        """Number of the process."""
-        return self._process.pid
+        self._life = os.pidfd_open(pid)
+        pipes.ours.append(self._life)
 
     def exchange(
         self, request: bytes, finished: Callable[[bytearray], bool], *, seconds: float, memory_bytes: int
@@ -126,12 +86,12 @@ class Supervised:
         reply, rest, peak = bytearray(), memoryview(request), 0
         look, pause, looks = begun + FIRST_LOOK, FIRST_LOOK, 0
         poll = select.poll()
-        for end in (self._reply, self._printed):
+        for end in (self._pipes.reply, self._pipes.printed):
             if end >= 0:
                 poll.register(end, select.POLLIN)
         poll.register(self._life, select.POLLIN)
         if rest:
-            poll.register(self._request, select.POLLOUT)
+            poll.register(self._pipes.request, select.POLLOUT)
 
         def outcome(end: str, why: str = "") -> Exchange:
             wall, spent = time.monotonic() - begun, self._processor_seconds() - used
@@ -143,14 +103,14 @@ class Supervised:
             if now >= begun + seconds:
                 return outcome("hang")
             events = dict(poll.poll(1000.0 * max(0.0, min(look, begun + seconds) - now)))
-            if self._printed in events and not self._keep_tail():
-                poll.unregister(self._printed)
-            if self._request in events:
+            if self._pipes.printed in events and not self._keep_tail():
+                poll.unregister(self._pipes.printed)
+            if self._pipes.request in events:
                 rest = self._send(rest)
                 if not rest:
-                    poll.unregister(self._request)
-            if self._reply in events:
-                more = _read(self._reply)
+                    poll.unregister(self._pipes.request)
+            if self._pipes.reply in events:
+                more = read(self._pipes.reply)
                 reply += more
                 try:
                     if more and finished(reply):
@@ -164,7 +124,7 @@ class Supervised:
                 return outcome("ended")
             if time.monotonic() >= look:
                 if looks % LOOKS == 0:
-                    self._members = process_tree.family(self.pid)
+                    self._members = self._find()
                 looks += 1
                 held = process_tree.resident(self._members)
                 if held > memory_bytes:
@@ -192,22 +152,19 @@ class Supervised:
         Args:
             grace: How long it may take to end by itself, s.
         """
-        if self.exit_code is not None:
+        if self._over:
             return
         select.select([self._life], [], [], grace)
-        # Until it is waited for its number stays its own, and its exit code what it was if it has ended by itself.
-        process_tree.end_all(self._process.pid, self._mark)
-        _, status, usage = os.wait4(self._process.pid, 0)
-        self.exit_code = self._process.returncode = os.waitstatus_to_exitcode(status)
-        self.usage_seconds = usage.ru_utime + usage.ru_stime
+        self.exit_code, self.usage_seconds = self._finish()
+        self._over = True
         self._keep_tail()
-        self._close_pipes()
+        self._pipes.close()
 
     def how_it_ended(self) -> str:
         """In words, once it has."""
         code = self.exit_code
         if code is None:
-            return "still running"
+            return "nobody saw how" if self._over else "still running"
         if code >= 0:
             return f"exit code {code}"
         try:
@@ -219,17 +176,9 @@ class Supervised:
         """Of the process, which may just have died, and of what was last seen to have come of it, s."""
         return process_tree.processor_seconds(list({self.pid, *self._members}))
 
-    def _pipe(self, *, ours_writes: bool) -> tuple[int, int]:
-        """A pipe: our end, which never waits, and theirs."""
-        reads, writes = os.pipe()
-        ours, theirs = (writes, reads) if ours_writes else (reads, writes)
-        os.set_blocking(ours, False)
-        self._ends.append(ours)
-        return ours, theirs
-
     def _send(self, rest: memoryview) -> memoryview:
         try:
-            return rest[os.write(self._request, rest) :]
+            return rest[os.write(self._pipes.request, rest) :]
         except BlockingIOError:
             return rest
         except OSError:
@@ -238,21 +187,9 @@ class Supervised:
 
     def _keep_tail(self) -> bool:
         """Take what was printed; False where nothing can come any more."""
-        if self._printed not in self._ends:
+        if self._pipes.printed < 0:
             return False
-        more = _read(self._printed)
+        more = read(self._pipes.printed)
         self._tail += more
         del self._tail[:-TAIL]
         return bool(more)
-
-    def _close_pipes(self) -> None:
-        while self._ends:
-            os.close(self._ends.pop())
-
-
-def _read(end: int) -> bytes:
-    """What has come; empty where nothing has or can."""
-    try:
-        return os.read(end, READ)
-    except OSError:
-        return b""

@@ -36,13 +36,13 @@ def leaves(data, task):
     sys.exit(3)
 
 
-class Silent(Exception):
+class SilentError(Exception):
     def __str__(self):
         raise KeyError("no words")
 
 
 def raises_without_words(data, task):
-    raise Silent
+    raise SilentError
 
 
 def none(data, task):
@@ -135,6 +135,12 @@ def closes_everything(data, task):
     time.sleep(1000.0)
 
 
+def ends_its_parent(data, task):
+    os.kill(os.getppid(), signal.SIGKILL)
+    time.sleep(0.1)
+    os._exit(1)
+
+
 def shares_much(data, task):
     import mmap
 
@@ -147,5 +153,5 @@ def shares_much(data, task):
 BEHAVIOURS = (
     *(arx, refuses, raises, leaves, raises_without_words, none, wrong_dt, two_inputs, unstable, hollow),
     *(nan_covariance, negative_covariance, asks_for_much, floods, forks_and_answers, answers_twice, deletes_its_folder),
-    *(dies, hangs, writes_garbage, closes_everything, shares_much),
+    *(dies, hangs, writes_garbage, closes_everything, ends_its_parent, shares_much),
 )

@@ -1,6 +1,9 @@
-"""Whatever a function does is an outcome, and nothing is left running."""
+"""What a function does is an outcome, and nothing is left running."""
 
 import os
+import re
+import sys
+import types
 from dataclasses import replace
 from pathlib import Path
 
@@ -10,6 +13,7 @@ import pytest
 import sysid
 from scenarios.bench_contract import process_tree
 from scenarios.bench_contract.contestant import Contestant, Limits
+from scenarios.bench_contract.python_child import load
 from scenarios.bench_contract.python_sandbox import PythonSandbox
 from scenarios.bench_contract.sandbox import open_sandbox
 from scenarios.bench_contract.task import Task
@@ -39,6 +43,7 @@ EXPECTED = {
     "hangs": ("hang", "no answer within 2 s"),
     "writes_garbage": ("malformed", "something else than an answer"),
     "closes_everything": ("crash", "its process ended"),
+    "ends_its_parent": ("crash", "nobody saw how"),
     "shares_much": ("memory", "more than 128 MiB"),
 }
 
@@ -55,7 +60,7 @@ def test_whatever_it_does_is_an_outcome_and_nothing_is_left(data: sysid.IOData, 
             assert (got.answer is not None) == (kind in ("model", "unstable"))
             assert got.wall < 10.0
         assert sandbox.ask(data, replace(task, seed=0)).kind == "model"
-        folder = sandbox._folder
+        folder = sandbox._home
     assert not folder.exists()
     # Processes of others may have begun meanwhile; ours would say so or be our children.
     left = [pid for pid in process_tree.family(os.getpid()) if pid not in before and pid != os.getpid()]
@@ -80,17 +85,27 @@ def test_an_answer_is_that_of_a_direct_call(data: sysid.IOData, task: Task) -> N
     assert 0.0 < got.seconds < 10.0 and got.peak_bytes > 2**20
 
 
+def test_what_cannot_be_loaded_is_said_at_once() -> None:
+    contestant = Contestant("none", "no_such_package:f", home=str(HERE))
+    with (
+        pytest.raises(ScenarioError, match=r"cannot load 'no_such_package:f' of 'none' .* No module named"),
+        PythonSandbox(contestant, Limits()),
+    ):
+        raise AssertionError("it opened")
+
+
 @pytest.mark.parametrize(
     ("target", "why"),
     [
-        ("no_such_package:f", "No module named 'no_such_package'"),
-        ("estimators.py:arxx", "estimators.py has no 'arxx'; it has"),
+        ("estimators.py:arxx", "has no 'arxx'; it has Hollow, "),
+        ("estimators.py:BEHAVIOURS", "is of type tuple, expected a function"),
+        ("estimator.py:arx", "no file "),
         ("estimators.py", "expected module:function or path/to/file.py:function"),
     ],
 )
-def test_what_cannot_be_loaded_is_said_at_once(target: str, why: str) -> None:
-    with (
-        pytest.raises(ScenarioError, match=why),
-        PythonSandbox(Contestant("none", target, home=str(HERE)), Limits()),
-    ):
-        raise AssertionError("it opened")
+def test_a_target_that_is_no_function_is_named(target: str, why: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(sys, "path", [*sys.path])
+    monkeypatch.setitem(sys.modules, "estimators", types.ModuleType("estimators"))
+    with pytest.raises(ImportError, match=re.escape(why)):
+        load(target, HERE)
+    assert load("estimators.py:SilentError.__str__", HERE).__name__ == "__str__"

@@ -1,0 +1,77 @@
+"""Starts a program in a session of its own, supervised."""
+
+import os
+import subprocess
+import uuid
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+
+from scenarios.bench_contract import process_tree
+from scenarios.bench_contract.pipes import Pipes
+from scenarios.bench_contract.supervised import Supervised
+
+ONE_THREAD = {
+    name: "1"
+    for name in (
+        *("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "BLIS_NUM_THREADS"),
+        *("NUMEXPR_NUM_THREADS", "VECLIB_MAXIMUM_THREADS"),
+    )
+}
+"""With one thread each, times of estimators compare."""
+
+CHANNELS = ("own", "standard", "none")
+"""Requests and replies over pipes of its own, over standard input and output, or not at all."""
+
+
+def start(command: Sequence[str], *, folder: Path, environment: Mapping[str, str], channel: str = "own") -> Supervised:
+    """Start a program.
+
+    Args:
+        command: Program and arguments; with a channel of its own, `{request}` and `{reply}` become the numbers of its
+            pipes.
+        folder: In which it runs.
+        environment: Added to this process's own.
+        channel: One of `CHANNELS`.
+
+    Raises:
+        OSError: It cannot be started.
+    """
+    if channel not in CHANNELS:
+        raise ValueError(f"channel {channel!r} given, expected one of {', '.join(CHANNELS)}")
+    mark = uuid.uuid4().hex
+    pipes = Pipes.open(channel=channel != "none")
+    request, reply, printed = pipes.theirs
+    own, standard = channel == "own", channel == "standard"
+    numbers = {"{request}": str(request), "{reply}": str(reply)} if own else {}
+    try:
+        process = subprocess.Popen(
+            [numbers.get(word, word) for word in command],
+            stdin=request if standard else subprocess.DEVNULL,
+            stdout=reply if standard else printed,
+            stderr=printed,
+            cwd=folder,
+            env=child_environment(environment, mark),
+            pass_fds=(request, reply) if own else (),
+            start_new_session=True,
+        )
+    except BaseException:
+        pipes.close()
+        raise
+    pipes.hand_over()
+
+    def members() -> list[int]:
+        return process_tree.family(process.pid)
+
+    def finish() -> tuple[int, float]:
+        # Until it is waited for its number stays its own, and its exit code what it was if it has ended by itself.
+        process_tree.end_all(lambda: {*members(), *process_tree.marked(mark)}, process.pid)
+        _, status, usage = os.wait4(process.pid, 0)
+        process.returncode = os.waitstatus_to_exitcode(status)
+        return process.returncode, usage.ru_utime + usage.ru_stime
+
+    return Supervised(process.pid, pipes, members, finish)
+
+
+def child_environment(added: Mapping[str, str], mark: str) -> dict[str, str]:
+    """The environment of a process of an estimator: one thread, and a mark by which it is known."""
+    return {**os.environ, **ONE_THREAD, **added, process_tree.MARK: mark}
