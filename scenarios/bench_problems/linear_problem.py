@@ -14,7 +14,7 @@ from scenarios.bench_problems.problem import Bound
 from scenarios.bench_problems.regressors import Signals, regressors
 from scenarios.errors import ScenarioError
 from sysid import IOData, Polynomials, StateSpace, innovations_form
-from sysid.arrays import FloatArray, Locked
+from sysid.arrays import FloatArray, Locked, lock
 
 BURN_IN = 500
 """Samples before each record: it begins in the middle of what goes on, not at rest."""
@@ -64,7 +64,11 @@ class LinearProblem(Locked):
     variance: float
     dt: float
     controller: Controller | None = None
-    _bounds: dict[str, Bound | None] = field(default_factory=dict, init=False, repr=False)
+    _bounds: list[tuple[str, Bound]] = field(default_factory=list, init=False, repr=False)
+
+    def __post_init__(self) -> None:
+        """Lock: problems are shared by all who ask for them."""
+        object.__setattr__(self, "reference", lock(self.reference))
 
     @cached_property
     def truth(self) -> StateSpace:
@@ -101,9 +105,12 @@ class LinearProblem(Locked):
         embedded = self.embedded(structure)
         if embedded is None or embedded.polynomials is None:
             return None
-        if embedded.structure not in self._bounds:
-            self._bounds[embedded.structure] = self._bound(embedded, embedded.polynomials)
-        return self._bounds[embedded.structure]
+        for structure, known in self._bounds:
+            if structure == embedded.structure:
+                return known
+        found = self._bound(embedded, embedded.polynomials)
+        self._bounds.append((embedded.structure, found))
+        return found
 
     def efficient(self, structure: str, seed: int) -> FloatArray:
         """Parameters (p,) of a perfect estimate from a record: its error is the bound times the record's score.

@@ -14,7 +14,7 @@ from scenarios.bench_problems.state_space_bound import Coordinates, coordinates,
 from scenarios.bench_problems.textbook import BITS, DT
 from scenarios.errors import ScenarioError
 from sysid import IOData, StateSpace
-from sysid.arrays import FloatArray, Locked
+from sysid.arrays import FloatArray, Locked, lock
 from sysid.recursion import state_trajectory
 
 SAMPLES = 12_000
@@ -56,6 +56,10 @@ class MimoProblem(Locked):
     inputs: FloatArray
     order: int
     _bounds: list[Bound] = field(default_factory=list, init=False, repr=False)
+
+    def __post_init__(self) -> None:
+        """Lock: problems are shared by all who ask for them."""
+        object.__setattr__(self, "inputs", lock(self.inputs))
 
     @cached_property
     def frequencies(self) -> FloatArray:

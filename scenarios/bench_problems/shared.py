@@ -16,7 +16,7 @@ SAMPLES = 2000
 HOLD = 3
 OWN = 0.3
 """What the second input has of its own, as a part of the first: enough to tell the paths apart, with errors that
-are three times those of inputs without anything in common."""
+are three to four times those of inputs without anything in common."""
 
 OTHER_BITS = 11
 SIGNAL_TO_NOISE_DB = 26.0
