@@ -50,7 +50,7 @@ def limits_of_pooled_mean(
     total = sum(draws)
     mean = sum(n * float(np.mean(single)) for single, n in zip(singles, draws, strict=True)) / total
     variance = sum(n * float(np.var(single)) for single, n in zip(singles, draws, strict=True)) / total**2
-    third = sum(n * float(np.mean((single - np.mean(single)) ** 3)) for single, n in zip(singles, draws, strict=True))
+    third = sum(n * _third(single) for single, n in zip(singles, draws, strict=True))
     return limits_of_moments(mean, variance, third / total**3, false_alarm, low=low, high=high)
 
 
@@ -68,6 +68,12 @@ def limits_of_moments(
         float(shape.ppf(share)) if low else -np.inf,
         float(shape.isf(share)) if high else np.inf,
     )
+
+
+def _third(single: FloatArray) -> float:
+    """Third central moment; products, which cost a tenth of a power."""
+    distance = single - np.mean(single)
+    return float(np.mean(distance * distance * distance))
 
 
 def interval_of_mean(values: FloatArray) -> tuple[float, float]:
