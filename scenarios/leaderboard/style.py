@@ -14,7 +14,7 @@ WIDEST = 18
 
 
 def styles(entries: Sequence[Entry]) -> dict[int, Style]:
-    """Style of each estimator by its number: that of its method's name where it bears one, else one that is free.
+    """Style of each estimator by its number: that of the method that its name ends in, else one that is free.
 
     When there are more estimators than styles, styles repeat; figures name each by its number too.
     """
@@ -22,8 +22,10 @@ def styles(entries: Sequence[Entry]) -> dict[int, Style]:
     found: dict[int, Style] = {}
     free = dict(methods)
     for entry in entries:
-        if entry.name.lower() in free:
-            found[entry.number] = free.pop(entry.name.lower())
+        words = "_" + entry.name.lower().replace("-", "_")
+        named = [name for name in free if words.endswith(f"_{name}")]
+        if named:
+            found[entry.number] = free.pop(max(named, key=len))
     spare = list(free.values()) or list(methods.values())
     others = [entry for entry in entries if entry.number not in found]
     found |= {entry.number: spare[k % len(spare)] for k, entry in enumerate(others)}

@@ -5,12 +5,18 @@ from collections.abc import Sequence
 import numpy as np
 
 from scenarios.bench_contract.outcome import KINDS
-from scenarios.bench_figures.figure import Figure
+from scenarios.bench_figures.figure import Figure, Part
 from scenarios.leaderboard.entry import Entry, shown
 from scenarios.leaderboard.reading import FIGURES
 from scenarios.leaderboard.response_drawing import relative_errors
 from scenarios.leaderboard.table import Cell, Table, number_cell, pair, table_of_entries, verdict_cell
 from scenarios.leaderboard.verdict import Verdict, count, part_verdict, verdict
+
+MOST_COLUMNS = 8
+"""Problems in the columns of a table; more stand in its rows."""
+
+MOST_ROWS = 40
+"""Problems in the rows of a table."""
 
 HEADLINE = ("efficiency", "noise_free_recovery", "coverage", "bias", "reliability", "speed")
 """Figures whose numbers stand in the first table."""
@@ -78,27 +84,37 @@ def verdicts(entries: Sequence[Entry]) -> Table:
 
 
 def by_part(entries: Sequence[Entry], name: str) -> Table | None:
-    """A figure problem by problem; None where it has no parts."""
+    """A figure problem by problem, a row for each estimator, or for each problem where these are many.
+
+    Returns:
+        The table; None where the figure has no parts.
+    """
     labels = list(dict.fromkeys(p.label for e in entries if (f := e.figure(name)) for p in f.parts))
     if not labels:
         return None
-    rows = []
-    for entry in entries:
-        figure = entry.figure(name)
-        parts = {part.label: part for part in figure.parts} if figure else {}
-        cells = [
-            number_cell(
-                part.value,
-                part_verdict(part),
-                f"95 % interval {pair(part.interval)}; passes: {pair(part.limits)}; {shown(part.why)}".rstrip("; "),
-            )
-            if (part := parts.get(label))
-            else Cell("", float("inf"))
-            for label in labels
+    judged = any(p.passed is not None for e in entries if (f := e.figure(name)) for p in f.parts)
+    parts = [{p.label: p for p in f.parts} if (f := entry.figure(name)) else {} for entry in entries]
+    caption = f"{title(entries, name)}{_in(unit(entries, name))}"
+    if len(labels) <= MOST_COLUMNS:
+        rows = [
+            (entry, [_part_cell(found.get(label), judged) for label in labels])
+            for entry, found in zip(entries, parts, strict=True)
         ]
-        rows.append((entry, cells))
-    heading = f"{title(entries, name)}{_in(unit(entries, name))}"
-    return table_of_entries(heading, [shown(label) for label in labels], rows)
+        return table_of_entries(caption, [shown(label) for label in labels], rows)
+    if len(labels) > MOST_ROWS:
+        caption += f"; the first {MOST_ROWS} of {len(labels)} problems, the results have all"
+    lines = tuple(
+        (Cell(shown(label)), *(_part_cell(found.get(label), judged) for found in parts)) for label in labels[:MOST_ROWS]
+    )
+    headings = ("Problem", *(entry.title for entry in entries))
+    return Table(caption, headings, lines, (False, *(True for _ in entries)))
+
+
+def _part_cell(part: Part | None, judged: bool) -> Cell:
+    if part is None:
+        return Cell("", float("inf"))
+    told = f"95 % interval {pair(part.interval)}; passes: {pair(part.limits)}; {shown(part.why)}".rstrip("; ")
+    return number_cell(part.value, part_verdict(part) if judged else None, told)
 
 
 def failures(entries: Sequence[Entry]) -> Table:

@@ -1,0 +1,140 @@
+"""The page: its words, its drawings, what keeps it shut to what results say."""
+
+import re
+from base64 import b64encode
+from collections.abc import Sequence
+from hashlib import sha256
+from html.parser import HTMLParser
+from pathlib import Path
+
+import pytest
+
+from scenarios.bench_run.result import Result
+from scenarios.leaderboard.entry import Entry
+from scenarios.leaderboard.page import gather, html, markdown
+from scenarios.leaderboard.ranking import RULE, ranked
+from scenarios.thesis.gallery import Gallery
+
+VOID = ("meta", "br", "img", "link", "input", "hr")
+
+
+class Reader(HTMLParser):
+    """Tags, attributes and the text of scripts; complains of what is not closed."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.open: list[str] = []
+        self.attributes: list[tuple[str, str, str | None]] = []
+        self.texts: dict[str, list[str]] = {}
+
+    def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
+        self.attributes += [(tag, name, value) for name, value in attrs]
+        if tag not in VOID:
+            self.open.append(tag)
+
+    def handle_startendtag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
+        self.attributes += [(tag, name, value) for name, value in attrs]
+
+    def handle_endtag(self, tag: str) -> None:
+        assert self.open.pop() == tag
+
+    def handle_data(self, data: str) -> None:
+        self.texts.setdefault(self.open[-1] if self.open else "", []).append(data)
+
+
+@pytest.fixture(scope="module")
+def pages(results: tuple[Result, ...], tmp_path_factory: pytest.TempPathFactory) -> tuple[str, str, Sequence[Entry]]:
+    folder = tmp_path_factory.mktemp("results")
+    for number, made in enumerate(one for one in results if one.contestant.name not in ("okid", "n4sid")):
+        (folder / f"{number}.json").write_text(made.to_json(), encoding="utf-8")
+    entries = ranked([folder])
+    found = gather(entries, Gallery())
+    return html(found), markdown(found), entries
+
+
+def read(page: str) -> Reader:
+    reader = Reader()
+    reader.feed(page)
+    assert reader.open == []
+    return reader
+
+
+def test_the_page_is_well_formed_and_loads_nothing(pages: tuple[str, str, Sequence[Entry]]) -> None:
+    reader = read(pages[0])
+    marks = [value for _, name, value in reader.attributes if name == "id"]
+    assert len(marks) == len(set(marks))
+    links = [value for tag, name, value in reader.attributes if name in ("href", "xlink:href", "src")]
+    assert links
+    assert all(value and value.startswith("#") and value[1:] in marks for value in links)
+    # Names of XML are no addresses.
+    assert "://" not in re.sub(r'xmlns(:\w+)?="[^"]*"', "", pages[0])
+
+
+def test_no_script_but_its_own_can_run(pages: tuple[str, str, Sequence[Entry]]) -> None:
+    reader = read(pages[0])
+    (script,) = reader.texts["script"]
+    digest = b64encode(sha256(script.encode()).digest()).decode()
+    (policy,) = (value for _, name, value in reader.attributes if name == "content" and value and "script-src" in value)
+    assert policy.split("script-src ")[1] == f"'sha256-{digest}'"
+    assert "default-src 'none'" in policy
+    assert not [name for _, name, _ in reader.attributes if name.startswith("on")]
+    assert "alert" not in script
+    assert "&lt;script&gt;alert(" in pages[0]
+
+
+def test_what_results_say_is_text_in_markdown(pages: tuple[str, str, Sequence[Entry]]) -> None:
+    text = pages[1]
+    # In a block of code nothing but its fence means anything.
+    words = re.sub(r"^(```+)sh\n.*\n\1$", "", text, flags=re.M)
+    assert words.count("```") == 0
+    assert "<script" not in words
+    assert "](javascript" not in words
+    assert "\u202e" not in text + pages[0]
+    tables = [line for line in text.splitlines() if line.startswith("|")]
+    counts = [len(re.findall(r"(?<!\\)\|", line)) for line in tables]
+    at = 0
+    for length in (len(list(group)) for group in _tables(text)):
+        assert len(set(counts[at : at + length])) == 1
+        at += length
+    assert at == len(tables) > 50
+
+
+def _tables(text: str) -> list[list[str]]:
+    return [block.splitlines() for block in re.findall(r"(?:^\|.*\n)+", text, re.M)]
+
+
+def test_rows_stand_in_order_and_the_page_says_by_what(pages: tuple[str, str, Sequence[Entry]]) -> None:
+    page, text, entries = pages
+    names = [entry.name for entry in entries]
+    assert names[1:3] == ["armax", "oe"]
+    assert names[-1] == "one_sample_late"
+    assert RULE in text
+    first = page.split('<table class="sortable">')[1].split("</table>")[0]
+    assert re.findall(r'href="#estimator-(\d+)"', first) == [str(n) for n in range(1, 6)]
+
+
+def test_verdicts_are_told_by_sign_and_word(pages: tuple[str, str, Sequence[Entry]]) -> None:
+    page = pages[0]
+    for sign, word in (("✓", "passes"), ("✗", "fails"), ("△", "fails as theory says"), ("–", "no verdict")):
+        assert f'<span aria-hidden="true">{sign}</span><span class="unseen">{word}</span>' in page
+        assert f"{sign} {word}" in pages[1]
+
+
+def test_every_estimator_has_its_command_and_reasons(pages: tuple[str, str, Sequence[Entry]]) -> None:
+    page, text, _ = pages
+    assert page.count('<pre class="command">') == 5
+    assert "hmtb verify my_module:armax --name &#39;armax&#39; --seed 7" in page
+    assert "hmtb verify my_module:armax --name 'armax' --seed 7" in text
+    assert page.count("under a coloured disturbance output error is not efficient [Ljung1999, theorem 8.4]") >= 3
+    assert "ab" * 32 in page
+    assert "873 × <code>" in page
+    assert "nan" not in re.sub(r"<svg.*?</svg>|<style>.*?</style>", "", page, flags=re.S).lower().replace("nano", "")
+
+
+def test_drawings_stand_with_their_figures(pages: tuple[str, str, Sequence[Entry]], tmp_path: Path) -> None:
+    page = pages[0]
+    captions = re.findall(r"<figcaption>Figure (\d+)\. (.{40})", page)
+    assert [int(number) for number, _ in captions] == list(range(1, len(captions) + 1))
+    told = " ".join(text for _, text in captions)
+    for start in ("Accuracy against time", "Efficiency", "Coverage", "Error of the frequency", "Bias"):
+        assert start in told

@@ -1,0 +1,127 @@
+"""Reading results: what is none, what cannot stand on one page, and where rows are not comparable."""
+
+import json
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from scenarios.bench_contract.contestant import Limits
+from scenarios.bench_run.result import Result
+from scenarios.cli import main
+from scenarios.errors import ScenarioError
+from scenarios.leaderboard.comparable import notes
+from scenarios.leaderboard.ranking import ranked
+from scenarios.leaderboard.verdict import Verdict, count, verdict
+
+Save = Callable[[Path, Result], Path]
+
+
+def test_none_given_is_said(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
+    assert main(["leaderboard"]) == 2
+    assert "no result given" in capsys.readouterr().err
+    with pytest.raises(ScenarioError, match=r"expected one with results of hmtb verify in it"):
+        ranked([tmp_path])
+    with pytest.raises(ScenarioError, match="cannot read"):
+        ranked([tmp_path / "missing.json"])
+
+
+def test_two_of_one_name_are_refused(written: list[Path], results: tuple[Result, ...], saved: Save) -> None:
+    again = saved(written[0].with_name("again.json"), replace(results[1], seed=8))
+    with pytest.raises(ScenarioError, match=r"again\.json and .*1\.json are both of 'armax'"):
+        ranked([written[1], again])
+    assert len(ranked([written[1], written[1]])) == 1
+
+
+@pytest.mark.parametrize(
+    ("keys", "value"),
+    [
+        ((), [1, 2]),
+        (("format",), 99),
+        (("contestant", "name"), 5),
+        (("contestant", "name"), "  "),
+        (("figures", "efficiency", "value"), "wide"),
+        (("figures", "efficiency", "interval"), [1.0]),
+        (("figures", "efficiency", "passed"), "yes"),
+        (("figures", "efficiency", "curves"), 3),
+        (("figures", "efficiency", "parts", 0, "label"), None),
+        (("figures", "efficiency", "parts"), None),
+        (("outcomes",), {"model": "many"}),
+        (("reasons",), ["late"]),
+        (("versions",), {"numpy": 2}),
+        (("machine",), None),
+    ],
+)
+def test_what_is_no_result_is_named(written: list[Path], keys: tuple[Any, ...], value: object) -> None:
+    table = json.loads(written[1].read_text(encoding="utf-8"))
+    if keys:
+        place = table
+        for key in keys[:-1]:
+            place = place[key]
+        place[keys[-1]] = value
+    path = written[1]
+    path.write_text(json.dumps(table if keys else value), encoding="utf-8")
+    with pytest.raises(ScenarioError, match=r"1\.json"):
+        ranked([path])
+
+
+def test_texts_that_are_no_json_are_refused(tmp_path: Path) -> None:
+    for text in ("", "{", "[" * 100_000, "\x00"):
+        path = tmp_path / "bad.json"
+        path.write_text(text, encoding="utf-8")
+        with pytest.raises(ScenarioError, match=r"bad\.json"):
+            ranked([path])
+
+
+def test_rows_of_one_run_need_no_note(written: list[Path]) -> None:
+    assert notes(ranked(written)) == []
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        ({"seed": 8}, "Rows differ in seed, so they saw different records"),
+        ({"effort": "full"}, "Rows differ in effort"),
+        ({"limits": Limits(seconds=5.0)}, "Rows differ in limits"),
+        ({"protocol": 2}, "Rows differ in protocol"),
+        ({"machine": "another"}, "Rows differ in machine, so speeds compare as multiples of the ruler only"),
+        ({"versions": {"hmtb-twin": "0.2.0"}}, "Rows differ in version of the bench"),
+        ({"run": "two"}, "Rows are not all of one run"),
+        ({"run": ""}, "each run on its own: oe"),
+    ],
+)
+def test_rows_that_do_not_compare_are_named(
+    written: list[Path], results: tuple[Result, ...], saved: Save, change: dict[str, Any], words: str
+) -> None:
+    saved(written[2], replace(results[2], **change))
+    (note,) = notes(ranked(written))
+    assert words in note
+    assert "oe" in note
+    assert "armax" in note
+
+
+def test_verdicts_of_figures(written: list[Path]) -> None:
+    by_name = {entry.name: entry.result for entry in ranked(written)}
+    assert verdict(by_name["oe"].figures["efficiency"]) is Verdict.FAILS_AS_THEORY_SAYS
+    assert verdict(by_name["okid"].figures["efficiency"]) is Verdict.FAILS
+    assert verdict(by_name["armax"].figures["speed"]) is Verdict.NONE
+    assert verdict(None) is Verdict.NONE
+    found = count(by_name["armax"].figures.values())
+    assert (found[Verdict.PASSES], found[Verdict.NONE], found[Verdict.FAILS]) == (6, 1, 0)
+    # A file whose figure says that it passes and whose part says otherwise fails.
+    figure = by_name["okid"].figures["efficiency"]
+    assert verdict(replace(figure, passed=True)) is Verdict.FAILS
+
+
+def test_the_command_writes_both_pages(written: list[Path], tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    out = tmp_path / "new" / "pages"
+    assert main(["leaderboard", *map(str, written[1:3]), "--out", str(out), "--json"]) == 0
+    told = json.loads(capsys.readouterr().out)
+    assert [row["name"] for row in told["rows"]] == ["armax", "oe"]
+    assert told["rows"][1]["verdicts"]["efficiency"] == "fails as theory says"
+    assert told["rows"][0]["values"]["speed"] > 0
+    assert {path.name for path in out.iterdir()} == {"leaderboard.html", "leaderboard.md"}
+    assert main(["leaderboard", *map(str, written[1:3]), "--out", str(written[0])]) == 2
+    assert "cannot write to folder" in capsys.readouterr().err
