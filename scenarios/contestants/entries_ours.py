@@ -2,6 +2,7 @@
 
 from scenarios.bench_contract.contestant import Contestant
 from scenarios.contestants.entry import Entry
+from scenarios.contestants.referee import REFEREE
 
 HOME = "scenarios.contestants.ours"
 BIC = "orders, where they are open, by the least BIC"
@@ -24,6 +25,7 @@ OURS = (
     _entry("n4sid", "ss", "subspace", f"2.5 block rows per state, at least 10; D = 0; no covariance claimed; {BIC}"),
     _entry("pem_ss", "ss", "pem", f"from n4sid; D = 0; {BIC}"),
     _entry("pem", None, "pem", f"arx, armax, oe, bj or pem_ss, whichever is asked; {BIC}"),
+    Entry(REFEREE),
     Entry(
         Contestant("perfect", "bench:perfect", method="pem", settings="the truth and an error of the best covariance")
     ),
