@@ -118,7 +118,7 @@ def _part(
         expected=0.0,
         interval=interval_of_mean(values),
         limits=(0.0, high),
-        passed=value <= high,
+        passed=bool(value <= high),
         theory=theory.passes,
         why=theory.why,
         draws=len(pairs),

@@ -112,7 +112,7 @@ def _part(
         expected=0.0,
         interval=judged.interval,
         limits=(0.0, judged.limit),
-        passed=judged.size <= judged.limit,
+        passed=bool(judged.size <= judged.limit),
         theory=theory.passes,
         why=theory.why,
         draws=len(found),
@@ -136,6 +136,8 @@ def _alone(asked: Sequence[Measured], contestant: Contestant) -> Part:
     predicted = found.expected_bias()
     judged = mean_error(_flat(errors) @ axes, 0.5)
     shifted = mean_error(_flat(errors - errors.mean(axis=0) + predicted) @ axes, 0.5)
+    if not np.isfinite(shifted.size):
+        return unjudged(ALONE, "the same error on all records: there is no scatter to tell it by", len(responses))
     scale = float(np.sqrt(np.mean(np.abs(own.response) ** 2)))
     size, expected = (100.0 * float(np.sqrt(np.mean(np.abs(b) ** 2))) / scale for b in (errors.mean(axis=0), predicted))
     return Part(

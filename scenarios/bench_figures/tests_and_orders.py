@@ -107,7 +107,7 @@ def _size(
     known, why = _known(own, "fit", lambda m: bool(np.isfinite(values(m))))
     if known is None:
         return unjudged(label, why)
-    found = sum(values(m) < LEVEL for m in known)
+    found = int(sum(values(m) < LEVEL for m in known))
     count = 0 if bound is None else len(bound.parameters)
     share = size_of_independent_estimate(count)
     most = int(binom.isf(false_alarm, len(known), share))
@@ -127,7 +127,7 @@ def _power(name: str, own: Sequence[Measured], contestant: Contestant, false_ala
     )
     if known is None:
         return unjudged(label, why)
-    found = sum(m.whiteness_p < LEVEL or m.independence_p < LEVEL for m in known)
+    found = int(sum(m.whiteness_p < LEVEL or m.independence_p < LEVEL for m in known))
     least = int(binom.ppf(false_alarm, len(known), POWER))
     return _part(label, found, known, 100.0, (100.0 * least / len(known), 100.0))
 
@@ -140,7 +140,7 @@ def _hits(name: str, own: Sequence[Measured], contestant: Contestant, false_alar
     task = problem(name).task(contestant.structure)
     if task is None:
         return unjudged(label, "its structure does not hold the dynamics")
-    found = sum(m.order == order_of(task) for m in known)
+    found = int(sum(m.order == order_of(task) for m in known))
     least = int(binom.ppf(false_alarm, len(known), HITS))
     theory = _theory(contestant, name)
     return _part(label, found, known, 100.0, (100.0 * least / len(known), 100.0), theory.passes, theory.why)
@@ -209,14 +209,14 @@ def _part(
     theory: bool = True,
     why: str = "",
 ) -> Part:
-    value = 100.0 * found / len(known)
+    value = 100.0 * float(found) / len(known)
     return Part(
         label=label,
         value=value,
         expected=expected,
         interval=interval_of_share(found, len(known)),
         limits=limits,
-        passed=limits[0] <= value <= limits[1],
+        passed=bool(limits[0] <= value <= limits[1]),
         theory=theory,
         why=why,
         draws=len(known),

@@ -1,0 +1,68 @@
+"""Failures are counted, refusals are none."""
+
+from dataclasses import replace
+
+import pytest
+from scipy.stats import binom
+
+from scenarios.bench_contract.contestant import Contestant
+from scenarios.bench_figures.agreement import Agreement
+from scenarios.bench_figures.bias import Bias
+from scenarios.bench_figures.reliability import FAILURES, Reliability, interval_of_share
+from scenarios.bench_trials.measured import Measured
+from scenarios.bench_trials.trial import Trial
+
+ANYONE = Contestant("anyone", "bench:perfect")
+GOOD = [Measured(Trial("p3", draw), "model") for draw in range(50)]
+
+
+def test_no_failure_passes() -> None:
+    """With the interval that fifty records leave."""
+    found = Reliability().figure(GOOD, ANYONE, 0.0, ())
+    assert found.passed
+    assert found.value == 0.0
+    assert found.interval == (0.0, pytest.approx(7.112, abs=1e-3))
+    assert [part.label for part in found.parts] == list(FAILURES)
+
+
+@pytest.mark.parametrize("kind", FAILURES)
+def test_a_single_failure_of_any_kind_fails(kind: str) -> None:
+    """And is told by kind, by problem and with its reason."""
+    measured = [*GOOD[1:], replace(GOOD[0], kind=kind, why="it happened")]
+    found = Reliability().figure(measured, ANYONE, 0.0, ())
+    assert found.passed is False
+    assert found.value == pytest.approx(2.0)
+    assert {part.label: part.value for part in found.parts if part.value > 0.0} == {kind: pytest.approx(2.0)}
+    assert found.curves["reasons"] == {f"{kind}: it happened": 1}
+    assert found.curves["problems"] == {"p3": 1}
+
+
+def test_refusals_do_not_count() -> None:
+    """Neither as failures nor as successes."""
+    refused = [Measured(Trial("p4", draw), "refused", "no such structure") for draw in range(10)]
+    found = Reliability().figure([*GOOD, *refused], ANYONE, 0.0, ())
+    assert found.passed
+    assert found.parts[0].draws == 50
+    assert "10 more were refused" in found.why
+    for measured in (refused, []):
+        nothing = Reliability().figure(measured, ANYONE, 0.0, ())
+        assert nothing.passed is None
+
+
+def test_trials_are_those_of_all_others() -> None:
+    """Each once."""
+    maker = Reliability((Bias(), Agreement(), Agreement()))
+    trials = maker.trials("quick")
+    assert set(trials) == {*Bias().trials("quick"), *Agreement().trials("quick")}
+    assert len(trials) == len(set(trials))
+
+
+@pytest.mark.parametrize(("found", "total"), [(0, 20), (3, 20), (20, 20)])
+def test_interval_of_a_share(found: int, total: int) -> None:
+    """At its ends what was found has a tail of 2.5 %."""
+    low, high = (end / 100.0 for end in interval_of_share(found, total))
+    assert low <= found / total <= high
+    if found:
+        assert binom.sf(found - 1, total, low) == pytest.approx(0.025)
+    if found < total:
+        assert binom.cdf(found, total, high) == pytest.approx(0.025)
