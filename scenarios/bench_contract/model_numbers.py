@@ -101,17 +101,22 @@ def _check_names(numbers: Numbers) -> None:
     unknown = sorted(numbers.keys() - set(NAMES))
     if unknown:
         raise NoModelError("malformed", f"unknown {unknown[0]!r} given, expected some of {', '.join(NAMES)}")
+    given = numbers.keys()
     kinds = [
-        {"A", "B", "C"} <= numbers.keys(),
-        set(FRACTION) <= numbers.keys(),
-        "poly_b" in numbers,
+        (name, given & set(some), given >= set(needed))
+        for name, some, needed in (
+            ("matrices", MATRICES, ("A", "B", "C")),
+            ("fraction", FRACTION, FRACTION),
+            ("polynomials", POLYNOMIALS, ("poly_b",)),
+        )
     ]
-    if kinds not in ([True, False, False], [False, True, False], [False, False, True], [True, False, True]):
-        given = ", ".join(sorted(numbers)) or "nothing"
+    there = [name for name, some, _ in kinds if some]
+    whole = all(enough for _, some, enough in kinds if some)
+    if not whole or there not in (["matrices"], ["fraction"], ["polynomials"], ["matrices", "polynomials"]):
         raise NoModelError(
             "malformed",
-            f"{given} given, expected dt and either A, B, C (D, K), or num and den, or poly_b (and others of poly_a to "
-            "poly_f)",
+            f"{', '.join(sorted(given)) or 'nothing'} given, expected dt and either A, B, C (D, K), or num and den, or "
+            "poly_b (with others of poly_a to poly_f; A, B, C may stand beside them)",
         )
 
 

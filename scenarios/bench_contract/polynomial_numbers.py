@@ -28,9 +28,6 @@ def polynomials_of(numbers: Mapping[str, FloatArray], data: IOData) -> Polynomia
         num, den = _fraction(*(row(name, numbers[name]) for name in FRACTION))
         return Polynomials(B=num, F=den)
     if "poly_b" not in numbers:
-        strange = sorted(numbers.keys() & POLYNOMIALS.keys())
-        if strange:
-            raise NoModelError("malformed", f"{', '.join(strange)} given, expected poly_b with them")
         return None
     if data.ny != 1:
         raise NoModelError(

@@ -1,0 +1,57 @@
+"""Programs of every kind of behaviour: told what to do by the seed of the task, by name of what they do."""
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+GOOD = {"dt": 0.02, "num": [0.0, 0.2], "den": [1.0, -0.8]}
+KINDS = ("good", "refuses", "fails", "dies", "hangs", "nothing", "two", "pipe", "damaged", "children")
+
+
+def main(task: str, model: str) -> int:
+    kind = KINDS[json.loads(Path(task).read_text())["seed"]]
+    written = Path(f"{model}.json")
+    if kind == "refuses":
+        print("no such structure")
+        return 77
+    if kind == "fails":
+        print("bad luck", file=sys.stderr)
+        return 2
+    if kind == "dies":
+        os.kill(os.getpid(), signal.SIGSEGV)
+    if kind == "hangs":
+        signal.signal(signal.SIGTERM, signal.SIG_IGN)
+        time.sleep(1000.0)
+    if kind == "nothing":
+        return 0
+    if kind == "pipe":
+        os.mkfifo(written)
+        return 0
+    if kind == "damaged":
+        Path(f"{model}.nc").write_bytes(b"\x89HDF\r\n\x1a\n" + bytes(500))
+        return 0
+    if kind == "two":
+        Path(f"{model}.mat").write_bytes(b"")
+    if kind == "children":
+        subprocess.Popen(["sleep", "1000"], start_new_session=True)
+    written.write_text(json.dumps(GOOD))
+    return 0
+
+
+def stay() -> None:
+    print("a banner\nready 1", flush=True)
+    for line in sys.stdin:
+        paths = json.loads(line)
+        code = main(paths["task"], paths["model"])
+        print({0: "done", 77: "refused"}.get(code, "error"), "and so on", flush=True)
+
+
+if __name__ == "__main__":
+    if sys.argv[1] == "stay":
+        stay()
+    else:
+        sys.exit(main(*sys.argv[2:4]))
