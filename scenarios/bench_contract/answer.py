@@ -11,7 +11,8 @@ class Answer(Locked):
     """A model, and what its estimator claims to know of it.
 
     Attributes:
-        model: Innovation form; K and the covariance of the innovation None where there is no model of the noise.
+        model: Innovation form. There is no model of the noise where K is zero and the covariance of the
+            innovation is not given, unless polynomials with A = C = D = 1 say that it is white.
         polynomials: A, B, C, D, F, where the method has them.
         covariance: Of their parameters in the sequence A, B, C, D, F (p, p); None: not claimed.
         response_covariance: Of real and imaginary part of the response from input to output at the frequencies of the

@@ -189,21 +189,23 @@ def _run(
     counted: _Counted,
     told: Callable[[Cost], None],
 ) -> None:
+    """Do what is left: the first record of each problem, from which the cost of the others is told, then those."""
+    if not left:
+        return
     pilot, (first, others) = Pilot(), pilot_of(left)
-    for learns, some in ((True, first), (False, others)):
-        if not some:
-            continue
-        if not learns:
+    with executor.crew(bench) as crew:
+        for done in crew(first):
+            _note(done, journals, counted)
+            pilot.learn(done)
+        if others:
             told(pilot.cost(others, executor.workers, bench.limits))
             # The longest first: at the end no worker is left alone with one.
-            some = tuple(sorted(others, key=pilot.seconds, reverse=True))
-        for done in executor(bench, some):
-            _note(done, journals, counted)
-            if learns:
-                pilot.learn(done)
+            for done in crew(sorted(others, key=pilot.seconds, reverse=True)):
+                _note(done, journals, counted)
 
 
 def _note(done: Done, journals: Sequence[Journal], counted: _Counted) -> None:
+    """Add a trial to its journal; one whose process died may come twice."""
     journal = journals[done.contestant]
     if done.measured.trial.key not in journal.done:
         journal.add(done.measured)

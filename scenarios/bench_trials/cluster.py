@@ -1,7 +1,8 @@
 """Pieces of a run done by the workers of a Dask scheduler, wherever they are."""
 
 from collections import deque
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import asdict
 from itertools import islice
 from threading import Event
@@ -9,6 +10,7 @@ from time import monotonic
 from typing import TYPE_CHECKING, Any
 
 from scenarios.bench_trials.cluster_task import DONE, STRANGE, Parcel, task
+from scenarios.bench_trials.executor import Crew
 from scenarios.bench_trials.measured import Measured
 from scenarios.bench_trials.work import Bench, Done, Piece
 from scenarios.dataset_build.cluster import ADDRESS, MOST_PORTS
@@ -70,15 +72,16 @@ class Cluster:
         """They may be anywhere."""
         return False
 
-    def __call__(self, bench: Bench, pieces: Iterable[Piece], /) -> Iterator[Done]:
-        """Do pieces; see `Executor`.
+    @contextmanager
+    def crew(self, bench: Bench) -> Iterator[Crew]:
+        """Hold the way to the scheduler; see `Executor`.
 
-        Raises:
-            ScenarioError: No scheduler there, or gone for too long; no workers for too long; workers on which software
-                or an estimator is another; a piece that brings death to its workers.
+        Yields:
+            What does pieces; it raises `ScenarioError` where no scheduler is there, or gone for too long, or no workers
+            for too long; of workers on which software or an estimator is another; of a piece that brings them death.
         """
         with Link(self._address, self._patience, self._said) as link:
-            yield from _Run(bench, pieces, link, self._counted).done()
+            yield lambda pieces: _Run(bench, pieces, link, self._counted).done()
 
     def _counted(self, workers: int) -> None:
         self.workers = workers
@@ -87,7 +90,7 @@ class Cluster:
 class _Run:
     """Tasks on their way."""
 
-    def __init__(self, bench: Bench, pieces: Iterable[Piece], link: Link, counted: Callable[[int], None]) -> None:
+    def __init__(self, bench: Bench, pieces: Sequence[Piece], link: Link, counted: Callable[[int], None]) -> None:
         self._parcels = [asdict(Parcel.of(contestant)) for contestant in bench.contestants]
         self._limits, self._seed = asdict(bench.limits), bench.seed
         self._pieces, self._link, self._counted = iter(pieces), link, counted

@@ -1,9 +1,13 @@
 """Who does the pieces of a run."""
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import AbstractContextManager
 from typing import Protocol
 
 from scenarios.bench_trials.work import Bench, Done, Piece
+
+Crew = Callable[[Sequence[Piece]], Iterator[Done]]
+"""Does pieces and yields trials as they are done, in any sequence; nothing that is judged depends on it."""
 
 
 class Executor(Protocol):
@@ -17,13 +21,9 @@ class Executor(Protocol):
     def here(self) -> bool:
         """Whether pieces are done on this machine, where they find what is in its folders."""
 
-    def __call__(self, bench: Bench, pieces: Iterable[Piece], /) -> Iterator[Done]:
-        """Do pieces.
+    def crew(self, bench: Bench) -> AbstractContextManager[Crew]:
+        """Those who do pieces; they may be given pieces several times, one lot after the other.
 
         Args:
-            bench: What they share.
-            pieces: The pieces; taken when they can be done.
-
-        Yields:
-            Trials as they are done, in any sequence; nothing that is judged depends on it.
+            bench: What all pieces share.
         """

@@ -8,7 +8,7 @@ from hashlib import sha256
 from io import FileIO
 from pathlib import Path
 from types import TracebackType
-from typing import Any
+from typing import IO, Any
 
 from scenarios.bench_trials.measured import Measured
 from scenarios.bench_trials.trial import Trial
@@ -49,7 +49,7 @@ class Journal:
         self.path = folder / f"{stem}-{sha256(text.encode()).hexdigest()[:12]}{ENDING}"
         folder.mkdir(parents=True, exist_ok=True)
         _forget_others(folder, stem, self.path, key, lambda why: said(f"{name}: {why}"))
-        self.run, self.done = run, set[str]()
+        self.run, self.done, self._mine = run, set[str](), False
         # Unbuffered: a line is with the system as soon as it is written.
         self._stream = FileIO(self.path, "a+")
         try:
@@ -71,7 +71,7 @@ class Journal:
 
     def close(self) -> None:
         """Let others at it; one in which nothing is done is removed."""
-        if not self.done:
+        if self._mine and not self.done:
             self.path.unlink(missing_ok=True)
         self._stream.close()
 
@@ -97,13 +97,12 @@ class Journal:
                 raise
 
     def _lock(self) -> None:
-        try:
-            fcntl.flock(self._stream, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        except BlockingIOError:
+        self._mine = _locked(self._stream)
+        if not self._mine:
             raise ScenarioError(
                 f"{self.path}: another hmtb verify is at work on this estimator in this folder; wait for it, stop it, "
                 "or give another --out"
-            ) from None
+            )
 
     def _take_up(self) -> bool:
         """Take over what an earlier run left; False where there is not even a whole first line."""
@@ -124,6 +123,15 @@ class Journal:
         return good > 0
 
 
+def _locked(stream: IO[bytes]) -> bool:
+    """Lock a file as long as it is open; False where another process has it."""
+    try:
+        fcntl.flock(stream, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except BlockingIOError:
+        return False
+    return True
+
+
 def file_name(name: str) -> str:
     """A contestant's name as that of a file, without an ending."""
     return re.sub(r"[^A-Za-z0-9_.+-]+", "-", name).strip(".-") or "estimator"
@@ -133,9 +141,12 @@ def _forget_others(folder: Path, stem: str, path: Path, key: Mapping[str, Any], 
     """Remove journals of the same contestant that no command can take up again, and say why it starts anew."""
     for other, theirs in _keys(folder, stem):
         passed = [words for entry, words in PASSING.items() if theirs.get(entry) != key[entry]]
-        if other != path and passed:
-            other.unlink(missing_ok=True)
-            said(f"{' and '.join(passed)} changed since the last run: it starts anew")
+        if other == path or not passed:
+            continue
+        with other.open("ab") as stream:
+            if _locked(stream):  # another run may still be at work with it
+                other.unlink(missing_ok=True)
+                said(f"{' and '.join(passed)} changed since the last run: it starts anew")
 
 
 def _keys(folder: Path, stem: str) -> Iterator[tuple[Path, Mapping[str, Any]]]:

@@ -2,7 +2,7 @@
 
 import os
 from collections import deque
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field
 from multiprocessing import connection, get_context
@@ -10,6 +10,7 @@ from multiprocessing.connection import Connection
 from multiprocessing.process import BaseProcess
 from time import monotonic
 
+from scenarios.bench_trials.executor import Crew
 from scenarios.bench_trials.work import Bench, Done, Piece
 from scenarios.bench_trials.worker import FINISHED, work
 from scenarios.errors import ScenarioError
@@ -43,24 +44,22 @@ class Local:
         """They are."""
         return True
 
-    def __call__(self, bench: Bench, pieces: Iterable[Piece], /) -> Iterator[Done]:
-        """Do pieces; see `Executor`.
+    @contextmanager
+    def crew(self, bench: Bench) -> Iterator[Crew]:
+        """Start processes when there are pieces, and end them on leaving; see `Executor`.
 
-        Raises:
-            ScenarioError: Processes that do a piece die, one after the other.
+        Yields:
+            What does pieces; it raises `ScenarioError` where processes that do a piece die, one after the other.
         """
-        left = deque(pieces)
-        with _Crew(bench) as crew:
-            for _ in range(min(self.workers, len(left))):
-                crew.hire()
-            yield from crew.do(left)
+        with _Crew(bench, self.workers) as crew:
+            yield crew.do
 
 
 class _Crew:
     """Processes, with the piece that each of them does."""
 
-    def __init__(self, bench: Bench) -> None:
-        self._bench = bench
+    def __init__(self, bench: Bench, most: int) -> None:
+        self._bench, self._most = bench, most
         self._people: dict[Connection, BaseProcess] = {}
         self._busy: dict[Connection, Piece] = {}
         self._deaths: dict[Piece, int] = {}
@@ -71,17 +70,11 @@ class _Crew:
     def __exit__(self, *_: object) -> None:
         self._dismiss()
 
-    def hire(self) -> None:
-        """Start a process."""
-        ours, theirs = get_context("spawn").Pipe()
-        process = get_context("spawn").Process(target=work, args=(theirs, self._bench), daemon=True)
-        with _one_thread():
-            process.start()
-        theirs.close()
-        self._people[ours] = process
-
-    def do(self, left: deque[Piece]) -> Iterator[Done]:
+    def do(self, pieces: Sequence[Piece]) -> Iterator[Done]:
         """Hand out pieces and hand on what comes back, until nothing is left."""
+        left = deque(pieces)
+        while len(self._people) < min(self._most, len(left)):
+            self._hire()
         while left or self._busy:
             for pipe in self._people:
                 if left and pipe not in self._busy:
@@ -91,6 +84,14 @@ class _Crew:
             ready = connection.wait(list(self._busy))
             for pipe in [one for one in self._busy if one in ready]:
                 yield from self._heard(pipe, left)
+
+    def _hire(self) -> None:
+        ours, theirs = get_context("spawn").Pipe()
+        process = get_context("spawn").Process(target=work, args=(theirs, self._bench), daemon=True)
+        with _one_thread():
+            process.start()
+        theirs.close()
+        self._people[ours] = process
 
     def _heard(self, pipe: Connection, left: deque[Piece]) -> Iterator[Done]:
         try:
@@ -118,7 +119,7 @@ class _Crew:
                 "workers. What is done is kept: the same command goes on from there, with fewer --workers"
             )
         left.appendleft(piece)
-        self.hire()
+        self._hire()
 
     def _dismiss(self) -> None:
         for pipe in self._people:

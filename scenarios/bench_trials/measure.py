@@ -62,7 +62,7 @@ def measure(
             claim = _claim(answer, record, task)
             response_covariance, interval = _claims_that_follow(answer, claim, task)
             normalised, parameters, covered = _errors(claim, task, bound if trial.ask == "fit" else None)
-            whiteness, independence = _residual_tests(answer.model, record)
+            whiteness, independence = _residual_tests(answer, record)
             return Measured(
                 trial,
                 MODEL,
@@ -162,15 +162,22 @@ def _as_asked(claim: Estimate, task: Task) -> bool:
     return claim.realise.orders == orders
 
 
-def _residual_tests(model: StateSpace, record: IOData) -> tuple[float, float]:
+def _residual_tests(answer: Answer, record: IOData) -> tuple[float, float]:
     """p-values of whiteness and of independence of past inputs, the least of all; the initial state is fitted.
 
     Without a model of the noise nothing is claimed of whiteness. What cannot be tested, such as residuals that vanish,
     is NaN.
     """
     try:
-        test = resid(model, record)
+        test = resid(answer.model, record)
     except SysidError:
         return NAN, NAN
-    whiteness = NAN if model.K is None else float(np.min(test.whiteness_p))
-    return whiteness, float(np.min(test.independence_p))
+    return float(np.min(test.whiteness_p)) if _models_noise(answer) else NAN, float(np.min(test.independence_p))
+
+
+def _models_noise(answer: Answer) -> bool:
+    """Whether there is a model of the noise: dynamics, a covariance, or polynomials that say that it is white."""
+    if answer.model.innovation_covariance is not None or bool(np.any(answer.model.gain)):
+        return True
+    p = answer.polynomials
+    return p is not None and all(not np.any(row[1:]) for row in (p.A, p.C, p.D))

@@ -124,7 +124,7 @@ def _show_figures(result: Result) -> None:
 
 
 def _reason(figure: Figure) -> str:
-    """What the verdict rests on, and where it fails: parts that fail unexpectedly, else those of which theory says so."""
+    """What the verdict rests on, and which parts fail: those that surprise, else those of which theory says so."""
     for wanted in (Verdict.FAILS, Verdict.FAILS_AS_THEORY_SAYS):
         parts = [part for part in figure.parts if part_verdict(part) is wanted]
         if parts:

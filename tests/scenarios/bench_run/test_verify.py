@@ -1,0 +1,171 @@
+"""Runs: nothing is done twice, nothing is lost, and nothing but times depends on who does it."""
+
+import json
+import subprocess
+import sys
+import time
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+
+from scenarios.bench_contract.contestant import Contestant, Limits
+from scenarios.bench_run.cost import Cost
+from scenarios.bench_run.result import Result
+from scenarios.bench_run.verify import JOURNALS, Plan, verify
+from scenarios.bench_trials.local import Local
+from scenarios.errors import ScenarioError
+from tests.scenarios.bench_run.few import PERFECT, Few, Here, child_environment
+
+PLAN = Plan((PERFECT,), effort="quick", figures=(Few(),))
+
+KILLED = """
+from pathlib import Path
+import sys
+from scenarios.bench_run.verify import verify
+from scenarios.bench_trials.local import Local
+from tests.scenarios.bench_run.test_verify import LONG
+if __name__ == "__main__":
+    verify(LONG, Path(sys.argv[1]), Local(1))
+"""
+LONG = replace(PLAN, figures=(Few(draws=16),))
+
+FAULTY = """
+import os, time
+import numpy as np
+import sysid
+
+def good(data, task):
+    return sysid.arx(data, task.orders["na"], task.orders["nb"], task.orders["nk"])
+
+def crashing(data, task):
+    os._exit(3)
+
+def hanging(data, task):
+    time.sleep(60.0)
+
+def hungry(data, task):
+    return np.ones(2**30)
+"""
+
+
+def journal_of(folder: Path) -> list[dict]:
+    """Lines of the only journal, by trial, without what a clock says."""
+    (path,) = (folder / JOURNALS).iterdir()
+    lines = [json.loads(line) for line in path.read_text().splitlines()[1:]]
+    for line in lines:
+        del line["ruler_seconds"], line["seconds"]
+    return sorted(lines, key=lambda line: json.dumps(line["trial"]))
+
+
+def plain(result: Result) -> Result:
+    return replace(result, run="", seconds=0.0)
+
+
+def test_a_killed_run_goes_on_and_ends_as_one_that_nobody_disturbed(tmp_path: Path):
+    script = tmp_path / "killed.py"
+    script.write_text(KILLED)
+    process = subprocess.Popen([sys.executable, str(script), str(tmp_path / "killed")], env=child_environment())
+    begun = time.monotonic()
+    journals = tmp_path / "killed" / JOURNALS
+    while not (journals.is_dir() and sum(len(path.read_bytes().splitlines()) for path in journals.iterdir()) > 3):
+        assert process.poll() is None and time.monotonic() - begun < 60.0
+        time.sleep(0.005)
+    process.kill()
+    process.wait()
+    (path,) = journals.iterdir()
+    before = path.read_bytes()
+    with path.open("ab") as stream:
+        stream.write(b'{"trial": {"problem": "p1@3')  # the line in which a kill may come
+    (on,) = verify(LONG, tmp_path / "killed", Local(2))
+    assert path.read_bytes().startswith(before)
+    (undisturbed,) = verify(LONG, tmp_path / "here", Here())
+    assert on.run != undisturbed.run
+    assert plain(on) == plain(undisturbed)
+    assert journal_of(tmp_path / "killed") == journal_of(tmp_path / "here")
+    assert len(journal_of(tmp_path / "here")) == 32
+    assert plain(Result.read(tmp_path / "killed" / "perfect.json")) == plain(on)
+
+
+def test_what_is_done_is_not_done_again(tmp_path: Path):
+    with pytest.raises(KeyboardInterrupt):
+        verify(PLAN, tmp_path, Here(after=3))
+    rest = Here()
+    (first,) = verify(PLAN, tmp_path, rest)
+    assert rest.asked == 1
+    again = Here(after=0)
+    (second,) = verify(PLAN, tmp_path, again)
+    assert first == second
+    # A longer run is a continuation.
+    longer = Here()
+    verify(replace(PLAN, figures=(Few(draws=3),)), tmp_path, longer)
+    assert longer.asked == 2
+    # Of another seed nothing is known, and the journal of the first stays.
+    other = Here()
+    verify(replace(PLAN, seed=1), tmp_path, other)
+    assert other.asked == 4
+    assert len(list((tmp_path / JOURNALS).iterdir())) == 2
+
+
+def test_whatever_estimators_do_is_counted(tmp_path: Path):
+    (tmp_path / "faulty.py").write_text(FAULTY)
+    kinds = {"good": "model", "crashing": "crash", "hanging": "hang", "hungry": "memory"}
+    each = tuple(Contestant(name, f"faulty:{name}", home=str(tmp_path), structure="arx") for name in kinds)
+    told: list[Cost] = []
+    counted: list[tuple[int, int]] = []
+    plan = Plan(each, effort="quick", figures=(Few(draws=1, problems=("p1@300",)),), limits=Limits(0.5, 2**28))
+    results = verify(plan, tmp_path, Here(), told=told.append, progress=lambda *now: counted.append(now))
+    for result, kind in zip(results, kinds.values(), strict=True):
+        assert result.outcomes == {kind: 1}
+        assert result.passed == (kind == "model")
+    assert results[0].seconds > 0.0 and results[0].reasons == {}
+    assert results[2].reasons == {"hang: no answer within 0.5 s": 1}
+    assert (counted[0], counted[-1]) == ((0, 4), (4, 4))
+    assert told == []  # the first record of the only problem was all
+
+
+def test_what_a_run_costs_is_told_before_it_is_spent(tmp_path: Path):
+    told: list[tuple[Cost, int]] = []
+    executor = Here(workers=2)
+    verify(PLAN, tmp_path, executor, told=lambda cost: told.append((cost, executor.asked)))
+    ((cost, asked),) = told
+    assert asked == 2 and cost.calls == 2
+    assert cost.wall == pytest.approx(cost.core_seconds / 2)
+    assert cost.hang == pytest.approx(cost.wall + 2 * 30.0 / 2)
+    written = sum(path.stat().st_size for path in (tmp_path / JOURNALS).iterdir())
+    assert cost.disk == pytest.approx(written / 2, rel=0.3)
+    assert "2 calls" in str(cost)
+
+
+def test_an_estimator_that_cannot_be_loaded_ends_a_run_and_leaves_no_journal(tmp_path: Path):
+    (tmp_path / "broken.py").write_text("import no_such_module\n")
+    broken = Contestant("broken", "broken:good", home=str(tmp_path), structure="oe")
+    with pytest.raises(ScenarioError, match="no_such_module"):
+        verify(replace(PLAN, contestants=(broken,)), tmp_path, Here())
+    assert list((tmp_path / JOURNALS).iterdir()) == []
+
+
+def test_two_runs_do_not_write_one_journal(tmp_path: Path):
+    def meanwhile(done: int, total: int) -> None:
+        if done == 2:
+            with pytest.raises(ScenarioError, match="another hmtb verify is at work"):
+                verify(PLAN, tmp_path, Here())
+            tried.append(total)
+
+    tried: list[int] = []
+    verify(PLAN, tmp_path, Here(), progress=meanwhile)
+    assert tried == [4]
+
+
+@pytest.mark.parametrize(
+    ("change", "says"),
+    [
+        ({"effort": "long"}, "expected one of quick, full"),
+        ({"seed": -1}, "expected a whole number"),
+        ({"contestants": ()}, "no estimator given"),
+        ({"contestants": (PERFECT, replace(PERFECT, structure="oe"))}, "of the same name given: perfect"),
+    ],
+)
+def test_plans_that_cannot_be(change: dict, says: str):
+    with pytest.raises(ScenarioError, match=says):
+        replace(PLAN, **change)
