@@ -150,7 +150,7 @@ def read_netcdf(
                 columns["dt"] = np.array([float(stored.attrs["dt"])])
     except (OSError, ValueError, KeyError, TypeError, RuntimeError) as error:
         raise SysidError(f"{file.name}: not a NetCDF4 file, or a damaged one ({error})") from error
-    for name in [n for n in columns if units[n] in SECONDS and units[n] and n.lower() in TIME_NAMES]:
+    for name in [n for n in columns if units.get(n) in SECONDS and units.get(n) and n.lower() in TIME_NAMES]:
         columns[f"{name} ({units[name]})"] = columns.pop(name)
     return record_of(columns, inputs, outputs, dt, missing, file, units)
 

@@ -3,6 +3,7 @@
 import json
 import shutil
 import tempfile
+import time
 from collections.abc import Mapping
 from pathlib import Path
 from types import TracebackType
@@ -112,6 +113,7 @@ class ProgramSandbox:
 
     def _run(self) -> Outcome:
         """Run the program once."""
+        begun = time.monotonic()
         try:
             process = start(filled(self._words, self._places), folder=self._home, environment={}, channel="none")
         except OSError as error:
@@ -119,6 +121,7 @@ class ProgramSandbox:
         got = process.exchange(
             b"", lambda _: False, seconds=self._limits.seconds, memory_bytes=self._limits.memory_bytes
         )
+        wall = time.monotonic() - begun
         process.end()
         code, tail = process.exit_code, process.tail()
         # That of its children that it has waited for goes along.
@@ -131,7 +134,7 @@ class ProgramSandbox:
             kind, why = REFUSED, tail
         else:
             kind, why = "error", f"exit code {code}; it printed {tail!r}"
-        return Outcome(kind, why, seconds, got.wall, got.peak_bytes)
+        return Outcome(kind, why, seconds, wall, got.peak_bytes)
 
     def _told(self) -> Outcome:
         """Tell a program that stays of the request."""
