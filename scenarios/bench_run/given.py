@@ -2,6 +2,7 @@
 
 import re
 import shlex
+from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -63,6 +64,9 @@ def estimators(given: Sequence[str], command: str | None, said: Said) -> dict[Co
         )
     if said.stays and command is None:
         raise ScenarioError("--stays given without --command; expected both: only programs are started")
+    twice = [text for text, count in Counter(given).items() if count > 1]
+    if twice:
+        raise ScenarioError(f"estimators given twice: {', '.join(twice)}")
     found: dict[Contestant, str] = {}
     for text in given:
         if ":" in text:
@@ -77,7 +81,7 @@ def estimators(given: Sequence[str], command: str | None, said: Said) -> dict[Co
 def _known(name: str) -> Contestant:
     if name not in names():
         near = "; an estimator of your own is given as MODULE:FUNCTION or FILE.py:FUNCTION"
-        raise ScenarioError(unknown("estimator", name, names()) + near)
+        raise ScenarioError(unknown("estimator", name, names(), listing="hmtb verify --list") + near)
     return contestant(name)
 
 
