@@ -18,6 +18,7 @@ from scenarios.contestants.changed_answers import changed_claim, delayed_input, 
 from scenarios.contestants.estimates import answer_of
 from scenarios.contestants.ours import pem, prediction_error
 from sysid import IOData, StateSpace
+from sysid.arrays import FloatArray
 
 COVARIANCE_FACTOR = 2.0
 """How far from the truth a wrong covariance is."""
@@ -98,7 +99,7 @@ def crashing(data: IOData, task: Task) -> Answer:
 def hungry(data: IOData, task: Task) -> Answer:
     """One fit in fifty takes 8 GB, piece by piece."""
     if _strikes(task):
-        taken = [np.ones(BITE // 8) for _ in range(APPETITE // BITE)]
+        taken = [_bite() for _ in range(APPETITE // BITE)]
         del taken
     return pem(data, task)
 
@@ -117,6 +118,10 @@ def absent_minded(data: IOData, task: Task) -> Answer | control.StateSpace:
         return answer
     m: StateSpace = answer.model
     return control.ss(np.full_like(m.A, np.nan), m.B, m.C, m.D, m.dt)
+
+
+def _bite() -> FloatArray:
+    return np.ones(BITE // 8)
 
 
 def _strikes(task: Task) -> bool:

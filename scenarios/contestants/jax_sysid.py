@@ -1,4 +1,4 @@
-"""jax-sysid [https://pypi.org/project/jax-sysid]: an output-error fit of a state-space model by L-BFGS, in 64 bits."""
+"""jax-sysid: an output-error fit of a state-space model by L-BFGS, in 64 bits."""
 
 import os
 

@@ -1,4 +1,4 @@
-"""nfoursid [https://pypi.org/project/nfoursid]: subspace identification after Verhaegen and Verdult."""
+"""nfoursid: subspace identification after Verhaegen and Verdult."""
 
 import numpy as np
 import pandas

@@ -1,12 +1,13 @@
 """Orders for a task that leaves them to the estimator: Schwarz's criterion over orders from one to the highest."""
 
 from collections.abc import Callable
+from functools import partial
 
 import numpy as np
 
 import sysid
 from scenarios.bench_contract.task import STRUCTURES, Task
-from sysid import Estimate, IOData
+from sysid import Estimate, IOData, SysidError
 from sysid.arrays import FloatArray
 from sysid.structure_table import StructureTable
 
@@ -40,7 +41,7 @@ def scanned(estimator: Callable[..., Estimate], data: IOData, task: Task, *, sim
         delay = arx_orders(data, task)["nk"]
         candidates = [_of_degree(n, delay, task.structure) for n in range(1, task.most_order + 1)]
     table = sysid.structure_scan(
-        estimator,
+        partial(_stable, estimator) if simulated else estimator,
         data,
         tuple(candidates[0]),
         [tuple(candidate.values()) for candidate in candidates],
@@ -54,6 +55,14 @@ def scanned(estimator: Callable[..., Estimate], data: IOData, task: Task, *, sim
 def simulated_bic(table: StructureTable) -> FloatArray:
     """Schwarz's criterion of the error of simulation that stands in the table as that of validation (m,)."""
     return np.asarray(np.log(table.validation) + table.parameters * np.log(table.samples) / table.samples)
+
+
+def _stable(estimator: Callable[..., Estimate], data: IOData, *orders: int) -> Estimate:
+    """The estimate, where it can be simulated."""
+    estimate = estimator(data, *orders)
+    if not estimate.model.input_path().is_stable():
+        raise SysidError(f"orders {orders} give an unstable model")
+    return estimate
 
 
 def _of_degree(n: int, delay: int, structure: str) -> dict[str, int]:

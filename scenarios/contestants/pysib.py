@@ -1,4 +1,4 @@
-"""Estimators of pysib [https://pypi.org/project/pysib]: one input, one output; they claim no covariance.
+"""Estimators of pysib: one input, one output; they claim no covariance.
 
 Where a search ends in a predictor that is not stable, its variant with filtered data is run, as its warning advises.
 """

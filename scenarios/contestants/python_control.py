@@ -1,4 +1,4 @@
-"""python-control [https://python-control.org]: pulse response by least squares, then the eigensystem realisation."""
+"""python-control: pulse response by least squares, then the eigensystem realisation."""
 
 import control
 

@@ -1,4 +1,4 @@
-"""Estimators of SIPPY [https://pypi.org/project/sippy-unipi]; they claim no covariance.
+"""Estimators of SIPPY; they claim no covariance.
 
 Its orders: a list for each output, and the delay `theta` counts samples beyond the first. Polynomial methods search by
 the optimiser IPOPT (its option OPT), which its authors name the most accurate; its recursive options are not.

@@ -1,4 +1,4 @@
-"""SLICOT's subspace identification through ctrlsys [https://pypi.org/project/ctrlsys].
+"""SLICOT's subspace identification through ctrlsys.
 
 Its options that ask for covariances or the Kalman gain are left alone: with several outputs they corrupt the memory of
 the process in version 1.1.1.

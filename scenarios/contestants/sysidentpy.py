@@ -1,4 +1,4 @@
-"""SysIdentPy [https://sysidentpy.org]: polynomial NARX models, of which those of degree one are linear."""
+"""SysIdentPy: polynomial NARX models, of which those of degree one are linear."""
 
 import warnings
 
