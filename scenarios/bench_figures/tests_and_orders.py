@@ -112,7 +112,7 @@ def _size(
     share = size_of_independent_estimate(count)
     most = int(binom.isf(false_alarm, len(known), share))
     theory = _theory(contestant, name)
-    return _part(label, found, known, 100.0 * LEVEL, (0.0, 100.0 * most / len(known)), theory.passes, theory.why)
+    return _part(label, found, known, 100.0 * LEVEL, (-np.inf, 100.0 * most / len(known)), theory.passes, theory.why)
 
 
 def _power(name: str, own: Sequence[Measured], contestant: Contestant, false_alarm: float) -> Part:
