@@ -30,6 +30,9 @@ AHEAD = 2
 LOOK = 2.0
 """How often it is looked whether workers and scheduler are still there, s."""
 
+SHOWN = 3
+"""Records that an error names."""
+
 GUESS = 1
 """Workers of a cluster that has not been asked yet."""
 
@@ -81,14 +84,21 @@ class Cluster:
             for too long; of workers on which software or an estimator is another; of a piece that brings them death.
         """
         with Link(self._address, self._patience, self._said) as link:
-            yield lambda pieces: _Run(bench, pieces, link, self._counted).done()
+            yield lambda pieces: Run(bench, pieces, link, self._counted).done()
 
     def _counted(self, workers: int) -> None:
         self.workers = workers
 
 
-class _Run:
-    """Tasks on their way."""
+class Run:
+    """Tasks on their way.
+
+    Args:
+        bench: What the pieces share.
+        pieces: The pieces.
+        link: The way to the scheduler.
+        counted: Told how many workers there are.
+    """
 
     def __init__(self, bench: Bench, pieces: Sequence[Piece], link: Link, counted: Callable[[int], None]) -> None:
         self._parcels = [asdict(Parcel.of(contestant)) for contestant in bench.contestants]
@@ -96,6 +106,7 @@ class _Run:
         self._pieces, self._link, self._counted = iter(pieces), link, counted
         self._again: deque[tuple[Piece, ...]] = deque()
         self._running: dict[Future, tuple[Piece, ...]] = {}
+        self._deadly: list[str] = []
         self._news = Event()
 
     def done(self) -> Iterator[Done]:
@@ -110,11 +121,18 @@ class _Run:
             while len(self._running) < AHEAD * workers and (some := self._next()):
                 self._send(client, some)
             if not self._running and not self._again:
-                return
+                break
             self._news.wait(LOOK)
             self._news.clear()
             for future in [one for one in self._running if one.status != "pending"]:
                 yield from self._received(future)
+        if self._deadly:
+            more = f" and {len(self._deadly) - SHOWN} more" if len(self._deadly) > SHOWN else ""
+            raise ScenarioError(
+                f"{'; '.join(self._deadly[:SHOWN])}{more}: every worker that did it died; its memory may have been too "
+                "small. All else is kept: the same command, without --cluster or with larger workers, goes on from "
+                "there"
+            )
 
     def _next(self) -> tuple[Piece, ...]:
         return self._again.popleft() if self._again else tuple(islice(self._pieces, TOGETHER))
@@ -147,9 +165,7 @@ class _Run:
         """A task whose workers died: its pieces one by one."""
         first = f"{some[0].problem}, record {some[0].draw}"
         if len(some) == 1:
-            raise ScenarioError(
-                f"{first}: every worker that did it died; its memory may have been too small. What is done is kept: "
-                "the same command, without --cluster or with larger workers, goes on from there"
-            )
+            self._deadly.append(first)
+            return
         self._link.said(f"{len(some)} records from {first} on: every worker died; they are done one by one")
         self._again.extend((piece,) for piece in some)
