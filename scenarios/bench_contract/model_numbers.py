@@ -68,6 +68,7 @@ def answer_of(numbers: Numbers, data: IOData, task: Task) -> Answer:
         raise NoModelError("malformed", str(error)) from error
     if model.order > MOST_ORDER:
         raise NoModelError("malformed", f"a model of {model.order} states given, expected at most {MOST_ORDER}")
+    _check_response(model, task)
     covariance = numbers.get("covariance")
     spread = numbers.get("response_covariance")
     response_covariance = None if spread is None else covariance_of_response(spread, data, task)
@@ -130,6 +131,16 @@ def _check_finite(numbers: Numbers) -> None:
             )
         if (np.abs(values) > LARGEST).any():
             raise NoModelError("malformed", f"{name} has numbers above {LARGEST:g}")
+
+
+def _check_response(model: StateSpace, task: Task) -> None:
+    """Refuse a model whose response leaves the range of numbers though none of its own does."""
+    if unstable(model):
+        return
+    with np.errstate(all="ignore"):
+        size = np.abs(model.frequency_response(task.frequencies)).max(initial=0.0)
+    if not size <= LARGEST:
+        raise NoModelError("not_finite", f"a model whose response is {size:g} at some frequency of the task")
 
 
 def _check_dt(numbers: Numbers, data: IOData) -> None:

@@ -88,14 +88,15 @@ def end_all(find: Callable[[], set[int]], group: int) -> None:
 
     Args:
         find: Tells their numbers.
-        group: Group of processes that is ended with them.
+        group: Group of processes that is ended with them; 0: none.
     """
     until = time.monotonic() + PATIENCE
     while time.monotonic() < until:
         left = find()
         with contextlib.suppress(ProcessLookupError):
             # At one blow, so that what forks all the time does not outrun this.
-            os.killpg(group, signal.SIGKILL)
+            if group:
+                os.killpg(group, signal.SIGKILL)
         for pid in left:
             with contextlib.suppress(ProcessLookupError):
                 os.kill(pid, signal.SIGKILL)

@@ -20,6 +20,7 @@ from typing import Any, NoReturn
 from scenarios.bench_contract.no_model import NoModelError
 from scenarios.bench_contract.nursery import FORK, NUMBER, WAIT
 from scenarios.bench_contract.outcome import REFUSED
+from scenarios.bench_contract.process_tree import end_all, family
 from scenarios.bench_contract.record_on_wire import requested
 from scenarios.bench_contract.returned import numbers_of
 from scenarios.bench_contract.task import Task
@@ -48,6 +49,8 @@ def bear(control: socket.socket) -> None:
     while True:
         message, pipes, _, _ = socket.recv_fds(control, LONGEST_PATH, 3)
         if not message:
+            # The bench is gone: so is everything here.
+            end_all(lambda: set(family(os.getpid())) - {os.getpid()}, last)
             return
         if message == WAIT:
             _, status = os.waitpid(last, 0)

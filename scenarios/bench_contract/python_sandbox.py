@@ -8,6 +8,8 @@ from pathlib import Path
 from types import TracebackType
 from typing import Any
 
+import numpy as np
+
 from scenarios.bench_contract import process_tree
 from scenarios.bench_contract.contestant import Contestant, Limits
 from scenarios.bench_contract.model_numbers import answer_of, unstable
@@ -183,8 +185,9 @@ def outcome_of(
     if kind == "returned":
         kind = MODEL
         try:
-            answer = answer_of(numbers, data, task)
-            why = unstable(answer.model)
+            with np.errstate(all="ignore"):
+                answer = answer_of(numbers, data, task)
+                why = unstable(answer.model)
             kind = "unstable" if why else MODEL
         except NoModelError as error:
             kind, why = error.kind, str(error)

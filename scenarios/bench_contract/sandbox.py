@@ -1,5 +1,7 @@
 """Where estimators run: each in a process of its own, with limits, whatever it does."""
 
+import os
+import sys
 from types import TracebackType
 from typing import Protocol
 
@@ -8,6 +10,7 @@ from scenarios.bench_contract.outcome import Outcome
 from scenarios.bench_contract.program_sandbox import ProgramSandbox
 from scenarios.bench_contract.python_sandbox import PythonSandbox
 from scenarios.bench_contract.task import Task
+from scenarios.errors import ScenarioError
 from sysid import IOData
 
 
@@ -42,5 +45,10 @@ def open_sandbox(contestant: Contestant, limits: Limits) -> Sandbox:
         contestant: The estimator.
         limits: What it may use for one answer: of a function, memory beyond what it has once its module is loaded; of a
             program, all of it.
+
+    Raises:
+        ScenarioError: This system has no means to watch processes.
     """
+    if not hasattr(os, "pidfd_open") or not os.path.isdir("/proc/self"):
+        raise ScenarioError(f"the system {sys.platform!r} runs this, expected Linux with /proc: sandboxes rest on it")
     return (ProgramSandbox if contestant.program else PythonSandbox)(contestant, limits)

@@ -2,7 +2,6 @@
 
 import numpy as np
 import pytest
-from scipy.signal import dfreqresp, dlti
 
 import sysid
 from scenarios.bench_contract.model_numbers import NAMES, answer_of, unstable
@@ -25,8 +24,9 @@ def record(nu: int = 1, ny: int = 1) -> sysid.IOData:
 
 
 def response(num, den):
-    """By SciPy, in powers of z."""
-    return dfreqresp(dlti(num, den, dt=0.02), 2 * np.pi * 0.02 * F)[1]
+    """In powers of z."""
+    z = np.exp(2j * np.pi * 0.02 * F)
+    return np.polyval(num, z) / np.polyval(den, z)
 
 
 def test_all_ways_to_say_a_model_say_the_same() -> None:
@@ -134,6 +134,7 @@ def test_poles_of_the_noise_and_of_states_apart_do_not_make_a_model_unstable() -
         ({**MATRICES, "A": np.eye(301)}, "malformed", "at most 300 states"),
         ({**MATRICES, "B": [[np.inf]]}, "not_finite", "B has 1 of 1"),
         ({**MATRICES, "B": [[1e70]]}, "malformed", "numbers above 1e+60"),
+        ({**MATRICES, "B": [[1e50]], "C": [[1e50]]}, "not_finite", "whose response is"),
         ({**MATRICES, "covariance": [[1.0]]}, "malformed", "without polynomials"),
         ({**MATRICES, "innovation_covariance": -1.0}, "malformed", "innovation_covariance has a negative eigenvalue"),
         ({"num": [1.0], "den": DEN}, "malformed", "num with 1 and den with 3 coefficients"),
