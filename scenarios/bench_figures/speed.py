@@ -11,10 +11,11 @@ from scenarios.bench_figures.figure import Figure, FigureMaker, Part
 from scenarios.bench_trials.measured import Measured
 from scenarios.bench_trials.trial import Trial
 
-SLOW = 2000.0
+SLOW = 1000.0
 """Median multiple beyond which an estimator is called slow.
 
-A campaign of identifications that takes an hour at 2 rulers each takes six weeks there.
+A search takes about one such problem for each of its steps, some tens of them; this leaves a factor of twenty or more
+for several starts and for interpreted code.
 """
 
 MIB = 2.0**20
