@@ -99,7 +99,7 @@ PEERS = (
             "oe",
             "oe",
             "pem",
-            "64 bits, channels scaled to one, L-BFGS of 2000 steps, no penalties, x0 fitted, one start",
+            "64 bits, channels scaled to one, no penalties, x0 fitted; 1000 steps of Adam, 2000 of L-BFGS",
         ),
     ),
     *_python(

@@ -17,8 +17,8 @@ from sysid import IOData, StateSpace
 
 jax.config.update("jax_enable_x64", True)
 
-ADAM_STEPS, LBFGS_STEPS = 0, 2000
-"""First by gradient descent, then by L-BFGS; a linear model needs none of the first."""
+ADAM_STEPS, LBFGS_STEPS = 1000, 2000
+"""First by gradient descent, then by L-BFGS: without the first it often ends in another minimum."""
 
 
 def oe(data: IOData, task: Task) -> Answer:
@@ -35,18 +35,17 @@ def oe(data: IOData, task: Task) -> Answer:
     return Answer(delayed(model, shift))
 
 
-def output_error(data: IOData, order: int, *, direct: bool, adam_steps: int = ADAM_STEPS) -> StateSpace:
+def output_error(data: IOData, order: int, *, direct: bool) -> StateSpace:
     """Model that minimises the simulation error, the initial state fitted, without penalties on either.
 
     Args:
         data: The record; channels are scaled to one, their means stay.
         order: Number of states.
         direct: Whether D is estimated.
-        adam_steps: Steps of gradient descent before L-BFGS.
     """
     model = LinearModel(order, data.ny, data.nu, feedthrough=direct)
     model.loss(rho_x0=0.0, rho_th=0.0)
-    model.optimization(adam_epochs=adam_steps, lbfgs_epochs=LBFGS_STEPS, iprint=-1)
+    model.optimization(adam_epochs=ADAM_STEPS, lbfgs_epochs=LBFGS_STEPS, iprint=-1)
     of_u, of_y = np.std(data.u, axis=0), np.std(data.y, axis=0)
     model.fit(data.y / of_y, data.u / of_u)
     A, B, C = (np.asarray(matrix) for matrix in model.params[:3])

@@ -1,5 +1,7 @@
 """nfoursid: subspace identification after Verhaegen and Verdult."""
 
+from contextlib import suppress
+
 import numpy as np
 import pandas
 from nfoursid.nfoursid import NFourSID
@@ -35,6 +37,9 @@ def subspace(data: IOData, order: int) -> StateSpace:
     search.subspace_identification()
     m, noise = search.system_identification(rank=order)
     R, S, Q = noise[: data.ny, : data.ny], noise[data.ny :, : data.ny], noise[data.ny :, data.ny :]
-    P = solve_discrete_are(m.a.T, m.c.T, Q, R, s=S)
-    K = np.linalg.solve(m.c @ P @ m.c.T + R, m.c @ P @ m.a.T + S.T).T
+    K = None
+    # Of a record without noise no gain is left to be found.
+    with suppress(ValueError, np.linalg.LinAlgError):
+        P = solve_discrete_are(m.a.T, m.c.T, Q, R, s=S)
+        K = np.linalg.solve(m.c @ P @ m.c.T + R, m.c @ P @ m.a.T + S.T).T
     return StateSpace(m.a, m.b, m.c, m.d, K, data.dt)
