@@ -5,7 +5,8 @@ import shutil
 from pathlib import Path
 
 from scenarios.bench_contract.contestant import Contestant
-from scenarios.bench_contract.task_files import FORMATS, MODEL_STEM, TASK_FILE
+from scenarios.bench_contract.model_file import MODEL_STEM
+from scenarios.bench_contract.task_files import FORMATS, TASK_FILE
 from scenarios.errors import ScenarioError
 
 PLACES = (*FORMATS, "task", "model")

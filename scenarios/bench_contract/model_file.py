@@ -6,15 +6,17 @@ from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
+from numpy.typing import NDArray
 
-from scenarios.bench_contract.model_numbers import NAMES
+from scenarios.bench_contract.model_names import NAMES
 from scenarios.bench_contract.no_model import NoModelError
-from scenarios.bench_contract.returned import real
-from scenarios.bench_contract.task_files import MODEL_STEM
+from scenarios.bench_contract.shapes import real
 from scenarios.dataset_scores.mat_numbers import read_mat_numbers
 from scenarios.datasets.netcdf import read_netcdf
 from scenarios.errors import ScenarioError
-from sysid.arrays import FloatArray
+
+MODEL_STEM = "model"
+"""Name of the file that a program writes, without its ending."""
 
 MOST_BYTES = 2**26
 """No file of a model is larger."""
@@ -40,8 +42,8 @@ def find_model(folder: Path) -> Path:
     return found[0]
 
 
-def read_model_numbers(path: Path) -> dict[str, FloatArray]:
-    """The numbers of a model; see `scenarios.bench_contract.model_numbers.NAMES`.
+def read_model_numbers(path: Path) -> dict[str, NDArray[np.float64]]:
+    """The numbers of a model; see `scenarios.bench_contract.model_names.NAMES`.
 
     Args:
         path: The file.
@@ -58,7 +60,7 @@ def read_model_numbers(path: Path) -> dict[str, FloatArray]:
         raise NoModelError("malformed", str(error).replace(str(path), path.name)) from error
 
 
-def _read_json(path: Path) -> dict[str, FloatArray]:
+def _read_json(path: Path) -> dict[str, NDArray[np.float64]]:
     try:
         table = json.loads(path.read_text(encoding="utf-8"))
     except (OSError, ValueError, RecursionError) as error:
@@ -73,7 +75,7 @@ def _read_json(path: Path) -> dict[str, FloatArray]:
     return {name: _json_numbers(name, value) for name, value in table.items() if value is not None}
 
 
-def _json_numbers(name: str, value: object) -> FloatArray:
+def _json_numbers(name: str, value: object) -> NDArray[np.float64]:
     """Numbers of JSON; null within them is NaN, as JSON cannot say that."""
     if isinstance(value, list):
         value = _nan_for_null(value)
@@ -84,11 +86,11 @@ def _nan_for_null(value: list[object]) -> list[object]:
     return [_nan_for_null(x) if isinstance(x, list) else (float("nan") if x is None else x) for x in value]
 
 
-def _read_mat(path: Path) -> dict[str, FloatArray]:
+def _read_mat(path: Path) -> dict[str, NDArray[np.float64]]:
     return {name: real(name, values) for name, values in read_mat_numbers(path, NAMES).items()}
 
 
-def _read_netcdf(path: Path) -> dict[str, FloatArray]:
+def _read_netcdf(path: Path) -> dict[str, NDArray[np.float64]]:
     contents = read_netcdf(path, only=NAMES)
     found = {name: variable.values for name, variable in contents.variables.items()}
     if "dt" in contents.attributes:
@@ -96,7 +98,7 @@ def _read_netcdf(path: Path) -> dict[str, FloatArray]:
     return {name: real(name, values) for name, values in found.items()}
 
 
-READERS: dict[str, Callable[[Path], dict[str, FloatArray]]] = {
+READERS: dict[str, Callable[[Path], dict[str, NDArray[np.float64]]]] = {
     ".json": _read_json,
     ".mat": _read_mat,
     ".nc": _read_netcdf,

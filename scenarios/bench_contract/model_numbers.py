@@ -12,8 +12,9 @@ from scenarios.bench_contract.claims import (
     known_parameters,
     response_and_interval,
 )
+from scenarios.bench_contract.model_names import FRACTION, MATRICES, NAMES, POLYNOMIALS
 from scenarios.bench_contract.no_model import NoModelError
-from scenarios.bench_contract.polynomial_numbers import FRACTION, POLYNOMIALS, of_fractions, polynomials_of
+from scenarios.bench_contract.polynomial_numbers import of_fractions, polynomials_of
 from scenarios.bench_contract.shapes import shaped
 from scenarios.bench_contract.task import Task
 from sysid import IOData, StateSpace, SysidError, innovations_form
@@ -21,11 +22,6 @@ from sysid.arrays import FloatArray
 
 Numbers = Mapping[str, FloatArray]
 """Real numbers by name."""
-
-MATRICES = ("A", "B", "C", "D", "K")
-CLAIMS = ("innovation_covariance", "covariance", "response_covariance", "bandwidth_ci95")
-NAMES = ("dt", *MATRICES, *POLYNOMIALS, *FRACTION, *CLAIMS)
-"""All that a model may consist of."""
 
 MOST_ORDER = 300
 """No model has more states."""

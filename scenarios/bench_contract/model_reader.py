@@ -9,10 +9,10 @@ from types import TracebackType
 from scenarios.bench_contract.model_file import read_model_numbers
 from scenarios.bench_contract.no_model import NoModelError
 from scenarios.bench_contract.outcome import KINDS
-from scenarios.bench_contract.python_child import limit_memory
+from scenarios.bench_contract.reading_child import MEMORY
 from scenarios.bench_contract.started import start
 from scenarios.bench_contract.supervised import Supervised
-from scenarios.bench_contract.wire import WireError, complete, pack, receive, send, unpack
+from scenarios.bench_contract.wire import WireError, complete, pack, unpack
 from sysid.arrays import FloatArray
 
 PATIENCE = 10.0
@@ -20,9 +20,6 @@ PATIENCE = 10.0
 
 STARTING = 60.0
 """How long the process may take to start, s."""
-
-MEMORY = 2**30
-"""What reading a model may hold, bytes."""
 
 
 class ModelReader:
@@ -73,7 +70,7 @@ class ModelReader:
 
     def _started(self) -> Supervised:
         process = start(
-            [sys.executable, "-P", "-m", "scenarios.bench_contract.model_reader", "{request}", "{reply}"],
+            [sys.executable, "-P", "-m", "scenarios.bench_contract.reading_child", "{request}", "{reply}"],
             folder=Path(tempfile.gettempdir()),
             environment={"PYTHONPATH": os.pathsep.join(path for path in sys.path if path)},
         )
@@ -89,29 +86,3 @@ class ModelReader:
         process, self._process = self._process, None
         if process is not None:
             process.end()
-
-
-def serve(request: int, reply: int) -> None:
-    """Read files until no more are asked for.
-
-    Args:
-        request: Number of the pipe from which paths come.
-        reply: Number of the pipe for what is in them.
-    """
-    limit_memory(MEMORY)
-    send(reply, {"kind": "ready"})
-    while message := receive(request):
-        fields, _ = unpack(message)
-        try:
-            numbers = read_model_numbers(Path(fields["path"]))
-        except NoModelError as error:
-            send(reply, {"kind": error.kind, "why": str(error)[:500]})
-        # Whatever a hostile file raises inside the library: it is a file that cannot be read.
-        except Exception as error:
-            send(reply, {"kind": "malformed", "why": f"cannot read {Path(fields['path']).name}: {error!r}"[:200]})
-        else:
-            send(reply, {"kind": "read", "why": ""}, numbers)
-
-
-if __name__ == "__main__":
-    serve(*(int(number) for number in sys.argv[1:3]))

@@ -4,16 +4,11 @@ from collections.abc import Mapping
 
 import numpy as np
 
+from scenarios.bench_contract.model_names import FRACTION, POLYNOMIALS
 from scenarios.bench_contract.no_model import NoModelError
 from scenarios.bench_contract.shapes import row
 from sysid import IOData, Polynomials, StateSpace, SysidError, innovations_form
 from sysid.arrays import FloatArray
-
-POLYNOMIALS = {"poly_a": "A", "poly_b": "B", "poly_c": "C", "poly_d": "D", "poly_f": "F"}
-"""Names of polynomials, as files have them and as `Polynomials` has them."""
-
-FRACTION = ("num", "den")
-"""Names of numerator and denominator."""
 
 
 def polynomials_of(numbers: Mapping[str, FloatArray], data: IOData) -> Polynomials | None:

@@ -17,6 +17,7 @@ from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any, NoReturn
 
+from scenarios.bench_contract.memory_limit import limit_memory
 from scenarios.bench_contract.no_model import NoModelError
 from scenarios.bench_contract.nursery import FORK, NUMBER, WAIT
 from scenarios.bench_contract.outcome import REFUSED
@@ -161,16 +162,6 @@ def load(target: str, home: Path) -> Callable[..., Any]:
         raise ImportError(f"{target} is of type {type(found).__name__}, expected a function")
     function: Callable[..., Any] = found
     return function
-
-
-def limit_memory(more: int) -> None:
-    """Let this process have no more data than it has now and some bytes: what goes beyond raises MemoryError."""
-    with contextlib.suppress(OSError, ValueError, IndexError):
-        held = [
-            line.split() for line in Path("/proc/self/status").read_text().splitlines() if line.startswith("VmData")
-        ]
-        limit = 1024 * int(held[0][1]) + more
-        resource.setrlimit(resource.RLIMIT_DATA, (limit, limit))
 
 
 def answered(

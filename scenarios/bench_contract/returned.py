@@ -19,8 +19,9 @@ import numpy as np
 
 from scenarios.bench_contract.answer import Answer
 from scenarios.bench_contract.claims import response_and_interval
+from scenarios.bench_contract.model_names import POLYNOMIALS
 from scenarios.bench_contract.no_model import NoModelError
-from scenarios.bench_contract.polynomial_numbers import POLYNOMIALS
+from scenarios.bench_contract.shapes import real
 from scenarios.bench_contract.task import Task
 from sysid import Estimate, IOData, Polynomials, StateSpace
 from sysid.arrays import FloatArray
@@ -35,7 +36,7 @@ OF_RESPONSE = 5
 
 
 def numbers_of(value: object, data: IOData, task: Task) -> dict[str, FloatArray]:
-    """The numbers of what a function returned; see `scenarios.bench_contract.model_numbers.NAMES`.
+    """The numbers of what a function returned; see `scenarios.bench_contract.model_names.NAMES`.
 
     Args:
         value: What it returned.
@@ -62,23 +63,6 @@ def numbers_of(value: object, data: IOData, task: Task) -> dict[str, FloatArray]
         ends = value[2] if len(value) > 2 else None
         return found | _claims(None if response else covariance, covariance if response else None, ends)
     return _of_model(value, data)
-
-
-def real(name: str, value: Any) -> FloatArray:
-    """Real numbers of any shape.
-
-    Raises:
-        NoModelError: They are none.
-    """
-    try:
-        array = np.array(value)
-    except (ValueError, TypeError) as error:
-        raise NoModelError(
-            "malformed", f"{name} of type {type(value).__name__} given, expected real numbers"
-        ) from error
-    if array.dtype.kind not in "biuf":
-        raise NoModelError("malformed", f"{name} of type {array.dtype} given, expected real numbers")
-    return np.array(array, dtype=np.float64)
 
 
 def _of_estimate(estimate: Estimate, task: Task) -> dict[str, FloatArray]:

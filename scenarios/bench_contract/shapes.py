@@ -1,12 +1,14 @@
-"""Shapes of numbers from languages in which a row, a column and a matrix of one row are the same or are not."""
+"""Numbers and their shapes from languages in which a row, a column and a matrix of one row are the same or are not."""
+
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from scenarios.bench_contract.no_model import NoModelError
-from sysid.arrays import FloatArray
 
 
-def shaped(name: str, values: FloatArray, shape: tuple[int, ...]) -> FloatArray:
+def shaped(name: str, values: NDArray[np.float64], shape: tuple[int, ...]) -> NDArray[np.float64]:
     """Values in a shape; a plain list or one number does where the shape leaves no choice. Nothing is transposed.
 
     Raises:
@@ -21,7 +23,7 @@ def shaped(name: str, values: FloatArray, shape: tuple[int, ...]) -> FloatArray:
     raise NoModelError("malformed", f"{name} of shape {values.shape} given, expected {shape}")
 
 
-def row(name: str, values: FloatArray) -> FloatArray:
+def row(name: str, values: NDArray[np.float64]) -> NDArray[np.float64]:
     """Coefficients (k,): programs that know matrices alone write (1, k) or (k, 1).
 
     Raises:
@@ -30,3 +32,20 @@ def row(name: str, values: FloatArray) -> FloatArray:
     if values.size == 0 or sum(n != 1 for n in values.shape) > 1:
         raise NoModelError("malformed", f"{name} of shape {values.shape} given, expected a row of coefficients")
     return values.ravel()
+
+
+def real(name: str, value: Any) -> NDArray[np.float64]:
+    """Real numbers of any shape.
+
+    Raises:
+        NoModelError: They are none.
+    """
+    try:
+        array = np.array(value)
+    except (ValueError, TypeError) as error:
+        raise NoModelError(
+            "malformed", f"{name} of type {type(value).__name__} given, expected real numbers"
+        ) from error
+    if array.dtype.kind not in "biuf":
+        raise NoModelError("malformed", f"{name} of type {array.dtype} given, expected real numbers")
+    return np.array(array, dtype=np.float64)

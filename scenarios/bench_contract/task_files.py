@@ -15,8 +15,6 @@ FORMATS = {"data": "data.nc", "mat": "data.mat", "csv": "data.csv"}
 """Names of the record's files, by the placeholder that stands for each: NetCDF4, MATLAB version 7, text."""
 
 TASK_FILE = "task.json"
-MODEL_STEM = "model"
-"""Of the file that the program writes."""
 
 
 def write_task(folder: Path, data: IOData, task: Task, formats: Collection[str]) -> None:

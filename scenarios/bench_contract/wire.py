@@ -8,9 +8,9 @@ from math import prod
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from scenarios.errors import ScenarioError
-from sysid.arrays import FloatArray
 
 MARK = b"hmtb"
 MOST_HEAD = 2**20
@@ -26,7 +26,7 @@ class WireError(ScenarioError):
     """Bytes that are no message."""
 
 
-def pack(fields: Mapping[str, Any], arrays: Mapping[str, FloatArray] | None = None) -> bytes:
+def pack(fields: Mapping[str, Any], arrays: Mapping[str, NDArray[np.float64]] | None = None) -> bytes:
     """Make a message.
 
     Args:
@@ -68,7 +68,7 @@ def complete(message: bytearray) -> bool:
     return size is not None and len(message) == size
 
 
-def unpack(message: bytes | bytearray) -> tuple[dict[str, Any], dict[str, FloatArray]]:
+def unpack(message: bytes | bytearray) -> tuple[dict[str, Any], dict[str, NDArray[np.float64]]]:
     """Read a whole message.
 
     Returns:
@@ -90,7 +90,7 @@ def unpack(message: bytes | bytearray) -> tuple[dict[str, Any], dict[str, FloatA
         raise WireError(f"a message without a head: {error}") from error
     if at + 8 * sum(prod(shape) for _, shape in shapes) != len(message):
         raise WireError("a message whose numbers are not as many as its head says")
-    arrays: dict[str, FloatArray] = {}
+    arrays: dict[str, NDArray[np.float64]] = {}
     for name, shape in shapes:
         values = np.frombuffer(message, dtype="<f8", count=prod(shape), offset=at)
         arrays[name] = values.astype(np.float64).reshape(shape)
@@ -119,7 +119,7 @@ def receive(end: int) -> bytes:
     return bytes(message)
 
 
-def send(end: int, fields: Mapping[str, Any], arrays: Mapping[str, FloatArray] | None = None) -> None:
+def send(end: int, fields: Mapping[str, Any], arrays: Mapping[str, NDArray[np.float64]] | None = None) -> None:
     """Send a message.
 
     Args:

@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 
 import sysid
-from scenarios.bench_contract.model_numbers import NAMES, answer_of, unstable
+from scenarios.bench_contract.model_names import NAMES
+from scenarios.bench_contract.model_numbers import answer_of, unstable
 from scenarios.bench_contract.no_model import NoModelError
 from scenarios.bench_contract.task import Task
 
