@@ -11,7 +11,7 @@ AMPLITUDES = {"quick": (5, 10, 40), "full": (5, 10, 20, 40, 80)}
 """Root mean square of the angle asked for, mrad: from where friction rules to where the velocity limit does."""
 
 WAVEFORMS = {"quick": 8, "full": 80}
-REPEATED = {"quick": 2, "full": 20}
+REPEATED = {"quick": 3, "full": 30}
 """Of the first so many waveforms there are two records, which differ by noise alone."""
 
 SEQUENCES = {"quick": 2, "full": 20}

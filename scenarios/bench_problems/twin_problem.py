@@ -1,6 +1,7 @@
 """The arm as a family of problems: joints, excitations and amplitudes, with noise, friction and limits."""
 
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 
@@ -57,7 +58,7 @@ class TwinProblem:
     @property
     def joint_truth(self) -> JointTruth:
         """Small-signal truth of the joint: model, bandwidth, poles, delay."""
-        return arm_truth(load_arm(self.parsed.variant), OPERATING_POSE).joint(self.parsed.joint)
+        return _joint_truth(self.parsed.variant, self.parsed.joint)
 
     @property
     def truth(self) -> StateSpace:
@@ -127,3 +128,8 @@ def twin_problem(name: str) -> TwinProblem:
         ScenarioError: It is none.
     """
     return TwinProblem(twin_name(name))
+
+
+@lru_cache(maxsize=32)
+def _joint_truth(variant: str, joint: str) -> JointTruth:
+    return arm_truth(load_arm(variant), OPERATING_POSE).joint(joint)
