@@ -11,7 +11,7 @@ from scenarios.bench_figures.figure import Figure, FigureMaker, Part
 from scenarios.bench_trials.measured import Measured
 from scenarios.bench_trials.trial import Trial
 
-SLOW = 1000.0
+SLOW = 1200.0
 """Median multiple beyond which an estimator is called slow.
 
 A search takes about one such problem for each of its steps, some tens of them; this leaves a factor of twenty or more
