@@ -20,22 +20,22 @@ LEAST_ROWS, ROWS_PER_ORDER = 20, 2
 
 def arx(data: IOData, task: Task) -> Answer:
     """Least squares."""
-    return _polynomials("arx", data, task)
+    return polynomials("arx", data, task)
 
 
 def armax(data: IOData, task: Task) -> Answer:
     """Prediction error by IPOPT."""
-    return _polynomials("armax", data, task)
+    return polynomials("armax", data, task)
 
 
 def oe(data: IOData, task: Task) -> Answer:
     """Prediction error by IPOPT, one denominator for all inputs."""
-    return _polynomials("oe", data, task)
+    return polynomials("oe", data, task)
 
 
 def bj(data: IOData, task: Task) -> Answer:
     """Prediction error by IPOPT, one denominator for all inputs."""
-    return _polynomials("bj", data, task)
+    return polynomials("bj", data, task)
 
 
 def n4sid(data: IOData, task: Task) -> Answer:
@@ -63,7 +63,15 @@ def subspace(data: IOData, task: Task, weighting: str, *, direct: bool = False) 
     return StateSpace(found.A, found.B, found.C, found.D, found.K, data.dt)
 
 
-def _polynomials(structure: str, data: IOData, task: Task) -> Answer:
+def polynomials(structure: str, data: IOData, task: Task, *, mode: str = "OPT") -> Answer:
+    """Answer of a polynomial method.
+
+    Args:
+        structure: `arx`, `armax`, `oe` or `bj`.
+        data: The record, one output.
+        task: With the orders.
+        mode: Of `armax` and `oe`: `OPT`, or one of its recursive and iterative ones.
+    """
     only_structure(task, structure)
     only_one_output(data)
     only_delayed(task)
@@ -73,7 +81,7 @@ def _polynomials(structure: str, data: IOData, task: Task) -> Answer:
     counts |= {"nb": [[n["nb"]] * data.nu], "nk": [[n["nk"] - 1] * data.nu]}
     options: dict[str, Any] = {f"{method}_orders": [counts[name] for name in STRUCTURES[structure]]}
     if structure in ("armax", "oe"):
-        options[f"{method}_mod"] = "OPT"
+        options[f"{method}_mod"] = mode
     m = system_identification(data.y.copy(), data.u.copy(), method, tsample=data.dt, **options)
     # Numerators begin with q^-1 and, like denominators, have zeros behind.
     above = np.array([[0.0, *row[: n["nk"] - 1 + n["nb"]]] for row in m.NUMERATOR[0]])
@@ -88,5 +96,5 @@ def _polynomials(structure: str, data: IOData, task: Task) -> Answer:
         found["C"] = np.asarray(m.NUMERATOR_H[0][0])[: n["nc"] + 1]
     if structure == "bj":
         found["D"] = np.asarray(m.DENOMINATOR_H[0][0])[: n["nd"] + 1]
-    polynomials = Polynomials(**found)
-    return Answer(innovations_form(polynomials, data.dt), polynomials)
+    p = Polynomials(**found)
+    return Answer(innovations_form(p, data.dt), p)

@@ -25,6 +25,8 @@ from efficiency import problems  # noqa: E402
 from scipy.signal import lfilter  # noqa: E402
 
 import sysid  # noqa: E402
+from scenarios.bench_contract.answer import Answer  # noqa: E402
+from scenarios.bench_contract.task import STRUCTURES, Task  # noqa: E402
 
 SKIP = 500
 """First residuals left out of every loss: initial conditions are each method's own affair."""
@@ -55,14 +57,6 @@ def loss(p: sysid.Polynomials, u: np.ndarray, y: np.ndarray) -> float:
     return float(np.mean(error[SKIP:] ** 2))
 
 
-def polynomials(A: object, B: object, C: object, F: object) -> sysid.Polynomials:
-    """Polynomials from whatever a peer returns."""
-    one = np.ones(1)
-    a, c, f = (one if q is None else np.asarray(q, float).ravel() for q in (A, C, F))
-    b = np.asarray(B, float).squeeze()
-    return sysid.Polynomials(a, b, c, one, f if b.ndim == 1 else np.tile(f, (len(b), 1)))
-
-
 def ours(method: str, orders: tuple[int, ...]) -> Fit:
     """This package."""
 
@@ -72,58 +66,42 @@ def ours(method: str, orders: tuple[int, ...]) -> Fit:
     return fit
 
 
-def pysib(method: str, orders: tuple[int, ...]) -> Fit:
-    """pysib, its prediction-error estimators."""
-    import pysib as peer
+def adapted(function: Callable[[sysid.IOData, Task], Answer], method: str, orders: tuple[int, ...]) -> Fit:
+    """A peer as the test bench calls it."""
+    task = Task(method, dict(zip(STRUCTURES[method], orders, strict=True)), max(orders), np.ones(1))
 
     def fit(u: np.ndarray, y: np.ndarray) -> sysid.Polynomials:
-        _, m = getattr(peer, method)(u, y, *orders)
-        return polynomials(m["A"], m["B"], m["C"], m["F"])
+        answer = function(sysid.IOData(u, y, 0.02), task)
+        return answer.polynomials or from_states(answer.model)
 
     return fit
+
+
+def from_states(model: sysid.StateSpace) -> sysid.Polynomials:
+    """The output-error model of a state-space model with one input and one output."""
+    F = np.poly(model.A)
+    return sysid.Polynomials(B=np.convolve(F, model.markov(len(F))[:, 0, 0])[: len(F)], F=F)
+
+
+def pysib(method: str, orders: tuple[int, ...]) -> Fit:
+    """pysib, its prediction-error estimators."""
+    from scenarios.contestants import pysib as peer
+
+    return adapted(getattr(peer, method), method, orders)
 
 
 def sippy(method: str, orders: tuple[int, ...], *, mode: str = "OPT") -> Fit:
-    """SIPPY, by optimisation if not said otherwise; its theta counts delay beyond one sample."""
-    from sippy_unipi import system_identification
+    """SIPPY, by optimisation if not said otherwise."""
+    from scenarios.contestants import sippy as peer
 
-    def fit(u: np.ndarray, y: np.ndarray) -> sysid.Polynomials:
-        inputs = 1 if u.ndim == 1 else u.shape[1]
-        na, nb, *noise, nk = orders if method == "armax" else (None, *orders)
-        counts = [[na]] if method == "armax" else []
-        counts += [[[nb] * inputs], *([n] for n in noise), [[nk - 1] * inputs]]
-        found = system_identification(
-            y, u, method.upper(), **{f"{method.upper()}_orders": counts, f"{method.upper()}_mod": mode}
-        )
-        den = np.asarray(found.G.den[0][0])
-        nums = [np.asarray(num) for num in found.G.num[0]]
-        B = np.squeeze([np.r_[np.zeros(len(den) - len(num)), num] for num in nums])
-        if method == "oe":
-            return polynomials(None, B, None, den)
-        C = np.asarray(found.H.num[0][0])
-        return polynomials(den, B, C / C[0], None)
-
-    return fit
+    return adapted(lambda data, task: peer.polynomials(method, data, task, mode=mode), method, orders)
 
 
 def jax_sysid(method: str, orders: tuple[int, ...]) -> Fit:
-    """jax-sysid, double precision, L-BFGS on a linear state-space model: an output-error fit of the same order."""
-    import jax
+    """jax-sysid, double precision: an output-error fit of the same order."""
+    from scenarios.contestants import jax_sysid as peer
 
-    jax.config.update("jax_enable_x64", True)
-    from jax_sysid.models import LinearModel
-
-    def fit(u: np.ndarray, y: np.ndarray) -> sysid.Polynomials:
-        model = LinearModel(orders[1], 1, 1, feedthrough=False)
-        model.loss(rho_x0=0.0, rho_th=0.0)
-        model.optimization(adam_epochs=0, lbfgs_epochs=1000, iprint=-1)
-        model.fit(y[:, None], u[:, None])
-        A, B, C = (np.asarray(m) for m in model.params[:3])
-        F = np.poly(A)
-        pulses = [0.0] + [float((C @ np.linalg.matrix_power(A, k) @ B)[0, 0]) for k in range(len(A))]
-        return polynomials(None, np.convolve(F, pulses)[: len(F)], None, F)
-
-    return fit
+    return adapted(getattr(peer, method), method, orders)
 
 
 def versions(*names: str) -> str:
