@@ -35,7 +35,7 @@ SETS = 4000
 
 @dataclass(frozen=True)
 class Consistency:
-    """Slope of the logarithm of the response's error over that of the number of samples [Ljung1999, sec. 9.2].
+    """Slope of the logarithm of the response's error over that of the number of samples [Ljung1999, ch. 9].
 
     -1/2 of an estimator whose error is chance, however much of it; 0 of one whose error is bias. Only a flatter slope
     fails: short records may be worse than the theory of long ones says.

@@ -27,7 +27,7 @@ JUDGED = Judgement(expected=1.0, ratio=1.05)
 class NormalisedError:
     """Mean of error' covariance^-1 error over its degrees of freedom, by the claimed covariance.
 
-    Of the parameters it is chi-square with as many degrees of freedom as there are parameters [Ljung1999, sec. 9.6].
+    Of the parameters it is chi-square with as many degrees of freedom as there are parameters [Ljung1999, ch. 9].
     Where the parameters are not those of the truth's structure it is that of the response, two degrees of freedom per
     frequency, averaged: frequencies depend on each other as those of the Cramér-Rao bound do.
     """

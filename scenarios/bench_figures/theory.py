@@ -2,7 +2,7 @@
 
 The classical results: a prediction-error estimate in a structure that holds the truth, its disturbance included, is
 consistent, reaches the Cramér-Rao bound and knows its own covariance, in open loop and under feedback [Ljung1999,
-theorems 8.2, 9.1 and sec. 13.4]. Everything else gives up some of this.
+ch. 8, 9 and 13]. Everything else gives up some of this.
 """
 
 from dataclasses import dataclass
@@ -50,12 +50,12 @@ class Limitation:
 FEEDBACK_INPUT = Limitation(
     ACCURACY,
     "its method takes the input as independent of the disturbance; feedback makes it depend on it, and the estimate "
-    "biased [Ljung1999, sec. 13.4; Soderstrom1989, sec. 10.2]",
+    "biased [Ljung1999, ch. 13; Soderstrom1989, ch. 10]",
 )
 FEEDBACK_NOISE = Limitation(
     ACCURACY,
     "under feedback the model of the disturbance must be right, or the estimate of the dynamics is biased "
-    "[Ljung1999, sec. 13.4]",
+    "[Ljung1999, ch. 13]",
 )
 EQUATION_ERROR = Limitation(
     (*ACCURACY, TESTS),
@@ -65,12 +65,12 @@ EQUATION_ERROR = Limitation(
 OUTPUT_ERROR = Limitation(
     ("efficiency", *CLAIMS, TESTS),
     "under a coloured disturbance output error is consistent in open loop, but not efficient, and intervals that take "
-    "it as white are wrong; residuals are not white [Ljung1999, theorem 8.4 and sec. 9.4]",
+    "it as white are wrong; residuals are not white [Ljung1999, ch. 8 and 9]",
 )
 WRONG_DISTURBANCE = Limitation(
     (*ACCURACY, TESTS),
     "the structure has poles in common between input and disturbance and cannot hold this disturbance: what is "
-    "estimated is a compromise of both [Ljung1999, sec. 8.5]",
+    "estimated is a compromise of both [Ljung1999, ch. 8]",
 )
 INSTRUMENTS = Limitation(
     ("efficiency",),
