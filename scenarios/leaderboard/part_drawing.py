@@ -7,10 +7,10 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
-from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 
 from scenarios.bench_figures.figure import Part
 from scenarios.leaderboard.entry import Entry, shown
+from scenarios.leaderboard.log_axis import plain_marks
 from scenarios.leaderboard.style import label, literal, styles
 from scenarios.leaderboard.tables import title, unit
 from scenarios.leaderboard.verdict import Verdict, part_verdict
@@ -27,9 +27,6 @@ MARKERS = {
 
 MOST = 8
 """Panels of a drawing; the table has the rest."""
-
-WIDE = 30.0
-"""A logarithmic axis that reaches further is marked at powers of ten alone."""
 
 
 def parts_drawn(
@@ -80,7 +77,7 @@ def parts_drawn(
         low, high = _common(panels.flat[: len(known)])
         for axes in panels.flat[: len(known)]:
             axes.set_xlim(low, high)
-            _few_ticks(axes, wide=high > WIDE * low)
+            plain_marks(axes.xaxis, (low, high))
     dress(panels.flat)
     for axes in panels.flat:
         axes.tick_params(labelsize=7, left=False)
@@ -127,12 +124,6 @@ def _common(panels: Iterable[Axes]) -> tuple[float, float]:
     """Limits that hold all panels, at least from half to twice, so that panels compare at a glance."""
     limits = [axes.get_xlim() for axes in panels]
     return min(0.5, *(low for low, _ in limits)), max(2.0, *(high for _, high in limits))
-
-
-def _few_ticks(axes: Axes, *, wide: bool) -> None:
-    axes.xaxis.set_major_locator(LogLocator(subs=(1.0,) if wide else (1.0, 2.0, 5.0), numticks=6))
-    axes.xaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
-    axes.xaxis.set_minor_formatter(NullFormatter())
 
 
 def _signs() -> list[Line2D]:

@@ -7,6 +7,7 @@ from matplotlib.figure import Figure
 from matplotlib.patheffects import withStroke
 
 from scenarios.leaderboard.entry import Entry
+from scenarios.leaderboard.log_axis import plain_marks
 from scenarios.leaderboard.response_drawing import relative_errors
 from scenarios.leaderboard.style import label, styles
 from scenarios.thesis.figure_style import WIDTH, dress
@@ -33,6 +34,9 @@ def work_precision(entries: Sequence[Entry]) -> tuple[Figure, str] | None:
     axes.set(xscale="log", yscale="log", xlabel="time of an answer / rulers", ylabel="rms error of the response / %")
     dress([axes])
     axes.margins(0.14, 0.12)
+    axes.autoscale_view()
+    plain_marks(axes.xaxis, axes.get_xlim())
+    plain_marks(axes.yaxis, axes.get_ylim())
     _labels(figure, {label(entry): (np.median(points, axis=0), looks[entry.number].colour) for entry, points in clouds})
     present = {entry.number for entry, _ in clouds}
     absent = [entry.name for entry in entries if entry.number not in present]

@@ -94,6 +94,18 @@ def figures(
         for name, factor in zip(PROBLEMS, factors, strict=True)
         if not none
     }
+    rows = {"mrad": [5, 10, 40], "systematic": [9.0 * efficiency, 2.0, 1.0], "noise": [2.0, 1.0, 0.4]}
+    rows |= {"distortion": [8.0, 4.0, 1.5], "expected_distortion": [7.0, 3.5, 1.4], "systematic_limit": [5.5, 5.2, 5.1]}
+    rows |= {"systematic_interval": [[8.0, 10.0 * efficiency], [1.0, 3.0], [NAN, NAN]]}
+    split = {} if none else {"shoulder_yaw": rows, "elbow_pitch": rows}
+    hertz = [
+        {
+            "joint": joint, "excitation": kind, "mrad": mrad, "models": 10, "small_signal": 1.03, "best_linear": best,
+            "hz": [] if none else rng.normal(best * math.sqrt(min(efficiency, 3.0)), 0.02, 10).tolist(),
+        }
+        for joint in ("shoulder_yaw", "elbow_pitch")
+        for kind, mrad, best in (("multisine", 5.0, 0.7), ("multisine", 40.0, 0.95), ("prbs", 67.0, 0.98))
+    ]  # fmt: skip
     kinds = ("unstable", "error", "crash", "hang", "memory")
     share = tuple(part(kind, float(failed) if kind == "unstable" else 0.0, 0.0, (0.0, 0.0)) for kind in kinds)
     made = (
@@ -105,8 +117,12 @@ def figures(
                "claimed standard deviations", by_problem(math.sqrt(efficiency), 1.0, (0.9, 1.15), 1.4), curves),
         figure("bias", "Bias under feedback and under a shared waveform", "deviations of one record",
                (part("feedback", bias, 0.0, (0.0, 0.9)), part("shared", NAN, NAN, ANY, "it takes one input"))),
+        figure("amplitude_split", "Split over amplitude", "%",
+               (part("shoulder_yaw 5 mrad, systematic", 9.0 * efficiency, 0.0, (-math.inf, 10.0)),), split),
         figure("reliability", "Failures", "%", share),
         figure("speed", "Time of an estimate", "rulers", times),
+        figure("bandwidth", "Recovered bandwidth", "Hz", (part("elbow_pitch prbs 67 mrad", 0.98, 0.98, ANY),),
+               {"classes": hertz, "about_1_hz": [0.9, 1.1], "near": 3, "models": 30}),
     )  # fmt: skip
     return {f.name: f for f in made}
 
