@@ -45,29 +45,40 @@ def mean_error(errors: FloatArray, false_alarm: float, allowed: float = 0.0) -> 
         The size and its limit; both infinite where the errors are all equal and not zero.
     """
     records, q = errors.shape
-    mean = errors.mean(axis=0)
     rest = records - q
-    critical = _tail(false_alarm, q, rest, records * allowed**2)
-    limit = _size(critical, records, q)
-    length = np.sqrt(np.mean(errors**2, axis=0))
-    if not length.any():
-        return MeanError(0.0, (0.0, 0.0), limit, 1.0)
-    used = length > 0.0
-    scaled = (errors - mean)[:, used] / length[used]
-    _, values, right = np.linalg.svd(scaled, full_matrices=False)
-    if values[-1] <= 1e-12 * np.sqrt(records):
-        # the same error in every record, in some direction: that has no scatter to be judged by
+    limit = _size(_tail(false_alarm, q, rest, records * allowed**2), records, q)
+    statistic = _statistic(errors)
+    if not np.isfinite(statistic):
         return MeanError(np.inf, (np.inf, np.inf), limit, 0.0)
-    whitened = (right @ (mean[used] / length[used])) / values
-    squared = records * (records - 1.0) * float(whitened @ whitened)
-    statistic = squared * rest / (q * (records - 1.0))
-    ends = [_noncentrality(statistic, q, rest, share) for share in (0.025, 0.975)]
+    low, high = (_noncentrality(statistic, q, rest, share) for share in (0.025, 0.975))
     return MeanError(
         _size(statistic, records, q),
-        (float(np.sqrt(ends[0] / records)), float(np.sqrt(ends[1] / records))),
+        (float(np.sqrt(low / records)), float(np.sqrt(high / records))),
         limit,
         _above(statistic, q, rest, records * allowed**2),
     )
+
+
+def significance(errors: FloatArray, allowed: float = 0.0) -> float:
+    """`MeanError.p` alone, which takes a hundredth of the time."""
+    records, q = errors.shape
+    return _above(_statistic(errors), q, records - q, records * allowed**2)
+
+
+def _statistic(errors: FloatArray) -> float:
+    """That has the F distribution; 0 where there are no errors, infinite where a part of them does not scatter."""
+    records, q = errors.shape
+    mean = errors.mean(axis=0)
+    length = np.sqrt(np.mean(errors**2, axis=0))
+    used = length > 0.0
+    if not used.any():
+        return 0.0
+    _, values, right = np.linalg.svd((errors - mean)[:, used] / length[used], full_matrices=False)
+    if values[-1] <= 1e-12 * np.sqrt(records):
+        # the same error in every record, in some direction: that has no scatter to be judged by
+        return float("inf")
+    whitened = (right @ (mean[used] / length[used])) / values
+    return float(whitened @ whitened) * records * (records - q) / q
 
 
 def _size(statistic: float, records: int, q: int) -> float:

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from scenarios.bench_figures.mean_error import mean_error
+from scenarios.bench_figures.mean_error import mean_error, significance
 
 RUNS = 200
 
@@ -32,10 +32,12 @@ def test_a_mean_as_large_as_allowed_is_beyond_the_limit_as_often_as_asked(
     assert inside >= 0.904
 
 
-def test_what_is_larger_is_found_and_what_is_smaller_is_not() -> None:
-    """One deviation in one of four directions, 0.2 allowed."""
-    assert sizes(40, 4, 1.2, 0.2, 8)[0] > 0.99
-    assert sizes(40, 4, 0.0, 0.2, 9)[0] < 0.05
+@pytest.mark.parametrize(("shift", "least", "most"), [(1.2, 0.99, 1.0), (0.2, 0.0, 0.1), (0.0, 0.0, 0.05)])
+def test_what_is_larger_is_found_and_what_is_smaller_is_not(shift: float, least: float, most: float) -> None:
+    """Something over a deviation in one of four directions, 0.2 allowed."""
+    rng = np.random.default_rng(8)
+    given = [rng.standard_normal((40, 4)) + (shift, 0.0, 0.0, 0.0) for _ in range(RUNS)]
+    assert least <= np.mean([significance(errors, 0.2) < 0.05 for errors in given]) <= most
 
 
 def test_the_size_is_that_of_the_mean() -> None:
@@ -46,6 +48,7 @@ def test_the_size_is_that_of_the_mean() -> None:
     assert found.size == pytest.approx(2.0, abs=0.1)
     assert found.interval[0] < 2.0 < found.interval[1]
     assert found.p < 1e-100
+    assert found.p == significance(errors)
 
 
 def test_errors_without_scatter() -> None:
