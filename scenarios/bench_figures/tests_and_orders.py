@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 from scipy.stats import binom, chi2
@@ -146,6 +147,7 @@ def _hits(name: str, own: Sequence[Measured], contestant: Contestant, false_alar
     return _part(label, found, known, 100.0, (100.0 * least / len(known), 100.0), theory.passes, theory.why)
 
 
+@lru_cache(maxsize=64)
 def size_of_independent_estimate(count: int) -> float:
     """How often a test at the nominal level rejects an efficient estimate whose error is independent of the record.
 

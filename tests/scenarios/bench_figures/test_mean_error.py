@@ -36,7 +36,7 @@ def test_a_mean_as_large_as_allowed_is_beyond_the_limit_as_often_as_asked(
 def test_what_is_larger_is_found_and_what_is_smaller_is_not(shift: float, least: float, most: float) -> None:
     """Something over a deviation in one of four directions, 0.2 allowed."""
     rng = np.random.default_rng(8)
-    given = [rng.standard_normal((40, 4)) + (shift, 0.0, 0.0, 0.0) for _ in range(RUNS)]
+    given = [rng.standard_normal((40, 4)) + np.array([shift, 0.0, 0.0, 0.0]) for _ in range(RUNS)]
     assert least <= np.mean([significance(errors, 0.2) < 0.05 for errors in given]) <= most
 
 
