@@ -1,6 +1,8 @@
 """All figures of the test bench, in the sequence in which they are told."""
 
 from scenarios.bench_figures.agreement import Agreement
+from scenarios.bench_figures.amplitude_split import AmplitudeSplit
+from scenarios.bench_figures.bandwidth import Bandwidth
 from scenarios.bench_figures.bias import Bias
 from scenarios.bench_figures.consistency import Consistency
 from scenarios.bench_figures.coverage import Coverage
@@ -14,20 +16,22 @@ from scenarios.bench_figures.speed import Speed
 from scenarios.bench_figures.tests_and_orders import ResidualTestsAndOrders
 from scenarios.bench_trials.trial import Trial
 
-TEN: tuple[FigureMaker, ...] = (
+TEN_AND_BANDWIDTH: tuple[FigureMaker, ...] = (
     NoiseFreeRecovery(),
     Consistency(),
     Efficiency(),
     Coverage(),
     NormalisedError(),
     FrequencyResponse(),
+    AmplitudeSplit(),
     Bias(),
     ResidualTestsAndOrders(),
     Agreement(),
+    Bandwidth(),
 )
-"""Those of which a verdict is asked, and the bandwidth, which is told."""
+"""Ten with a verdict, and the recovered bandwidth, which is told."""
 
-ALL_FIGURES: tuple[FigureMaker, ...] = (*TEN, Reliability(TEN), Speed(TEN))
+ALL_FIGURES: tuple[FigureMaker, ...] = (*TEN_AND_BANDWIDTH, Reliability(TEN_AND_BANDWIDTH), Speed(TEN_AND_BANDWIDTH))
 """Beside them what holds for all trials."""
 
 

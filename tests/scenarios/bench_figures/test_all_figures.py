@@ -6,7 +6,7 @@ import pytest
 
 from scenarios.bench_contract.contestant import Contestant
 from scenarios.bench_contract.outcome import KINDS, MODEL
-from scenarios.bench_figures.all_figures import ALL_FIGURES, TEN, false_alarm_of_each, trials_of_all
+from scenarios.bench_figures.all_figures import ALL_FIGURES, TEN_AND_BANDWIDTH, false_alarm_of_each, trials_of_all
 from scenarios.bench_figures.figure import FALSE_ALARM
 from scenarios.bench_trials.measured import Measured
 
@@ -29,7 +29,7 @@ def test_trials_are_told_once() -> None:
     """Those of all figures, of neighbours beside each other."""
     trials = trials_of_all("quick")
     assert len(trials) == len(set(trials))
-    assert set(trials) == {trial for maker in TEN for trial in maker.trials("quick")}
+    assert set(trials) == {trial for maker in TEN_AND_BANDWIDTH for trial in maker.trials("quick")}
     names = [trial.problem for trial in trials]
     assert len(set(names)) == 1 + sum(one != other for one, other in itertools.pairwise(names))
 
