@@ -82,10 +82,11 @@ class TwinProblem:
     def task(self, structure: str | None, ask: str = "fit") -> Task | None:
         """See `Problem.task`.
 
-        None becomes `oe`: what disturbs the record is mostly the resolver's white noise, so that a model of the noise
-        has nothing to find. For the orders see `ORDER`.
+        None becomes `armax`: friction and the torques of the drives disturb the joint where the command does, so that
+        input and disturbance have their poles in common; the residuals of `armax` are white where those of `oe` are
+        far from it. For the orders see `ORDER`.
         """
-        structure = structure or "oe"
+        structure = structure or "armax"
         delay = self.joint_truth.delay_samples
         order = {"fit": ORDER, "underfit": ORDER - 1, "select": 0}[ask]
         values = {"na": order, "nb": order, "nf": order, "nk": delay, "order": order + delay - 1}

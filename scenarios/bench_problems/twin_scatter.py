@@ -34,7 +34,8 @@ def scattered_model(name: TwinName, truth: StateSpace, best: BestLinear, seed: i
     columns = network.frequency_response(best.frequencies)[:, :, 0]
     basis = np.vstack([columns.real, columns.imag])
     inverse = np.linalg.pinv(basis)
-    periods = name.samples // name.period
+    spacing = best.frequencies[1] - best.frequencies[0]
+    periods = name.samples * truth.dt * spacing
     distortion = _drawn(name.waveform_seed(seed), best.distortion_variance)
     noise = _drawn(seed, best.noise_variance / periods)
     missing = best.response - path.frequency_response(best.frequencies)[:, 0, 0]

@@ -47,7 +47,7 @@ def test_waveforms_belong_to_class_and_number_whatever_the_length():
 
 def test_tasks_of_every_structure_have_the_delay_of_the_joint():
     asked = problem(ELBOW)
-    assert asked.task(None).structure == "oe"
+    assert asked.task(None).structure == "armax"
     for structure, names in STRUCTURES.items():
         task = asked.task(structure)
         assert set(task.orders) == set(names)
