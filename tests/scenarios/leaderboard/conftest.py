@@ -1,6 +1,7 @@
 """Results made up as runs of the bench write them: good ones, biased ones, ones that fail, ones without a verdict."""
 
 import math
+import shutil
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
@@ -169,12 +170,19 @@ def results() -> tuple[Result, ...]:
     )
 
 
+@pytest.fixture(scope="session")
+def originals(results: tuple[Result, ...], tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("originals")
+    for number, made in enumerate(results):
+        save(folder / f"{number}.json", made)
+    return folder
+
+
 @pytest.fixture
-def written(results: tuple[Result, ...], tmp_path: Path) -> list[Path]:
-    """Their files."""
-    folder = tmp_path / "results"
-    folder.mkdir()
-    return [save(folder / f"{number}.json", made) for number, made in enumerate(results)]
+def written(originals: Path, tmp_path: Path) -> list[Path]:
+    """Their files, to be changed at will."""
+    folder = shutil.copytree(originals, tmp_path / "results")
+    return sorted(folder.iterdir())
 
 
 def save(path: Path, made: Result) -> Path:

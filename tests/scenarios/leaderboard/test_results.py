@@ -76,7 +76,7 @@ def test_texts_that_are_no_json_are_refused(tmp_path: Path) -> None:
 
 
 def test_rows_of_one_run_need_no_note(written: list[Path]) -> None:
-    assert notes(ranked(written)) == []
+    assert notes(ranked(written[:3])) == []
 
 
 @pytest.mark.parametrize(
@@ -96,7 +96,7 @@ def test_rows_that_do_not_compare_are_named(
     written: list[Path], results: tuple[Result, ...], saved: Save, change: dict[str, Any], words: str
 ) -> None:
     saved(written[2], replace(results[2], **change))
-    (note,) = notes(ranked(written))
+    (note,) = notes(ranked(written[1:4]))
     assert words in note
     assert "oe" in note
     assert "armax" in note
