@@ -89,8 +89,9 @@ SUBSPACE = Limitation(
 )
 OBSERVER = Limitation(
     (*ACCURACY, TESTS),
-    "an observer with p Markov parameters truncates what the disturbance would need: biased where p or the order is "
-    "low, and the claimed covariance knows nothing of it [Juang1993]",
+    "p observer Markov parameters truncate what the disturbance would need, and a realisation of low order weighs them "
+    "without regard to how well each is known: above the Cramér-Rao bound, biased where p or the order is low, and the "
+    "claimed covariance knows nothing of the bias [Juang1993]",
 )
 
 
