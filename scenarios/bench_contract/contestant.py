@@ -21,7 +21,7 @@ class Contestant:
 
     Attributes:
         name: Label in tables and files.
-        target: `module:function`, or the command line of a program.
+        target: `module:function`, `path/to/file.py:function`, or the command line of a program.
         program: Whether `target` is a command line.
         stays: Of a program: it is started once and told of each task on standard input, instead of anew for each.
         structure: Its structure, one of `STRUCTURES`; None: it takes each that is asked.

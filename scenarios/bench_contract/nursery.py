@@ -8,6 +8,7 @@ import socket
 import struct
 import subprocess
 import sys
+import tempfile
 import uuid
 from pathlib import Path
 
@@ -31,13 +32,10 @@ FORK, WAIT = b"f", b"w"
 
 
 class Nursery:
-    """The process that forks.
+    """The process that forks; all sandboxes of this process share one."""
 
-    Args:
-        folder: In which it runs, and all that it forks.
-    """
-
-    def __init__(self, folder: Path) -> None:
+    def __init__(self) -> None:
+        self._forks: set[int] = set()
         self._mark = uuid.uuid4().hex
         self._control, theirs = socket.socketpair()
         self._control.settimeout(STARTING)
@@ -48,7 +46,7 @@ class Nursery:
                 stdin=subprocess.DEVNULL,
                 stdout=subprocess.DEVNULL,
                 stderr=subprocess.DEVNULL,
-                cwd=folder,
+                cwd=tempfile.gettempdir(),
                 env=child_environment(
                     {
                         "PYTHONPATH": os.pathsep.join(path for path in sys.path if path),
@@ -87,7 +85,8 @@ class Nursery:
             raise ScenarioError(f"the process that starts estimators does not answer: {error}") from error
         self._control.settimeout(ANSWERING)
         pipes.hand_over()
-        return Supervised(pid, pipes, lambda: self._children(pid), lambda: self._finish(pid))
+        self._forks.add(pid)
+        return Supervised(pid, pipes, lambda: process_tree.family(pid), lambda: self._finish(pid))
 
     def close(self) -> None:
         """End it, and all that came of it."""
@@ -97,17 +96,17 @@ class Nursery:
         )
         self._process.wait()
 
-    def _children(self, pid: int) -> list[int]:
-        """All that came of a fork, orphans too; also where it has ended this process."""
-        nursery = self._process.pid
-        return list({*process_tree.family(pid), *process_tree.family(nursery)} - {nursery})
-
     def _finish(self, pid: int) -> tuple[int | None, float]:
-        process_tree.end_all(
-            lambda: {*self._children(pid), *process_tree.marked(self._mark)} - {self._process.pid}, pid
-        )
+        self._forks.discard(pid)
+
+        def left() -> set[int]:
+            # Orphans of a dead fork come to the nursery, those of a living one to itself.
+            nursery = self._process.pid
+            return {*process_tree.family(pid), *process_tree.family(nursery, apart=self._forks)} - {nursery}
+
+        process_tree.end_all(left, pid)
         try:
-            self._control.sendall(WAIT)
+            self._control.sendall(WAIT + NUMBER.pack(pid))
             return os.waitstatus_to_exitcode(self._number()), float("nan")
         except (OSError, ScenarioError, ValueError):
             return None, float("nan")
@@ -117,3 +116,38 @@ class Nursery:
         if len(told) != NUMBER.size:
             raise ScenarioError("it has ended")
         return int(NUMBER.unpack(told)[0])
+
+
+class SharedNursery:
+    """The nursery of this process, while anyone uses it."""
+
+    def __init__(self) -> None:
+        self._nursery: Nursery | None = None
+        self._owner, self._users = 0, 0
+
+    def enter(self) -> None:
+        """Begin to use it."""
+        if self._owner != os.getpid():
+            # This process is a fork: what the other one has is not ours.
+            self._nursery, self._owner, self._users = None, os.getpid(), 0
+        self._users += 1
+
+    def get(self) -> Nursery:
+        """The nursery; a new one where an estimator has ended it."""
+        if self._nursery is not None and not self._nursery.alive:
+            self._nursery.close()
+            self._nursery = None
+        if self._nursery is None:
+            self._nursery = Nursery()
+        return self._nursery
+
+    def leave(self) -> None:
+        """End its use; it is closed after the last one."""
+        self._users -= 1
+        if self._users == 0 and self._nursery is not None:
+            self._nursery.close()
+            self._nursery = None
+
+
+SHARED = SharedNursery()
+"""That of this process."""

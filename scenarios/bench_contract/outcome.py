@@ -28,7 +28,8 @@ class Outcome(Locked):
     Attributes:
         kind: One of `KINDS`.
         why: In words, where it is no model.
-        seconds: Processor time of the estimator, s, without starting its process; NaN where not known.
+        seconds: Processor time of the estimator, s, without starting its process, but for a program that
+            is started anew for each; NaN where not known.
         wall: Time until the answer, s.
         peak_bytes: The most memory that its process had, bytes; 0 where not known.
         answer: The model; also an unstable one.

@@ -4,7 +4,7 @@ import contextlib
 import os
 import signal
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Collection
 from dataclasses import dataclass
 
 PAGE = os.sysconf("SC_PAGE_SIZE")
@@ -34,13 +34,18 @@ class Relative:
     dead: bool
 
 
-def family(root: int) -> list[int]:
-    """A process, its descendants and all processes of its session, as far as they run."""
+def family(root: int, *, apart: Collection[int] = ()) -> list[int]:
+    """A process, its descendants and all processes of its session, as far as they run.
+
+    Args:
+        root: The process.
+        apart: Descendants that are left out with all that came of them.
+    """
     everyone = [found for pid in _pids() if (found := _look(pid)) is not None]
     members = {found.pid for found in everyone if found.pid == root or found.session == root}
     grown = True
     while grown:
-        more = {found.pid for found in everyone if found.parent in members} - members
+        more = {found.pid for found in everyone if found.parent in members} - members - set(apart)
         members |= more
         grown = bool(more)
     return [found.pid for found in everyone if found.pid in members and not found.dead]

@@ -42,29 +42,26 @@ def bear(control: socket.socket) -> None:
     """Fork a process for each request to, until there are no more; see `Nursery`.
 
     Args:
-        control: Over which requests come: the folder to run in with three pipes, or to wait for the last process.
+        control: Over which requests come: the folder to run in with three pipes, or a process to wait for.
     """
-    with contextlib.suppress(OSError, AttributeError):
-        ctypes.CDLL(None).prctl(_SUBREAPER, 1, 0, 0, 0)
-    last = 0
+    _take_orphans()
     while True:
         message, pipes, _, _ = socket.recv_fds(control, LONGEST_PATH, 3)
         if not message:
             # The bench is gone: so is everything here.
-            end_all(lambda: set(family(os.getpid())) - {os.getpid()}, last)
+            end_all(lambda: set(family(os.getpid())) - {os.getpid()}, 0)
             return
-        if message == WAIT:
-            _, status = os.waitpid(last, 0)
-            _bury()
+        if message.startswith(WAIT):
+            _, status = os.waitpid(NUMBER.unpack(message[len(WAIT) :])[0], 0)
             control.sendall(NUMBER.pack(status))
             continue
-        last = os.fork()
-        if last == 0:
+        pid = os.fork()
+        if pid == 0:
             control.close()
             _live(os.fsdecode(message[len(FORK) :]), *pipes)
         for end in pipes:
             os.close(end)
-        control.sendall(NUMBER.pack(last))
+        control.sendall(NUMBER.pack(pid))
 
 
 def _live(folder: str, request: int, reply: int, printed: int) -> NoReturn:
@@ -72,6 +69,7 @@ def _live(folder: str, request: int, reply: int, printed: int) -> NoReturn:
     code = 1
     try:
         os.setsid()
+        _take_orphans()
         os.chdir(folder)
         for standard in (1, 2):
             os.dup2(printed, standard)
@@ -87,11 +85,10 @@ def _live(folder: str, request: int, reply: int, printed: int) -> NoReturn:
         os._exit(code)
 
 
-def _bury() -> None:
-    """Take leave of what else has ended: orphans come to this process."""
-    with contextlib.suppress(ChildProcessError):
-        while os.waitpid(-1, os.WNOHANG)[0]:
-            pass
+def _take_orphans() -> None:
+    """Let orphans become children of this process, not of the first of the system."""
+    with contextlib.suppress(OSError, AttributeError):
+        ctypes.CDLL(None).prctl(_SUBREAPER, 1, 0, 0, 0)
 
 
 def serve(request: int, reply: int) -> None:

@@ -14,7 +14,7 @@ from scenarios.bench_contract import process_tree
 from scenarios.bench_contract.contestant import Contestant, Limits
 from scenarios.bench_contract.model_numbers import answer_of, unstable
 from scenarios.bench_contract.no_model import NoModelError
-from scenarios.bench_contract.nursery import Nursery
+from scenarios.bench_contract.nursery import SHARED, Nursery
 from scenarios.bench_contract.outcome import KINDS, MODEL, Outcome
 from scenarios.bench_contract.record_on_wire import request
 from scenarios.bench_contract.supervised import Exchange, Supervised
@@ -52,6 +52,7 @@ class PythonSandbox:
     def __enter__(self) -> "PythonSandbox":
         # Its working folder is its own: some delete what they find there.
         self._home = Path(tempfile.mkdtemp(prefix="hmtb-estimator-"))
+        SHARED.enter()
         try:
             self._start()
         except BaseException:
@@ -66,6 +67,9 @@ class PythonSandbox:
 
     def ask(self, data: IOData, task: Task) -> Outcome:
         """Ask once; see `open_sandbox`."""
+        if self._nursery is not None and not self._nursery.alive:
+            # Some estimator has ended it: no fault of this one.
+            self._end()
         if self._process is None:
             try:
                 self._start()
@@ -101,10 +105,7 @@ class PythonSandbox:
         """
         contestant = self._contestant
         home = Path(contestant.home or ".").resolve()
-        if self._nursery is not None and not self._nursery.alive:
-            self._close_nursery()
-        if self._nursery is None:
-            self._nursery = Nursery(self._home)
+        self._nursery = SHARED.get()
         self._asked += 1
         folder = self._home / str(self._asked)
         folder.mkdir()
@@ -158,14 +159,9 @@ class PythonSandbox:
         if process is not None:
             process.end()
 
-    def _close_nursery(self) -> None:
-        nursery, self._nursery = self._nursery, None
-        if nursery is not None:
-            nursery.close()
-
     def _close(self) -> None:
         self._end()
-        self._close_nursery()
+        SHARED.leave()
         shutil.rmtree(self._home, ignore_errors=True)
 
 

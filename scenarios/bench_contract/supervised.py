@@ -71,6 +71,11 @@ class Supervised:
         self._life = os.pidfd_open(pid)
         pipes.ours.append(self._life)
 
+    @property
+    def alive(self) -> bool:
+        """Whether the process still runs."""
+        return not self._over and not select.select([self._life], [], [], 0.0)[0]
+
     def exchange(
         self, request: bytes, finished: Callable[[bytearray], bool], *, seconds: float, memory_bytes: int
     ) -> Exchange:

@@ -153,5 +153,5 @@ def shares_much(data, task):
 BEHAVIOURS = (
     *(arx, refuses, raises, leaves, raises_without_words, none, wrong_dt, two_inputs, unstable, hollow),
     *(nan_covariance, negative_covariance, asks_for_much, floods, forks_and_answers, answers_twice, deletes_its_folder),
-    *(dies, hangs, writes_garbage, closes_everything, ends_its_parent, shares_much),
+    *(dies, hangs, writes_garbage, closes_everything, shares_much, ends_its_parent),
 )

@@ -54,13 +54,20 @@ def test_whatever_it_does_is_an_outcome_and_nothing_is_left(data: sysid.IOData, 
     before = {pid for pid in process_tree._pids() if process_tree._read(pid, "cmdline")}
     open_files = len(os.listdir("/proc/self/fd"))
     contestant = Contestant("any", "estimators.py:by_seed", home=str(HERE))
-    with open_sandbox(contestant, Limits(seconds=2.0, memory_bytes=2**27)) as sandbox:
+    with (
+        open_sandbox(contestant, Limits(seconds=2.0, memory_bytes=2**27)) as sandbox,
+        open_sandbox(replace(contestant, name="beside"), Limits()) as beside,
+    ):
+        process = beside._process
         for number, behaviour in enumerate(BEHAVIOURS):
             kind, why = EXPECTED[behaviour.__name__]
             got = sandbox.ask(data, replace(task, seed=number))
             assert (got.kind, why in got.why) == (kind, True), f"{behaviour.__name__}: {got}"
             assert (got.answer is not None) == (kind in ("model", "unstable"))
             assert got.wall < 10.0
+            # What becomes of one is nothing to the other, unless it ends what both come from.
+            assert (beside._process is process) and process.alive
+        assert beside.ask(data, replace(task, seed=0)).kind == "model"
         check_direct(sandbox.ask(data, replace(task, seed=0)), data, task)
         folder = sandbox._home
     assert not folder.exists() and len(os.listdir("/proc/self/fd")) == open_files
