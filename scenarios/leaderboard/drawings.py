@@ -18,7 +18,7 @@ Drawn = tuple[Figure, str]
 
 DRAWINGS: Mapping[str, Callable[[Sequence[Entry]], Drawn | None]] = {
     "efficiency": lambda entries: parts_drawn(entries, "efficiency", logarithmic=True),
-    "coverage": lambda entries: parts_drawn(entries, "coverage", chosen="together"),
+    "coverage": lambda entries: parts_drawn(entries, "coverage", chosen="response"),
     "frequency_response": responses,
     "amplitude_split": splits,
     "bias": lambda entries: parts_drawn(entries, "bias"),
