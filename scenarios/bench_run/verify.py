@@ -146,12 +146,13 @@ def verify(
             _simulate(left, plan.seed, records, said)
         _run(bench, left, journals, executor, _Counted(wanted, journals, progress), told)
         referee = _of_referee(plan, everyone, journals)
+        where = machine() if executor.here else f"{executor.workers} workers of a cluster"
         results = []
         for contestant, journal, trials in zip(everyone, journals, wanted, strict=True):
             if contestant in plan.contestants:
                 measured = journal.measured()
                 kept = {trial: measured[trial] for trial in trials if trial in measured}
-                results.append(_result(plan, contestant, journal.run, kept, referee))
+                results.append(_result(plan, contestant, (journal.run, where), kept, referee))
                 write_text(folder / f"{file_name(contestant.name)}.json", results[-1].to_json())
         return results
 
@@ -221,7 +222,11 @@ def _of_referee(plan: Plan, everyone: Sequence[Contestant], journals: Sequence[J
 
 
 def _result(
-    plan: Plan, contestant: Contestant, run: str, measured: Mapping[Trial, Measured], referee: Sequence[Measured]
+    plan: Plan,
+    contestant: Contestant,
+    ran: tuple[str, str],
+    measured: Mapping[Trial, Measured],
+    referee: Sequence[Measured],
 ) -> Result:
     each = false_alarm_of_each()
     figures: dict[str, Figure] = {}
@@ -238,10 +243,10 @@ def _result(
         command=plan.commands.get(contestant.name, ""),
         source=source_hash(contestant),
         versions=versions(),
-        machine=machine(),
+        machine=ran[1],
         outcomes=dict(sorted(outcomes.items())),
         reasons=dict(reasons.most_common(REASONS)),
         seconds=float(np.nansum([one.seconds for one in measured.values()])),
         figures=figures,
-        run=run,
+        run=ran[0],
     )

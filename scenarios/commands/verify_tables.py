@@ -171,7 +171,10 @@ def _show_side_by_side(results: Sequence[Result]) -> None:
 
 def _verdict(result: Result) -> str:
     failed = [figure.title for figure in result.figures.values() if figure.passed is False]
-    return f"fails {len(failed)} figures: {', '.join(failed)}" if failed else "fails no figure that it should pass"
+    plural = "s" * (len(failed) != 1)
+    return (
+        f"fails {len(failed)} figure{plural}: {', '.join(failed)}" if failed else "fails no figure that it should pass"
+    )
 
 
 def number(value: float) -> str:

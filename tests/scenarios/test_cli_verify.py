@@ -64,7 +64,7 @@ def test_several_stand_side_by_side_and_one_that_fails_is_told_by_the_exit_code(
     out = capsys.readouterr().out
     assert "Side by side" in out and "✗ fails" in out
     assert "4 x error: RuntimeError: of no use (mine.py, line 5)" in out
-    assert "my_estimator: fails 1 figures: Parameters within their intervals" in out
+    assert "my_estimator: fails 1 figure: Parameters within their intervals" in out
     result = Result.read(tmp_path / "results" / "my_estimator.json")
     assert result.command == "hmtb verify mine.py:my_estimator --structure oe --quick --figures few"
     assert (result.contestant.target, result.contestant.home) == ("mine:my_estimator", "")

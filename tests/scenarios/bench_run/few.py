@@ -50,7 +50,7 @@ class Here:
     after: int = 10**6
     error: BaseException = field(default_factory=KeyboardInterrupt)
     workers: int = 1
-    here: bool = False
+    here: bool = True
     asked: int = 0
 
     @contextmanager
