@@ -16,9 +16,9 @@ def _entry(name: str, structure: str | None, method: str, settings: str) -> Entr
 
 OURS = (
     _entry("arx", "arx", "least_squares", f"{BIC} of all structures (selstruc)"),
-    _entry("armax", "armax", "pem", f"initial state estimated; {BIC}, one degree for all polynomials"),
-    _entry("oe", "oe", "pem", f"initial state estimated; {BIC}, one degree for all polynomials"),
-    _entry("bj", "bj", "pem", f"initial state estimated; {BIC}, one degree for all polynomials"),
+    _entry("armax", "armax", "pem", f"initial state estimated; {BIC}, one degree for all"),
+    _entry("oe", "oe", "pem", f"initial state estimated; {BIC}, one degree for all"),
+    _entry("bj", "bj", "pem", f"initial state estimated; {BIC}, one degree for all"),
     _entry("iv4", "arx", "instrumental", f"{BIC} of the simulated output; no model of the noise claimed"),
     _entry("okid", "ss", "observer", f"{P_RULE}; realised by ERA; D = 0; {BIC}"),
     _entry("era", "ss", "observer", "200 values of the pulse response by least squares on past inputs; D = 0"),

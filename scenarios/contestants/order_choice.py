@@ -1,7 +1,6 @@
 """Orders for a task that leaves them to the estimator: Schwarz's criterion over orders from one to the highest."""
 
 from collections.abc import Callable
-from functools import partial
 
 import numpy as np
 
@@ -10,6 +9,9 @@ from scenarios.bench_contract.task import STRUCTURES, Task
 from sysid import Estimate, IOData, SysidError
 from sysid.arrays import FloatArray
 from sysid.structure_table import StructureTable
+
+LOOKS_AHEAD = 2
+"""Degrees that are tried beyond the best so far."""
 
 
 def arx_orders(data: IOData, task: Task) -> dict[str, int]:
@@ -23,7 +25,8 @@ def scanned(estimator: Callable[..., Estimate], data: IOData, task: Task, *, sim
     """Orders of any structure by the least BIC, all polynomials of one degree, the delay that of the best ARX model.
 
     One degree for all is what keeps the number of fits to the highest order; a delay that is too small costs a
-    coefficient that is nearly zero, and no order.
+    coefficient that is nearly zero, and no order. Degrees rise until two in a row are no better than the best before:
+    models that are far too large take the longest. Unstable models are passed over.
 
     Args:
         estimator: Called with data and orders in the sequence of the structure.
@@ -35,21 +38,37 @@ def scanned(estimator: Callable[..., Estimate], data: IOData, task: Task, *, sim
     Returns:
         Orders by their names in the structure.
     """
-    if task.structure == "ss":
-        candidates = [{"order": n} for n in range(1, task.most_order + 1)]
-    else:
-        delay = arx_orders(data, task)["nk"]
-        candidates = [_of_degree(n, delay, task.structure) for n in range(1, task.most_order + 1)]
-    table = sysid.structure_scan(
-        partial(_stable, estimator) if simulated else estimator,
-        data,
-        tuple(candidates[0]),
-        [tuple(candidate.values()) for candidate in candidates],
-        validation=data if simulated else None,
-        steps=None if simulated else 1,
-    )
-    best = table.best(simulated_bic(table) if simulated else "bic")
-    return {name: int(np.max(value)) for name, value in best.items()}
+    delay = 0 if task.structure == "ss" else arx_orders(data, task)["nk"]
+    fitted: dict[tuple[int, ...], Estimate | SysidError] = {}
+
+    def remembered(record: IOData, *orders: int) -> Estimate:
+        if orders not in fitted:
+            fitted[orders] = _stable(estimator, record, orders)
+        found = fitted[orders]
+        if isinstance(found, SysidError):
+            raise found
+        return found
+
+    best: dict[str, int] = {}
+    candidates: list[dict[str, int]] = []
+    for degree in range(1, task.most_order + 1):
+        candidates.append(_of_degree(degree, delay, task.structure))
+        if degree < LOOKS_AHEAD and degree < task.most_order:
+            continue
+        table = sysid.structure_scan(
+            remembered,
+            data,
+            tuple(candidates[0]),
+            [tuple(candidate.values()) for candidate in candidates],
+            validation=data if simulated else None,
+            steps=None if simulated else 1,
+        )
+        best = {
+            name: int(np.max(value)) for name, value in table.best(simulated_bic(table) if simulated else "bic").items()
+        }
+        if candidates.index(best) + LOOKS_AHEAD < degree:
+            break
+    return best
 
 
 def simulated_bic(table: StructureTable) -> FloatArray:
@@ -57,14 +76,18 @@ def simulated_bic(table: StructureTable) -> FloatArray:
     return np.asarray(np.log(table.validation) + table.parameters * np.log(table.samples) / table.samples)
 
 
-def _stable(estimator: Callable[..., Estimate], data: IOData, *orders: int) -> Estimate:
-    """The estimate, where it can be simulated."""
-    estimate = estimator(data, *orders)
-    if not estimate.model.input_path().is_stable():
-        raise SysidError(f"orders {orders} give an unstable model")
-    return estimate
+def _stable(estimator: Callable[..., Estimate], data: IOData, orders: tuple[int, ...]) -> Estimate | SysidError:
+    """The estimate, or why there is none that is stable."""
+    try:
+        estimate = estimator(data, *orders)
+    except SysidError as error:
+        return error
+    stable = estimate.model.input_path().is_stable()
+    return estimate if stable else SysidError(f"orders {orders} give an unstable model")
 
 
 def _of_degree(n: int, delay: int, structure: str) -> dict[str, int]:
+    if structure == "ss":
+        return {"order": n}
     sizes = {"na": n, "nb": max(n + 1 - delay, 1), "nc": n, "nd": n, "nf": n, "nk": delay}
     return {name: sizes[name] for name in STRUCTURES[structure]}

@@ -23,6 +23,9 @@ LEAST_P, P_PER_ORDER = 20, 2
 SAMPLES_PER_UNKNOWN = 5
 """Equations that OKID has at least for each of its unknowns, as far as the order allows."""
 
+SCAN_ITERATIONS = 20
+"""Of each search while orders are chosen: only models that are too large need more, and they take very long."""
+
 PULSES, MOST_INPUT_COLUMNS = 200, 0.2
 """Values of the pulse response that ERA realises, and the columns of inputs, as a part of the samples, at most."""
 
@@ -129,7 +132,9 @@ def _polynomial(
 ) -> Estimate:
     only_structure(task, structure)
     only_one_output(data)
-    orders = task.orders or (chooses or partial(scanned, estimator))(data, task)
+    orders = task.orders or (chooses or partial(scanned, partial(estimator, max_iterations=SCAN_ITERATIONS)))(
+        data, task
+    )
     return estimator(data, *(orders[name] for name in STRUCTURES[structure]))
 
 

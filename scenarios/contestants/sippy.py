@@ -60,7 +60,9 @@ def subspace(data: IOData, task: Task, weighting: str, *, direct: bool = False) 
     found = system_identification(
         data.y.copy(), data.u.copy(), weighting, tsample=data.dt, SS_f=rows, SS_p=rows, SS_D_required=direct, **orders
     )
-    return StateSpace(found.A, found.B, found.C, found.D, found.K, data.dt)
+    # Where it finds no gain it says so and gives an empty one.
+    K = found.K if np.size(found.K) else None
+    return StateSpace(found.A, found.B, found.C, found.D, K, data.dt)
 
 
 def polynomials(structure: str, data: IOData, task: Task, *, mode: str = "OPT") -> Answer:
@@ -77,6 +79,8 @@ def polynomials(structure: str, data: IOData, task: Task, *, mode: str = "OPT") 
     only_delayed(task)
     only_given_orders(task, "its criteria fit every combination of orders and delays by the optimiser")
     n, method = task.orders, structure.upper()
+    if 0 in (n.get("nc", 1), n.get("nd", 1)):
+        raise NotImplementedError("nc = 0 or nd = 0 asked for, its optimiser needs at least 1 of each")
     counts: dict[str, list[Any]] = {name: [n[name]] for name in n}
     counts |= {"nb": [[n["nb"]] * data.nu], "nk": [[n["nk"] - 1] * data.nu]}
     options: dict[str, Any] = {f"{method}_orders": [counts[name] for name in STRUCTURES[structure]]}
