@@ -41,6 +41,9 @@ class Part:
     why: str = ""
     draws: int = 0
 
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "passed", _verdict(self.passed))
+
     @property
     def surprises(self) -> bool:
         """Whether it fails where theory expects it to pass."""
@@ -76,6 +79,9 @@ class Figure:
     why: str
     parts: tuple[Part, ...] = ()
     curves: Mapping[str, Any] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "passed", _verdict(self.passed))
 
 
 class FigureMaker(Protocol):
@@ -114,3 +120,8 @@ class FigureMaker(Protocol):
             false_alarm: Allowed probability of a false alarm, of each of its verdicts.
             referee: Trials of the second implementation that were run, those of the figure of agreement.
         """
+
+
+def _verdict(passed: bool | None) -> bool | None:
+    """Without NumPy's truth values, of which none is True or False itself."""
+    return None if passed is None else bool(passed)
