@@ -90,7 +90,7 @@ def _values(
     else:
         values = claimed_records(good, name, structure, covered)
         single = single_records(name, structure, covered, SHARE)
-    return Values(f"{name} {kind}", values, run, single, theory, NOT_CLAIMED.format(kind))
+    return Values(f"{name} {kind}", values, run, single, theory, NOT_CLAIMED.format(kind), len(good))
 
 
 def _bandwidths(good: Sequence[Measured], name: str, structure: str | None) -> FloatArray:

@@ -58,10 +58,13 @@ class Figure:
         name: Key in results.
         title: In words.
         unit: Of the value.
-        value: That of the part furthest from its limits; NaN where nothing could be measured.
+        value: That of the judged part furthest beyond its limits, also where theory expects it to fail, or nearest to
+            them where all pass; NaN where nothing could be measured. `reliability`, `speed` and `bandwidth` say
+            themselves what theirs is of.
         expected: Of that part.
         interval: Of that part.
-        passed: Whether all parts pass that theory expects to; None where no verdict is given.
+        passed: Whether all parts pass that theory expects to: those that it expects to fail are left out here alone.
+            None where no verdict is given.
         false_alarm: Probability that a perfect estimator fails it.
         why: In words: what the verdict rests on, and what theory says.
         parts: All parts.

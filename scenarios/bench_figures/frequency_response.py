@@ -61,7 +61,7 @@ class FrequencyResponse:
             ratios = by_claim(good, name, structure, power_by_frequency)
             values = np.array([float(np.nanmean(one)) for one in ratios])
             given.append(
-                Values(name, values, run, single_records(name, structure, power, 1.0), theory, why_not=NOT_CLAIMED)
+                Values(name, values, run, single_records(name, structure, power, 1.0), theory, NOT_CLAIMED, len(good))
             )
             parts.append(_root(part_of_mean(given[-1], JUDGED, share)))
             if enough(len(ratios), run):

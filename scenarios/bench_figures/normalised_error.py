@@ -53,7 +53,7 @@ class NormalisedError:
         for name, (good, run) in by_problem(measured).items():
             values, single, freedom = _of_problem(good, name, contestant.structure)
             given.append(
-                Values(name, values, run, single, expectation(contestant, name, self.name), why_not=NOT_CLAIMED)
+                Values(name, values, run, single, expectation(contestant, name, self.name), NOT_CLAIMED, len(good))
             )
             if enough(len(values), run) and np.isfinite(values).all():
                 curves[name] = {

@@ -1,7 +1,7 @@
 """A figure's part that is a mean over records, with its verdict; and the mean over the records of several parts."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -26,6 +26,7 @@ class Values:
         single: For many single records of a perfect estimator (M,); None: there is no bound, and so no verdict.
         theory: What theory says.
         why_not: Why there are no values, where there are none.
+        models: Records with a model, where each of them should have a value if any has; 0 where not.
     """
 
     label: str
@@ -34,6 +35,12 @@ class Values:
     single: FloatArray | None
     theory: Expectation
     why_not: str = ""
+    models: int = 0
+
+    @property
+    def of_some_only(self) -> bool:
+        """Whether most records with a model have no value, and some have: a claim that is made at its own choice."""
+        return 0 < len(self.values) and 2 * len(self.values) < self.models and enough(self.models, self.run)
 
 
 @dataclass(frozen=True)
@@ -77,10 +84,17 @@ class Judgement:
 
 
 def part_of_mean(given: Values, judgement: Judgement, false_alarm: float) -> Part:
-    """The mean over the records of one problem."""
+    """The mean over the records of one problem.
+
+    An estimator that claims something of a few records, and nothing of most, fails: it would choose what it is
+    judged by.
+    """
     count = len(given.values)
     reason = given.theory.why
     judged = False
+    if given.of_some_only and given.single is not None:
+        reason = f"claimed of {count} of {given.models} records with a model, expected of all of a problem or of none"
+        return replace(_part(given.label, given.values, judgement, NOWHERE, False, True, reason), passed=False)
     if count == 0 and given.why_not:
         reason = given.why_not
     elif not enough(count, given.run):

@@ -13,6 +13,7 @@ from scenarios.bench_trials.measured import Measured
 from scenarios.bench_trials.trial import Trial
 
 FAILURES = tuple(kind for kind in KINDS if kind not in (MODEL, REFUSED))
+SOME_REFUSED = "it says that it does not do this, but does it on other records of the problem"
 REASONS = 20
 """Reasons told at most."""
 
@@ -21,7 +22,9 @@ REASONS = 20
 class Reliability:
     """Share of failures among all requests that were not refused.
 
-    A single one fails: a perfect estimator has none, so that chance raises no false alarm.
+    A single one fails: a perfect estimator has none, so that chance raises no false alarm. What an estimator does not
+    do it does not do on any record: refusing some of those of a problem and answering others is a failure too, or
+    else it could choose what it is judged by.
 
     Attributes:
         others: The figures whose trials are counted.
@@ -44,7 +47,8 @@ class Reliability:
     ) -> Figure:
         """Count the failures, by kind."""
         del contestant, false_alarm, referee
-        counted = [m for m in measured if m.kind != REFUSED]
+        answered = {(m.trial.problem, m.trial.ask) for m in measured if m.kind != REFUSED}
+        counted = [m for m in measured if (m.trial.problem, m.trial.ask) in answered]
         kinds = Counter(m.kind for m in counted)
         failed = [m for m in counted if m.kind != MODEL]
         total = len(counted)
@@ -57,10 +61,10 @@ class Reliability:
                 interval=interval_of_share(kinds[kind], total),
                 limits=(0.0, 0.0),
                 passed=kinds[kind] == 0 if total else None,
-                why=KINDS.get(kind, ""),
+                why=SOME_REFUSED if kind == REFUSED else KINDS.get(kind, ""),
                 draws=total,
             )
-            for kind in FAILURES
+            for kind in (*FAILURES, *[REFUSED] * (kinds[REFUSED] > 0))
         )
         told = f"{len(failed)} of {total} requests failed" if total else "no request was answered"
         reasons = Counter(f"{m.kind}: {m.why}" if m.why else m.kind for m in failed)

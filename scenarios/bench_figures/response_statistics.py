@@ -40,7 +40,7 @@ def power(errors: FloatArray, covariance: FloatArray, free: np.ndarray) -> Float
 def normalised(errors: FloatArray, covariance: FloatArray, free: np.ndarray) -> FloatArray:
     """Mean over frequencies of error' covariance^-1 error over the number of its parts (m,); its mean is 1.
 
-    A covariance that is singular or none at all makes it infinite.
+    A covariance that is singular or none at all makes it infinite; one that is infinite makes it 0.
     """
     real, imaginary = errors[..., 0], errors[..., 1]
     a, b, c = covariance[..., 0, 0], covariance[..., 0, 1], covariance[..., 1, 1]
@@ -51,6 +51,8 @@ def normalised(errors: FloatArray, covariance: FloatArray, free: np.ndarray) -> 
     one = np.where(free[..., 0], _ratio(real**2, np.broadcast_to(a, real.shape)), np.nan)
     other = np.where(free[..., 1], _ratio(imaginary**2, np.broadcast_to(c, real.shape)), np.nan)
     values = np.where(free.all(axis=-1), both, np.where(free[..., 0], one, other))
+    endless = np.isinf(covariance).any(axis=(-2, -1)) & free.any(axis=-1)
+    values = np.where(endless, 0.0, values)
     return np.asarray(np.nanmean(values, axis=(1, 2, 3)))
 
 

@@ -26,7 +26,8 @@ class Expectation:
     """What theory says.
 
     Attributes:
-        passes: Whether the figure is expected to pass.
+        passes: Whether the figure is expected to pass; where not it fails in the limit of long records, and may do so
+            on those of the bench.
         why: Reason and reference.
     """
 
@@ -51,6 +52,12 @@ FEEDBACK_INPUT = Limitation(
     ACCURACY,
     "its method takes the input as independent of the disturbance; feedback makes it depend on it, and the estimate "
     "biased [Ljung1999, ch. 13; Soderstrom1989, ch. 10]",
+)
+INSTRUMENTS_FEEDBACK = Limitation(
+    ACCURACY,
+    "instruments built of an input that feedback makes depend on the disturbance are biased; a whitener before the "
+    "last stage leaves them only as much of that as it does not whiten, since what is white does not depend on past "
+    "inputs: on short records it may pass [Ljung1999, ch. 13; Soderstrom1989, ch. 8]",
 )
 FEEDBACK_NOISE = Limitation(
     ACCURACY,
@@ -130,8 +137,8 @@ def limitation(method: str | None, structure: str | None, name: str) -> Limitati
         return FEEDBACK_INPUT if family == "feedback" else SUBSPACE
     held = structure is None or problem(name).bound(structure) is not None
     if method == "instrumental":
-        if family == "feedback":
-            return FEEDBACK_INPUT
+        if family == "feedback" and not held:
+            return INSTRUMENTS_FEEDBACK
         return INSTRUMENTS if held else INSTRUMENTS_COLOURED
     if held:
         return None

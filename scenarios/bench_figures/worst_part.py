@@ -27,7 +27,8 @@ def figure_of_parts(
     """Put parts together.
 
     The figure fails where a part fails that theory expects to pass, and has no verdict where theory expects no judged
-    part to pass. What theory says of parts that fail is told.
+    part to pass. What theory says of parts that fail is told. The number is that of the worst of all judged parts,
+    those that theory expects to fail included; see `worst_of`.
 
     Args:
         name: Key in results.
@@ -39,11 +40,7 @@ def figure_of_parts(
         curves: For drawing.
     """
     fair = [part for part in parts if part.passed is not None and part.theory]
-    if fair:
-        worst = max(fair, key=lambda part: (part.surprises, excess(part)))
-    else:
-        known = [part for part in parts if np.isfinite(part.value)]
-        worst = max(known, key=excess) if known else parts[0]
+    worst = worst_of(parts)
     reasons = [part.why for part in parts if part.passed is False and not part.theory and part.why]
     if not fair:
         reasons += [part.why for part in parts if part.passed is None and part.why]
@@ -62,13 +59,32 @@ def figure_of_parts(
     )
 
 
+def worst_of(parts: Sequence[Part]) -> Part:
+    """The judged part furthest beyond its limits, or nearest to them where all pass, whatever theory expects of it.
+
+    Args:
+        parts: At least one; where none is judged it is the first that has a value.
+    """
+    judged = [part for part in parts if part.passed is not None]
+    if judged:
+        return max(judged, key=lambda part: (part.passed is False, excess(part)))
+    return next((part for part in parts if np.isfinite(part.value)), parts[0])
+
+
 def excess(part: Part) -> float:
-    """Where the value lies: 0 as expected, 1 at a limit, more beyond it; 0 of a value that is not judged."""
-    low, high = part.limits
+    """Where the value lies: 0 as expected, 1 at a limit, more beyond it; 0 of a value that is not judged.
+
+    Where a limit is itself what is expected there is no way to it: what lies beyond is told in units of the limit.
+    """
+    if part.passed is not None and np.isnan(part.value):
+        return float("inf")
     where = 0.0
-    for limit in (low, high):
+    for limit, beyond in ((part.limits[0], -1.0), (part.limits[1], 1.0)):
         way = limit - part.expected
-        if np.isfinite(way) and way != 0.0:
+        if not np.isfinite(way):
+            continue
+        if way != 0.0:
             where = max(where, (part.value - part.expected) / way)
-    outside = np.isfinite(part.value) and not low <= part.value <= high
-    return max(where, 1.0 + 1e-9) if outside else where
+        elif (part.value - limit) * beyond > 0.0:
+            where = max(where, 1.0 + abs(part.value - limit) / (abs(limit) or 1.0))
+    return float(where)

@@ -10,6 +10,7 @@ from typing import Any
 from scenarios.bench_contract.contestant import Contestant, Limits
 from scenarios.bench_contract.task import PROTOCOL
 from scenarios.bench_figures.figure import Figure, Part
+from scenarios.bench_figures.whole_verdict import all_pass
 from scenarios.errors import ScenarioError
 
 FORMAT = 1
@@ -54,8 +55,8 @@ class Result:
 
     @property
     def passed(self) -> bool:
-        """Whether no figure fails where theory expects it to pass."""
-        return all(figure.passed is not False for figure in self.figures.values())
+        """Whether no figure fails where theory expects it to pass, and something was judged; see `all_pass`."""
+        return all_pass(self.figures)
 
     def to_json(self) -> str:
         """The text of the file; numbers that are not finite as null, infinities as text."""

@@ -42,6 +42,16 @@ def test_waveforms_are_one_class_and_excitations_are_two():
     assert found.curves["classes"][0]["small_signal"] == TRUTH.small_signal
 
 
+def test_its_number_is_that_of_the_joint_furthest_from_its_truth_at_the_largest_amplitude():
+    elbow = YAW.replace("shoulder_yaw", "elbow_pitch")
+    hz = {f"{PITCH}-w0": 5.0, YAW: 0.9, elbow: 0.5}
+    found = figure([outcome(name, 0, value) for name, value in hz.items()])
+    assert (found.value, found.expected) == (0.5, 0.95)
+    assert "The number is that of elbow_pitch prbs 67 mrad: 0 of 1 near 1 Hz" in found.why
+    assert "All joints together: 1 of 3 near 1 Hz" in found.why
+    assert [row["label"] for row in found.curves["classes"]] == [part.label for part in found.parts]
+
+
 def test_what_cannot_be_claimed_counts_as_not_near_1_hz():
     given = [
         outcome(f"{PITCH}-w0", 0, np.nan),
@@ -66,7 +76,7 @@ def test_without_any_model_it_says_so(outcomes):
     found = figure(outcomes)
     assert found.passed is None
     assert np.isnan(found.value)
-    assert "No record has a model" in found.why
+    assert "no record has a model" in found.why
 
 
 def test_of_many_records_the_range_holds_95_percent():

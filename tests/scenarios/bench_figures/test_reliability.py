@@ -49,6 +49,17 @@ def test_refusals_do_not_count() -> None:
         assert nothing.passed is None
 
 
+def test_refusing_some_records_of_a_problem_is_a_failure() -> None:
+    """Nobody chooses the records that he is judged by; another request for the same problem may be refused."""
+    some = [replace(m, kind="refused", why="too hard") for m in GOOD[:30]]
+    choices = [Measured(Trial("p3", draw, "select"), "refused", "no choice of orders") for draw in range(10)]
+    found = Reliability().figure([*some, *GOOD[30:], *choices], ANYONE, 0.0, ())
+    assert found.passed is False
+    assert found.value == pytest.approx(60.0)
+    assert "10 more were refused" in found.why
+    assert next(part for part in found.parts if part.label == "refused").passed is False
+
+
 def test_trials_are_those_of_all_others() -> None:
     """Each once."""
     maker = Reliability((Bias(), Agreement(), Agreement()))

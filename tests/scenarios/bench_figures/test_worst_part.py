@@ -31,16 +31,18 @@ def test_the_value_is_that_of_the_part_furthest_from_what_is_expected() -> None:
 
 
 def test_a_part_that_fails_against_theory_fails_the_figure() -> None:
-    """And its number is told, even where one that was to fail is worse."""
-    found = figure(part("a", 1.0), part("b", 2.5), part("c", 99.0, theory=False))
+    """Whatever is furthest beyond its limits is told, even where that was to fail."""
+    found = figure(part("a", 1.0), part("b", 2.5))
     assert (found.value, found.passed) == (2.5, False)
+    found = figure(part("a", 1.0), part("b", 2.5), part("c", 99.0, theory=False))
+    assert (found.value, found.passed) == (99.0, False)
     assert found.why == "the reason; because of c"
 
 
 def test_a_part_that_theory_expects_to_fail_does_not() -> None:
     """Its reason is told."""
     found = figure(part("a", 1.0), part("c", 99.0, theory=False))
-    assert found.passed is True
+    assert (found.value, found.passed) == (99.0, True)
     assert "because of c" in found.why
 
 
@@ -65,5 +67,8 @@ def test_excess(value: float, limits: tuple[float, float], where: float) -> None
 
 def test_excess_beyond_a_limit_that_is_what_is_expected() -> None:
     """More than 1, though there is no way to that limit; of no number nothing."""
-    assert excess(part("a", 0.5, (1.0, INF))) > 1.0
+    assert excess(part("a", 0.5, (1.0, INF))) == pytest.approx(1.5)
+    assert excess(part("a", 0.2, (1.0, INF))) > excess(part("a", 0.5, (1.0, INF)))
+    assert excess(part("a", 3.0, (1.0, INF))) == 0.0
     assert excess(part("a", float("nan"), judged=False)) == 0.0
+    assert excess(part("a", float("nan"))) == INF
