@@ -152,7 +152,8 @@ def response_and_interval(
         return None, None
     with warnings.catch_warnings(), np.errstate(all="ignore"):
         warnings.simplefilter("ignore", SysidWarning)
-        return estimate.frequency_response(task.frequencies).covariance, estimate.bandwidth().ci95
+        response, bandwidth = estimate.response_and_bandwidth(task.frequencies)
+    return response.covariance, bandwidth.ci95
 
 
 def _padded(row: FloatArray, length: int) -> FloatArray:

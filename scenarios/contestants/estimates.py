@@ -28,5 +28,5 @@ def answer_of(estimate: Estimate, task: Task, *, noise_model: bool = True) -> An
         return Answer(model, estimate.polynomials)
     if estimate.polynomials is not None:
         return Answer(model, estimate.polynomials, estimate.covariance)
-    response = estimate.frequency_response(task.frequencies)
-    return Answer(model, response_covariance=response.covariance, bandwidth_ci95=estimate.bandwidth().ci95)
+    response, bandwidth = estimate.response_and_bandwidth(task.frequencies)
+    return Answer(model, response_covariance=response.covariance, bandwidth_ci95=bandwidth.ci95)

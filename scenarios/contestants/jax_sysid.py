@@ -2,12 +2,7 @@
 
 import os
 
-# Read when the compiler loads.
-os.environ.setdefault("XLA_FLAGS", "--xla_cpu_multi_thread_eigen=false intra_op_parallelism_threads=1")
-
-import jax
 import numpy as np
-from jax_sysid.models import LinearModel
 
 from scenarios.bench_contract.answer import Answer
 from scenarios.bench_contract.task import Task
@@ -15,7 +10,8 @@ from scenarios.contestants.delayed_model import delayed
 from scenarios.contestants.refusals import only_delayed, only_given_orders, only_structure
 from sysid import IOData, StateSpace
 
-jax.config.update("jax_enable_x64", True)
+FLAGS = "--xla_cpu_multi_thread_eigen=false intra_op_parallelism_threads=1"
+"""Of its compiler: one thread."""
 
 ADAM_STEPS, LBFGS_STEPS = 1000, 2000
 """First by gradient descent, then by L-BFGS: without the first it often ends in another minimum."""
@@ -43,6 +39,12 @@ def output_error(data: IOData, order: int, *, direct: bool) -> StateSpace:
         order: Number of states.
         direct: Whether D is estimated.
     """
+    # Read when the compiler loads.
+    os.environ.setdefault("XLA_FLAGS", FLAGS)
+    import jax
+    from jax_sysid.models import LinearModel
+
+    jax.config.update("jax_enable_x64", True)
     model = LinearModel(order, data.ny, data.nu, feedthrough=direct)
     model.loss(rho_x0=0.0, rho_th=0.0)
     model.optimization(adam_epochs=ADAM_STEPS, lbfgs_epochs=LBFGS_STEPS, iprint=-1)

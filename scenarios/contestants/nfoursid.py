@@ -3,8 +3,6 @@
 from contextlib import suppress
 
 import numpy as np
-import pandas
-from nfoursid.nfoursid import NFourSID
 from scipy.linalg import solve_discrete_are
 
 from scenarios.bench_contract.answer import Answer
@@ -30,6 +28,9 @@ def subspace(data: IOData, order: int) -> StateSpace:
         data: The record.
         order: Number of states.
     """
+    import pandas
+    from nfoursid.nfoursid import NFourSID
+
     inputs, outputs = [f"u{j}" for j in range(data.nu)], [f"y{j}" for j in range(data.ny)]
     table = pandas.DataFrame(np.hstack((data.u, data.y)), columns=inputs + outputs)
     rows = max(LEAST_ROWS, ROWS_PER_ORDER * order)

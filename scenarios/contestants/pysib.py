@@ -4,50 +4,47 @@ Where a search ends in a predictor that is not stable, its variant with filtered
 """
 
 import warnings
-from collections.abc import Callable
-from typing import Any
 
 import numpy as np
-import pysib
 
 from scenarios.bench_contract.answer import Answer
 from scenarios.bench_contract.task import STRUCTURES, Task
 from scenarios.contestants.refusals import only_given_orders, only_one_channel, only_structure
 from sysid import IOData, Polynomials, innovations_form
 
-Fit = Callable[..., tuple[Any, dict[str, Any]]]
-
 
 def arx(data: IOData, task: Task) -> Answer:
     """Least squares."""
-    return _fitted("arx", pysib.arx, None, data, task)
+    return _fitted("arx", None, data, task)
 
 
 def armax(data: IOData, task: Task) -> Answer:
     """Prediction error from the ARX model."""
-    return _fitted("armax", pysib.armax, pysib.armax_filtered, data, task)
+    return _fitted("armax", "armax_filtered", data, task)
 
 
 def oe(data: IOData, task: Task) -> Answer:
     """Prediction error from the ARX model."""
-    return _fitted("oe", pysib.oe, pysib.oe_filtered, data, task)
+    return _fitted("oe", "oe_filtered", data, task)
 
 
 def bj(data: IOData, task: Task) -> Answer:
     """Prediction error from the ARX model."""
-    return _fitted("bj", pysib.bj, pysib.bj_filtered, data, task)
+    return _fitted("bj", "bj_filtered", data, task)
 
 
-def _fitted(structure: str, fit: Fit, filtered: Fit | None, data: IOData, task: Task) -> Answer:
+def _fitted(structure: str, filtered: str | None, data: IOData, task: Task) -> Answer:
     only_structure(task, structure)
     only_one_channel(data)
     only_given_orders(task, "it has no criterion of orders")
+    import pysib
+
     orders = [task.orders[name] for name in STRUCTURES[structure]]
     u, y = data.u[:, 0].copy(), data.y[:, 0].copy()
     with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always")
-        _, found = fit(u, y, *orders)
+        _, found = getattr(pysib, structure)(u, y, *orders)
         if filtered is not None and any("unit circle" in str(one.message) for one in caught):
-            _, found = filtered(u, y, *orders)
+            _, found = getattr(pysib, filtered)(u, y, *orders)
     polynomials = Polynomials(*(np.asarray(found[name], dtype=float) for name in "ABCDF"))
     return Answer(innovations_form(polynomials, data.dt), polynomials)

@@ -7,7 +7,6 @@ the optimiser IPOPT (its option OPT), which its authors name the most accurate; 
 from typing import Any
 
 import numpy as np
-from sippy_unipi import system_identification
 
 from scenarios.bench_contract.answer import Answer
 from scenarios.bench_contract.task import STRUCTURES, Task
@@ -53,6 +52,8 @@ def subspace(data: IOData, task: Task, weighting: str, *, direct: bool = False) 
         weighting: `N4SID`, `MOESP`, `CVA` or `PARSIM-K`.
         direct: Whether D is estimated.
     """
+    from sippy_unipi import system_identification
+
     rows = max(LEAST_ROWS, ROWS_PER_ORDER * task.orders.get("order", task.most_order))
     orders: dict[str, Any] = {"SS_fixed_order": task.orders.get("order")}
     if task.chooses:
@@ -81,6 +82,8 @@ def polynomials(structure: str, data: IOData, task: Task, *, mode: str = "OPT") 
     n, method = task.orders, structure.upper()
     if 0 in (n.get("nc", 1), n.get("nd", 1)):
         raise NotImplementedError("nc = 0 or nd = 0 asked for, its optimiser needs at least 1 of each")
+    from sippy_unipi import system_identification
+
     counts: dict[str, list[Any]] = {name: [n[name]] for name in n}
     counts |= {"nb": [[n["nb"]] * data.nu], "nk": [[n["nk"] - 1] * data.nu]}
     options: dict[str, Any] = {f"{method}_orders": [counts[name] for name in STRUCTURES[structure]]}

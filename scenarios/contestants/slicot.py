@@ -4,7 +4,6 @@ Its options that ask for covariances or the Kalman gain are left alone: with sev
 the process in version 1.1.1.
 """
 
-import ctrlsys
 import numpy as np
 
 from scenarios.bench_contract.answer import Answer
@@ -47,6 +46,8 @@ def subspace(route: tuple[str, str], data: IOData, order: int | None, most_order
         order: Number of states; None for that at the largest gap of the singular values.
         most_order: The highest order then.
     """
+    import ctrlsys
+
     rows, nu, ny = max(LEAST_ROWS, ROWS_PER_ORDER * (order or most_order)), data.nu, data.ny
     u, y = np.asfortranarray(data.u), np.asfortranarray(data.y)
     # 'M' in the third place: B and D of the MOESP route the MOESP way; the N4SID route does not look at it.

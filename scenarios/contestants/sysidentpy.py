@@ -3,9 +3,6 @@
 import warnings
 
 import numpy as np
-from sysidentpy.basis_function import Polynomial
-from sysidentpy.model_structure_selection import FROLS
-from sysidentpy.parameter_estimation import LeastSquares
 
 from scenarios.bench_contract.answer import Answer
 from scenarios.bench_contract.task import Task
@@ -31,6 +28,10 @@ def armax(data: IOData, task: Task) -> Answer:
 def _fitted(data: IOData, task: Task, nc: int | None) -> Answer:
     only_one_output(data)
     only_delayed(task)
+    from sysidentpy.basis_function import Polynomial
+    from sysidentpy.model_structure_selection import FROLS
+    from sysidentpy.parameter_estimation import LeastSquares
+
     n, most = task.orders, task.most_order
     if n:
         of_y = list(range(1, n["na"] + 1))

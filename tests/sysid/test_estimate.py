@@ -2,12 +2,14 @@
 
 import copy
 import pickle
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 import pytest
 
-from sysid import FrequencyResponse, IOData, SysidError, arx, band, oe, okid, residuals, structure_scan
+from sysid import FrequencyResponse, IOData, StateSpace, SysidError, arx, band, oe, okid, residuals, structure_scan
+from sysid.arrays import FloatArray
 from sysid.delta_method import spread, standard_directions
 
 
@@ -114,3 +116,19 @@ def test_criteria_are_those_of_the_structure_table(p2: Any) -> None:
 def test_a_complex_quantity_has_no_interval(p2: Any) -> None:
     with pytest.raises(SysidError, match="complex"):
         band(oe(p2.draw(0), 2, 2), lambda model: model.frequency_response([1.0]))
+
+
+def test_response_and_bandwidth_at_once_are_those_one_by_one(p2: Any) -> None:
+    """Each model is realised once; so much is saved where that takes long."""
+    estimate, f = oe(p2.draw(3), 2, 2), [0.1, 1.0, 3.0]
+    realised = []
+
+    def counted(theta: FloatArray) -> StateSpace:
+        realised.append(theta)
+        return estimate.realise(theta)
+
+    response, bandwidth = replace(estimate, realise=counted).response_and_bandwidth(f)
+    assert len(realised) == 2 * len(estimate.parameters)
+    np.testing.assert_array_equal(response.covariance, estimate.frequency_response(f).covariance)
+    np.testing.assert_array_equal(response.response, estimate.frequency_response(f).response)
+    np.testing.assert_array_equal(bandwidth.ci95, estimate.bandwidth().ci95)
