@@ -21,6 +21,7 @@ from scenarios.bench_contract.memory_limit import limit_memory
 from scenarios.bench_contract.no_model import NoModelError
 from scenarios.bench_contract.nursery import FORK, NUMBER, WAIT
 from scenarios.bench_contract.outcome import REFUSED
+from scenarios.bench_contract.parent_death import die_with_parent
 from scenarios.bench_contract.process_tree import end_all, family
 from scenarios.bench_contract.record_on_wire import requested
 from scenarios.bench_contract.returned import numbers_of
@@ -45,6 +46,7 @@ def bear(control: socket.socket) -> None:
         control: Over which requests come: the folder to run in with three pipes, or a process to wait for.
     """
     _take_orphans()
+    this = os.getpid()
     while True:
         message, pipes, _, _ = socket.recv_fds(control, LONGEST_PATH, 3)
         if not message:
@@ -58,6 +60,7 @@ def bear(control: socket.socket) -> None:
         pid = os.fork()
         if pid == 0:
             control.close()
+            die_with_parent(this)
             _live(os.fsdecode(message[len(FORK) :]), *pipes)
         for end in pipes:
             os.close(end)

@@ -4,9 +4,11 @@ import os
 import subprocess
 import uuid
 from collections.abc import Mapping, Sequence
+from functools import partial
 from pathlib import Path
 
 from scenarios.bench_contract import process_tree
+from scenarios.bench_contract.parent_death import die_with_parent
 from scenarios.bench_contract.pipes import Pipes
 from scenarios.bench_contract.supervised import Supervised
 
@@ -53,6 +55,8 @@ def start(command: Sequence[str], *, folder: Path, environment: Mapping[str, str
             env=child_environment(environment, mark),
             pass_fds=(request, reply) if own else (),
             start_new_session=True,
+            # It sets a flag and takes no lock, whatever other threads hold.
+            preexec_fn=partial(die_with_parent, os.getpid()),
         )
     except BaseException:
         pipes.close()

@@ -1,13 +1,16 @@
-"""What a run costs, told before it begins: from a few trials of each problem that are done first."""
+"""What a run costs, told before it begins: from a few trials of each kind of problem that are done first."""
 
+import re
 from collections import defaultdict
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
-from scenarios.bench_contract.contestant import Limits
 from scenarios.bench_trials.work import Done, Piece
+
+WAVEFORM = re.compile(r"-w\d+")
+"""What tells apart problems that cost the same."""
 
 
 @dataclass(frozen=True)
@@ -18,21 +21,18 @@ class Cost:
         calls: Requests to estimators.
         core_seconds: Time of one core, s.
         wall: Time with all workers, s.
-        hang: Time with all workers if every call ran into its limit, s.
         disk: Size of what is written, bytes.
     """
 
     calls: int
     core_seconds: float
     wall: float
-    hang: float
     disk: float
 
     def __str__(self) -> str:
         return (
             f"{self.calls} calls, {told_time(self.core_seconds)} of one core, about {told_time(self.wall)} with all "
-            f"workers (at most {told_time(self.hang)}, if every call hung until its limit), "
-            f"{self.disk / 2**20:.0f} MiB of journals"
+            f"workers, {self.disk / 2**20:.0f} MiB of journals"
         )
 
 
@@ -46,37 +46,45 @@ class Pilot:
     def learn(self, done: Done) -> None:
         """Take note of a trial."""
         trial = done.measured.trial
-        self._walls[trial.problem, trial.ask, done.contestant].append(done.wall)
+        self._walls[kind(trial.problem), trial.ask, done.contestant].append(done.wall)
         self._bytes.append(len(done.measured.to_json()) + 1)
 
-    def seconds(self, piece: Piece) -> float:
-        """What a piece will take, s; 0 of what nothing is known."""
-        walls = (self._walls.get((piece.problem, *one)) for one in piece.asked)
-        return sum(float(np.mean(wall)) for wall in walls if wall)
+    def of_one(self, problem: str, ask: str, contestant: int) -> float:
+        """What a trial will take, s; 0 of what nothing is known."""
+        walls = self._walls.get((kind(problem), ask, contestant))
+        return float(np.mean(walls)) if walls else 0.0
 
-    def cost(self, pieces: Sequence[Piece], workers: int, limits: Limits) -> Cost:
+    def seconds(self, piece: Piece) -> float:
+        """What a piece will take, s."""
+        return sum(self.of_one(piece.problem, *one) for one in piece.asked)
+
+    def cost(self, pieces: Sequence[Piece], workers: int) -> Cost:
         """What pieces will cost.
 
         Args:
             pieces: What is to do.
             workers: How many pieces are done at a time.
-            limits: Of each call.
         """
         calls = sum(len(piece.asked) for piece in pieces)
         seconds = sum(self.seconds(piece) for piece in pieces)
         size = float(np.mean(self._bytes)) if self._bytes else 0.0
-        return Cost(calls, seconds, seconds / workers, (seconds + calls * limits.seconds) / workers, calls * size)
+        return Cost(calls, seconds, seconds / workers, calls * size)
 
 
 def pilot_of(pieces: Iterable[Piece]) -> tuple[tuple[Piece, ...], tuple[Piece, ...]]:
-    """Part pieces into the first of each problem, from which the cost is learnt, and the others."""
+    """Part pieces into the first of each kind of problem, from which the cost is learnt, and the others."""
     first: dict[str, Piece] = {}
     others = []
     for piece in pieces:
-        known = first.setdefault(piece.problem, piece)
+        known = first.setdefault(kind(piece.problem), piece)
         if known is not piece:
             others.append(piece)
     return tuple(first.values()), tuple(others)
+
+
+def kind(problem: str) -> str:
+    """A problem's name without what makes no difference to its cost."""
+    return WAVEFORM.sub("", problem)
 
 
 def told_time(seconds: float) -> str:

@@ -17,6 +17,7 @@ from scenarios.bench_figures.all_figures import ALL_FIGURES, false_alarm_of_each
 from scenarios.bench_figures.figure import DRAWS, Figure, FigureMaker
 from scenarios.bench_problems.registry import problem
 from scenarios.bench_run.cost import Cost, Pilot, pilot_of, told_time
+from scenarios.bench_run.counted import Counted, Progress
 from scenarios.bench_run.key import key_of, machine
 from scenarios.bench_run.result import Result
 from scenarios.bench_trials.executor import Executor
@@ -25,7 +26,7 @@ from scenarios.bench_trials.measured import Measured
 from scenarios.bench_trials.simulated import is_twin, simulate_records
 from scenarios.bench_trials.source import source_hash
 from scenarios.bench_trials.trial import Trial
-from scenarios.bench_trials.work import Bench, Done, Piece, pieces
+from scenarios.bench_trials.work import Bench, Piece, pieces, spread
 from scenarios.dataset_build.safe_write import write_text
 from scenarios.errors import ScenarioError
 from scenarios.provenance import versions
@@ -42,8 +43,11 @@ AGREEMENT = "agreement"
 REASONS = 20
 """Reasons of failures that a result keeps."""
 
-Progress = Callable[[int, int], None]
-"""Told how many trials are done, of how many."""
+TOGETHER = 100
+"""Records of the twin that are simulated side by side, and then kept."""
+
+SILENCE = 10.0
+"""After which it is told how far the simulation is, s."""
 
 
 @dataclass(frozen=True)
@@ -108,7 +112,7 @@ def verify(
     folder: Path,
     executor: Executor,
     *,
-    progress: Progress = lambda done, total: None,
+    progress: Progress = lambda done, total, left: None,
     said: Callable[[str], None] = lambda line: None,
     told: Callable[[Cost], None] = lambda cost: None,
 ) -> list[Result]:
@@ -144,7 +148,7 @@ def verify(
         left = pieces(wanted, [journal.done for journal in journals])
         if records is not None:
             _simulate(left, plan.seed, records, said)
-        _run(bench, left, journals, executor, _Counted(wanted, journals, progress), told)
+        _run(bench, left, executor, Counted(wanted, journals, progress, said), told)
         referee = _of_referee(plan, everyone, journals)
         where = machine() if executor.here else f"{executor.workers} workers of a cluster"
         results = []
@@ -157,60 +161,40 @@ def verify(
         return results
 
 
-class _Counted:
-    """Counts trials that are done."""
-
-    def __init__(self, wanted: Sequence[Sequence[Trial]], journals: Sequence[Journal], progress: Progress) -> None:
-        self._progress = progress
-        self._total = sum(map(len, wanted))
-        pairs = zip(wanted, journals, strict=True)
-        self._done = sum(trial.key in journal.done for trials, journal in pairs for trial in trials)
-        progress(self._done, self._total)
-
-    def __call__(self) -> None:
-        self._done += 1
-        self._progress(self._done, self._total)
-
-
 def _simulate(left: Sequence[Piece], seed: int, folder: Path, said: Callable[[str], None]) -> None:
     """Simulate records of the twin, side by side, before anyone is asked."""
     trials = [Trial(piece.problem, piece.draw) for piece in left if is_twin(piece.problem)]
-    if trials:
-        begun = monotonic()
-        made = simulate_records(trials, seed, folder)
-        if made:
-            said(f"{made} records of the arm simulated in {told_time(monotonic() - begun)}")
+    begun = monotonic()
+    made = 0
+    for first in range(0, len(trials), TOGETHER):
+        made += simulate_records(trials[first : first + TOGETHER], seed, folder)
+        # As much as a run of the quick bench has is soon there.
+        if made and (spent := monotonic() - begun) > SILENCE:
+            looked = min(first + TOGETHER, len(trials))
+            said(f"{looked} of {len(trials)} records of the arm simulated in {told_time(spent)}")
 
 
 def _run(
     bench: Bench,
     left: Sequence[Piece],
-    journals: Sequence[Journal],
     executor: Executor,
-    counted: _Counted,
+    counted: Counted,
     told: Callable[[Cost], None],
 ) -> None:
-    """Do what is left: the first record of each problem, from which the cost of the others is told, then those."""
+    """Do what is left: first a record of each kind of problem, from which the cost of the others is told."""
     if not left:
         return
+    names = [contestant.name for contestant in bench.contestants]
     pilot, (first, others) = Pilot(), pilot_of(left)
     with executor.crew(bench) as crew:
-        for done in crew(first):
-            _note(done, journals, counted)
+        for done in crew(counted.still(spread(first))):
+            counted.note(done, names)
             pilot.learn(done)
-        if others:
-            told(pilot.cost(others, executor.workers, bench.limits))
-            # The longest first: at the end no worker is left alone with one.
-            for done in crew(sorted(others, key=pilot.seconds, reverse=True)):
-                _note(done, journals, counted)
-
-
-def _note(done: Done, journals: Sequence[Journal], counted: _Counted) -> None:
-    """Add a trial to its journal; one whose process died may come twice."""
-    journal = journals[done.contestant]
-    if done.measured.trial.key not in journal.done:
-        journal.add(done.measured)
-        counted()
+        if rest := tuple(counted.still(others)):
+            told(pilot.cost(rest, executor.workers))
+            counted.begin(pilot, rest, executor.workers)
+            for done in crew(counted.still(spread(rest))):
+                counted.note(done, names)
 
 
 def _of_referee(plan: Plan, everyone: Sequence[Contestant], journals: Sequence[Journal]) -> tuple[Measured, ...]:

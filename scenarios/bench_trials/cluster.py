@@ -1,7 +1,7 @@
 """Pieces of a run done by the workers of a Dask scheduler, wherever they are."""
 
 from collections import deque
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
 from dataclasses import asdict
 from itertools import islice
@@ -100,7 +100,7 @@ class Run:
         counted: Told how many workers there are.
     """
 
-    def __init__(self, bench: Bench, pieces: Sequence[Piece], link: Link, counted: Callable[[int], None]) -> None:
+    def __init__(self, bench: Bench, pieces: Iterable[Piece], link: Link, counted: Callable[[int], None]) -> None:
         self._parcels = [asdict(Parcel.of(contestant)) for contestant in bench.contestants]
         self._limits, self._seed = asdict(bench.limits), bench.seed
         self._pieces, self._link, self._counted = iter(pieces), link, counted

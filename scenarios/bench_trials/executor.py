@@ -1,13 +1,13 @@
 """Who does the pieces of a run."""
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import AbstractContextManager
 from typing import Protocol
 
 from scenarios.bench_trials.work import Bench, Done, Piece
 
-Crew = Callable[[Sequence[Piece]], Iterator[Done]]
-"""Does pieces and yields trials as they are done, in any sequence; nothing that is judged depends on it."""
+Crew = Callable[[Iterable[Piece]], Iterator[Done]]
+"""Does pieces and yields trials as they are done, in any sequence; it takes a piece when somebody is free to do it."""
 
 
 class Executor(Protocol):

@@ -16,6 +16,11 @@ from scenarios.errors import ScenarioError
 
 ENDING = ".jsonl"
 
+HANG = "hang"
+
+GIVEN_UP = "given up"
+"""By which the reason of a trial begins that was not asked any more."""
+
 PASSING = {"source": "its file", "software": "this software, or a package that it uses,"}
 """Entries of a key that no command line brings back, in words: a journal under another one is of no more use."""
 
@@ -36,6 +41,7 @@ class Journal:
         path: The file.
         run: Mark of the run that began it.
         done: Keys of the trials that it holds.
+        hangs: How many trials hung at its end, one after the other; those that were not asked count as none.
 
     Raises:
         ScenarioError: Another run is at work with it.
@@ -50,6 +56,7 @@ class Journal:
         folder.mkdir(parents=True, exist_ok=True)
         _forget_others(folder, stem, self.path, key, lambda why: said(f"{name}: {why}"))
         self.run, self.done, self._mine = run, set[str](), False
+        self.hangs = 0
         # Unbuffered: a line is with the system as soon as it is written.
         self._stream = FileIO(self.path, "a+")
         try:
@@ -79,7 +86,7 @@ class Journal:
         """Add a trial; one that it holds already is left as it is."""
         if measured.trial.key not in self.done:
             self._write(measured.to_json())
-            self.done.add(measured.trial.key)
+            self._count(measured)
 
     def measured(self) -> dict[Trial, Measured]:
         """All that it holds, by trial."""
@@ -95,6 +102,11 @@ class Journal:
             except OSError as error:  # a full disk: writing to a stream gives the error no name
                 error.filename = str(self.path)
                 raise
+
+    def _count(self, measured: Measured) -> None:
+        self.done.add(measured.trial.key)
+        hung = measured.kind == HANG and not measured.why.startswith(GIVEN_UP)
+        self.hangs = self.hangs + 1 if hung else 0
 
     def _lock(self) -> None:
         self._mine = _locked(self._stream)
@@ -113,7 +125,7 @@ class Journal:
                     if not line.endswith(b"\n"):
                         break
                     if good:
-                        self.done.add(Measured.from_json(line.decode()).trial.key)
+                        self._count(Measured.from_json(line.decode()))
                     else:
                         self.run = str(json.loads(line)["run"])
                 except (ValueError, TypeError, KeyError):

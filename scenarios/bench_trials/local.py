@@ -2,7 +2,7 @@
 
 import os
 from collections import deque
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field
 from multiprocessing import connection, get_context
@@ -63,6 +63,7 @@ class _Crew:
         self._people: dict[Connection, BaseProcess] = {}
         self._busy: dict[Connection, Piece] = {}
         self._deaths: dict[Piece, int] = {}
+        self._again: deque[Piece] = deque()
 
     def __enter__(self) -> "_Crew":
         return self
@@ -70,34 +71,38 @@ class _Crew:
     def __exit__(self, *_: object) -> None:
         self._dismiss()
 
-    def do(self, pieces: Sequence[Piece]) -> Iterator[Done]:
+    def do(self, pieces: Iterable[Piece]) -> Iterator[Done]:
         """Hand out pieces and hand on what comes back, until nothing is left."""
-        left = deque(pieces)
-        while len(self._people) < min(self._most, len(left)):
-            self._hire()
-        while left or self._busy:
-            for pipe in self._people:
-                if left and pipe not in self._busy:
-                    self._busy[pipe] = left.popleft()
-                    with suppress(BrokenPipeError, ConnectionResetError):  # its death is read below
-                        pipe.send(self._busy[pipe])
+        left = iter(pieces)
+        while True:
+            while len(self._busy) < self._most and (piece := self._next(left)) is not None:
+                pipe = next((one for one in self._people if one not in self._busy), None) or self._hire()
+                self._busy[pipe] = piece
+                with suppress(BrokenPipeError, ConnectionResetError):  # its death is read below
+                    pipe.send(piece)
+            if not self._busy:
+                return
             ready = connection.wait(list(self._busy))
             for pipe in [one for one in self._busy if one in ready]:
-                yield from self._heard(pipe, left)
+                yield from self._heard(pipe)
 
-    def _hire(self) -> None:
+    def _next(self, left: Iterator[Piece]) -> Piece | None:
+        return self._again.popleft() if self._again else next(left, None)
+
+    def _hire(self) -> Connection:
         ours, theirs = get_context("spawn").Pipe()
         process = get_context("spawn").Process(target=work, args=(theirs, self._bench), daemon=True)
         with _one_thread():
             process.start()
         theirs.close()
         self._people[ours] = process
+        return ours
 
-    def _heard(self, pipe: Connection, left: deque[Piece]) -> Iterator[Done]:
+    def _heard(self, pipe: Connection) -> Iterator[Done]:
         try:
             told = pipe.recv()
         except (EOFError, ConnectionResetError):
-            self._bury(pipe, left)
+            self._bury(pipe)
             return
         if isinstance(told, Exception):
             raise told
@@ -106,7 +111,7 @@ class _Crew:
             return
         yield told
 
-    def _bury(self, pipe: Connection, left: deque[Piece]) -> None:
+    def _bury(self, pipe: Connection) -> None:
         """A process that died: its piece is done by another one, which leaves out nothing."""
         process, piece = self._people.pop(pipe), self._busy.pop(pipe)
         pipe.close()
@@ -118,8 +123,7 @@ class _Crew:
                 f"code {process.exitcode}; the memory of this machine may be too small for {len(self._people) + 1} "
                 "workers. What is done is kept: the same command goes on from there, with fewer --workers"
             )
-        left.appendleft(piece)
-        self._hire()
+        self._again.append(piece)
 
     def _dismiss(self) -> None:
         for pipe in self._people:

@@ -1,5 +1,6 @@
 """Work of a run in pieces that any process can do: the trials on one record, for all contestants that need them."""
 
+import re
 from collections.abc import Collection, Iterable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -7,6 +8,9 @@ from pathlib import Path
 from scenarios.bench_contract.contestant import Contestant, Limits
 from scenarios.bench_trials.measured import Measured
 from scenarios.bench_trials.trial import ASKS, Trial
+
+FAMILY = re.compile("[-@]")
+"""What ends the first word of a problem's name."""
 
 
 @dataclass(frozen=True)
@@ -72,3 +76,19 @@ def pieces(wanted: Sequence[Iterable[Trial]], done: Sequence[Collection[str]]) -
         Piece(problem, draw, tuple(sorted(whom, key=lambda one: (ASKS.index(one[0]), one[1]))))
         for (draw, problem), whom in sorted(asked.items())
     )
+
+
+def spread(some: Iterable[Piece]) -> tuple[Piece, ...]:
+    """Pieces in a sequence in which those of each family of problems are evenly spread.
+
+    A family is what names begin with. What goes wrong on one family alone is then never seen many times in a row.
+    """
+    families: dict[str, list[Piece]] = {}
+    for piece in some:
+        families.setdefault(FAMILY.split(piece.problem)[0], []).append(piece)
+    places = [
+        ((place + 0.5) / len(family), name, piece)
+        for name, family in families.items()
+        for place, piece in enumerate(family)
+    ]
+    return tuple(piece for _, _, piece in sorted(places, key=lambda one: one[:2]))

@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING, Annotated, Literal
 
 import tyro
 
-from scenarios.commands.build_progress import build_progress
 from scenarios.commands.output import output_folder, print_json, print_table, say
+from scenarios.commands.verify_progress import verify_progress
 
 if TYPE_CHECKING:
     from scenarios.bench_run.cost import Cost
@@ -36,6 +36,7 @@ def verify(
     cluster: str | None = None,
     patience: float = 300.0,
     list: bool = False,
+    verbose: bool = False,
     json: bool = False,
 ) -> int:
     """Put an estimator on the test bench: problems with known truth, ten figures, each with a verdict.
@@ -54,6 +55,8 @@ def verify(
     given the orders of each system in its own structure, and everything is expected of it that can be. The verdicts
     together fail an estimator that is as good as the Cramér-Rao bound allows in one of 200 runs at most.
 
+    An estimator that has hung ten times in a row is asked no more: what is left of its trials counts as hung.
+
     Every trial that is done is kept in OUT/journals. A run that was interrupted or killed is gone on with by the same
     command; --quick is a part of the full bench, which goes on from it. Where the estimator's file has changed, its
     trials begin anew.
@@ -62,8 +65,8 @@ def verify(
 
     Args:
         estimators: MODULE:FUNCTION, FILE.py:FUNCTION, or names of --list.
-        command: A program instead; {mat} or {nc} becomes the file of the record, {task} that of what is asked,
-            {model} that of the answer.
+        command: A program instead; {mat}, {data} (NetCDF) or {csv} becomes the file of the record, {task} that of what
+            is asked, {model} that of the answer.
         stays: The program is started once and told of each task on its standard input.
         name: What your estimator is called in tables and files; by default as its function or program.
         structure: That of your estimator's models; without it, it takes each that is asked.
@@ -78,6 +81,7 @@ def verify(
         cluster: Address of a Dask scheduler, tcp://HOST:8786, whose workers do the trials, with this package.
         patience: How long a scheduler that has gone, or workers that are not there, are waited for, s.
         list: List the estimators that the bench knows, and whether they can be run here.
+        verbose: Print all that a verdict rests on, and every part that fails; files and pages have it anyway.
         json: Print JSON.
     """
     if list:
@@ -109,7 +113,7 @@ def verify(
     if json:
         print_json(record(results, out))
     else:
-        show(results, out)
+        show(results, out, verbose=verbose)
     return 0 if all(result.passed for result in results) else 1
 
 
@@ -136,7 +140,6 @@ def _options(quick: bool, seed: int, figures: Sequence[str], seconds: float, mem
 
 def _run(plan: "Plan", folder: Path, executor: "Executor") -> "list[Result]":
     from scenarios.bench_run.verify import JOURNALS, verify
-    from scenarios.dataset_build.progress import Progress
 
     latest = (0, 0)
 
@@ -144,12 +147,12 @@ def _run(plan: "Plan", folder: Path, executor: "Executor") -> "list[Result]":
         if cost.calls:
             _said(f"hmtb verify: still to do: {cost}")
 
-    with build_progress("hmtb verify") as show:
+    with verify_progress("hmtb verify") as show:
 
-        def counted(done: int, total: int) -> None:
+        def counted(done: int, total: int, left: float | None) -> None:
             nonlocal latest
             latest = (done, total)
-            show(Progress("trials", done, total))
+            show(done, total, left)
 
         try:
             return verify(plan, folder, executor, progress=counted, said=_said, told=told)

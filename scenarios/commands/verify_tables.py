@@ -6,28 +6,34 @@ from pathlib import Path
 from typing import Any
 
 from scenarios.bench_contract.outcome import KINDS, MODEL, REFUSED
-from scenarios.bench_figures.figure import Figure, Part
+from scenarios.bench_figures.figure import Figure
 from scenarios.bench_run.result import Result
 from scenarios.bench_trials.journal import file_name
 from scenarios.commands.output import print_table, say
-from scenarios.leaderboard.verdict import Verdict, part_verdict, verdict
+from scenarios.commands.verify_bandwidths import answer, bandwidth_rows, show_bandwidths
+from scenarios.commands.verify_numbers import interval, number
+from scenarios.commands.verify_reasons import show_reasons, wrapped
+from scenarios.leaderboard.verdict import Verdict, verdict
 
 SHOWN_REASONS = 5
 """Reasons of failures that are printed; the file has more."""
 
-SHOWN_PARTS = 4
-"""Parts of a figure that fail which are printed."""
 
-
-def show(results: Sequence[Result], out: Path) -> None:
+def show(results: Sequence[Result], out: Path, *, verbose: bool = False) -> None:
     """Print results.
 
     Args:
         results: Of each estimator.
         out: Folder that they were written to.
+        verbose: With all that verdicts rest on.
     """
     for result in results:
         _show_figures(result)
+        if rows := bandwidth_rows(result.figures):
+            show_bandwidths(rows)
+            say(wrapped(answer(rows)))
+            say("")
+        show_reasons(result.figures.values(), verbose=verbose)
         _show_failures(result)
         say(f"{out / file_name(result.contestant.name)}.json")
         say("")
@@ -55,8 +61,10 @@ def record(results: Sequence[Result], out: Path) -> dict[str, Any]:
 
 
 def _entry(result: Result, out: Path) -> dict[str, Any]:
+    rows = bandwidth_rows(result.figures)
     return {
         "figures": {name: _figure(figure) for name, figure in result.figures.items()},
+        **({"bandwidth": {"rows": rows, "answer": answer(rows)}} if rows else {}),
         "passed": result.passed,
         "estimator": result.contestant.name,
         "effort": result.effort,
@@ -117,28 +125,6 @@ def _show_figures(result: Result) -> None:
         for figure in result.figures.values()
     ]
     print_table(title, ("", "value", "expected", "95 % interval", "verdict"), rows)
-    for figure in result.figures.values():
-        if verdict(figure) is not Verdict.PASSES:
-            say(f"{figure.title}: {_reason(figure)}.")
-    say("")
-
-
-def _reason(figure: Figure) -> str:
-    """What the verdict rests on, and which parts fail: those that surprise, else those of which theory says so."""
-    for wanted in (Verdict.FAILS, Verdict.FAILS_AS_THEORY_SAYS):
-        parts = [part for part in figure.parts if part_verdict(part) is wanted]
-        if parts:
-            whys = [why for why in dict.fromkeys(part.why for part in parts) if why and why not in figure.why]
-            told = "; ".join((figure.why, *whys[:SHOWN_REASONS]))
-            return f"{told}; {wanted.word}: {', '.join(map(_told_part, parts[:SHOWN_PARTS]))}" + (
-                f" and {len(parts) - SHOWN_PARTS} more" if len(parts) > SHOWN_PARTS else ""
-            )
-    return figure.why
-
-
-def _told_part(part: Part) -> str:
-    low, high = part.limits
-    return f"{part.label} {number(part.value)} (within {number(low)} to {number(high)})"
 
 
 def _show_failures(result: Result) -> None:
@@ -170,18 +156,8 @@ def _show_side_by_side(results: Sequence[Result]) -> None:
 
 
 def _verdict(result: Result) -> str:
-    failed = [figure.title for figure in result.figures.values() if figure.passed is False]
+    failed = [figure.title.partition(":")[0] for figure in result.figures.values() if figure.passed is False]
     plural = "s" * (len(failed) != 1)
     return (
         f"fails {len(failed)} figure{plural}: {', '.join(failed)}" if failed else "fails no figure that it should pass"
     )
-
-
-def number(value: float) -> str:
-    """A number with four digits; a dash for one that there is none of."""
-    return "—" if math.isnan(value) else f"{value:.4g}"
-
-
-def interval(ends: tuple[float, float]) -> str:
-    """An interval in words."""
-    return "—" if math.isnan(ends[0]) or math.isnan(ends[1]) else f"{number(ends[0])} to {number(ends[1])}"

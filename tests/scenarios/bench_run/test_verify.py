@@ -10,6 +10,7 @@ from pathlib import Path
 import pytest
 
 from scenarios.bench_contract.contestant import Contestant, Limits
+from scenarios.bench_contract.process_tree import family
 from scenarios.bench_run.cost import Cost
 from scenarios.bench_run.result import Result
 from scenarios.bench_run.verify import JOURNALS, Plan, verify
@@ -30,6 +31,21 @@ if __name__ == "__main__":
 """
 LONG = replace(PLAN, figures=(Few(draws=16),))
 
+STUCK = """
+from pathlib import Path
+import sys
+from scenarios.bench_contract.contestant import Contestant, Limits
+from scenarios.bench_trials.local import Local
+from scenarios.bench_trials.trial import Trial
+from scenarios.bench_trials.work import Bench, pieces
+if __name__ == "__main__":
+    stuck = Contestant("stuck", "faulty:stuck", home=sys.argv[1], structure="arx")
+    with Local(1).crew(Bench((stuck,), Limits(300.0), 0)) as crew:
+        list(crew(pieces([[Trial("p1@300", 0)]], [()])))
+"""
+SOON = 8.0
+"""Within which all that a killed run has started is gone, s: far less than any limit of time."""
+
 FAULTY = """
 import os, time
 import numpy as np
@@ -43,6 +59,16 @@ def crashing(data, task):
 
 def hanging(data, task):
     time.sleep(60.0)
+
+def stuck(data, task):
+    open(os.path.join(os.path.dirname(__file__), "here"), "w").close()
+    while True:
+        pass
+
+def sometimes(data, task):
+    if len(data) != 300:
+        time.sleep(60.0)
+    return good(data, task)
 
 def hungry(data, task):
     return np.ones(2**30)
@@ -87,6 +113,49 @@ def test_a_killed_run_goes_on_and_ends_as_one_that_nobody_disturbed(tmp_path: Pa
     assert plain(Result.read(tmp_path / "killed" / "perfect.json")) == plain(on)
 
 
+def test_what_a_killed_run_has_started_ends_with_it(tmp_path: Path):
+    (tmp_path / "faulty.py").write_text(FAULTY)
+    script = tmp_path / "killed.py"
+    script.write_text(STUCK)
+    process = subprocess.Popen([sys.executable, str(script), str(tmp_path)], env=child_environment())
+    begun = time.monotonic()
+    while not (tmp_path / "here").exists():
+        assert process.poll() is None and time.monotonic() - begun < 60.0
+        time.sleep(0.02)
+    started = set(family(process.pid)) - {process.pid}
+    assert len(started) >= 3  # a worker, the process that forks estimators, the estimator
+    process.kill()
+    process.wait()
+    begun = time.monotonic()
+    while left := {pid for pid in started if family(pid)}:
+        assert time.monotonic() - begun < SOON, left
+        time.sleep(0.05)
+
+
+def test_one_that_only_hangs_is_given_up_and_one_that_sometimes_does_is_not(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+):
+    monkeypatch.setattr("scenarios.bench_run.counted.HANGS", 3)
+    (tmp_path / "faulty.py").write_text(FAULTY)
+    each = tuple(
+        Contestant(name, f"faulty:{name}", home=str(tmp_path), structure="arx") for name in ("hanging", "sometimes")
+    )
+    said: list[str] = []
+    figures = (Few(draws=3, problems=("p1@300", "p3@301")),)
+    plan = Plan(each, effort="quick", figures=figures, limits=Limits(0.2))
+    hanging, sometimes = verify(plan, tmp_path, Here(), said=said.append)
+    unasked = "hang: given up after 3 hangs in a row: not asked any more"
+    assert hanging.outcomes == {"hang": 6}
+    assert hanging.reasons == {"hang: no answer within 0.2 s": 3, unasked: 3}
+    assert sometimes.outcomes == {"hang": 3, "model": 3}
+    assert said == ["hanging: given up after 3 hangs in a row: not asked any more, which 3 trials count as"]
+    # A run that goes on asks nothing of it, and of what it was not wanted for before, anew.
+    assert plain(verify(plan, tmp_path, Here(after=0))[0]) == plain(hanging)
+    more = replace(plan, figures=(replace(figures[0], draws=4),), contestants=each[:1])
+    (longer,) = verify(more, tmp_path, Here())
+    assert longer.reasons == {"hang: no answer within 0.2 s": 5, unasked: 3}
+
+
 def test_what_is_done_is_not_done_again(tmp_path: Path):
     with pytest.raises(KeyboardInterrupt):
         verify(PLAN, tmp_path, Here(after=3))
@@ -112,7 +181,7 @@ def test_whatever_estimators_do_is_counted(tmp_path: Path):
     kinds = {"good": "model", "crashing": "crash", "hanging": "hang", "hungry": "memory"}
     each = tuple(Contestant(name, f"faulty:{name}", home=str(tmp_path), structure="arx") for name in kinds)
     told: list[Cost] = []
-    counted: list[tuple[int, int]] = []
+    counted: list[tuple[int, int, float | None]] = []
     plan = Plan(each, effort="quick", figures=(Few(draws=1, problems=("p1@300",)),), limits=Limits(0.5, 2**28))
     results = verify(plan, tmp_path, Here(), told=told.append, progress=lambda *now: counted.append(now))
     for result, kind in zip(results, kinds.values(), strict=True):
@@ -120,7 +189,7 @@ def test_whatever_estimators_do_is_counted(tmp_path: Path):
         assert result.passed == (kind == "model")
     assert results[0].seconds > 0.0 and results[0].reasons == {}
     assert results[2].reasons == {"hang: no answer within 0.5 s": 1}
-    assert (counted[0], counted[-1]) == ((0, 4), (4, 4))
+    assert (counted[0], counted[-1]) == ((0, 4, None), (4, 4, None))
     assert told == []  # the first record of the only problem was all
 
 
@@ -131,7 +200,6 @@ def test_what_a_run_costs_is_told_before_it_is_spent(tmp_path: Path):
     ((cost, asked),) = told
     assert asked == 2 and cost.calls == 2
     assert cost.wall == pytest.approx(cost.core_seconds / 2)
-    assert cost.hang == pytest.approx(cost.wall + 2 * 30.0 / 2)
     written = sum(path.stat().st_size for path in (tmp_path / JOURNALS).iterdir())
     assert cost.disk == pytest.approx(written / 2, rel=0.3)
     assert "2 calls" in str(cost)
@@ -146,7 +214,7 @@ def test_an_estimator_that_cannot_be_loaded_ends_a_run_and_leaves_no_journal(tmp
 
 
 def test_two_runs_do_not_write_one_journal(tmp_path: Path):
-    def meanwhile(done: int, total: int) -> None:
+    def meanwhile(done: int, total: int, left: float | None) -> None:
         if done == 2:
             with pytest.raises(ScenarioError, match="another hmtb verify is at work"):
                 verify(PLAN, tmp_path, Here())

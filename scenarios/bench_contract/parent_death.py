@@ -1,0 +1,24 @@
+"""Ends a process when the one that started it dies, however it dies: nobody would watch it any more."""
+
+import contextlib
+import ctypes
+import os
+import signal
+
+_PARENT_DEATH_SIGNAL = 1
+"""Of Linux's prctl: a signal that comes with the end of the parent's thread that started this process."""
+
+_LIBC = ctypes.CDLL(None)
+"""Loaded before any fork: after one, in a process with threads, it could not be."""
+
+
+def die_with_parent(parent: int) -> None:
+    """Let this process be killed when its parent ends.
+
+    Args:
+        parent: Number of the parent, which may be gone by now.
+    """
+    with contextlib.suppress(OSError, AttributeError):
+        _LIBC.prctl(_PARENT_DEATH_SIGNAL, int(signal.SIGKILL), 0, 0, 0)
+    if os.getppid() != parent:
+        os._exit(1)

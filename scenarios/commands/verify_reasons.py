@@ -1,0 +1,83 @@
+"""Why figures of `hmtb verify` fail: a short block for each with the parts that do; all of it where that is wanted."""
+
+import shutil
+import textwrap
+from collections.abc import Iterable, Sequence
+
+from scenarios.bench_figures.figure import Figure, Part
+from scenarios.commands.output import say
+from scenarios.commands.verify_numbers import limits, number
+from scenarios.leaderboard.verdict import Verdict, part_verdict, verdict
+
+SHOWN_PARTS = 5
+"""Parts of a figure that are printed, where not all are wanted."""
+
+WIDEST, INDENT = 120, "    "
+"""Of lines of text."""
+
+LEFT_OUT = ("bandwidth",)
+"""Figures that are told in a table of their own."""
+
+
+def show_reasons(figures: Iterable[Figure], *, verbose: bool) -> None:
+    """Print a block for each figure that does not simply pass.
+
+    Args:
+        figures: The figures.
+        verbose: All figures, with all that their verdicts rest on, and all parts that fail.
+    """
+    told: dict[str, str] = {}
+    for figure in figures:
+        found = verdict(figure)
+        if verbose:
+            failed = [part for part in figure.parts if part.passed is False]
+            _block(figure, [figure.why], failed, most=len(failed))
+            continue
+        if found is Verdict.NONE and figure.name not in LEFT_OUT:
+            say(wrapped(f"{found.sign} {figure.title}: {figure.why.rpartition('; ')[2]}", INDENT))
+        parts = [part for part in figure.parts if part_verdict(part) is found] if _fails(found) else []
+        if found is Verdict.FAILS:
+            _block(figure, [figure.why.partition("; ")[0]], parts)
+        elif found is Verdict.FAILS_AS_THEORY_SAYS:
+            _block(figure, _reasons(figure, parts, told), parts)
+    say("")
+
+
+def _fails(found: Verdict) -> bool:
+    return found in (Verdict.FAILS, Verdict.FAILS_AS_THEORY_SAYS)
+
+
+def _reasons(figure: Figure, parts: Sequence[Part], told: dict[str, str]) -> list[str]:
+    """What theory says, each of it in full only once."""
+    short = figure.title.partition(":")[0]
+    reasons = []
+    for why in dict.fromkeys(part.why for part in parts if part.why):
+        first = told.setdefault(why, short)
+        reasons.append(why if first == short else f"theory says the same as of “{first}”")
+    return list(dict.fromkeys(reasons))
+
+
+def _block(figure: Figure, reasons: Sequence[str], parts: Sequence[Part], *, most: int = SHOWN_PARTS) -> None:
+    found = verdict(figure)
+    say(f"{found.sign} {figure.title}: {found.word}")
+    for reason in reasons:
+        say(wrapped(INDENT + reason, INDENT))
+    shown = parts[:most]
+    rows = [(part.label, number(part.value), limits(part.limits)) for part in shown]
+    widths = [max((len(row[place]) for row in rows), default=0) for place in (0, 1)]
+    for (label, value, within), part in zip(rows, shown, strict=True):
+        mark = f" {part_verdict(part).sign}" if part_verdict(part) is not found else ""
+        say(f"{INDENT}{label:<{widths[0]}}  {value:>{widths[1]}}  passes: {within}{mark}")
+    if len(parts) > len(shown):
+        say(f"{INDENT}and {len(parts) - len(shown)} more: --verbose has them")
+
+
+def wrapped(text: str, indent: str = "") -> str:
+    """Text in lines as wide as the terminal.
+
+    Args:
+        text: The text.
+        indent: Of all lines but the first.
+    """
+    width = min(WIDEST, shutil.get_terminal_size((WIDEST, 24)).columns)
+    return textwrap.fill(text, max(40, width), subsequent_indent=indent, break_on_hyphens=False)
