@@ -22,7 +22,7 @@ FAULTY = (
     _entry("biased", "its gain is 2 % too high"),
     _entry("inefficient", "its variance is 1.5 times the best, and it says so"),
     _entry("unstable", "one model in fifty is unstable"),
-    _entry("slow", "it takes a hundred times the processor time"),
+    _entry("slow", "it repeats its fit until 1800 rulers of processor time have gone, where orders are given"),
     _entry("crashing", "one fit in fifty ends its process"),
     _entry("hungry", "one fit in fifty takes 8 GB of memory"),
     _entry("hanging", "one fit in fifty never ends"),

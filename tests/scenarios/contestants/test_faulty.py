@@ -7,10 +7,12 @@ import numpy as np
 import pytest
 
 from scenarios.bench_contract.answer import Answer
+from scenarios.bench_contract.contestant import Limits
 from scenarios.bench_contract.model_numbers import answer_of, unstable
 from scenarios.bench_contract.no_model import NoModelError
 from scenarios.bench_contract.returned import numbers_of
 from scenarios.bench_contract.task import Task
+from scenarios.bench_figures.speed import SLOW
 from scenarios.bench_problems.registry import problem
 from scenarios.contestants import changed_answers, faulty, ours
 from sysid import IOData
@@ -113,17 +115,32 @@ def test_absent_minded_forgets_numbers(data: IOData) -> None:
     assert np.isnan(model.A).all()
 
 
-def test_slow_takes_longer(data: IOData, monkeypatch: pytest.MonkeyPatch) -> None:
-    now, looks = 0.0, 0
+def fits_of_slow(monkeypatch: pytest.MonkeyPatch, task: Task, ruler: float) -> int:
+    """How many fits of a tenth of a second it makes."""
+    fits: list[Task] = []
 
-    def clock() -> float:
-        nonlocal now, looks
-        now, looks = now + 0.1, looks + 1
-        return now
+    def fit(data: IOData, task: Task) -> Answer:
+        fits.append(task)
+        return Answer(problem(SHORT).truth)
 
-    monkeypatch.setattr(faulty.time, "process_time", clock)
-    faulty.slow(data, asked())
-    assert now == pytest.approx(0.1 + faulty.SLOWNESS * 0.1, abs=0.11)
+    monkeypatch.setattr(faulty, "pem", fit)
+    monkeypatch.setattr(faulty.time, "process_time", lambda: 0.1 * len(fits))
+    monkeypatch.setattr(faulty.Ruler, "measure", lambda of: setattr(of, "seconds", ruler))
+    faulty.slow(problem(SHORT).draw(1), task)
+    return len(fits)
+
+
+def test_slow_is_called_slow_and_stays_below_the_limit_of_time(monkeypatch: pytest.MonkeyPatch) -> None:
+    assert fits_of_slow(monkeypatch, asked(), 0.0005) == pytest.approx(10 * faulty.SLOWNESS * 0.0005, abs=1)
+    assert fits_of_slow(monkeypatch, asked(), 1.0) == pytest.approx(10 * faulty.LONGEST, abs=1)
+    assert faulty.SLOWNESS > 1.4 * SLOW
+    assert Limits().seconds > 2.0 * faulty.LONGEST
+
+
+def test_slow_chooses_orders_once(monkeypatch: pytest.MonkeyPatch) -> None:
+    task = problem(SHORT).task(None, "select")
+    assert task is not None
+    assert fits_of_slow(monkeypatch, task, 0.0005) == 1
 
 
 def test_crashing_kills_its_own_process(data: IOData, monkeypatch: pytest.MonkeyPatch) -> None:
