@@ -97,7 +97,8 @@ def _function(text: str, said: Said) -> Contestant:
             raise ScenarioError(f"{text!r} given, but there is no file {module!r}")
         if not FUNCTION.fullmatch(path.stem):
             raise ScenarioError(f"{module!r} given, expected a file whose name can be imported, such as my_module.py")
-        home, module = "" if path.parent == Path() else str(path.parent), path.stem
+        # As a file, not as a module of its name: Python may have another one of that.
+        home, module = "" if path.parent == Path() else str(path.parent), path.name
     elif not FUNCTION.fullmatch(module):
         raise ScenarioError(f"{text!r} given, expected MODULE:FUNCTION or FILE.py:FUNCTION")
     made = Contestant(

@@ -10,7 +10,7 @@ from typing import Any
 from scenarios.bench_contract.contestant import Contestant, Limits
 from scenarios.bench_trials.run_trials import Runner
 from scenarios.bench_trials.simulated import simulate_records
-from scenarios.bench_trials.source import module_file, source_hash
+from scenarios.bench_trials.source import own_files, source_hash
 from scenarios.bench_trials.trial import Trial
 from scenarios.bench_trials.work import Bench, Piece
 from scenarios.dataset_build.kinship import kinship, strangeness
@@ -30,25 +30,23 @@ class Parcel:
     Attributes:
         contestant: Its fields.
         source: Hash of its files where it comes from; see `source_hash`.
-        text: Source of its module, where that is a file of the user's own; empty where the worker has to have it.
+        files: Text of its files, where they lie in a folder of the user's own, by their names in it; none where the
+            worker has to have them.
     """
 
     contestant: Mapping[str, Any]
     source: str
-    text: str
+    files: Mapping[str, str]
 
     @staticmethod
     def of(contestant: Contestant) -> "Parcel":
         """Pack a contestant.
 
-        A module that lies in the estimator's own folder travels as text; what it imports, and programs, have to be on
-        the workers, under the same names and paths.
+        A module that lies in the estimator's own folder travels as text, with those of that folder which it imports;
+        other packages, and programs, have to be on the workers, under the same names and paths.
         """
-        path = module_file(contestant)
-        home = Path(contestant.home or ".").resolve()
-        own = path is not None and path.resolve().parent == home
-        text = path.read_text(encoding="utf-8") if own and path is not None else ""
-        return Parcel(asdict(contestant), source_hash(contestant), text)
+        own = {name: text.decode("utf-8", "surrogateescape") for name, text in own_files(contestant).items()}
+        return Parcel(asdict(contestant), source_hash(contestant), own)
 
     def unpacked(self, folder: Path) -> Contestant:
         """The contestant as this process can ask it.
@@ -60,10 +58,11 @@ class Parcel:
             ScenarioError: It is not the same here.
         """
         contestant = Contestant(**self.contestant)
-        if self.text:
-            folder.mkdir()
-            path = folder / f"{contestant.target.partition(':')[0]}.py"
-            path.write_text(self.text, encoding="utf-8", newline="")
+        if self.files:
+            for name, text in self.files.items():
+                path = folder / name
+                path.parent.mkdir(parents=True, exist_ok=True)
+                path.write_bytes(text.encode("utf-8", "surrogateescape"))
             contestant = replace(contestant, home=str(folder))
         found = source_hash(contestant)
         if found != self.source:

@@ -1,33 +1,45 @@
-"""Hash of what an estimator is made of: the file of its function, or the files that its command names."""
+"""What an estimator is made of: the file of its function with those beside it that it imports, or of its command."""
 
 import importlib.util
 import shlex
 import shutil
 import sys
 from collections.abc import Iterator
+from contextlib import suppress
 from hashlib import sha256
+from modulefinder import ModuleFinder
 from pathlib import Path
 
 from scenarios.bench_contract.contestant import Contestant
 
 PACKAGE = "__init__.py"
 
+OURS = ("hmtb_twin", "scenarios", "sysid")
+"""Packages that are looked at as a whole, wherever they lie; see `scenarios.provenance.fingerprint`."""
+
 
 def source_hash(contestant: Contestant) -> str:
     """SHA-256 of an estimator's own files; empty where it has none.
 
-    Of a function that is the file of its module: what that imports is not looked at. Of a program it is every file that
-    a word of the command line names, in the folder that it runs in, the program itself included.
+    Of a function that is the file of its module, and what that imports from the estimator's own folder. Of a program it
+    is every file that a word of the command line names, in the folder that it runs in, the program itself included.
 
     Args:
         contestant: The estimator.
     """
-    files = list(_named(contestant) if contestant.program else _module(contestant))
-    if not files:
+    if contestant.program:
+        files = list(_named(contestant))
+        contents = [path.read_bytes() for path in files]
+    else:
+        own = own_files(contestant)
+        path = None if own else module_file(contestant)
+        contents = [part for name, text in own.items() for part in (name.encode(), text)]
+        contents += [path.read_bytes()] if path is not None else []
+    if not contents:
         return ""
     digest = sha256()
-    for path in files:
-        digest.update(sha256(path.read_bytes()).digest())
+    for content in contents:
+        digest.update(sha256(content).digest())
     return digest.hexdigest()
 
 
@@ -40,10 +52,40 @@ def module_file(contestant: Contestant) -> Path | None:
     return None if contestant.program else next(_module(contestant), None)
 
 
+def own_files(contestant: Contestant) -> dict[str, bytes]:
+    """Files of the estimator's own folder that its module is made of, by their names in it, the module's own first.
+
+    What it imports is found in its source, without running it: what is imported by a name that is only known when it
+    runs, or read from data files, is not.
+
+    Args:
+        contestant: The estimator.
+
+    Returns:
+        Nothing for a program, and for a module that lies elsewhere.
+    """
+    path, home = module_file(contestant), Path(contestant.home or ".").resolve()
+    if path is None or not path.resolve().is_relative_to(home) or path.resolve().relative_to(home).parts[0] in OURS:
+        return {}
+    finder = ModuleFinder(path=[str(home)], excludes=list(OURS))
+    # What cannot be read cannot be imported either, and is told when that is tried; it has no way with namespaces.
+    with suppress(SyntaxError, ValueError, OSError, RecursionError, AttributeError):
+        finder.run_script(str(path.resolve()))
+    found = {Path(one.__file__) for one in finder.modules.values() if one.__file__}
+    others = sorted(one for one in found if one.is_relative_to(home) and one != path.resolve())
+    return {str(one.relative_to(home)): one.read_bytes() for one in (path.resolve(), *others)}
+
+
 def _module(contestant: Contestant) -> Iterator[Path]:
     """The module's file, looked for where an import would, without importing anything."""
-    parts = contestant.target.partition(":")[0].split(".")
-    for folder in (Path(contestant.home or "."), *map(Path, sys.path)):
+    place = contestant.target.rpartition(":")[0]
+    home = Path(contestant.home or ".")
+    if place.endswith(".py"):
+        if (home / place).is_file():
+            yield home / place
+        return
+    parts = place.split(".")
+    for folder in (home, *map(Path, sys.path)):
         path = folder.joinpath(*parts)
         for file in (path / PACKAGE, path.with_name(f"{path.name}.py")):
             if file.is_file():

@@ -58,8 +58,8 @@ def verify(
     An estimator that has hung ten times in a row is asked no more: what is left of its trials counts as hung.
 
     Every trial that is done is kept in OUT/journals. A run that was interrupted or killed is gone on with by the same
-    command; --quick is a part of the full bench, which goes on from it. Where the estimator's file has changed, its
-    trials begin anew.
+    command; --quick is a part of the full bench, which goes on from it. Where the estimator's file has changed,
+    or one of its folder that it imports, its trials begin anew.
 
     Exit code 1: an estimator fails a figure that theory expects it to pass.
 

@@ -1,16 +1,26 @@
 """A small study and small data sets, made once for all tests that look at them."""
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
 import pytest
 
+from scenarios.bench_contract.nursery import SHARED
 from scenarios.dataset_build.build import build
 from scenarios.datasets.spec import DataSetSpec
 from scenarios.teaching.hidden_build import build_hidden
 from scenarios.thesis.campaign import NOMINAL
 from scenarios.thesis.comparison import Comparison
 from scenarios.thesis.study import run_study
+
+
+@pytest.fixture(scope="session")
+def nursery() -> Iterator[None]:
+    """The process that forks estimators: one for all tests of this process, instead of a second of loading for each."""
+    SHARED.enter()
+    yield
+    SHARED.leave()
 
 
 @pytest.fixture(scope="session")

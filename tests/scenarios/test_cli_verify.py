@@ -9,6 +9,8 @@ from scenarios.bench_run.result import Result
 from scenarios.cli import main
 from tests.scenarios.bench_run.few import Few, Here
 
+pytestmark = pytest.mark.usefixtures("nursery")
+
 MODULE = """
 import sysid
 
@@ -67,7 +69,7 @@ def test_several_stand_side_by_side_and_one_that_fails_is_told_by_the_exit_code(
     assert "my_estimator: fails 1 figure: Parameters within their intervals" in out
     result = Result.read(tmp_path / "results" / "my_estimator.json")
     assert result.command == "hmtb verify mine.py:my_estimator --structure oe --quick --figures few"
-    assert (result.contestant.target, result.contestant.home) == ("mine:my_estimator", "")
+    assert (result.contestant.target, result.contestant.home) == ("mine.py:my_estimator", "")
     assert main([*words, "--json"]) == 1
     told = json.loads(capsys.readouterr().out)
     assert {name: entry["passed"] for name, entry in told["estimators"].items()} == {

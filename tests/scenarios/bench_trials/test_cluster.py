@@ -20,6 +20,7 @@ from scenarios.dataset_build.cluster_link import LostError
 from scenarios.errors import ScenarioError
 
 distributed = pytest.importorskip("distributed")
+pytestmark = pytest.mark.usefixtures("nursery")
 
 PERFECT = Contestant("perfect", "bench:perfect")
 TRIALS = tuple(Trial(name, draw) for name in ("p1@300", "p3@300") for draw in range(6))
@@ -68,11 +69,11 @@ def test_a_worker_measures_what_is_measured_here(scheduler: str, tmp_path: Path,
 def test_an_estimator_of_ones_own_travels_as_text_others_have_to_be_there(tmp_path: Path):
     (tmp_path / "alone.py").write_text(MODULE)
     mine = Parcel.of(Contestant("mine", "alone:mine", home=str(tmp_path)))
-    assert mine.text == MODULE
+    assert mine.files == {"alone.py": MODULE}
     unpacked = mine.unpacked(tmp_path / "0")
     assert unpacked.home == str(tmp_path / "0") and (tmp_path / "0" / "alone.py").read_text() == MODULE
     installed = Parcel.of(Contestant("installed", "scenarios.contestants.ours:oe"))
-    assert installed.text == "" and installed.source
+    assert installed.files == {} and installed.source
     assert installed.unpacked(tmp_path / "1").home == ""
     with pytest.raises(ScenarioError, match="is another file here"):
         replace(installed, source="0").unpacked(tmp_path / "2")

@@ -1,11 +1,12 @@
 """Hashes of what estimators are made of."""
 
+from itertools import pairwise
 from pathlib import Path
 
 import pytest
 
 from scenarios.bench_contract.contestant import Contestant
-from scenarios.bench_trials.source import module_file, source_hash
+from scenarios.bench_trials.source import module_file, own_files, source_hash
 
 
 def test_that_of_a_function_follows_its_file(tmp_path: Path):
@@ -17,6 +18,31 @@ def test_that_of_a_function_follows_its_file(tmp_path: Path):
     path.write_text("a = 2\n")
     assert len(first) == 64 and source_hash(mine) != first
     assert module_file(mine) == path
+    assert module_file(Contestant("mine", "mine.py:function", home=str(tmp_path))) == path
+
+
+def test_it_follows_what_is_imported_from_its_own_folder(tmp_path: Path):
+    mine = Contestant("mine", "mine.py:function", home=str(tmp_path))
+    (tmp_path / "parts").mkdir()
+    files = {
+        "mine.py": "import numpy\ndef function(data, task):\n    from parts.inner import deep\n",
+        "parts/__init__.py": "",
+        "parts/inner.py": "from . import deep\nimport beside\n",
+        "parts/deep.py": "",
+        "beside.py": "",
+        "apart.py": "",
+        "sysid.py": "",
+    }
+    for name, text in files.items():
+        (tmp_path / name).write_text(text)
+    assert list(own_files(mine)) == ["mine.py", "beside.py", "parts/__init__.py", "parts/deep.py", "parts/inner.py"]
+    hashes = [source_hash(mine)]
+    for name in files:
+        (tmp_path / name).write_text(files[name] + "a = 1\n")
+        hashes.append(source_hash(mine))
+    assert [one != other for one, other in pairwise(hashes)] == [True] * 5 + [False] * 2
+    (tmp_path / "mine.py").write_text("def (:\n")
+    assert list(own_files(mine)) == ["mine.py"] and source_hash(mine) not in hashes
 
 
 def test_a_package_is_its_first_file(tmp_path: Path):
