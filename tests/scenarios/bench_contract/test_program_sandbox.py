@@ -106,10 +106,11 @@ def test_the_examples_in_octave_are_our_arx(data: sysid.IOData, task: Task, stay
     data = replace(data, window=0)
     with open_sandbox(Contestant("example", command, program=True, stays=stays), Limits()) as sandbox:
         got = sandbox.ask(data, task)
-        others = [sandbox.ask(data, replace(task, **other)) for other in OTHERS]
+        # Where it stays these cost nothing; elsewhere each is a start of Octave.
+        others = [sandbox.ask(data, replace(task, **other)) for other in (OTHERS if stays else OTHERS[:1])]
     assert got.answer is not None, got
     check_example(got.answer, data, task)
-    assert [other.kind for other in others] == ["refused", "refused"]
+    assert {other.kind for other in others} == {"refused"}
 
 
 def check_example(answer: Answer, data: sysid.IOData, task: Task) -> None:
