@@ -4,6 +4,8 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any, Protocol
 
+import numpy as np
+
 from scenarios.bench_contract.contestant import Contestant
 from scenarios.bench_trials.measured import Measured
 from scenarios.bench_trials.trial import Trial
@@ -127,4 +129,6 @@ class FigureMaker(Protocol):
 
 def _verdict(passed: bool | None) -> bool | None:
     """Without NumPy's truth values, of which none is True or False itself."""
+    if passed is not None and not isinstance(passed, bool | np.bool_):
+        raise TypeError(f"passed {passed!r} given, expected true, false or none")
     return None if passed is None else bool(passed)

@@ -40,7 +40,7 @@ class Values:
     @property
     def of_some_only(self) -> bool:
         """Whether most records with a model have no value, and some have: a claim that is made at its own choice."""
-        return 0 < len(self.values) and 2 * len(self.values) < self.models and enough(self.models, self.run)
+        return len(self.values) > 0 and 2 * len(self.values) < self.models and enough(self.models, self.run)
 
 
 @dataclass(frozen=True)

@@ -16,7 +16,7 @@ from scenarios.bench_problems.problem import Bound
 from scenarios.bench_problems.registry import problem
 from scenarios.bench_trials.measured import Measured
 from scenarios.bench_trials.trial import Trial
-from sysid.arrays import ComplexArray
+from sysid.arrays import ComplexArray, FloatArray
 from sysid.delta_method import standard_directions
 
 
@@ -30,7 +30,7 @@ class Fault:
         variance: Factor on the variance, which the estimator knows and claims.
         claimed: Factor on the claimed covariance alone.
         failing: Share of the requests that give no model.
-        claims: Whether it claims anything.
+        claimed_share: Share of the records of which it claims anything.
     """
 
     gain: float = 1.0
@@ -38,7 +38,7 @@ class Fault:
     variance: float = 1.0
     claimed: float = 1.0
     failing: float = 0.0
-    claims: bool = True
+    claimed_share: float = 1.0
 
 
 FAULTS = {
@@ -50,7 +50,11 @@ FAULTS = {
     "variance 1.5 times the bound": Fault(variance=1.5),
     "variance 1.05 times the bound": Fault(variance=1.05),
     "no model for 1 of 50": Fault(failing=0.02),
-    "claims nothing": Fault(claims=False),
+    "claims nothing": Fault(claimed_share=0.0),
+    "claims 40 of 100": Fault(claimed_share=0.4),
+    "claims 95 of 100": Fault(claimed_share=0.95),
+    "claimed covariance 1e12 times too large": Fault(claimed=1e12),
+    "claimed covariance infinite": Fault(claimed=np.inf),
 }
 """Faults by name."""
 
@@ -67,6 +71,10 @@ FOUND_BY = {
     "variance 1.05 times the bound": frozenset[str](),
     "no model for 1 of 50": frozenset[str](),
     "claims nothing": frozenset[str](),
+    "claims 40 of 100": HONEST,
+    "claims 95 of 100": frozenset[str](),
+    "claimed covariance 1e12 times too large": HONEST,
+    "claimed covariance infinite": HONEST,
 }
 """Figures of accuracy that each fault fails, and no others: a test holds them to it."""
 
@@ -98,7 +106,7 @@ def _one(trial: Trial, fault: Fault, rng: np.random.Generator) -> Measured:
     steps = rng.standard_normal(len(bound.response_directions)) * np.sqrt(fault.variance)
     parts = np.tensordot(steps, bound.response_directions, axes=1)
     response = _wrong(bound.response + parts[..., 0] + 1j * parts[..., 1], bound.frequencies, here.truth.dt, fault)
-    if not fault.claims:
+    if fault.claimed_share < 1.0 and rng.random() >= fault.claimed_share:
         return Measured(trial, MODEL, response=response)
     scale = fault.variance * fault.claimed
     deviation = bound.bandwidth_deviation * np.sqrt(scale) * TWO_SIDED_95
@@ -106,17 +114,24 @@ def _one(trial: Trial, fault: Fault, rng: np.random.Generator) -> Measured:
         bound.bandwidth_deviation * rng.standard_normal(bound.bandwidth_hz.shape) * np.sqrt(fault.variance)
     )
     normalised, covered, count = _parameters(bound, fault, scale, rng)
+    with np.errstate(over="ignore"):
+        ends = np.stack((bandwidth * np.exp(-deviation), bandwidth * np.exp(deviation)))
     return Measured(
         trial,
         MODEL,
         response=response,
-        response_covariance=scale * response_covariance(bound),
+        response_covariance=_times(scale, response_covariance(bound)),
         normalised_error=normalised,
         parameters=count,
         covered=covered,
         bandwidth_hz=bandwidth,
-        bandwidth_ci95=np.stack((bandwidth * np.exp(-deviation), bandwidth * np.exp(deviation))),
+        bandwidth_ci95=ends,
     )
+
+
+def _times(scale: float, covariance: FloatArray) -> FloatArray:
+    """A covariance times a factor, also an infinite one."""
+    return scale * covariance if np.isfinite(scale) else np.where(covariance == 0.0, 0.0, scale)
 
 
 def _wrong(response: ComplexArray, frequencies: np.ndarray, dt: float, fault: Fault) -> ComplexArray:

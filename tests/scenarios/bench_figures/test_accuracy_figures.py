@@ -107,7 +107,9 @@ def test_covariances_that_are_not_known_are_not_counted() -> None:
     figure = FrequencyResponse().figure(one, CONTESTANT, ALARM, ())
     assert figure.passed
     assert figure.parts[0].draws == 29
-    assert FrequencyResponse().figure(most, CONTESTANT, ALARM, ()).passed is None
+    chosen = FrequencyResponse().figure(most, CONTESTANT, ALARM, ())
+    assert chosen.passed is False
+    assert "claimed of 14 of 30 records" in chosen.parts[0].why
 
 
 def test_a_covariance_of_another_shape_is_an_error() -> None:
@@ -155,7 +157,7 @@ def test_curves_for_drawing() -> None:
     assert np.shape(curve["truth"]) == np.shape(curve["error"]) == np.shape(curve["claimed"]) == (16, 1, 1)
     assert np.array(curve["claimed"]) == pytest.approx(2.0 * np.array(curve["bound"]))
     assert np.array(curve["error"]) == pytest.approx(np.array(curve["bound"]), rel=0.5)
-    silent = FrequencyResponse().figure(measured(Fault(claims=False, gain=1.5)), CONTESTANT, ALARM, ())
+    silent = FrequencyResponse().figure(measured(Fault(claimed_share=0.0, gain=1.5)), CONTESTANT, ALARM, ())
     assert silent.curves["p2"]["claimed"] is None
     assert silent.curves["p2"]["relative_error_percent"] == pytest.approx(50.0, abs=1.0)
     assert "50 % on p2" in silent.why

@@ -1,0 +1,72 @@
+"""Runs of the whole bench, and the exact sets of figures that fail in them beside those that should."""
+
+import sys
+import tempfile
+from collections.abc import Collection, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from scenarios.bench_contract.contestant import Limits
+from scenarios.bench_figures.figure import Figure
+from scenarios.bench_run.result import Result
+from scenarios.bench_run.selection import figures_of
+from scenarios.bench_run.verify import Plan, verify
+from scenarios.bench_trials.local import Local
+from scenarios.contestants.registry import contestant
+from scenarios.leaderboard.verdict import Verdict, verdict
+
+
+@dataclass(frozen=True)
+class Asked:
+    """A run of an estimator.
+
+    Attributes:
+        name: Of the estimator.
+        seconds: An answer may take this long, s.
+        figures: Only these; all when empty.
+    """
+
+    name: str
+    seconds: float = 30.0
+    figures: tuple[str, ...] = ()
+
+
+def results(asked: Sequence[Asked], out: Path | None, workers: int | None) -> dict[str, Result]:
+    """Run the quick bench, those that are alike in one run, and return the results by name.
+
+    Args:
+        asked: Estimators.
+        out: Folder for what is done, from which the same command goes on; a temporary one by default.
+        workers: Processes; all processors by default.
+    """
+    with tempfile.TemporaryDirectory() as scratch:
+        folder = out or Path(scratch)
+        runs: dict[tuple[float, tuple[str, ...]], list[str]] = {}
+        for one in asked:
+            runs.setdefault((one.seconds, one.figures), []).append(one.name)
+        found: dict[str, Result] = {}
+        for (seconds, figures), names in runs.items():
+            plan = Plan(
+                tuple(map(contestant, names)), "quick", 0, Limits(seconds), figures_of(figures), contestant("referee")
+            )
+            done = verify(
+                plan,
+                folder / f"{seconds:g}-{'-'.join(figures) or 'all'}",
+                Local(workers) if workers else Local(),
+                said=lambda line: print(line, file=sys.stderr, flush=True),
+            )
+            found |= {result.contestant.name: result for result in done}
+    return {one.name: found[one.name] for one in asked}
+
+
+def of_verdict(result: Result, wanted: Verdict) -> dict[str, Figure]:
+    """Figures with a verdict, by name."""
+    return {name: figure for name, figure in result.figures.items() if verdict(figure) is wanted}
+
+
+def row(name: str, found: Collection[str], reasons: Mapping[str, str]) -> tuple[str, bool]:
+    """A row of a table: the estimator, what it fails, and how that differs from what it should; whether it does."""
+    missing, more = sorted(set(reasons) - set(found)), sorted(set(found) - set(reasons))
+    wrong = [f"not {one}" for one in missing] + [f"also {one}" for one in more]
+    told = ", ".join(one.replace("_", " ") for one in found) or "none"
+    return f"| {name} | {told} | {', '.join(wrong) or 'as it should'} |", bool(wrong)
