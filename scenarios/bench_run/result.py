@@ -24,7 +24,7 @@ class Result:
     Attributes:
         contestant: The estimator.
         limits: What it could use.
-        effort: `quick` or `full`.
+        effort: `quick` or `full`, and how many records at most, where it is not all.
         seed: Of the run.
         command: Command line that makes it again.
         source: SHA-256 of the file that the estimator's function is in, or of the program; empty where there is none.

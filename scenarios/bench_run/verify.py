@@ -62,6 +62,7 @@ class Plan:
         figures: Those that are made, all by default.
         referee: The second implementation, for the figure of agreement; None: there is none here.
         commands: Command line that makes a result again, by the contestant's name.
+        records: How many records of each problem there are at most, for estimators that take long; None: all.
     """
 
     contestants: tuple[Contestant, ...]
@@ -71,12 +72,15 @@ class Plan:
     figures: tuple[FigureMaker, ...] = ALL_FIGURES
     referee: Contestant | None = None
     commands: Mapping[str, str] = field(default_factory=dict)
+    records: int | None = None
 
     def __post_init__(self) -> None:
         if self.effort not in DRAWS:
             raise ScenarioError(f"effort {self.effort!r} given, expected one of {', '.join(DRAWS)}")
         if not 0 <= self.seed < 2**63:
             raise ScenarioError(f"seed {self.seed} given, expected a whole number from 0 to 2^63 - 1")
+        if self.records is not None and self.records < 1:
+            raise ScenarioError(f"{self.records} records given, expected 1 or more")
         if not self.contestants:
             raise ScenarioError("no estimator given, expected one or several")
         twice = [name for name, count in Counter(file_name(c.name) for c in self.contestants).items() if count > 1]
@@ -90,6 +94,22 @@ class Plan:
             return self.contestants
         return (*self.contestants, self.referee)
 
+    def trials_of(self, maker: FigureMaker) -> tuple[Trial, ...]:
+        """Trials of a figure.
+
+        Args:
+            maker: One of `figures`.
+        """
+        every = maker.trials(self.effort)
+        return every if self.records is None else tuple(trial for trial in every if trial.draw < self.records)
+
+    @property
+    def told_effort(self) -> str:
+        """The effort in words."""
+        if self.records is None:
+            return self.effort
+        return f"{self.effort}, at most {self.records} record{'s' * (self.records > 1)} of a problem"
+
     def trials(self, contestant: Contestant) -> tuple[Trial, ...]:
         """Trials that it can be asked, each once, sorted.
 
@@ -98,7 +118,7 @@ class Plan:
         """
         own = contestant in self.contestants
         makers = [maker for maker in self.figures if own or maker.name == AGREEMENT]
-        wanted = sorted(set(chain.from_iterable(maker.trials(self.effort) for maker in makers)))
+        wanted = sorted(set(chain.from_iterable(self.trials_of(maker) for maker in makers)))
         askable: dict[tuple[str, str], bool] = {}
         for trial in wanted:
             if (trial.problem, trial.ask) not in askable:
@@ -202,7 +222,7 @@ def _of_referee(plan: Plan, everyone: Sequence[Contestant], journals: Sequence[J
     if plan.referee is None or plan.referee not in everyone or not makers:
         return ()
     measured = journals[everyone.index(plan.referee)].measured()
-    return tuple(measured[trial] for trial in makers[0].trials(plan.effort) if trial in measured)
+    return tuple(measured[trial] for trial in plan.trials_of(makers[0]) if trial in measured)
 
 
 def _result(
@@ -215,14 +235,14 @@ def _result(
     each = false_alarm_of_each()
     figures: dict[str, Figure] = {}
     for maker in plan.figures:
-        own = [measured[trial] for trial in maker.trials(plan.effort) if trial in measured]
+        own = [measured[trial] for trial in plan.trials_of(maker) if trial in measured]
         figures[maker.name] = maker.figure(own, contestant, each, referee)
     outcomes = Counter(one.kind for one in measured.values())
     reasons = Counter(f"{one.kind}: {one.why}" for one in measured.values() if one.kind not in (MODEL, REFUSED))
     return Result(
         contestant=contestant,
         limits=plan.limits,
-        effort=plan.effort,
+        effort=plan.told_effort,
         seed=plan.seed,
         command=plan.commands.get(contestant.name, ""),
         source=source_hash(contestant),

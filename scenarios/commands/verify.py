@@ -27,6 +27,7 @@ def verify(
     structure: Literal["arx", "armax", "oe", "bj", "ss"] | None = None,
     method: Literal["pem", "least_squares", "instrumental", "subspace", "observer"] | None = None,
     quick: bool = False,
+    records: int | None = None,
     seed: int = 0,
     out: Path = Path("results"),
     figures: tuple[str, ...] = (),
@@ -72,6 +73,7 @@ def verify(
         structure: That of your estimator's models; without it, it takes each that is asked.
         method: Kind of your estimator's method, for what theory expects.
         quick: A tenth of the records, and fewer problems: minutes, and wider limits.
+        records: At most so many records of each problem, for an estimator that takes seconds: wider limits still.
         seed: Of the records.
         out: Folder for results, one file for each estimator, NAME.json; hmtb leaderboard makes a page of them.
         figures: Only these.
@@ -97,7 +99,7 @@ def verify(
     given = found(estimators, command, Said(name, structure, method, stays))
     effort = "quick" if quick else "full"
     limits = Limits(seconds, round(memory_gib * 2**30))
-    options = _options(quick, seed, figures, seconds, memory_gib)
+    options = _options(quick, records, seed, figures, seconds, memory_gib)
     plan = Plan(
         tuple(given),
         effort,
@@ -106,6 +108,7 @@ def verify(
         figures_of(figures),
         REFEREE,
         {contestant.name: f"hmtb verify {words}{options}" for contestant, words in given.items()},
+        records,
     )
     executor = _executor(workers, cluster, patience)
     with output_folder(out) as folder:
@@ -130,9 +133,11 @@ def _executor(workers: int | None, cluster: str | None, patience: float) -> "Exe
     return Cluster(cluster, patience=patience, said=_said)
 
 
-def _options(quick: bool, seed: int, figures: Sequence[str], seconds: float, memory_gib: float) -> str:
+def _options(
+    quick: bool, records: int | None, seed: int, figures: Sequence[str], seconds: float, memory_gib: float
+) -> str:
     """Options on which a result depends, as the command line has them where they are not the usual ones."""
-    words = ["--quick"] * quick + [f"--seed {seed}"] * (seed != 0)
+    words = ["--quick"] * quick + [f"--records {records}"] * (records is not None) + [f"--seed {seed}"] * (seed != 0)
     words += [f"--figures {' '.join(figures)}"] * bool(figures)
     words += [f"--seconds {seconds:g}"] * (seconds != 30.0) + [f"--memory-gib {memory_gib:g}"] * (memory_gib != 2.0)
     return "".join(f" {word}" for word in words)

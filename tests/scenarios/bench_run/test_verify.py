@@ -10,11 +10,15 @@ from pathlib import Path
 import pytest
 
 from scenarios.bench_contract.contestant import Contestant, Limits
+from scenarios.bench_contract.outcome import Outcome
 from scenarios.bench_contract.process_tree import family
+from scenarios.bench_contract.python_sandbox import PythonSandbox
+from scenarios.bench_contract.task import Task
 from scenarios.bench_run.cost import Cost
 from scenarios.bench_run.result import Result
 from scenarios.bench_run.verify import JOURNALS, Plan, verify
 from scenarios.errors import ScenarioError
+from sysid import IOData
 from tests.scenarios.bench_run.few import PERFECT, Few, Here, child_environment
 
 pytestmark = pytest.mark.usefixtures("nursery")
@@ -164,6 +168,18 @@ def test_what_is_done_is_not_done_again(tmp_path: Path):
     assert len(list((tmp_path / JOURNALS).iterdir())) == 2
 
 
+def test_fewer_records_are_a_part_of_all(tmp_path: Path):
+    few, all_of_them = Here(), Here()
+    (short,) = verify(replace(PLAN, figures=(Few(draws=3),), records=1), tmp_path, few)
+    (whole,) = verify(replace(PLAN, figures=(Few(draws=3),)), tmp_path, all_of_them)
+    assert 3 * few.asked == 3 * sum(short.outcomes.values()) == sum(whole.outcomes.values())
+    assert few.asked + all_of_them.asked == sum(whole.outcomes.values())
+    assert short.effort == f"{PLAN.effort}, at most 1 record of a problem"
+    # What the journal has beyond them does not count.
+    (again,) = verify(replace(PLAN, figures=(Few(draws=3),), records=1), tmp_path, Here(after=0))
+    assert again.figures == short.figures
+
+
 def test_whatever_estimators_do_is_counted(tmp_path: Path):
     (tmp_path / "faulty.py").write_text(FAULTY)
     kinds = {"good": "model", "crashing": "crash", "hanging": "hang", "hungry": "memory"}
@@ -201,6 +217,42 @@ def test_an_estimator_that_cannot_be_loaded_ends_a_run_and_leaves_no_journal(tmp
     assert list((tmp_path / JOURNALS).iterdir()) == []
 
 
+def test_another_estimator_of_the_same_name_takes_nothing_away(tmp_path: Path):
+    (tmp_path / "faulty.py").write_text(FAULTY)
+    (tmp_path / "other.py").write_text(FAULTY)
+    plan = replace(PLAN, figures=(Few(draws=1, problems=("p1@300",)),))
+    good, other = (
+        Contestant("good", f"{home}:good", home=str(tmp_path), structure="arx") for home in ("faulty", "other")
+    )
+    verify(replace(plan, contestants=(good,)), tmp_path, Here())
+    before = {path: path.read_bytes() for path in tmp_path.rglob("good*")}
+    assert len(before) == 2
+    with pytest.raises(ScenarioError, match="result of another estimator of the name 'good', 'faulty:good'"):
+        verify(replace(plan, contestants=(other,)), tmp_path, Here())
+    (tmp_path / "good.json").unlink()
+    verify(replace(plan, contestants=(other,)), tmp_path, Here())
+    (journal,) = (path for path in before if path.suffix == ".jsonl")
+    assert journal.read_bytes() == before[journal]
+
+
+def test_a_sandbox_that_fails_is_an_outcome_too(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    (tmp_path / "faulty.py").write_text(FAULTY)
+    good = Contestant("good", "faulty:good", home=str(tmp_path), structure="arx")
+    ask, asked = PythonSandbox.ask, []
+
+    def failing(self: PythonSandbox, data: IOData, task: Task) -> Outcome:
+        asked.append(self)
+        if len(asked) == 2:
+            raise RuntimeError("of the bench itself")
+        return ask(self, data, task)
+
+    monkeypatch.setattr(PythonSandbox, "ask", failing)
+    (result,) = verify(replace(PLAN, contestants=(good,)), tmp_path, Here())
+    assert result.outcomes == {"crash": 1, "model": 3}
+    assert result.reasons == {"crash: its sandbox failed: RuntimeError: of the bench itself": 1}
+    assert len(set(map(id, asked))) == 2  # it was opened anew
+
+
 def test_two_runs_do_not_write_one_journal(tmp_path: Path):
     def meanwhile(done: int, total: int, left: float | None) -> None:
         if done == 2:
@@ -218,6 +270,7 @@ def test_two_runs_do_not_write_one_journal(tmp_path: Path):
     [
         ({"effort": "long"}, "expected one of quick, full"),
         ({"seed": -1}, "expected a whole number"),
+        ({"records": 0}, "0 records given, expected 1 or more"),
         ({"contestants": ()}, "no estimator given"),
         ({"contestants": (PERFECT, replace(PERFECT, structure="oe"))}, "of the same name given: perfect"),
     ],
