@@ -1,5 +1,6 @@
 """Estimators on the test bench: their trials are run, measured, and made into figures with verdicts."""
 
+import json
 import secrets
 from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
@@ -13,6 +14,7 @@ import numpy as np
 
 from scenarios.bench_contract.contestant import Contestant, Limits
 from scenarios.bench_contract.outcome import MODEL, REFUSED
+from scenarios.bench_contract.sandbox import open_sandbox
 from scenarios.bench_figures.all_figures import ALL_FIGURES, false_alarm_of_each
 from scenarios.bench_figures.figure import DRAWS, Figure, FigureMaker
 from scenarios.bench_problems.registry import problem
@@ -21,8 +23,9 @@ from scenarios.bench_run.counted import Counted, Progress
 from scenarios.bench_run.key import key_of, machine
 from scenarios.bench_run.result import Result
 from scenarios.bench_trials.executor import Executor
-from scenarios.bench_trials.journal import Journal, file_name
+from scenarios.bench_trials.journal import IDENTITY, Journal, file_name
 from scenarios.bench_trials.measured import Measured
+from scenarios.bench_trials.run_trials import PERFECT
 from scenarios.bench_trials.simulated import is_twin, simulate_records
 from scenarios.bench_trials.source import source_hash
 from scenarios.bench_trials.trial import Trial
@@ -39,6 +42,9 @@ RECORDS = "records"
 
 AGREEMENT = "agreement"
 """Figure that needs the second implementation."""
+
+LONGEST_NAME = 100
+"""Characters of an estimator's name, which files are named by."""
 
 REASONS = 20
 """Reasons of failures that a result keeps."""
@@ -86,6 +92,12 @@ class Plan:
         twice = [name for name, count in Counter(file_name(c.name) for c in self.contestants).items() if count > 1]
         if twice:
             raise ScenarioError(f"estimators of the same name given: {', '.join(twice)}; expected a name each")
+        for name in (one.name for one in self.contestants):
+            if len(name) > LONGEST_NAME or not name.isprintable():
+                raise ScenarioError(
+                    f"an estimator called {name[:LONGEST_NAME]!r} given, expected at most {LONGEST_NAME} characters "
+                    "that can be printed; --name gives it another"
+                )
 
     def all_contestants(self) -> tuple[Contestant, ...]:
         """Those whose results are wanted, and the referee where a figure needs it and it is none of them."""
@@ -154,31 +166,66 @@ def verify(
         OSError: A file cannot be written.
     """
     everyone = plan.all_contestants()
+    for one in plan.contestants:
+        _check_place(folder / f"{file_name(one.name)}.json", one)
     records = (folder / RECORDS).resolve() if executor.here else None
     bench = Bench(everyone, plan.limits, plan.seed, records)
     wanted = [plan.trials(contestant) for contestant in everyone]
     with ExitStack() as stack:
         run = secrets.token_hex(6)
+        keys = [key_of(one, plan.limits, plan.seed) for one in everyone]
         journals = [
-            stack.enter_context(
-                Journal(folder / JOURNALS, one.name, key_of(one, plan.limits, plan.seed), run=run, said=said)
-            )
-            for one in everyone
+            stack.enter_context(Journal(folder / JOURNALS, one.name, key, run=run, said=said))
+            for one, key in zip(everyone, keys, strict=True)
         ]
         left = pieces(wanted, [journal.done for journal in journals])
         if records is not None:
+            _try(left, bench)
             _simulate(left, plan.seed, records, said)
         _run(bench, left, executor, Counted(wanted, journals, progress, said), told)
         referee = _of_referee(plan, everyone, journals)
         where = machine() if executor.here else f"{executor.workers} workers of a cluster"
         results = []
-        for contestant, journal, trials in zip(everyone, journals, wanted, strict=True):
+        for contestant, journal, trials, key in zip(everyone, journals, wanted, keys, strict=True):
+            if source_hash(contestant) != key["source"]:
+                said(f"{contestant.name}: its file changed during the run: some answers may be those of the new one")
             if contestant in plan.contestants:
                 measured = journal.measured()
                 kept = {trial: measured[trial] for trial in trials if trial in measured}
-                results.append(_result(plan, contestant, (journal.run, where), kept, referee))
+                results.append(_result(plan, contestant, (journal.run, where, key["source"]), kept, referee))
                 write_text(folder / f"{file_name(contestant.name)}.json", results[-1].to_json())
         return results
+
+
+def _check_place(path: Path, contestant: Contestant) -> None:
+    """Leave alone what stands in the place of a result, where that is of another estimator.
+
+    Raises:
+        ScenarioError: It is.
+    """
+    try:
+        there = json.loads(path.read_text(encoding="utf-8"))["contestant"]
+        theirs = {name: there[name] for name in IDENTITY}
+    except (OSError, ValueError, TypeError, KeyError, RecursionError):
+        return
+    if theirs != {name: getattr(contestant, name) for name in IDENTITY}:
+        raise ScenarioError(
+            f"{path} has the result of another estimator of the name {contestant.name!r}, {theirs['target']!r}; "
+            "expected another --name, or another --out"
+        )
+
+
+def _try(left: Sequence[Piece], bench: Bench) -> None:
+    """Start each estimator once before the arm is simulated, which takes time: that it cannot be is told at once.
+
+    Raises:
+        ScenarioError: It cannot.
+    """
+    if any(is_twin(piece.problem) for piece in left):
+        for number in sorted({number for piece in left for _, number in piece.asked}):
+            if bench.contestants[number].target != PERFECT:
+                with open_sandbox(bench.contestants[number], bench.limits):
+                    pass
 
 
 def _simulate(left: Sequence[Piece], seed: int, folder: Path, said: Callable[[str], None]) -> None:
@@ -228,7 +275,7 @@ def _of_referee(plan: Plan, everyone: Sequence[Contestant], journals: Sequence[J
 def _result(
     plan: Plan,
     contestant: Contestant,
-    ran: tuple[str, str],
+    ran: tuple[str, str, str],
     measured: Mapping[Trial, Measured],
     referee: Sequence[Measured],
 ) -> Result:
@@ -245,7 +292,7 @@ def _result(
         effort=plan.told_effort,
         seed=plan.seed,
         command=plan.commands.get(contestant.name, ""),
-        source=source_hash(contestant),
+        source=ran[2],
         versions=versions(),
         machine=ran[1],
         outcomes=dict(sorted(outcomes.items())),

@@ -24,6 +24,9 @@ GIVEN_UP = "given up"
 PASSING = {"source": "its file", "software": "this software, or a package that it uses,"}
 """Entries of a key that no command line brings back, in words: a journal under another one is of no more use."""
 
+IDENTITY = ("target", "home", "program")
+"""What an estimator is, whatever is said of it: journals of another one of the same name are left alone."""
+
 
 class Journal:
     """Trials of one contestant that are done, in a file that is only ever added to.
@@ -61,7 +64,7 @@ class Journal:
         self._stream = FileIO(self.path, "a+")
         try:
             self._lock()
-            if not self._take_up():
+            if not self._take_up(lambda why: said(f"{name}: {why}")):
                 self._stream.truncate(0)
                 self._write(json.dumps({"run": run, "key": key}))
         except BaseException:
@@ -112,25 +115,30 @@ class Journal:
         self._mine = _locked(self._stream)
         if not self._mine:
             raise ScenarioError(
-                f"{self.path}: another hmtb verify is at work on this estimator in this folder; wait for it, stop it, "
-                "or give another --out"
+                f"{self.path}: another hmtb verify is at work in this folder, and asks the same estimator, which "
+                "may be the second implementation, with which others are compared; wait for it, stop it, or give "
+                "another --out"
             )
 
-    def _take_up(self) -> bool:
+    def _take_up(self, said: Callable[[str], None]) -> bool:
         """Take over what an earlier run left; False where there is not even a whole first line."""
-        good = 0
+        good = lost = 0
         with self.path.open("rb") as stream:
             for line in stream:
+                if lost or not line.endswith(b"\n"):
+                    lost += line.endswith(b"\n")
+                    continue
                 try:
-                    if not line.endswith(b"\n"):
-                        break
                     if good:
                         self._count(Measured.from_json(line.decode()))
                     else:
                         self.run = str(json.loads(line)["run"])
-                except (ValueError, TypeError, KeyError):
-                    break
+                except (ValueError, TypeError, KeyError, RecursionError):
+                    lost += 1
+                    continue
                 good += len(line)
+        if lost:
+            said(f"{self.path} is damaged after {len(self.done)} trials; {lost} lines behind them are done again")
         self._stream.truncate(good)
         return good > 0
 
@@ -145,15 +153,16 @@ def _locked(stream: IO[bytes]) -> bool:
 
 
 def file_name(name: str) -> str:
-    """A contestant's name as that of a file, without an ending."""
-    return re.sub(r"[^A-Za-z0-9_.+-]+", "-", name).strip(".-") or "estimator"
+    """A contestant's name as that of a file, without an ending; with a mark where the two are not the same."""
+    plain = re.sub(r"[^A-Za-z0-9_.+-]+", "-", name).strip(".-")
+    return plain if plain == name else f"{plain or 'estimator'}-{sha256(name.encode()).hexdigest()[:6]}"
 
 
 def _forget_others(folder: Path, stem: str, path: Path, key: Mapping[str, Any], said: Callable[[str], None]) -> None:
     """Remove journals of the same contestant that no command can take up again, and say why it starts anew."""
     for other, theirs in _keys(folder, stem):
         passed = [words for entry, words in PASSING.items() if theirs.get(entry) != key[entry]]
-        if other == path or not passed:
+        if other == path or not passed or _identity(theirs) != _identity(key):
             continue
         with other.open("ab") as stream:
             if _locked(stream):  # another run may still be at work with it
@@ -161,12 +170,17 @@ def _forget_others(folder: Path, stem: str, path: Path, key: Mapping[str, Any], 
                 said(f"{' and '.join(passed)} changed since the last run: it starts anew")
 
 
+def _identity(key: Mapping[str, Any]) -> tuple[object, ...]:
+    contestant = key.get("contestant")
+    return tuple(contestant.get(name) for name in IDENTITY) if isinstance(contestant, Mapping) else ()
+
+
 def _keys(folder: Path, stem: str) -> Iterator[tuple[Path, Mapping[str, Any]]]:
     for path in sorted(folder.glob(f"{stem}-{'[0-9a-f]' * 12}{ENDING}")):
         try:
             with path.open("rb") as stream:
                 key = json.loads(stream.readline())["key"]
-        except (OSError, ValueError, TypeError, KeyError):
+        except (OSError, ValueError, TypeError, KeyError, RecursionError):
             continue
         if isinstance(key, Mapping):
             yield path, key

@@ -6,9 +6,12 @@ from typing import Any
 
 import numpy as np
 
-from scenarios.bench_trials.trial import Trial
+from scenarios.bench_contract.outcome import KINDS
+from scenarios.bench_trials.trial import ASKS, Trial
 from scenarios.errors import ScenarioError
 from sysid.arrays import ComplexArray, FloatArray, Locked
+
+ARRAYS = ("response", "response_covariance", "bandwidth_hz", "bandwidth_ci95", "nonparametric")
 
 
 @dataclass(frozen=True, eq=False)
@@ -70,9 +73,29 @@ class Measured(Locked):
         try:
             table = json.loads(line)
             trial = Trial(**table.pop("trial"))
-            return cls(trial=trial, **{name: _read(value) for name, value in table.items()})
-        except (ValueError, TypeError, KeyError, AttributeError) as error:
+            read = cls(trial=trial, **{name: _read(value) for name, value in table.items()})
+            _check(read)
+            return read
+        except (ValueError, TypeError, KeyError, AttributeError, RecursionError) as error:
             raise ScenarioError(f"{line[:80]!r} is no measured trial: {error}") from error
+
+
+def _check(read: Measured) -> None:
+    """Of what a damaged file may hold: figures count on these.
+
+    Raises:
+        ValueError: It is of another type.
+    """
+    trial = read.trial
+    if not isinstance(trial.problem, str) or type(trial.draw) is not int or trial.ask not in ASKS:
+        raise ValueError(f"no trial: {trial}")
+    if read.kind not in KINDS or not isinstance(read.why, str):
+        raise ValueError(f"kind {read.kind!r}")
+    for name, value in vars(read).items():
+        if name in ARRAYS and not (value is None or isinstance(value, np.ndarray)):
+            raise ValueError(f"{name} of type {type(value).__name__}")
+        if name not in (*ARRAYS, "trial", "kind", "why") and type(value) not in (int, float):
+            raise ValueError(f"{name} of type {type(value).__name__}")
 
 
 def _told(value: Any) -> Any:

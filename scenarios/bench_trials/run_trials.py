@@ -1,7 +1,7 @@
 """Pieces of a run done in this process: a record is drawn, each contestant asked in its sandbox, answers measured."""
 
 from collections.abc import Iterator
-from contextlib import ExitStack
+from contextlib import ExitStack, suppress
 from dataclasses import replace
 from time import perf_counter
 from types import TracebackType
@@ -22,6 +22,9 @@ from sysid import IOData
 PERFECT = "bench:perfect"
 """Target of the contestant that knows the truth; it runs here, because a sandbox would not let it see it."""
 
+TOLD = 300
+"""Characters of an error that are told."""
+
 MOST_SEED = 2**31 - 1
 """Seeds that tasks hand on stay below it: other languages have no larger whole numbers."""
 
@@ -35,8 +38,8 @@ class Runner:
 
     def __init__(self, bench: Bench) -> None:
         self._bench = bench
-        self._stack = ExitStack()
         self._sandboxes: dict[int, Sandbox] = {}
+        self._opened: set[int] = set()
         self._bounds: dict[tuple[str, str | None], Bound | None] = {}
 
     def __enter__(self) -> "Runner":
@@ -45,8 +48,9 @@ class Runner:
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
-        self._stack.close()
-        self._sandboxes.clear()
+        with ExitStack() as stack:
+            while self._sandboxes:
+                stack.push(self._sandboxes.popitem()[1])
 
     def run(self, piece: Piece) -> Iterator[Done]:
         """Do a piece.
@@ -93,14 +97,34 @@ class Runner:
         contestant = self._bench.contestants[number]
         if contestant.target == PERFECT:
             return perfect(problem, task, seed)  # its error belongs to the record's noise
-        return self._sandboxes[number].ask(record, task)
+        try:
+            if number not in self._sandboxes:
+                self._open(number)
+            return self._sandboxes[number].ask(record, task)
+        # Whatever an estimator brings about in the bench's own process is a fault of it, not the end of all others.
+        except Exception as error:
+            self._give_back(number)
+            return Outcome("crash", f"its sandbox failed: {type(error).__name__}: {error}"[:TOLD])
 
     def _make_ready(self, number: int, problem: Problem) -> None:
         contestant = self._bench.contestants[number]
         if (problem.name, contestant.structure) not in self._bounds:
             self._bounds[problem.name, contestant.structure] = problem.bound(contestant.structure)
-        if number not in self._sandboxes and contestant.target != PERFECT:
-            self._sandboxes[number] = self._stack.enter_context(open_sandbox(contestant, self._bench.limits))
+        if number not in self._opened and contestant.target != PERFECT:
+            self._open(number)
+
+    def _open(self, number: int) -> None:
+        """Open a sandbox; that it cannot be opened the first time is a mistake in what was given."""
+        sandbox = open_sandbox(self._bench.contestants[number], self._bench.limits)
+        sandbox.__enter__()
+        self._sandboxes[number] = sandbox
+        self._opened.add(number)
+
+    def _give_back(self, number: int) -> None:
+        sandbox = self._sandboxes.pop(number, None)
+        if sandbox is not None:
+            with suppress(Exception):
+                sandbox.__exit__(None, None, None)
 
 
 def _in_turn(piece: Piece) -> tuple[tuple[str, int], ...]:

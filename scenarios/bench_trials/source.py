@@ -71,7 +71,7 @@ def own_files(contestant: Contestant) -> dict[str, bytes]:
     # What cannot be read cannot be imported either, and is told when that is tried; it has no way with namespaces.
     with suppress(SyntaxError, ValueError, OSError, RecursionError, AttributeError):
         finder.run_script(str(path.resolve()))
-    found = {Path(one.__file__) for one in finder.modules.values() if one.__file__}
+    found = {Path(file) for one in finder.modules.values() if (file := getattr(one, "__file__", None))}
     others = sorted(one for one in found if one.is_relative_to(home) and one != path.resolve())
     return {str(one.relative_to(home)): one.read_bytes() for one in (path.resolve(), *others)}
 

@@ -1,8 +1,11 @@
 """`hmtb verify`: anyone's estimator on the test bench."""
 
+import signal
 import sys
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from pathlib import Path
+from threading import current_thread, main_thread
 from typing import TYPE_CHECKING, Annotated, Literal
 
 import tyro
@@ -15,6 +18,9 @@ if TYPE_CHECKING:
     from scenarios.bench_run.result import Result
     from scenarios.bench_run.verify import Plan
     from scenarios.bench_trials.executor import Executor
+
+MOST_GIB = 2.0**20
+"""More memory than there is, GiB."""
 
 
 def verify(
@@ -95,9 +101,12 @@ def verify(
     from scenarios.bench_run.verify import Plan
     from scenarios.commands.verify_tables import record, show
     from scenarios.contestants.referee import REFEREE
+    from scenarios.errors import ScenarioError
 
     given = found(estimators, command, Said(name, structure, method, stays))
     effort = "quick" if quick else "full"
+    if not 0.0 < memory_gib <= MOST_GIB:
+        raise ScenarioError(f"--memory-gib {memory_gib:g} given, expected more than 0 and at most {MOST_GIB:g} GiB")
     limits = Limits(seconds, round(memory_gib * 2**30))
     options = _options(quick, records, seed, figures, seconds, memory_gib)
     plan = Plan(
@@ -152,7 +161,7 @@ def _run(plan: "Plan", folder: Path, executor: "Executor") -> "list[Result]":
         if cost.calls:
             _said(f"hmtb verify: still to do: {cost}")
 
-    with verify_progress("hmtb verify") as show:
+    with _ended_as_interrupted(), verify_progress("hmtb verify") as show:
 
         def counted(done: int, total: int, left: float | None) -> None:
             nonlocal latest
@@ -164,6 +173,19 @@ def _run(plan: "Plan", folder: Path, executor: "Executor") -> "list[Result]":
         except KeyboardInterrupt:
             done, total = latest
             raise KeyboardInterrupt(f"{done} of {total} trials kept in {folder / JOURNALS}") from None
+
+
+@contextmanager
+def _ended_as_interrupted() -> Iterator[None]:
+    """Let SIGTERM, which batch systems send, be told as Ctrl-C is."""
+    if current_thread() is not main_thread():
+        yield
+        return
+    before = signal.signal(signal.SIGTERM, signal.default_int_handler)
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGTERM, before)
 
 
 def _said(line: str) -> None:

@@ -13,6 +13,7 @@ from scenarios.commands.output import print_table, say
 from scenarios.commands.verify_bandwidths import answer, bandwidth_rows, show_bandwidths
 from scenarios.commands.verify_numbers import interval, number
 from scenarios.commands.verify_reasons import show_reasons, wrapped
+from scenarios.leaderboard.entry import shown
 from scenarios.leaderboard.verdict import Verdict, verdict
 
 SHOWN_REASONS = 5
@@ -112,7 +113,7 @@ def _end(value: float) -> float | str:
 
 def _show_figures(result: Result) -> None:
     own = result.contestant
-    what = ", ".join(part for part in (own.structure or "", own.method or "", own.version) if part)
+    what = shown(", ".join(part for part in (own.structure or "", own.method or "", own.version) if part))
     title = f"{own.name}{f' ({what})' if what else ''}: {result.effort} bench, seed {result.seed}"
     rows = [
         (
@@ -135,7 +136,7 @@ def _show_failures(result: Result) -> None:
         if kind not in (MODEL, REFUSED):
             say(f"  {kind}: {KINDS[kind]}")
     for reason, count in list(result.reasons.items())[:SHOWN_REASONS]:
-        say(f"  {count} x {reason}")
+        say(f"  {count} x {shown(reason)}")
 
 
 def _show_side_by_side(results: Sequence[Result]) -> None:

@@ -37,7 +37,18 @@ def test_what_was_added_is_there_again(tmp_path: Path):
         assert lines(journal) == [one.to_json() for one in given]
 
 
-@pytest.mark.parametrize("torn", [b'{"trial": {"pro', b"\0\0\0\n", b"\xff\n", b'{"kind": "model"}\n', b"[]\n"])
+TRIAL = b'{"trial": {"problem": "p1", "draw": 7, "ask": "fit"}, '
+
+
+@pytest.mark.parametrize(
+    "torn",
+    [
+        *(b'{"trial": {"pro', b"\0\0\0\n", b"\xff\n", b'{"kind": "model"}\n', b"[]\n", b"[" * 100_000 + b"\n"),
+        *(TRIAL + b'"kind": "zork"}\n', TRIAL + b'"kind": 5}\n', TRIAL + b'"kind": "model", "response": 1.0}\n'),
+        b'{"trial": {"problem": ["p1"], "draw": 7, "ask": "fit"}, "kind": "model"}\n',
+        b'{"trial": {"problem": "p1", "draw": "7", "ask": "fit"}, "kind": "model"}\n',
+    ],
+)
 def test_what_is_torn_is_cut_off(tmp_path: Path, torn: bytes):
     given = trials(3)
     with opened(tmp_path) as journal:
@@ -49,6 +60,18 @@ def test_what_is_torn_is_cut_off(tmp_path: Path, torn: bytes):
         assert len(journal.done) == 2
         journal.add(given[2])
         assert lines(journal) == [one.to_json() for one in given]
+
+
+def test_how_much_was_lost_to_damage_is_said(tmp_path: Path):
+    with opened(tmp_path) as journal:
+        for one in trials(5):
+            journal.add(one)
+    first, *others = journal.path.read_bytes().splitlines(keepends=True)
+    journal.path.write_bytes(b"".join([first, others[0], b"{}\n", *others[1:], b'{"torn']))
+    said: list[str] = []
+    with opened(tmp_path, said) as journal:
+        assert len(journal.done) == 1
+    assert len(said) == 1 and said[0].endswith("is damaged after 1 trials; 5 lines behind them are done again")
 
 
 @pytest.mark.parametrize("left", [b"", b'{"run": "b', b"\n", b'{"key": {}}\n'])
@@ -100,5 +123,7 @@ def test_one_that_is_being_written_is_left_alone(tmp_path: Path):
 
 
 def test_names_become_names_of_files():
-    assert file_name("our oe/2 (n=3)") == "our-oe-2-n-3"
-    assert file_name("../..") == "estimator"
+    assert file_name("our-oe_2.1+x") == "our-oe_2.1+x"
+    names = ["our oe/2 (n=3)", "our-oe/2 (n=3)", "../..", "\u03b1", "\u03b2"]
+    files = [file_name(name) for name in names]
+    assert len(set(files)) == 5 and files[0].startswith("our-oe-2-n-3-") and files[3].startswith("estimator-")
