@@ -21,6 +21,11 @@ if TYPE_CHECKING:
 
 HALF_POWER = 0.5  # -3.0103 dB
 
+LARGE = 24
+"""With more states one decomposition for all frequencies is faster than a system of equations for each."""
+
+POLE_MET = "a frequency falls exactly on a pole on the unit circle: the response is infinite"
+
 
 @dataclass(frozen=True, eq=False, repr=False)
 class StateSpace(Locked):
@@ -148,14 +153,28 @@ class StateSpace(Locked):
         z = np.exp(2j * np.pi * self.dt * frequencies)
         if self.order == 0:
             return np.broadcast_to(D.astype(complex), (len(z), *D.shape)).copy()
+        if self.order > LARGE:
+            return self._response_of_many_states(z, B, D)
         pencil = z[:, None, None] * np.eye(self.order) - self.A
         try:
             states = np.linalg.solve(pencil, np.broadcast_to(B.astype(complex), (len(z), *B.shape)))
         except np.linalg.LinAlgError as error:
-            raise SysidError(
-                "a frequency falls exactly on a pole on the unit circle: the response is infinite"
-            ) from error
+            raise SysidError(POLE_MET) from error
         return np.asarray(self.C @ states + D, dtype=np.complex128)
+
+    def _response_of_many_states(self, z: ComplexArray, B: FloatArray, D: FloatArray) -> ComplexArray:
+        """The same by one Schur decomposition and a substitution for all frequencies together."""
+        triangle, basis = scipy.linalg.schur(self.A, output="complex")
+        drive = basis.conj().T @ B
+        states = np.zeros((self.order, len(z) * B.shape[1]), dtype=complex)
+        for i in range(self.order - 1, -1, -1):
+            away = z - triangle[i, i]
+            if not away.all():
+                raise SysidError(POLE_MET)
+            forced = (triangle[i, i + 1 :] @ states[i + 1 :]).reshape(len(z), -1) + drive[i]
+            states[i] = (forced / away[:, None]).ravel()
+        response = (self.C @ basis @ states).reshape(self.ny, len(z), -1)
+        return np.asarray(np.moveaxis(response, 0, 1) + D, dtype=np.complex128)
 
     def dc_gain(self) -> FloatArray:
         """Response at 0 Hz (ny, nu); infinite where the model integrates."""

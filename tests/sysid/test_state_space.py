@@ -96,3 +96,19 @@ def test_what_does_not_fit_is_refused() -> None:
         StateSpace.from_control(control.ss([[-1.0]], [[1.0]], [[1.0]], [[0.0]]))
     with pytest.raises(SysidError, match="n must be"):
         random_model(0).markov(0)
+
+
+def test_the_response_of_many_states_is_that_of_its_parts(monkeypatch: pytest.MonkeyPatch) -> None:
+    """One decomposition for all frequencies gives what an equation for each does, and meets the same poles."""
+    rng = np.random.default_rng(5)
+    a = rng.standard_normal((30, 30))
+    a *= 0.98 / np.abs(np.linalg.eigvals(a)).max()
+    model = StateSpace(a, rng.standard_normal((30, 2)), rng.standard_normal((3, 30)), np.ones((3, 2)), None, 0.01)
+    f = np.geomspace(0.01, 50.0, 60)
+    together = model.frequency_response(f)
+    on_the_circle = StateSpace(np.eye(30), np.ones((30, 1)), np.ones((1, 30)), [[0.0]], None, 0.01)
+    with pytest.raises(SysidError, match="the response is infinite"):
+        on_the_circle.frequency_response(0.0)
+    monkeypatch.setattr("sysid.state_space.LARGE", 100)
+    one_by_one = model.frequency_response(f)
+    np.testing.assert_allclose(together, one_by_one, rtol=0.0, atol=1e-11 * np.abs(one_by_one).max())
