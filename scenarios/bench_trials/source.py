@@ -65,7 +65,11 @@ def own_files(contestant: Contestant) -> dict[str, bytes]:
         Nothing for a program, and for a module that lies elsewhere.
     """
     path, home = module_file(contestant), Path(contestant.home or ".").resolve()
-    if path is None or not path.resolve().is_relative_to(home) or path.resolve().relative_to(home).parts[0] in OURS:
+    if path is None or not path.resolve().is_relative_to(home):
+        return {}
+    place, first = contestant.target.rpartition(":")[0], path.resolve().relative_to(home).parts[0]
+    # An installed module may lie somewhere below the folder too.
+    if first in OURS or not (place.endswith(".py") or first.removesuffix(".py") == place.partition(".")[0]):
         return {}
     finder = ModuleFinder(path=[str(home)], excludes=list(OURS))
     # What cannot be read cannot be imported either, and is told when that is tried; it has no way with namespaces.

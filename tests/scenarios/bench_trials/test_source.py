@@ -45,6 +45,14 @@ def test_it_follows_what_is_imported_from_its_own_folder(tmp_path: Path):
     assert list(own_files(mine)) == ["mine.py"] and source_hash(mine) not in hashes
 
 
+def test_what_is_installed_below_its_folder_is_not_its_own(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    (tmp_path / "installed").mkdir()
+    (tmp_path / "installed" / "elsewhere.py").write_text("")
+    monkeypatch.syspath_prepend(tmp_path / "installed")
+    mine = Contestant("mine", "elsewhere:function", home=str(tmp_path))
+    assert own_files(mine) == {} and source_hash(mine)
+
+
 def test_a_package_is_its_first_file(tmp_path: Path):
     (tmp_path / "pack" / "inner").mkdir(parents=True)
     (tmp_path / "pack" / "inner" / "__init__.py").write_text("")
