@@ -9,10 +9,12 @@ from scipy.stats import beta
 from scenarios.bench_contract.contestant import Contestant
 from scenarios.bench_contract.outcome import KINDS, MODEL, REFUSED
 from scenarios.bench_figures.figure import Figure, FigureMaker, Part
+from scenarios.bench_figures.theory import UNSTABLE_MODELS
 from scenarios.bench_trials.measured import Measured
 from scenarios.bench_trials.trial import Trial
 
 FAILURES = tuple(kind for kind in KINDS if kind not in (MODEL, REFUSED))
+UNSTABLE = "unstable"
 SOME_REFUSED = "it says that it does not do this, but does it on other records of the problem"
 REASONS = 20
 """Reasons told at most."""
@@ -24,7 +26,8 @@ class Reliability:
 
     A single one fails: a perfect estimator has none, so that chance raises no false alarm. What an estimator does not
     do it does not do on any record: refusing some of those of a problem and answering others is a failure too, or
-    else it could choose what it is judged by.
+    else it could choose what it is judged by. Methods without any guarantee of stability may give unstable models, as
+    theory says, where most requests still end with a model.
 
     Attributes:
         others: The figures whose trials are counted.
@@ -46,13 +49,16 @@ class Reliability:
         self, measured: Sequence[Measured], contestant: Contestant, false_alarm: float, referee: Sequence[Measured]
     ) -> Figure:
         """Count the failures, by kind."""
-        del contestant, false_alarm, referee
+        del false_alarm, referee
         answered = {(m.trial.problem, m.trial.ask) for m in measured if m.kind != REFUSED}
         counted = [m for m in measured if (m.trial.problem, m.trial.ask) in answered]
         kinds = Counter(m.kind for m in counted)
         failed = [m for m in counted if m.kind != MODEL]
         total = len(counted)
         refused = len(measured) - total
+        unguarded = UNSTABLE_MODELS.get(contestant.method or "", "")
+        expected = unguarded and 2 * kinds[MODEL] >= total
+        surprising = len(failed) - (kinds[UNSTABLE] if expected else 0)
         parts = tuple(
             Part(
                 label=kind,
@@ -61,6 +67,7 @@ class Reliability:
                 interval=interval_of_share(kinds[kind], total),
                 limits=(0.0, 0.0),
                 passed=kinds[kind] == 0 if total else None,
+                theory=not (expected and kind == UNSTABLE),
                 why=SOME_REFUSED if kind == REFUSED else KINDS.get(kind, ""),
                 draws=total,
             )
@@ -75,9 +82,15 @@ class Reliability:
             value=_percent(len(failed), total),
             expected=0.0,
             interval=interval_of_share(len(failed), total),
-            passed=not failed if total else None,
+            passed=not surprising if total else None,
             false_alarm=0.0,
-            why=told + (f"; {refused} more were refused, which is no failure" if refused else ""),
+            why="; ".join(
+                (
+                    told,
+                    *[f"{refused} more were refused, which is no failure"] * (refused > 0),
+                    *[unguarded] * bool(expected and kinds[UNSTABLE]),
+                )
+            ),
             parts=parts,
             curves={
                 "reasons": dict(reasons.most_common(REASONS)),

@@ -101,6 +101,14 @@ OBSERVER = Limitation(
     "claimed covariance knows nothing of the bias [Juang1993]",
 )
 
+UNSTABLE_MODELS = {
+    "subspace": "a subspace estimate of A may have poles outside the unit circle, also where the truth is stable "
+    "[Maciejowski1995]",
+    "instrumental": "instrumental variables minimise no error of the model; nothing keeps its poles within the unit "
+    "circle where noise and distortion are large [Soderstrom1989, ch. 8]",
+}
+"""Methods of which theory says that some models may be unstable, and why."""
+
 
 def expectation(contestant: Contestant, name: str, figure: str) -> Expectation:
     """What theory expects of an estimator.

@@ -21,12 +21,12 @@ CLAIMS = ("coverage", "normalised_error", "frequency_response")
 AS_THEORY_SAYS: dict[str, tuple[str, ...]] = {
     "our-oe": ("efficiency", *CLAIMS, "bias", "tests_and_orders", "agreement"),
     "our-armax": (),
-    "our-okid": (),
-    "our-n4sid": (),
+    "our-okid": ("efficiency", *CLAIMS, "bias", "tests_and_orders", "agreement"),
+    "our-n4sid": ("efficiency", "bias", "tests_and_orders", "reliability"),
     "our-pem-ss": (),
-    "our-arx": (),
+    "our-arx": ("consistency", "efficiency", *CLAIMS, "bias", "tests_and_orders", "agreement"),
     "our-bj": (),
-    "our-iv4": (),
+    "our-iv4": ("efficiency", "normalised_error", "frequency_response", "reliability"),
     "our-pem": (),
 }
 """Figures that each fails, as theory says."""

@@ -60,6 +60,20 @@ def test_refusing_some_records_of_a_problem_is_a_failure() -> None:
     assert next(part for part in found.parts if part.label == "refused").passed is False
 
 
+def test_theory_allows_some_unstable_models_of_methods_without_a_guarantee() -> None:
+    """Of no other method, of no other kind, and not of most requests."""
+    subspace = replace(ANYONE, method="subspace")
+    some = [replace(m, kind="unstable") for m in GOOD[:5]] + GOOD[5:]
+    found = Reliability().figure(some, subspace, 0.0, ())
+    assert (found.passed, found.value) == (True, pytest.approx(10.0))
+    assert "[Maciejowski1995]" in found.why
+    assert [(part.label, part.theory) for part in found.parts if part.passed is False] == [("unstable", False)]
+    most = [replace(m, kind="unstable") for m in GOOD[:26]] + GOOD[26:]
+    crash = [replace(GOOD[0], kind="crash"), *some[1:]]
+    for measured, who in ((some, ANYONE), (most, subspace), (crash, subspace)):
+        assert Reliability().figure(measured, who, 0.0, ()).passed is False
+
+
 def test_trials_are_those_of_all_others() -> None:
     """Each once."""
     maker = Reliability((Bias(), Agreement(), Agreement()))
