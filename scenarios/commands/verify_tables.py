@@ -158,6 +158,8 @@ def _show_side_by_side(results: Sequence[Result]) -> None:
 
 def _verdict(result: Result) -> str:
     failed = [figure.title.partition(":")[0] for figure in result.figures.values() if figure.passed is False]
+    if not failed and not result.passed:
+        return "nothing was judged: it gave too few models, or none"
     plural = "s" * (len(failed) != 1)
     return (
         f"fails {len(failed)} figure{plural}: {', '.join(failed)}" if failed else "fails no figure that it should pass"
