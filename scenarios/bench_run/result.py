@@ -74,7 +74,7 @@ class Result:
             table = json.loads(path.read_text(encoding="utf-8"))
         except (OSError, ValueError, RecursionError) as error:
             raise ScenarioError(f"cannot read {path}: {error}") from error
-        if not isinstance(table, dict) or table.get("format") != FORMAT:
+        if not isinstance(table, dict) or type(table.get("format")) is not int or table["format"] != FORMAT:
             given = table.get("format") if isinstance(table, dict) else type(table).__name__
             raise ScenarioError(f"{path}: format {given!r} given, expected a result of hmtb verify of format {FORMAT}")
         try:
@@ -82,8 +82,9 @@ class Result:
             table["contestant"] = Contestant(**table["contestant"])
             table["limits"] = Limits(**table["limits"])
             table["figures"] = {name: _figure(entry) for name, entry in table["figures"].items()}
+            table["seconds"] = _number(table["seconds"])
             return cls(**table)
-        except (TypeError, KeyError, IndexError, AttributeError, ValueError) as error:
+        except (TypeError, KeyError, IndexError, AttributeError, ValueError, OverflowError) as error:
             raise ScenarioError(f"{path} is no result of hmtb verify: {error}") from error
 
 

@@ -20,9 +20,9 @@ def leaderboard(
     hmtb leaderboard results/*.json
 
     Results are the files that hmtb verify writes, or folders of them. The page leaderboard.html needs no network; the
-    same tables stand in leaderboard.md. Rows are ordered by the number of figures passed, then by efficiency; no score
-    is made of several figures. Where rows are not comparable, because seed, effort, limits, protocol or machine differ,
-    the page says so.
+    same tables stand in leaderboard.md. Rows are ordered by the number of figures that fail where theory expects
+    them to pass, the fewest first, then by figures passed, then by efficiency; no score is made of several figures.
+    Where rows are not comparable, because seed, effort, limits, protocol or machine differ, the page says so.
 
     Args:
         results: Files, or folders whose *.json are taken.

@@ -11,6 +11,9 @@ from scenarios.errors import ScenarioError
 MOST_BYTES = 2**26
 """A result file is far smaller."""
 
+LARGEST = 2**62
+"""No whole number in a result is larger."""
+
 
 @dataclass(frozen=True)
 class Entry:
@@ -115,10 +118,25 @@ def _wrong(result: Result) -> str:
             return f"{key} is {value!r}, expected a text"
     if not shown(contestant.name):
         return f"name {contestant.name!r} has no character that can be seen"
+    for key, value, kind in (
+        ("program", contestant.program, bool),
+        ("stays", contestant.stays, bool),
+        ("seed", result.seed, int),
+        ("protocol", result.protocol, int),
+        ("memory_bytes", result.limits.memory_bytes, int),
+    ):
+        if type(value) is not kind or abs(value) > LARGEST:
+            return f"{key} is {str(value)[:80]}, expected {kind.__name__}"
+    limit = result.limits.seconds
+    if type(limit) not in (int, float) or not limit <= LARGEST:
+        return f"the limit of time is {str(limit)[:80]}, expected s"
     for key, kind in (("outcomes", int), ("reasons", int), ("versions", str), ("figures", Figure)):
         table = getattr(result, key)
         if not isinstance(table, Mapping) or not all(type(value) is kind for value in table.values()):
             return f"{key} is {str(table)[:80]!r}, expected {kind.__name__} by name"
+    for key in ("outcomes", "reasons"):
+        if not all(0 <= number <= LARGEST for number in getattr(result, key).values()):
+            return f"{key} holds numbers below 0 or above {LARGEST}, expected how often"
     for name, figure in result.figures.items():
         problem = _wrong_verdict(figure) or next(filter(None, map(_wrong_verdict, figure.parts)), "")
         if problem:
@@ -133,6 +151,8 @@ def _wrong(result: Result) -> str:
 def _wrong_verdict(made: Figure | Part) -> str:
     if made.passed not in (True, False, None) or not isinstance(made.why, str):
         return f"passed {made.passed!r} because {made.why!r}, expected true, false or null and a text"
+    if isinstance(made, Part) and (type(made.draws) is not int or not 0 <= made.draws <= LARGEST):
+        return f"part {made.label!r} rests on {str(made.draws)[:80]} records, expected a whole number"
     if isinstance(made, Part) and not (isinstance(made.label, str) and isinstance(made.theory, bool)):
         return f"part {made.label!r} with theory {made.theory!r}, expected a text and true or false"
     return ""

@@ -9,8 +9,9 @@ from scenarios.leaderboard.entry import Entry, read_results, shown
 from scenarios.leaderboard.verdict import Verdict, count
 
 RULE = (
-    "Rows are ordered by the number of figures passed, then by efficiency on the worst problem that theory expects to "
-    "pass, then by name. No score is made of several figures: which of them matters depends on what the model is for."
+    "Rows are ordered by the number of figures that fail where theory expects them to pass, the fewest first; then by "
+    "the number of figures passed; then by efficiency on the worst problem that theory expects to pass; then by name. "
+    "No score is made of several figures: which of them matters depends on what the model is for."
 )
 
 
@@ -27,8 +28,9 @@ def ranked(paths: Iterable[Path]) -> tuple[Entry, ...]:
     return tuple(Entry(number, result, path) for number, (path, result) in enumerate(ordered, 1))
 
 
-def _key(result: Result) -> tuple[int, float, str]:
-    passed = count(result.figures.values())[Verdict.PASSES]
+def _key(result: Result) -> tuple[int, int, float, str]:
+    found = count(result.figures.values())
     efficiency = result.figures.get("efficiency")
     worst = math.nan if efficiency is None else efficiency.value
-    return (-passed, math.inf if math.isnan(worst) else worst, shown(result.contestant.name))
+    worst = math.inf if math.isnan(worst) else worst
+    return (found[Verdict.FAILS], -found[Verdict.PASSES], worst, shown(result.contestant.name))

@@ -40,7 +40,17 @@ def test_two_of_one_name_are_refused(written: list[Path], results: tuple[Result,
     [
         ((), [1, 2]),
         (("format",), 99),
+        (("format",), True),
         (("contestant", "name"), 5),
+        (("contestant", "program"), "x"),
+        (("seed",), {"a": 1}),
+        (("seconds",), "x"),
+        (("seconds",), 10**400),
+        (("limits", "seconds"), 10**400),
+        (("limits", "memory_bytes"), float("nan")),
+        (("figures", "efficiency", "value"), 10**400),
+        (("figures", "efficiency", "parts", 0, "draws"), "all"),
+        (("outcomes",), {"model": -1}),
         (("contestant", "name"), "  "),
         (("figures", "efficiency", "value"), "wide"),
         (("figures", "efficiency", "interval"), [1.0]),
@@ -75,6 +85,17 @@ def test_texts_that_are_no_json_are_refused(tmp_path: Path) -> None:
             ranked([path])
 
 
+def test_failures_that_theory_does_not_know_weigh_most(
+    written: list[Path], results: tuple[Result, ...], saved: Save
+) -> None:
+    """One figure that fails outweighs any number that fail as theory says."""
+    names = [entry.name for entry in ranked(written)]
+    assert names.index("oe") < names.index("okid")
+    assert names.index("armax") < names.index("oe")
+    failures = [count(entry.result.figures.values())[Verdict.FAILS] for entry in ranked(written)]
+    assert failures == sorted(failures) and failures[0] == 0 < failures[-1]
+
+
 def test_rows_of_one_run_need_no_note(written: list[Path]) -> None:
     assert notes(ranked(written[:3])) == []
 
@@ -100,6 +121,19 @@ def test_rows_that_do_not_compare_are_named(
     assert words in note
     assert "oe" in note
     assert "armax" in note
+
+
+def test_rows_that_are_not_whole_are_named(written: list[Path], results: tuple[Result, ...], saved: Save) -> None:
+    part = {name: results[1].figures[name] for name in ("efficiency", "speed")}
+    saved(written[1], replace(results[1], figures=part))
+    nothing = {name: replace(f, passed=None, parts=()) for name, f in results[2].figures.items()}
+    saved(written[2], replace(results[2], figures=nothing, outcomes={"refused": 853}))
+    saved(written[3], replace(results[3], figures=nothing))
+    said = notes(ranked(written[:4]))
+    assert len(said) == 3
+    assert "armax: 2 of 13" in said[0]
+    assert any("oe gave no model at all (853 × refused)" in note for note in said)
+    assert any("Nothing of okid could be judged" in note for note in said)
 
 
 def test_verdicts_of_figures(written: list[Path]) -> None:
