@@ -17,6 +17,9 @@ from sysid.polynomial_estimate import Realise
 NEGATIVE = 1e-6
 """So far below zero, relative to the largest, rounding may take an eigenvalue of a covariance."""
 
+MOST_PARAMETERS = 100
+"""With more parameters nothing is propagated to the response and the bandwidth: it would take seconds."""
+
 
 def check_covariance(name: str, matrix: FloatArray) -> None:
     """Check that a matrix is a covariance.
@@ -148,7 +151,7 @@ def response_and_interval(
     estimate: Estimate, task: Task
 ) -> tuple[FloatArray | None, tuple[FloatArray, FloatArray] | None]:
     """Covariance of the response (nf, ny, nu, 2, 2) and ends of the bandwidth's interval; None where not known."""
-    if not np.isfinite(estimate.covariance).all() or not len(estimate.parameters):
+    if not np.isfinite(estimate.covariance).all() or not 0 < len(estimate.parameters) <= MOST_PARAMETERS:
         return None, None
     with warnings.catch_warnings(), np.errstate(all="ignore"):
         warnings.simplefilter("ignore", SysidWarning)

@@ -15,11 +15,19 @@ from scenarios.dataset_scores.mat_numbers import read_mat_numbers
 from scenarios.datasets.netcdf import read_netcdf
 from scenarios.errors import ScenarioError
 
+NAN = float("nan")
+
 MODEL_STEM = "model"
 """Name of the file that a program writes, without its ending."""
 
 MOST_BYTES = 2**26
 """No file of a model is larger."""
+
+MOST_JSON = 2**22
+"""No text of a model is larger: it is read where there is no limit of time or memory."""
+
+MOST_AXES = 8
+"""Lists within lists in a text, at most."""
 
 
 def find_model(folder: Path) -> Path:
@@ -35,9 +43,10 @@ def find_model(folder: Path) -> Path:
     status = found[0].lstat()
     if not stat.S_ISREG(status.st_mode):
         raise NoModelError("malformed", f"{found[0].name} is no ordinary file")
-    if status.st_size > MOST_BYTES:
+    most = MOST_JSON if found[0].suffix == ".json" else MOST_BYTES
+    if status.st_size > most:
         raise NoModelError(
-            "malformed", f"{found[0].name} has {status.st_size} bytes, expected a model of at most {MOST_BYTES}"
+            "malformed", f"{found[0].name} has {status.st_size} bytes, expected a model of at most {most}"
         )
     return found[0]
 
@@ -78,12 +87,14 @@ def _read_json(path: Path) -> dict[str, NDArray[np.float64]]:
 def _json_numbers(name: str, value: object) -> NDArray[np.float64]:
     """Numbers of JSON; null within them is NaN, as JSON cannot say that."""
     if isinstance(value, list):
-        value = _nan_for_null(value)
+        value = _nan_for_null(name, value, MOST_AXES)
     return real(name, value) if not (isinstance(value, list) and not value) else np.zeros(0)
 
 
-def _nan_for_null(value: list[object]) -> list[object]:
-    return [_nan_for_null(x) if isinstance(x, list) else (float("nan") if x is None else x) for x in value]
+def _nan_for_null(name: str, value: list[object], axes: int) -> list[object]:
+    if axes == 0:
+        raise NoModelError("malformed", f"{name} has lists within lists, more than {MOST_AXES} deep, expected a matrix")
+    return [_nan_for_null(name, x, axes - 1) if isinstance(x, list) else (NAN if x is None else x) for x in value]
 
 
 def _read_mat(path: Path) -> dict[str, NDArray[np.float64]]:

@@ -23,8 +23,8 @@ from sysid.arrays import FloatArray
 Numbers = Mapping[str, FloatArray]
 """Real numbers by name."""
 
-MOST_ORDER = 300
-"""No model has more states."""
+MOST_ORDER = 100
+"""No model has more states: what is done with an answer has no other limit, and takes less than half a second then."""
 
 LARGEST = 1e60
 """No number of a model is larger."""
@@ -48,6 +48,7 @@ def answer_of(numbers: Numbers, data: IOData, task: Task) -> Answer:
     _check_names(numbers)
     _check_finite(numbers)
     _check_dt(numbers, data)
+    _check_lengths(numbers)
     polynomials = polynomials_of(numbers, data)
     innovation = numbers.get("innovation_covariance")
     if innovation is not None:
@@ -148,6 +149,16 @@ def _check_dt(numbers: Numbers, data: IOData) -> None:
             "malformed",
             f"dt = {float(dt.ravel()[0]):g} given, expected a discrete-time model with that of the record, {data.dt:g}",
         )
+
+
+def _check_lengths(numbers: Numbers) -> None:
+    """Refuse what would be a model of too many states before it is made."""
+    for name in (*POLYNOMIALS, *FRACTION):
+        length = max(numbers[name].shape, default=0) if name in numbers else 0
+        if length > MOST_ORDER + 1:
+            raise NoModelError(
+                "malformed", f"{name} of shape {numbers[name].shape} given, expected at most {MOST_ORDER + 1} in a row"
+            )
 
 
 def _state_space(numbers: Numbers, data: IOData, innovation: FloatArray | None) -> StateSpace:

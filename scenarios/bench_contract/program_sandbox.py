@@ -1,8 +1,6 @@
 """Programs in any language: the record is written to files, the program writes its model to one."""
 
 import json
-import shutil
-import tempfile
 import time
 from collections.abc import Mapping
 from pathlib import Path
@@ -14,6 +12,7 @@ from scenarios.bench_contract.model_file import find_model
 from scenarios.bench_contract.model_reader import ModelReader
 from scenarios.bench_contract.no_model import NoModelError
 from scenarios.bench_contract.outcome import REFUSED, Outcome
+from scenarios.bench_contract.own_folder import OwnFolder, check_room
 from scenarios.bench_contract.python_sandbox import GRACE, NEARLY, outcome_of
 from scenarios.bench_contract.started import start
 from scenarios.bench_contract.supervised import Exchange, Supervised
@@ -59,17 +58,17 @@ class ProgramSandbox:
         self._home = Path(contestant.home or ".").resolve()
         self._process: Supervised | None = None
         self._reader = ModelReader()
-        self._folder, self._asked = Path(), 0
+        self._folder, self._asked = OwnFolder(), 0
         self._words: list[str] = []
 
     def __enter__(self) -> "ProgramSandbox":
         self._words = words(self._contestant)
-        self._folder = Path(tempfile.mkdtemp(prefix="hmtb-estimator-"))
+        self._folder.make()
         try:
             if self._contestant.stays:
                 self._start()
         except BaseException:
-            shutil.rmtree(self._folder, ignore_errors=True)
+            self._folder.remove()
             raise
         return self
 
@@ -78,19 +77,29 @@ class ProgramSandbox:
     ) -> None:
         self._end()
         self._reader.__exit__(kind, error, trace)
-        shutil.rmtree(self._folder, ignore_errors=True)
+        self._folder.remove()
 
     def ask(self, data: IOData, task: Task) -> Outcome:
         """Ask once; see `open_sandbox`."""
         self._asked += 0 if self._contestant.stays else 1
-        folder = self._request_folder
-        if folder.is_symlink():
-            folder.unlink()
-        shutil.rmtree(folder, ignore_errors=True)
-        if folder.exists():
-            return Outcome("error", f"it left files that cannot be removed in {folder}")
-        folder.mkdir(parents=True)
-        write_task(folder, data, task, formats(self._contestant.target))
+        try:
+            folder = self._folder.new(str(self._asked))
+        except ScenarioError as error:
+            return Outcome("error", f"it left files that cannot be removed: {error}")
+        try:
+            write_task(folder, data, task, formats(self._contestant.target))
+        except OSError as error:
+            check_room(error)
+            return Outcome("error", f"the files of the record cannot be written to {folder}: {error.strerror}")
+        try:
+            return self._asked_in(folder, data, task)
+        finally:
+            if not self._contestant.stays:
+                # A full run asks thousands of times.
+                self._folder.clear(str(self._asked))
+
+    def _asked_in(self, folder: Path, data: IOData, task: Task) -> Outcome:
+        """Ask once; the files are in a folder."""
         told = self._told() if self._contestant.stays else self._run()
         if told.kind != RETURNED:
             return told
@@ -100,12 +109,14 @@ class ProgramSandbox:
             numbers = self._reader.read(find_model(folder))
         except NoModelError as error:
             fields |= {"kind": error.kind, "why": str(error)}
+        except OSError as error:
+            fields |= {"kind": "malformed", "why": f"the model cannot be read: {error.strerror}"}
         return outcome_of(fields, numbers, data, task, peak_bytes=told.peak_bytes)
 
     @property
     def _request_folder(self) -> Path:
         """A new one for each start of a program; one that stays knows its one from its command line."""
-        return self._folder / str(self._asked)
+        return self._folder.path / str(self._asked)
 
     @property
     def _places(self) -> dict[str, str]:
@@ -147,6 +158,8 @@ class ProgramSandbox:
         if process is None:
             raise ScenarioError("the sandbox is closed")
         process.forget_tail()
+        # A second answer to the last request is none to this one.
+        process.forget_replies()
         lines = AwaitedLine(SAYS)
         line = json.dumps(self._places) + "\n"
         got = process.exchange(

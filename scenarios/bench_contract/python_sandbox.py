@@ -1,7 +1,5 @@
 """A Python estimator in a process of its own, which stays from one request to the next as long as it behaves."""
 
-import shutil
-import tempfile
 from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
@@ -16,6 +14,7 @@ from scenarios.bench_contract.model_numbers import answer_of, unstable
 from scenarios.bench_contract.no_model import NoModelError
 from scenarios.bench_contract.nursery import SHARED, Nursery
 from scenarios.bench_contract.outcome import KINDS, MODEL, Outcome
+from scenarios.bench_contract.own_folder import OwnFolder
 from scenarios.bench_contract.record_on_wire import request
 from scenarios.bench_contract.supervised import Exchange, Supervised
 from scenarios.bench_contract.task import Task
@@ -29,6 +28,12 @@ LOADING = 120.0
 
 NEARLY = 0.9
 """A process that died with this part of its memory in use died of that."""
+
+MOST_MEMORY = 2**60
+"""No process has more, bytes."""
+
+UNSEEN = 0.25
+"""Processor time that an answer may take beyond twice what its own process says, s: to read and to write it."""
 
 GRACE = 0.5
 """How long a process may take to end after it has closed its pipe, s."""
@@ -46,12 +51,12 @@ class PythonSandbox:
         self._contestant, self._limits = contestant, limits
         self._process: Supervised | None = None
         self._nursery: Nursery | None = None
-        self._home, self._asked = Path(), 0
+        self._home, self._asked = OwnFolder(), 0
         self._at_rest = 0
 
     def __enter__(self) -> "PythonSandbox":
         # Its working folder is its own: some delete what they find there.
-        self._home = Path(tempfile.mkdtemp(prefix="hmtb-estimator-"))
+        self._home.make()
         SHARED.enter()
         try:
             self._start()
@@ -95,6 +100,9 @@ class PythonSandbox:
         if told["kind"] == "memory":
             # What it holds on to would count against the next answer.
             self._end()
+        if got.seconds > 2.0 * told["seconds"] + UNSEEN:
+            # Its own word leaves out what others of its processes did, or is not true.
+            told["seconds"] = got.seconds
         return outcome_of(told, numbers, data, task, peak_bytes=got.peak_bytes)
 
     def _start(self) -> None:
@@ -107,9 +115,7 @@ class PythonSandbox:
         home = Path(contestant.home or ".").resolve()
         self._nursery = SHARED.get()
         self._asked += 1
-        folder = self._home / str(self._asked)
-        folder.mkdir()
-        self._process = self._nursery.fork(folder)
+        self._process = self._nursery.fork(self._home.new(str(self._asked)))
         fields = {"target": contestant.target, "home": str(home), "memory_bytes": self._limits.memory_bytes}
         got = self._process.exchange(pack(fields), complete, seconds=LOADING, memory_bytes=2**40)
         why = {
@@ -162,7 +168,7 @@ class PythonSandbox:
     def _close(self) -> None:
         self._end()
         SHARED.leave()
-        shutil.rmtree(self._home, ignore_errors=True)
+        self._home.remove()
 
 
 def outcome_of(
@@ -204,4 +210,6 @@ def _told(fields: Mapping[str, Any]) -> dict[str, Any]:
         raise WireError(f"a reply with {', '.join(map(str, fields))[:100]}")
     if fields["kind"] not in ("returned", *KINDS) or fields["kind"] in (MODEL, "unstable"):
         raise WireError(f"a reply of kind {fields['kind'][:50]!r}")
+    if not (fields["seconds"] >= 0.0 and fields["wall"] >= 0.0 and 0 <= fields["peak_bytes"] <= MOST_MEMORY):
+        raise WireError("a reply whose times or memory are negative or no numbers")
     return dict(fields)

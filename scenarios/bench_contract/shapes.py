@@ -42,7 +42,7 @@ def real(name: str, value: Any) -> NDArray[np.float64]:
     """
     try:
         array = np.array(value)
-    except (ValueError, TypeError) as error:
+    except (ValueError, TypeError, OverflowError) as error:
         raise NoModelError(
             "malformed", f"{name} of type {type(value).__name__} given, expected real numbers"
         ) from error

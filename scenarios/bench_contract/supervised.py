@@ -24,6 +24,10 @@ LOOKS = 5
 """After so many looks it is looked for what has come of it: that means reading of every process there is."""
 
 
+UNASKED = 0.1
+"""How long what comes unasked is read before a request, s."""
+
+
 @dataclass(frozen=True)
 class Exchange:
     """What came of a request.
@@ -150,6 +154,12 @@ class Supervised:
         """Leave behind what was printed so far."""
         self._keep_tail()
         self._tail.clear()
+
+    def forget_replies(self) -> None:
+        """Leave behind what has come unasked."""
+        until = time.monotonic() + UNASKED
+        while self._pipes.reply >= 0 and read(self._pipes.reply) and time.monotonic() < until:
+            pass
 
     def end(self, grace: float = 0.0) -> None:
         """End it and all that came of it; its exit code and processor time are known then.

@@ -19,6 +19,12 @@ MOST_HEAD = 2**20
 MOST_BYTES = 2**28
 """Bytes of the numbers of a message, at most."""
 
+MOST_AXES = 8
+"""Axes of an array of a message, at most."""
+
+MOST_ARRAYS = 64
+"""Arrays of a message, at most."""
+
 _START = struct.Struct("<4sIQ")
 
 
@@ -84,7 +90,7 @@ def unpack(message: bytes | bytearray) -> tuple[dict[str, Any], dict[str, NDArra
     try:
         head = json.loads(bytes(message[_START.size : at]))
         fields, shapes = head["fields"], [(str(name), tuple(shape)) for name, shape in head["arrays"]]
-        if not isinstance(fields, dict) or any(type(n) is not int or n < 0 for _, shape in shapes for n in shape):
+        if not isinstance(fields, dict) or len(shapes) > MOST_ARRAYS or not all(map(_sensible, shapes)):
             raise ValueError("neither fields nor shapes")
     except (ValueError, TypeError, KeyError, RecursionError) as error:
         raise WireError(f"a message without a head: {error}") from error
@@ -96,6 +102,14 @@ def unpack(message: bytes | bytearray) -> tuple[dict[str, Any], dict[str, NDArra
         arrays[name] = values.astype(np.float64).reshape(shape)
         at += values.nbytes
     return fields, arrays
+
+
+def _sensible(named: tuple[str, tuple[Any, ...]]) -> bool:
+    """Whether an array can be of a shape: also one of no numbers has a limit to its other axes."""
+    _, shape = named
+    if len(shape) > MOST_AXES or any(type(n) is not int or not 0 <= n <= MOST_BYTES for n in shape):
+        return False
+    return 8 * prod(n for n in shape if n) <= MOST_BYTES
 
 
 def receive(end: int) -> bytes:

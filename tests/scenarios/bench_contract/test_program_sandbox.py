@@ -47,7 +47,7 @@ def test_whatever_it_does_is_an_outcome(data: sysid.IOData, task: Task, stays: b
     command = f"{sys.executable} -S programs.py {'stay' if stays else 'once'} {{task}} {{model}} {{csv}}"
     contestant = Contestant("program", command, program=True, stays=stays, home=str(HERE))
     with open_sandbox(contestant, Limits(seconds=1.0)) as sandbox:
-        folder = sandbox._folder
+        folder = sandbox._folder.path
         for number, name in enumerate(KINDS):
             if stays and name == "damaged":
                 # Read by the same process; it takes a second to start.
