@@ -15,9 +15,9 @@ from scenarios.thesis.comparison import Comparison
 from scenarios.thesis.study import run_study
 
 
-@pytest.fixture(scope="session")
+@pytest.fixture(scope="module")
 def nursery() -> Iterator[None]:
-    """The process that forks estimators: one for all tests of this process, instead of a second of loading for each."""
+    """The process that forks estimators: one for all tests of a module, instead of a second of loading for each."""
     SHARED.enter()
     yield
     SHARED.leave()
