@@ -1,8 +1,11 @@
-"""Where results on one page are not comparable."""
+"""Where results on one page are not comparable, or not whole."""
 
 from collections.abc import Callable, Sequence
 
+from scenarios.bench_contract.outcome import MODEL
 from scenarios.leaderboard.entry import Entry, shown
+from scenarios.leaderboard.reading import FIGURES
+from scenarios.leaderboard.verdict import Verdict, verdict
 
 CONDITIONS: dict[str, tuple[Callable[[Entry], str], str]] = {
     "seed": (
@@ -48,7 +51,7 @@ def runs(entries: Sequence[Entry]) -> list[list[Entry]]:
 
 
 def notes(entries: Sequence[Entry]) -> list[str]:
-    """What a reader who compares rows must know, a sentence each; none where all is equal and of one run."""
+    """What a reader who compares rows must know, a sentence each; none where all is equal, whole and of one run."""
     said = []
     for condition, (_, consequence) in CONDITIONS.items():
         found = groups(entries, condition)
@@ -67,6 +70,22 @@ def notes(entries: Sequence[Entry]) -> list[str]:
             + "; ".join(parts)[1:]
             + "."
         )
+    return said + incomplete(entries)
+
+
+def incomplete(entries: Sequence[Entry]) -> list[str]:
+    """What is not there to be compared: figures that were not made, rows in which nothing was judged."""
+    said = []
+    parts = [(entry, made) for entry in entries if (made := len(FIGURES.keys() & entry.result.figures)) < len(FIGURES)]
+    if parts:
+        told = "; ".join(f"{entry.name}: {made} of {len(FIGURES)}" for entry, made in parts)
+        said.append(f"Rows without all figures, of which fewer could pass or fail: {told}.")
+    for entry in entries:
+        if not entry.result.outcomes.get(MODEL):
+            ends = ", ".join(f"{n} × {shown(kind).replace('_', ' ')}" for kind, n in entry.result.outcomes.items() if n)
+            said.append(f"{entry.name} gave no model at all ({ends or 'no request'}): it has not passed anything.")
+        elif all(verdict(figure) is Verdict.NONE for figure in entry.result.figures.values()):
+            said.append(f"Nothing of {entry.name} could be judged: it has not passed anything.")
     return said
 
 

@@ -21,7 +21,7 @@ DRAWINGS: Mapping[str, Callable[[Sequence[Entry]], Drawn | None]] = {
     "coverage": lambda entries: parts_drawn(entries, "coverage", chosen="response"),
     "frequency_response": responses,
     "amplitude_split": splits,
-    "bias": lambda entries: parts_drawn(entries, "bias"),
+    "bias": lambda entries: parts_drawn(entries, "bias", far=True),
     "bandwidth": bandwidths,
 }
 """Drawings by figure; the others are told by their tables."""

@@ -7,6 +7,8 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
+from matplotlib.patheffects import withStroke
+from matplotlib.ticker import FuncFormatter, SymmetricalLogLocator
 
 from scenarios.bench_figures.figure import Part
 from scenarios.leaderboard.entry import Entry, shown
@@ -29,8 +31,12 @@ MOST = 8
 """Panels of a drawing; the table has the rest."""
 
 
+FAR = 10.0
+"""Value from which on an axis that may be is logarithmic."""
+
+
 def parts_drawn(
-    entries: Sequence[Entry], name: str, *, logarithmic: bool = False, chosen: str | None = None
+    entries: Sequence[Entry], name: str, *, logarithmic: bool = False, far: bool = False, chosen: str | None = None
 ) -> tuple[Figure, str] | None:
     """A panel for each part of a figure, a line for each estimator in it.
 
@@ -38,6 +44,7 @@ def parts_drawn(
         entries: The rows.
         name: Of the figure.
         logarithmic: Whether its axis is.
+        far: Whether values about 0 and far beyond 1 are both of interest: the axis is linear up to 1, then logarithmic.
         chosen: Parts are drawn whose labels hold this; all where none does.
 
     Returns:
@@ -69,6 +76,12 @@ def parts_drawn(
         axes.set_title(literal(shown(text)), fontsize=8, loc="left")
         if logarithmic:
             axes.set_xscale("log")
+        elif far and -1.0 < axes.dataLim.x0 < 1.0 and axes.dataLim.x1 > FAR:
+            low, high = axes.dataLim.intervalx
+            axes.set_xscale("symlog", linthresh=1.0)
+            axes.set_xlim(low - 0.2, 2.0 * high)
+            axes.xaxis.set_major_locator(SymmetricalLogLocator(base=10.0, linthresh=1.0))
+            axes.xaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
     for axes in list(panels.flat)[len(known) :]:
         axes.set_axis_off()
     panels[0, 0].set_ylim(len(entries) - 0.4, -0.6)
@@ -101,7 +114,14 @@ def _line(axes: Axes, line: int, part: Part, style: Style, logarithmic: bool) ->
     if not math.isfinite(part.value) or (logarithmic and part.value <= 0.0):
         word = "∞" if part.value == math.inf else "not measured"
         axes.annotate(
-            word, (0.02, line), xycoords=axes.get_yaxis_transform(), fontsize=6.5, color=BOUND.colour, va="center"
+            word,
+            (0.02, line),
+            xycoords=axes.get_yaxis_transform(),
+            fontsize=6.5,
+            color=BOUND.colour,
+            va="center",
+            path_effects=[withStroke(linewidth=2.5, foreground="white")],
+            zorder=3,
         )
         return
     ends = np.array(part.interval)

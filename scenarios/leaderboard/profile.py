@@ -91,10 +91,9 @@ def _figures(entry: Entry) -> Table:
                 Cell(shown(figure.why)),
             )
         )
+    caption = "Its figures: each by the part furthest beyond its limits, or nearest to them"
     columns = ("Figure", "Verdict", "Value", "Expected", "95 % interval", "Unit", "Why")
-    return Table(
-        "Its figures: each by its worst problem", columns, tuple(rows), (False,) * 2 + (True,) * 3 + (False,) * 2, False
-    )
+    return Table(caption, columns, tuple(rows), (False,) * 2 + (True,) * 3 + (False,) * 2, False)
 
 
 def _failing(entry: Entry) -> Table | None:

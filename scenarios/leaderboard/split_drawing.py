@@ -53,7 +53,9 @@ def splits(entries: Sequence[Entry]) -> tuple[Figure, str] | None:
         panels[0, column].xaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
         panels[0, column].xaxis.set_minor_locator(NullLocator())
         panels[0, column].set_xlim(ticks[0] / 1.5, ticks[-1] * 1.5)
+    low, high = _ends([rows[joint] for rows in found.values() for joint in joints if joint in rows])
     panels[0, 0].set_yscale("log")
+    panels[0, 0].set_ylim(low, high)
     panels[0, 0].yaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
     dress(panels.flat)
     for axes in panels.flat:
@@ -69,7 +71,8 @@ def splits(entries: Sequence[Entry]) -> tuple[Figure, str] | None:
     return figure, (
         "Errors of the response on the arm over the amplitude of the command, in percent of the linear part: what "
         "stays in the mean over waveforms, what differs between repeats, what differs between waveforms. Bars: 95 % "
-        "intervals; dotted: noise and distortion of the records themselves, without a model."
+        "intervals, cut off at the lower edge, where also stands what is 0; dotted: noise and distortion of the "
+        "records themselves, without a model. The limit is wide where an estimator scatters."
     )
 
 
@@ -98,6 +101,20 @@ def _draw(axes: Axes, rows: Mapping[str, FloatArray]) -> None:
     for place, (key, (_, style)) in enumerate(KINDS.items()):
         at = rows["mrad"] * 1.06 ** (place - 1)  # beside each other, so that bars are told apart
         axes.plot(at, _positive(rows[key]), color=style.colour, marker=style.marker, ms=3.5, lw=1.0)
+        none = at[rows[key] == 0.0]
+        (edge,) = axes.plot(
+            none,
+            np.zeros(len(none)),
+            transform=axes.get_xaxis_transform(),
+            color=style.colour,
+            marker=style.marker,
+            mfc="white",
+            ms=3.5,
+            ls="",
+            clip_on=False,
+            zorder=4,
+        )
+        edge.set_in_layout(False)
         if f"{key}_interval" in rows:
             low, high = rows[f"{key}_interval"].T
             known = np.isfinite(low) & np.isfinite(high) & (high > 0.0)
@@ -107,6 +124,13 @@ def _draw(axes: Axes, rows: Mapping[str, FloatArray]) -> None:
             axes.plot(at, _positive(rows[f"expected_{key}"]), color=style.colour, lw=0.9, ls=":")
     if "systematic_limit" in rows:
         axes.plot(rows["mrad"], _positive(rows["systematic_limit"]), "_", color=BOUND.colour, ms=8)
+
+
+def _ends(tables: Sequence[Mapping[str, FloatArray]]) -> tuple[float, float]:
+    """Between which all marks lie; bars may be cut off."""
+    values = np.concatenate([v for rows in tables for key, v in rows.items() if key != "mrad" and v.ndim == 1])
+    values = values[np.isfinite(values) & (values > 0.0)]
+    return (values.min() / 2.0, values.max() * 2.0) if len(values) else (0.1, 100.0)
 
 
 def _positive(values: FloatArray) -> FloatArray:

@@ -1,6 +1,8 @@
 """The tables of the leaderboard."""
 
+import re
 from collections.abc import Sequence
+from math import isnan
 
 import numpy as np
 
@@ -17,6 +19,9 @@ MOST_COLUMNS = 8
 
 MOST_ROWS = 40
 """Problems in the rows of a table."""
+
+AT_WORST = re.compile(r" at [\d.e+-]+ Hz$")
+"""End of the label of a part at one frequency."""
 
 HEADLINE = ("efficiency", "noise_free_recovery", "coverage", "bias", "reliability", "speed")
 """Figures whose numbers stand in the first table."""
@@ -53,7 +58,7 @@ def standing(entries: Sequence[Entry]) -> Table:
         found = count(entry.result.figures.values())
         judged = sum(found.values()) - found[Verdict.NONE]
         cells = [
-            Cell(f"{found[Verdict.PASSES]} of {judged}", float(found[Verdict.PASSES])),
+            Cell(f"{found[Verdict.PASSES]} of {judged}" if judged else "none judged", float(found[Verdict.PASSES])),
             Cell(str(found[Verdict.FAILS]), float(found[Verdict.FAILS])),
             Cell(str(found[Verdict.FAILS_AS_THEORY_SAYS]), float(found[Verdict.FAILS_AS_THEORY_SAYS])),
         ]
@@ -61,8 +66,8 @@ def standing(entries: Sequence[Entry]) -> Table:
         cells.append(number_cell(float(np.median(errors)) if errors else float("nan")))
         rows.append((entry, [*cells, *(_value(entry.figure(name)) for name in columns)]))
     caption = (
-        "Figures passed of those judged, and each figure’s number on its worst problem; "
-        "response error: median over problems"
+        "Figures passed of those judged, and each figure’s number where it is furthest beyond its limits, or nearest "
+        "to them; response error: median over problems"
     )
     return table_of_entries(caption, ("Passed", "Fails", "Fails as theory says", "Response error / %", *headings), rows)
 
@@ -89,11 +94,13 @@ def by_part(entries: Sequence[Entry], name: str) -> Table | None:
     Returns:
         The table; None where the figure has no parts.
     """
-    labels = list(dict.fromkeys(p.label for e in entries if (f := e.figure(name)) for p in f.parts))
+    parts = [{_row(p): p for p in f.parts} if (f := entry.figure(name)) else {} for entry in entries]
+    labels = list(dict.fromkeys(label for found in parts for label in found))
+    known = {label for found in parts for label, p in found.items() if p.passed is not None or not isnan(p.value)}
+    labels = [label for label in labels if label in known] or labels
     if not labels:
         return None
-    judged = any(p.passed is not None for e in entries if (f := e.figure(name)) for p in f.parts)
-    parts = [{p.label: p for p in f.parts} if (f := entry.figure(name)) else {} for entry in entries]
+    judged = any(p.passed is not None for found in parts for p in found.values())
     caption = f"{title(entries, name)}{_in(unit(entries, name))}"
     if len(labels) <= MOST_COLUMNS:
         rows = [
@@ -110,10 +117,16 @@ def by_part(entries: Sequence[Entry], name: str) -> Table | None:
     return Table(caption, headings, lines, (False, *(True for _ in entries)))
 
 
+def _row(part: Part) -> str:
+    """Of which row a part is: the frequency that is worst is another for each estimator."""
+    return AT_WORST.sub(" at its worst frequency", part.label)
+
+
 def _part_cell(part: Part | None, judged: bool) -> Cell:
     if part is None:
         return Cell("", float("inf"))
-    told = f"95 % interval {pair(part.interval)}; passes: {pair(part.limits)}; {shown(part.why)}".rstrip("; ")
+    where = "" if _row(part) == part.label else f"{shown(part.label)}: "
+    told = f"{where}95 % interval {pair(part.interval)}; passes: {pair(part.limits)}; {shown(part.why)}".rstrip("; ")
     return number_cell(part.value, part_verdict(part) if judged else None, told)
 
 

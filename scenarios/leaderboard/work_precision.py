@@ -58,23 +58,24 @@ def _points(entry: Entry) -> FloatArray:
 
 
 def _labels(figure: Figure, wanted: dict[str, tuple[FloatArray, str]]) -> None:
-    """Names beside their marks, moved up or down as far as keeps them apart."""
+    """Names beside their marks, moved up or down as far as keeps them apart from one another and from all marks."""
     axes = figure.axes[0]
     figure.draw_without_rendering()
     unit = figure.dpi / 72.0
     places = {text: axes.transData.transform(at) for text, (at, _) in wanted.items()}
-    taken: list[tuple[float, float, float, float]] = []
+    half = 6.0 * unit
+    taken = [(x - half, y - half, x + half, y + half) for x, y in places.values()]
     right = axes.bbox.x1
     for text in sorted(wanted, key=lambda text: -places[text][1]):
         at, colour = wanted[text]
         lines = text.split("\n")
         width, height = 4.6 * unit * max(map(len, lines)), 9.5 * unit * len(lines)
         x, y = places[text]
-        left = x + width + 8 * unit > right
-        box_left = x - width - 8 * unit if left else x + 8 * unit
-        shift = 0.0
-        for step in range(40):
-            shift = (step + 1) // 2 * (-1) ** step * 4.0 * unit
+        fits = x + width + 8 * unit <= right
+        for step in range(80):
+            left = not fits or step % 2 == 1
+            box_left = x - width - 8 * unit if left else x + 8 * unit
+            shift = (step // 2 + 1) // 2 * (-1) ** (step // 2) * 4.0 * unit
             box = (box_left, y + shift - height / 2, box_left + width, y + shift + height / 2)
             if not any(b[0] < box[2] and box[0] < b[2] and b[1] < box[3] and box[1] < b[3] for b in taken):
                 break
@@ -90,5 +91,7 @@ def _labels(figure: Figure, wanted: dict[str, tuple[FloatArray, str]]) -> None:
             va="center",
             path_effects=[withStroke(linewidth=2.5, foreground="white")],
             zorder=4,
-            arrowprops={"arrowstyle": "-", "lw": 0.5, "color": colour} if abs(shift) > 6 * unit else None,
+            arrowprops={"arrowstyle": "-", "lw": 0.5, "color": colour, "relpos": (1.0 if left else 0.0, 0.5)}
+            if abs(shift) > 6 * unit
+            else None,
         )

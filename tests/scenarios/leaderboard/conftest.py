@@ -124,6 +124,8 @@ def figures(
         figure("speed", "Time of an estimate", "rulers", times),
         figure("bandwidth", "Recovered bandwidth", "Hz", (part("elbow_pitch prbs 67 mrad", 0.98, 0.98, ANY),),
                {"classes": hertz, "about_1_hz": [0.9, 1.1], "near": 3, "models": 30}),
+        *(figure(name, name, "", (part("all", NAN, NAN, ANY, "no verdict: no record was run"),))
+          for name in ("consistency", "normalised_error", "tests_and_orders", "agreement")),
     )  # fmt: skip
     return {f.name: f for f in made}
 

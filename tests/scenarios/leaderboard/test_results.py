@@ -143,7 +143,7 @@ def test_verdicts_of_figures(written: list[Path]) -> None:
     assert verdict(by_name["armax"].figures["speed"]) is Verdict.NONE
     assert verdict(None) is Verdict.NONE
     found = count(by_name["armax"].figures.values())
-    assert (found[Verdict.PASSES], found[Verdict.NONE], found[Verdict.FAILS]) == (7, 2, 0)
+    assert (found[Verdict.PASSES], found[Verdict.NONE], found[Verdict.FAILS]) == (7, 6, 0)
     # A file whose figure says that it passes and whose part says otherwise fails.
     figure = by_name["okid"].figures["efficiency"]
     assert verdict(replace(figure, passed=True)) is Verdict.FAILS
