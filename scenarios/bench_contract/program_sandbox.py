@@ -8,13 +8,13 @@ from types import TracebackType
 
 from scenarios.bench_contract.command_line import filled, formats, paths, words
 from scenarios.bench_contract.contestant import Contestant, Limits
+from scenarios.bench_contract.launcher import Launcher
 from scenarios.bench_contract.model_file import find_model
 from scenarios.bench_contract.model_reader import ModelReader
 from scenarios.bench_contract.no_model import NoModelError
 from scenarios.bench_contract.outcome import REFUSED, Outcome
 from scenarios.bench_contract.own_folder import OwnFolder, check_room
 from scenarios.bench_contract.python_sandbox import GRACE, NEARLY, outcome_of
-from scenarios.bench_contract.started import start
 from scenarios.bench_contract.supervised import Exchange, Supervised
 from scenarios.bench_contract.task import PROTOCOL, Task
 from scenarios.bench_contract.task_files import write_task
@@ -57,6 +57,7 @@ class ProgramSandbox:
         self._contestant, self._limits = contestant, limits
         self._home = Path(contestant.home or ".").resolve()
         self._process: Supervised | None = None
+        self._launcher: Launcher | None = None
         self._reader = ModelReader()
         self._folder, self._asked = OwnFolder(), 0
         self._words: list[str] = []
@@ -65,9 +66,11 @@ class ProgramSandbox:
         self._words = words(self._contestant)
         self._folder.make()
         try:
+            self._launcher = Launcher()
             if self._contestant.stays:
                 self._start()
         except BaseException:
+            self._close_launcher()
             self._folder.remove()
             raise
         return self
@@ -76,6 +79,7 @@ class ProgramSandbox:
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
         self._end()
+        self._close_launcher()
         self._reader.__exit__(kind, error, trace)
         self._folder.remove()
 
@@ -126,9 +130,9 @@ class ProgramSandbox:
         """Run the program once."""
         begun = time.monotonic()
         try:
-            process = start(filled(self._words, self._places), folder=self._home, environment={}, channel="none")
-        except OSError as error:
-            return Outcome("error", f"it cannot be started: {error.strerror}")
+            process = self._launch()
+        except ScenarioError as error:
+            return Outcome("error", str(error))
         got = process.exchange(
             b"", lambda _: False, seconds=self._limits.seconds, memory_bytes=self._limits.memory_bytes
         )
@@ -174,6 +178,22 @@ class ProgramSandbox:
         kind = {"done": RETURNED, REFUSED: REFUSED}.get(word, "error")
         return Outcome(kind, "" if kind == RETURNED else text.strip()[:TOLD], got.seconds, got.wall, got.peak_bytes)
 
+    def _launch(self) -> Supervised:
+        """Start the program, by a process that is there before the clock runs, unless a program has ended it.
+
+        Raises:
+            ScenarioError: It cannot be started.
+        """
+        if self._launcher is None or not self._launcher.alive:
+            self._close_launcher()
+            self._launcher = Launcher()
+        return self._launcher.start(filled(self._words, self._places), self._home, talks=self._contestant.stays)
+
+    def _close_launcher(self) -> None:
+        launcher, self._launcher = self._launcher, None
+        if launcher is not None:
+            launcher.close()
+
     def _start(self) -> None:
         """Start a program that stays.
 
@@ -181,11 +201,9 @@ class ProgramSandbox:
             ScenarioError: It cannot be started, or does not say that it is ready.
         """
         try:
-            self._process = start(
-                filled(self._words, self._places), folder=self._home, environment={}, channel="standard"
-            )
-        except OSError as error:
-            raise ScenarioError(f"{self._contestant.target!r} cannot be started: {error.strerror}") from error
+            self._process = self._launch()
+        except ScenarioError as error:
+            raise ScenarioError(f"{self._contestant.target!r}: {error}") from error
         lines = AwaitedLine(("ready",))
         got = self._process.exchange(b"", lines, seconds=STARTING, memory_bytes=2**40)
         if got.end == "answered" and lines.found == READY:

@@ -4,7 +4,6 @@ Whatever the function prints goes elsewhere. Nothing that it returns is run anyw
 """
 
 import contextlib
-import ctypes
 import importlib
 import importlib.util
 import os
@@ -21,7 +20,7 @@ from scenarios.bench_contract.memory_limit import limit_memory
 from scenarios.bench_contract.no_model import NoModelError
 from scenarios.bench_contract.nursery import FORK, NUMBER, WAIT
 from scenarios.bench_contract.outcome import REFUSED
-from scenarios.bench_contract.parent_death import die_with_parent
+from scenarios.bench_contract.parent_death import die_with_parent, take_orphans
 from scenarios.bench_contract.process_tree import end_all, family
 from scenarios.bench_contract.record_on_wire import requested
 from scenarios.bench_contract.returned import numbers_of
@@ -35,9 +34,6 @@ TOLD = 500
 
 LONGEST_PATH = 2**14
 
-_SUBREAPER = 36
-"""Of Linux's prctl: orphans become children of this process, not of the first of the system."""
-
 
 def bear(control: socket.socket) -> None:
     """Fork a process for each request to, until there are no more; see `Nursery`.
@@ -45,7 +41,7 @@ def bear(control: socket.socket) -> None:
     Args:
         control: Over which requests come: the folder to run in with three pipes, or a process to wait for.
     """
-    _take_orphans()
+    take_orphans()
     this = os.getpid()
     while True:
         message, pipes, _, _ = socket.recv_fds(control, LONGEST_PATH, 3)
@@ -72,7 +68,7 @@ def _live(folder: str, request: int, reply: int, printed: int) -> NoReturn:
     code = 1
     try:
         os.setsid()
-        _take_orphans()
+        take_orphans()
         os.chdir(folder)
         for standard in (1, 2):
             os.dup2(printed, standard)
@@ -86,12 +82,6 @@ def _live(folder: str, request: int, reply: int, printed: int) -> NoReturn:
             sys.stdout.flush()
             sys.stderr.flush()
         os._exit(code)
-
-
-def _take_orphans() -> None:
-    """Let orphans become children of this process, not of the first of the system."""
-    with contextlib.suppress(OSError, AttributeError):
-        ctypes.CDLL(None).prctl(_SUBREAPER, 1, 0, 0, 0)
 
 
 def serve(request: int, reply: int) -> None:

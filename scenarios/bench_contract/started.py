@@ -1,4 +1,4 @@
-"""Starts a program in a session of its own, supervised."""
+"""Starts a process of ours in a session of its own, supervised."""
 
 import os
 import subprocess
@@ -21,39 +21,31 @@ ONE_THREAD = {
 }
 """With one thread each, times of estimators compare."""
 
-CHANNELS = ("own", "standard", "none")
-"""Requests and replies over pipes of its own, over standard input and output, or not at all."""
 
-
-def start(command: Sequence[str], *, folder: Path, environment: Mapping[str, str], channel: str = "own") -> Supervised:
-    """Start a program.
+def start(command: Sequence[str], *, folder: Path, environment: Mapping[str, str]) -> Supervised:
+    """Start a process.
 
     Args:
-        command: Program and arguments; with a channel of its own, `{request}` and `{reply}` become the numbers of its
-            pipes.
+        command: Program and arguments; `{request}` and `{reply}` become the numbers of its pipes.
         folder: In which it runs.
         environment: Added to this process's own.
-        channel: One of `CHANNELS`.
 
     Raises:
         OSError: It cannot be started.
     """
-    if channel not in CHANNELS:
-        raise ValueError(f"channel {channel!r} given, expected one of {', '.join(CHANNELS)}")
     mark = uuid.uuid4().hex
-    pipes = Pipes.open(channel=channel != "none")
+    pipes = Pipes.open(channel=True)
     request, reply, printed = pipes.theirs
-    own, standard = channel == "own", channel == "standard"
-    numbers = {"{request}": str(request), "{reply}": str(reply)} if own else {}
+    numbers = {"{request}": str(request), "{reply}": str(reply)}
     try:
         process = subprocess.Popen(
             [numbers.get(word, word) for word in command],
-            stdin=request if standard else subprocess.DEVNULL,
-            stdout=reply if standard else printed,
+            stdin=subprocess.DEVNULL,
+            stdout=printed,
             stderr=printed,
             cwd=folder,
             env=child_environment(environment, mark),
-            pass_fds=(request, reply) if own else (),
+            pass_fds=(request, reply),
             start_new_session=True,
             # It sets a flag and takes no lock, whatever other threads hold.
             preexec_fn=partial(die_with_parent, os.getpid()),

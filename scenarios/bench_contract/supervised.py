@@ -7,7 +7,7 @@ import time
 from collections.abc import Callable
 from dataclasses import dataclass
 
-from scenarios.bench_contract import process_tree
+from scenarios.bench_contract import process_tree, shared_memory_left
 from scenarios.bench_contract.pipes import Pipes, read
 from scenarios.bench_contract.wire import WireError
 
@@ -70,6 +70,7 @@ class Supervised:
         self._tail = bytearray()
         self._members = [pid]
         self._over = False
+        self._shared_before, self._shared = shared_memory_left.names(), set[str]()
         self.exit_code: int | None = None
         self.usage_seconds = float("nan")
         self._life = os.pidfd_open(pid)
@@ -134,6 +135,7 @@ class Supervised:
             if time.monotonic() >= look:
                 if looks % LOOKS == 0:
                     self._members = self._find()
+                    self._shared |= shared_memory_left.held(self._members)
                 looks += 1
                 held = process_tree.resident(self._members)
                 if held > memory_bytes:
@@ -170,8 +172,11 @@ class Supervised:
         if self._over:
             return
         select.select([self._life], [], [], grace)
+        self._shared |= shared_memory_left.held(self._find())
         self.exit_code, self.usage_seconds = self._finish()
         self._over = True
+        # What was there before it began belongs to others.
+        shared_memory_left.remove(self._shared - self._shared_before)
         self._keep_tail()
         self._pipes.close()
 

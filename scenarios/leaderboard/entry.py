@@ -118,15 +118,15 @@ def _wrong(result: Result) -> str:
             return f"{key} is {value!r}, expected a text"
     if not shown(contestant.name):
         return f"name {contestant.name!r} has no character that can be seen"
-    for key, value, kind in (
+    for key, given, wanted in (
         ("program", contestant.program, bool),
         ("stays", contestant.stays, bool),
         ("seed", result.seed, int),
         ("protocol", result.protocol, int),
         ("memory_bytes", result.limits.memory_bytes, int),
     ):
-        if type(value) is not kind or abs(value) > LARGEST:
-            return f"{key} is {str(value)[:80]}, expected {kind.__name__}"
+        if type(given) is not wanted or abs(given) > LARGEST:
+            return f"{key} is {str(given)[:80]}, expected {wanted.__name__}"
     limit = result.limits.seconds
     if type(limit) not in (int, float) or not limit <= LARGEST:
         return f"the limit of time is {str(limit)[:80]}, expected s"

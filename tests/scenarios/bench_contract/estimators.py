@@ -150,8 +150,18 @@ def shares_much(data, task):
     time.sleep(1000.0)
 
 
+def hides_its_time(data, task):
+    ours = sys.modules["__main__"]
+    now = ours.processor_seconds()
+    ours.processor_seconds = lambda: now
+    until = time.process_time() + 0.5
+    while time.process_time() < until:
+        pass
+    return GOOD
+
+
 BEHAVIOURS = (
     *(arx, refuses, raises, leaves, raises_without_words, none, wrong_dt, two_inputs, unstable, hollow),
     *(nan_covariance, negative_covariance, asks_for_much, floods, forks_and_answers, answers_twice, deletes_its_folder),
-    *(dies, hangs, writes_garbage, closes_everything, shares_much, ends_its_parent),
+    *(hides_its_time, dies, hangs, writes_garbage, closes_everything, shares_much, ends_its_parent),
 )

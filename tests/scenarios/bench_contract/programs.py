@@ -9,7 +9,21 @@ import time
 from pathlib import Path
 
 GOOD = {"dt": 0.02, "num": [0.0, 0.2], "den": [1.0, -0.8]}
-KINDS = ("good", "refuses", "fails", "dies", "hangs", "nothing", "two", "pipe", "damaged", "children")
+KINDS = (
+    "good",
+    "refuses",
+    "fails",
+    "dies",
+    "hangs",
+    "nothing",
+    "two",
+    "pipe",
+    "damaged",
+    "children",
+    "escapes",
+    "twice",
+    "fails",
+)
 
 
 def main(task: str, model: str) -> int:
@@ -38,6 +52,9 @@ def main(task: str, model: str) -> int:
         Path(f"{model}.mat").write_bytes(b"")
     if kind == "children":
         subprocess.Popen(["sleep", "1000"], start_new_session=True)
+    if kind == "escapes":
+        # Out of its session, without its environment, and of a parent that is gone.
+        subprocess.run(["/usr/bin/env", "-i", "setsid", "sh", "-c", "(sleep 1000.25 &); exit 0"], check=True)
     written.write_text(json.dumps(GOOD))
     return 0
 
@@ -46,8 +63,12 @@ def stay() -> None:
     print("a banner\nready 1", flush=True)
     for line in sys.stdin:
         paths = json.loads(line)
+        kind = KINDS[json.loads(Path(paths["task"]).read_text())["seed"]]
         code = main(paths["task"], paths["model"])
         print({0: "done", 77: "refused"}.get(code, "error"), "and so on", flush=True)
+        if kind == "twice":
+            time.sleep(0.01)
+            print("done", flush=True)
 
 
 if __name__ == "__main__":

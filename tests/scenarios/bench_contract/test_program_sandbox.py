@@ -5,6 +5,7 @@ import re
 import shlex
 import shutil
 import sys
+import time
 from dataclasses import replace
 from pathlib import Path
 
@@ -36,6 +37,8 @@ EXPECTED = {
     "pipe": ("malformed", "model.json is no ordinary file"),
     "damaged": ("malformed", "model.nc is not a NetCDF4 file, or a damaged one"),
     "children": ("model", ""),
+    "escapes": ("model", ""),
+    "twice": ("model", ""),
 }
 OTHERS = ({"structure": "oe", "orders": {"nb": 1, "nf": 1, "nk": 1}}, {"orders": {}})
 """What the examples refuse."""
@@ -55,9 +58,16 @@ def test_whatever_it_does_is_an_outcome(data: sysid.IOData, task: Task, stays: b
             kind, why = (STAYS if stays else EXPECTED)[name]
             got = sandbox.ask(data, replace(task, seed=number))
             assert (got.kind, why in got.why) == (kind, True), f"{name}: {got}"
-        assert sandbox.ask(data, replace(task, seed=0)).kind == "model"
+            # The files of each request are gone, but for those of a program that was told where they are.
+            assert stays or not list(folder.iterdir())
+            if stays and name == "twice":
+                # Its second answer is none to the next request.
+                time.sleep(0.1)
+        got = sandbox.ask(data, replace(task, seed=0))
+        assert got.kind == "model", got.why
     assert not folder.exists()
     assert not [pid for pid in process_tree.family(os.getpid()) if b"sleep" in process_tree._read(pid, "cmdline")]
+    assert not [pid for pid in process_tree._pids() if b"1000.25" in process_tree._read(pid, "cmdline")]
 
 
 @pytest.mark.parametrize(
