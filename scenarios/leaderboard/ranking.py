@@ -10,7 +10,7 @@ from scenarios.leaderboard.verdict import Verdict, count
 
 RULE = (
     "Rows are ordered by the number of figures that fail where theory expects them to pass, the fewest first; then by "
-    "the number of figures passed; then by efficiency on the worst problem that theory expects to pass; then by name. "
+    "the number of figures passed; then by the number that stands for efficiency, the smallest first; then by name. "
     "No score is made of several figures: which of them matters depends on what the model is for."
 )
 
