@@ -76,10 +76,17 @@ def notes(entries: Sequence[Entry]) -> list[str]:
 def incomplete(entries: Sequence[Entry]) -> list[str]:
     """What is not there to be compared: figures that were not made, rows in which nothing was judged."""
     said = []
-    parts = [(entry, made) for entry in entries if (made := len(FIGURES.keys() & entry.result.figures)) < len(FIGURES)]
+    parts: dict[int, list[Entry]] = {}
+    for entry in entries:
+        made = len(FIGURES.keys() & entry.result.figures)
+        if made < len(FIGURES):
+            parts.setdefault(made, []).append(entry)
     if parts:
-        told = "; ".join(f"{entry.name}: {made} of {len(FIGURES)}" for entry, made in parts)
-        said.append(f"Rows without all figures, of which fewer could pass or fail: {told}.")
+        told = "; ".join(
+            f"{made} of {len(FIGURES)}: {'all rows' if len(group) == len(entries) > 1 else names(group)}"
+            for made, group in parts.items()
+        )
+        said.append(f"Rows without all figures, of which fewer could pass or fail. {told}.")
     for entry in entries:
         if not entry.result.outcomes.get(MODEL):
             ends = ", ".join(f"{n} × {shown(kind).replace('_', ' ')}" for kind, n in entry.result.outcomes.items() if n)

@@ -112,7 +112,7 @@ def _line(axes: Axes, line: int, part: Part, style: Style, logarithmic: bool) ->
             axes.text(limit, line, sign, color=BOUND.colour, fontsize=9, ha="center", va="center", clip_on=True)
             axes.update_datalim([(limit, line)])
     if not math.isfinite(part.value) or (logarithmic and part.value <= 0.0):
-        word = "∞" if part.value == math.inf else "not measured"
+        word = "∞" if part.value == math.inf else "no value"
         axes.annotate(
             word,
             (0.02, line),

@@ -13,6 +13,9 @@ from scenarios.leaderboard.style import label, styles
 from scenarios.thesis.figure_style import WIDTH, dress
 from sysid.arrays import FloatArray
 
+MOST_NAMES = 12
+"""Estimators that are called by their names; more by their numbers alone."""
+
 
 def work_precision(entries: Sequence[Entry]) -> tuple[Figure, str] | None:
     """A large mark for each estimator at the medians over problems, a small one for each problem.
@@ -37,14 +40,16 @@ def work_precision(entries: Sequence[Entry]) -> tuple[Figure, str] | None:
     axes.autoscale_view()
     plain_marks(axes.xaxis, axes.get_xlim())
     plain_marks(axes.yaxis, axes.get_ylim())
-    _labels(figure, {label(entry): (np.median(points, axis=0), looks[entry.number].colour) for entry, points in clouds})
+    few = len(clouds) <= MOST_NAMES
+    names = {entry.number: label(entry) if few else str(entry.number) for entry, _ in clouds}
+    _labels(figure, {names[e.number]: (np.median(points, axis=0), looks[e.number].colour) for e, points in clouds})
     present = {entry.number for entry, _ in clouds}
     absent = [entry.name for entry in entries if entry.number not in present]
     caption = (
         "Accuracy against time, both better to the lower left. Large marks: median over problems; small ones: single "
         "problems. The error is relative to the true response; a ruler is the time of a fixed least-squares problem on "
         "the same record in the same run."
-    )
+    ) + ("" if few else " Numbers are those of the tables.")
     return figure, caption + (f" Without both numbers: {', '.join(absent)}." if absent else "")
 
 

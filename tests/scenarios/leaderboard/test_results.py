@@ -131,7 +131,7 @@ def test_rows_that_are_not_whole_are_named(written: list[Path], results: tuple[R
     saved(written[3], replace(results[3], figures=nothing))
     said = notes(ranked(written[:4]))
     assert len(said) == 3
-    assert "armax: 2 of 13" in said[0]
+    assert "2 of 13: armax." in said[0]
     assert any("oe gave no model at all (853 × refused)" in note for note in said)
     assert any("Nothing of okid could be judged" in note for note in said)
 
