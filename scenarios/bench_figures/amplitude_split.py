@@ -30,6 +30,9 @@ ALLOWED = {5: 5.0, 10: 5.0, 20: 3.0, 40: 2.0, 80: 2.0}
 Where friction rules, no model of low order is the best linear approximation, and the best are a few percent from it.
 """
 
+BLIND = 4.0
+"""Times what is allowed: where the limit lies beyond, scatter hides what should fail, and to pass says nothing."""
+
 WHY = (
     "root mean square over the lines, in percent of the linear part: mean over random-phase multisines of the "
     "difference from the nonparametric best linear approximation of the same records; 5 % are allowed at 5 mrad, "
@@ -85,8 +88,9 @@ class AmplitudeSplit:
                     rows.setdefault(joint, []).append({"mrad": mrad, **row})
         if not parts:
             parts = [unjudged("all joints", "no verdict: no record was run")]
-        judged = sum(part.passed is not None for part in parts)
-        return figure_of_parts(self.name, self.title, "%", parts, judged * false_alarm, WHY, _curves(rows))
+        # one whose limit is too wide to pass may still fail
+        limited = sum(bool(np.isfinite(part.limits[1])) for part in parts)
+        return figure_of_parts(self.name, self.title, "%", parts, limited * false_alarm, WHY, _curves(rows))
 
 
 def _parts(
@@ -115,15 +119,23 @@ def _parts(
         )
         for kind in ("noise", "distortion")
     ]
+    passed: bool | None = systematic.percent <= systematic.limit
+    why = theory.why or f"at most {systematic.limit:.3g} %: {allowed:g} % allowed, and the chance of its own scatter"
+    if passed and systematic.limit > BLIND * allowed:
+        passed = None
+        why = (
+            f"no verdict: its scatter is too large to tell: at most {systematic.limit:.3g} % would pass, "
+            f"and more than {BLIND * allowed:g} % must not"
+        )
     judged = Part(
         f"{label}, systematic",
         systematic.percent,
         0.0,
         systematic.interval,
         (-np.inf, systematic.limit),
-        systematic.percent <= systematic.limit,
+        passed,
         theory.passes,
-        theory.why,
+        why,
         systematic.waveforms,
     )
     return [judged, *told], row

@@ -23,7 +23,7 @@ from sysid.arrays import ComplexArray, FloatArray
 PROBLEMS = ("feedback", "feedback-arx", "shared")
 RECORDS = 40
 ALONE = "shared-alone"
-"""One of two inputs that share their waveform: what everyone finds there is the sum of both paths, and is told."""
+"""One of two inputs that share their waveform: what everyone finds there has the other path in it, and is told."""
 
 RECORDS_ALONE = 20
 DIRECTIONS = 4
@@ -148,7 +148,8 @@ def _alone(asked: Sequence[Measured], contestant: Contestant) -> Part:
         limits=(-np.inf, np.inf),
         passed=None,
         theory=False,
-        why=f"told, not judged: without the other input the response is {size:.3g} % off, by theory {expected:.3g} %",
+        why=f"told, not judged: without the other input the response is {size:.3g} % off; output error without noise "
+        f"is {expected:.3g} % off",
         draws=len(responses),
     )
 

@@ -17,8 +17,10 @@ from scenarios.bench_figures.perfect_records import (
     single_records,
 )
 from scenarios.bench_figures.response_statistics import covered
-from scenarios.bench_figures.theory import Expectation, expectation
+from scenarios.bench_figures.theory import Expectation
+from scenarios.bench_figures.theory_of_claims import ClaimsTheory
 from scenarios.bench_figures.worst_part import figure_of_parts, unjudged
+from scenarios.bench_problems.registry import problem
 from scenarios.bench_trials.measured import Measured
 from scenarios.bench_trials.trial import Trial
 from sysid.arrays import FloatArray
@@ -27,6 +29,8 @@ SHARE = 0.95
 JUDGED = Judgement(expected=SHARE, points=0.01, within=(0.0, 1.0))
 KINDS = ("parameters", "bandwidth", "response")
 NOT_CLAIMED = "no verdict: the estimator claims no interval of the {}"
+NOT_HELD = "no verdict: no {} model is the truth: the parameters that it claims have no true values"
+NOT_ASKED = "no verdict: the parameters that it claims are not those of the orders that were asked"
 
 
 @dataclass(frozen=True)
@@ -56,10 +60,13 @@ class Coverage:
         groups = by_problem(measured)
         budget = false_alarm * self.verdicts()
         share = budget / (len(KINDS) * (len(groups) + 1))
+        theories = {
+            name: ClaimsTheory(contestant, name, good).expectation(self.name) for name, (good, _) in groups.items()
+        }
         parts: list[Part] = []
         for kind in KINDS:
             given = [
-                _values(kind, good, run, name, contestant.structure, expectation(contestant, name, self.name))
+                _values(kind, good, run, name, contestant.structure, theories[name])
                 for name, (good, run) in groups.items()
             ]
             parts += [part_of_mean(values, JUDGED, share) for values in given]
@@ -80,17 +87,21 @@ def _values(
     kind: str, good: Sequence[Measured], run: int, name: str, structure: str | None, theory: Expectation
 ) -> Values:
     single: FloatArray | None
+    why_not = NOT_CLAIMED.format(kind)
     if kind == "parameters":
         known = [m for m in good if m.covered >= 0 and m.parameters > 0]
         values = np.array([m.covered / m.parameters for m in known])
         single = parameters_covered(name, structure)
+        if not known and any(m.parameters > 0 for m in good):
+            held = structure is None or problem(name).bound(structure) is not None
+            why_not = NOT_ASKED if held else NOT_HELD.format(structure)
     elif kind == "bandwidth":
         values = _bandwidths(good, name, structure)
         single = bandwidth_covered()
     else:
         values = claimed_records(good, name, structure, covered)
         single = single_records(name, structure, covered, SHARE)
-    return Values(f"{name} {kind}", values, run, single, theory, NOT_CLAIMED.format(kind), len(good))
+    return Values(f"{name} {kind}", values, run, single, theory, why_not, len(good))
 
 
 def _bandwidths(good: Sequence[Measured], name: str, structure: str | None) -> FloatArray:

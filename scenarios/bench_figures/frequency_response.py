@@ -15,7 +15,8 @@ from scenarios.bench_figures.part_of_mean import TOGETHER, Judgement, Values, pa
 from scenarios.bench_figures.perfect_mean import limits_of_moments
 from scenarios.bench_figures.perfect_records import bound_for, single_records
 from scenarios.bench_figures.response_statistics import free_parts, power, power_by_frequency
-from scenarios.bench_figures.theory import Expectation, expectation
+from scenarios.bench_figures.theory import Expectation
+from scenarios.bench_figures.theory_of_claims import ClaimsTheory
 from scenarios.bench_figures.worst_part import excess, figure_of_parts, unjudged
 from scenarios.bench_problems.bound import response_covariance
 from scenarios.bench_problems.registry import problem
@@ -57,7 +58,7 @@ class FrequencyResponse:
         given: list[Values] = []
         parts: list[Part] = []
         for name, (good, run) in groups.items():
-            theory = expectation(contestant, name, self.name)
+            theory = ClaimsTheory(contestant, name, good).expectation(self.name)
             ratios = by_claim(good, name, structure, power_by_frequency)
             values = np.array([float(np.nanmean(one)) for one in ratios])
             given.append(

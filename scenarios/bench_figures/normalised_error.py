@@ -14,7 +14,7 @@ from scenarios.bench_figures.figure import Figure
 from scenarios.bench_figures.part_of_mean import TOGETHER, Judgement, Values, part_of_mean, parts_together
 from scenarios.bench_figures.perfect_records import SINGLES, single_records
 from scenarios.bench_figures.response_statistics import normalised
-from scenarios.bench_figures.theory import expectation
+from scenarios.bench_figures.theory_of_claims import ClaimsTheory
 from scenarios.bench_figures.worst_part import figure_of_parts, unjudged
 from scenarios.bench_trials.measured import Measured
 from scenarios.bench_trials.trial import Trial
@@ -52,9 +52,8 @@ class NormalisedError:
         curves: dict[str, dict[str, object]] = {}
         for name, (good, run) in by_problem(measured).items():
             values, single, freedom = _of_problem(good, name, contestant.structure)
-            given.append(
-                Values(name, values, run, single, expectation(contestant, name, self.name), NOT_CLAIMED, len(good))
-            )
+            theory = ClaimsTheory(contestant, name, good).expectation(self.name)
+            given.append(Values(name, values, run, single, theory, NOT_CLAIMED, len(good)))
             if enough(len(values), run) and np.isfinite(values).all():
                 curves[name] = {
                     "of": "parameters" if freedom else "response",

@@ -10,10 +10,11 @@ from scipy.stats import binom, chi2
 from scenarios.bench_contract.contestant import Contestant
 from scenarios.bench_contract.outcome import MODEL, REFUSED
 from scenarios.bench_contract.task import Task
+from scenarios.bench_figures.efficiency import power_against_bound
 from scenarios.bench_figures.figure import DRAWS, Figure, Part
 from scenarios.bench_figures.perfect_records import bound_for
 from scenarios.bench_figures.reliability import interval_of_share
-from scenarios.bench_figures.theory import Expectation, expectation
+from scenarios.bench_figures.theory import INDEPENDENCE, Expectation, expectation
 from scenarios.bench_figures.worst_part import figure_of_parts, unjudged
 from scenarios.bench_problems.problem import Bound
 from scenarios.bench_problems.registry import problem
@@ -37,6 +38,9 @@ POWER = 0.95
 
 HITS = 0.9
 """Share of right orders that a choice must at least have in the mean; consistent criteria have more."""
+
+SMALL = 2.0
+"""Mean square error, in bounds, that the test of independence must not show."""
 
 SINGLES = 100_000
 SEED = 20_009
@@ -65,8 +69,8 @@ class ResidualTestsAndOrders:
         )
 
     def verdicts(self) -> int:
-        """Whiteness and independence per problem; a perfect estimator gives no model of too low an order."""
-        return 2 * len(PROBLEMS)
+        """Whiteness, independence and power per problem, and the choice where orders are chosen."""
+        return 3 * len(PROBLEMS) + len(SELECTED)
 
     def figure(
         self, measured: Sequence[Measured], contestant: Contestant, false_alarm: float, referee: Sequence[Measured]
@@ -113,6 +117,8 @@ def _size(
     share = size_of_independent_estimate(count)
     most = int(binom.isf(false_alarm, len(known), share))
     theory = _theory(contestant, name)
+    if test == INDEPENDENCE and not theory.passes:
+        theory = _theory_of_independence(contestant, name, known)
     return _part(label, found, known, 100.0 * LEVEL, (-np.inf, 100.0 * most / len(known)), theory.passes, theory.why)
 
 
@@ -186,6 +192,27 @@ def _theory(contestant: Contestant, name: str) -> Expectation:
         False,
         f"{efficient.why}; what its error has beyond the bound shows in the residuals, and criteria of orders compare "
         "minima that it does not look for",
+    )
+
+
+def _theory_of_independence(contestant: Contestant, name: str, known: Sequence[Measured]) -> Expectation:
+    """Of residuals and past inputs, both whitened: a model of the disturbance is not needed, if the error is small.
+
+    An unbiased estimate is an efficient one with an independent error [Rao1973, sec. 5a]. The limit holds an error of
+    one bound that is independent of the record, and more where, as here, all but what lies beyond the bound depends on
+    it.
+    """
+    own = expectation(contestant, name, INDEPENDENCE)
+    if not own.passes:
+        return own
+    errors = power_against_bound([m for m in known if m.response is not None], name, contestant.structure)
+    size = float(np.mean(errors)) if len(errors) else np.inf
+    if size <= SMALL:
+        return Expectation(True)
+    return Expectation(
+        False,
+        f"{expectation(contestant, name, 'efficiency').why}; independence of past inputs would stand, but with a mean "
+        f"square error of {size:.3g} times the bound what it has beyond the bound shows in the residuals",
     )
 
 

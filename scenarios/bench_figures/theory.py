@@ -19,6 +19,10 @@ CLAIMS = ("coverage", "normalised_error", "frequency_response")
 
 ACCURACY = (*CONSISTENT, "efficiency", *CLAIMS)
 TESTS = "tests_and_orders"
+INDEPENDENCE = "independence"
+"""The part of `TESTS` that looks at residuals and past inputs; both are whitened first, whatever the disturbance."""
+
+BIAS, BIAS_AND_SCATTER = "bias", "bias and scatter"
 
 
 @dataclass(frozen=True)
@@ -42,16 +46,20 @@ class Limitation:
     Attributes:
         fails: Names of the figures.
         why: Reason and reference.
+        claims: What makes claims fail: `BIAS` alone, `BIAS_AND_SCATTER`, since a wrong model of the disturbance spoils
+            the claimed covariance too, or neither of them; see `scenarios.bench_figures.theory_of_claims`.
     """
 
     fails: tuple[str, ...]
     why: str
+    claims: str = ""
 
 
 FEEDBACK_INPUT = Limitation(
     ACCURACY,
     "its method takes the input as independent of the disturbance; feedback makes it depend on it, and the estimate "
     "biased [Ljung1999, ch. 13; Soderstrom1989, ch. 10]",
+    BIAS,
 )
 INSTRUMENTS_FEEDBACK = Limitation(
     ACCURACY,
@@ -65,19 +73,21 @@ FEEDBACK_NOISE = Limitation(
     "[Ljung1999, ch. 13]",
 )
 EQUATION_ERROR = Limitation(
-    (*ACCURACY, TESTS),
+    (*ACCURACY, TESTS, INDEPENDENCE),
     "least squares are biased unless the disturbance is white equation error: past outputs carry it "
     "[Ljung1999, sec. 7.3]",
+    BIAS_AND_SCATTER,
 )
 OUTPUT_ERROR = Limitation(
     ("efficiency", *CLAIMS, TESTS),
     "under a coloured disturbance output error is consistent in open loop, but not efficient, and intervals that take "
-    "it as white are wrong; residuals are not white [Ljung1999, ch. 8 and 9]",
+    "it as white are wrong; residuals are not white, though independent of past inputs [Ljung1999, ch. 8 and 9]",
 )
 WRONG_DISTURBANCE = Limitation(
-    (*ACCURACY, TESTS),
+    (*ACCURACY, TESTS, INDEPENDENCE),
     "the structure has poles in common between input and disturbance and cannot hold this disturbance: what is "
     "estimated is a compromise of both [Ljung1999, ch. 8]",
+    BIAS_AND_SCATTER,
 )
 INSTRUMENTS = Limitation(
     ("efficiency",),
@@ -95,10 +105,11 @@ SUBSPACE = Limitation(
     "subspace projections minimise no likelihood: consistent, above the Cramér-Rao bound [VanOverschee1996, ch. 3]",
 )
 OBSERVER = Limitation(
-    (*ACCURACY, TESTS),
+    (*ACCURACY, TESTS, INDEPENDENCE),
     "p observer Markov parameters truncate what the disturbance would need, and a realisation of low order weighs them "
     "without regard to how well each is known: above the Cramér-Rao bound, biased where p or the order is low, and the "
     "claimed covariance knows nothing of the bias [Juang1993]",
+    BIAS,
 )
 
 UNSTABLE_MODELS = {
@@ -116,7 +127,7 @@ def expectation(contestant: Contestant, name: str, figure: str) -> Expectation:
     Args:
         contestant: The estimator; everything is expected of it where its method is not said.
         name: Name of the problem.
-        figure: Key of the figure.
+        figure: Key of the figure, or `INDEPENDENCE`.
 
     Returns:
         Whether it passes, and why.

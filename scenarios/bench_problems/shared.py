@@ -9,7 +9,7 @@ from scenarios.bench_contract.task import Task
 from scenarios.bench_problems.linear_problem import BURN_IN, LinearProblem
 from scenarios.bench_problems.problem import Bound
 from scenarios.bench_problems.textbook import DT, binary_sequence, noise_variance
-from sysid import IOData, Polynomials, StateSpace, innovations_form
+from sysid import IOData, Polynomials, StateSpace, oe
 from sysid.arrays import ComplexArray, FloatArray, Locked
 
 SAMPLES = 2000
@@ -27,7 +27,7 @@ B2 = np.array([0.0, 0.04, 0.02])
 
 SHARED = {
     "shared": "two inputs, the second the first's waveform and three tenths of its own: both are given",
-    "shared-alone": "the same records, the first input alone: every estimate tends to the sum of both paths",
+    "shared-alone": "the same records, the first input alone: every estimate takes in the other path, nearly all of it",
 }
 """Names, with what they are."""
 
@@ -72,14 +72,20 @@ class SharedAlone(Locked):
 
     @cached_property
     def limit(self) -> StateSpace:
-        """What consistent estimates tend to: the sum of both paths."""
-        (b1, f), (b2, _) = (self.both.polynomials.channel(j) for j in range(2))
-        longest = max(len(b1), len(b2))
-        total = np.pad(b1, (0, longest - len(b1))) + np.pad(b2, (0, longest - len(b2)))
-        return innovations_form(Polynomials(B=total, F=f), self.both.dt)
+        """What output error tends to: its fit to the record without noise.
+
+        Nearly the sum of both paths, and more than it: the second input's own sequence has little in common with the
+        first's at lag 0, but something at others, and these two sequences are the same in each record. Structures with
+        a model of the disturbance weigh frequencies otherwise and tend to something close by.
+        """
+        signals = self.both.respond(self.both.reference, np.zeros(len(self.both.reference)))
+        record = IOData(signals.u[BURN_IN:, :1], signals.y[BURN_IN:], self.both.dt)
+        b, f = self.first.polynomials.channel(0)
+        delay = int(np.argmax(b != 0.0))
+        return oe(record, len(b) - delay, len(f) - 1, delay).model
 
     def expected_bias(self) -> ComplexArray:
-        """Of the response (nf, 1, 1): the other path, since the inputs' common part has the same size in both."""
+        """Of the response (nf, 1, 1): of `limit` less the truth."""
         return self.limit.frequency_response(self.frequencies) - self.truth.frequency_response(self.frequencies)
 
 

@@ -19,6 +19,7 @@ from scipy.stats import binomtest
 from scenarios.bench_figures.figure import Part
 from scenarios.bench_run.verify import RECORDS, Plan, verify
 from scenarios.bench_trials.local import Local
+from scenarios.commands.verify_numbers import limits, number
 from scenarios.contestants.registry import contestant
 
 MOST = 0.01
@@ -58,8 +59,7 @@ def _measure(runs: int, first: int, out: Path, workers: int | None) -> int:
             for part in figure.parts:
                 nearest[name] = max(nearest.get(name, 0.0), used(part) if part.passed is not None else 0.0)
                 if part.passed is False:
-                    low, high = part.limits
-                    print(f"seed {seed}: {name}, {part.label}: {part.value:.4g} (within {low:.4g} to {high:.4g})")
+                    print(f"seed {seed}: {name}, {part.label}: {number(part.value)} (passes: {limits(part.limits)})")
         failed += not result.passed
         sys.stdout.flush()
     interval = binomtest(failed, runs).proportion_ci(0.95)

@@ -96,3 +96,14 @@ def test_with_fewer_than_half_of_the_waveforms_there_is_no_verdict_on_a_class():
     assert found.passed is True
     assert [part.label for part in found.parts if "no verdict" in part.why] == [f"{JOINTS[0]} 5 mrad"]
     assert found.curves[JOINTS[0]]["mrad"] == [10, 40]
+
+
+def test_scatter_that_hides_what_should_fail_is_no_pass():
+    rng = np.random.default_rng(4)
+    wild = measured(lambda response: response * (1.2 + 0.5 * rng.standard_normal() + 0.5j * rng.standard_normal()))
+    parts = [part for part in figure(wild).parts if part.label.endswith("systematic")]
+    assert parts
+    assert not any(part.passed for part in parts)
+    assert any("scatter is too large to tell" in part.why for part in parts)
+    told = [part for part in figure(measured()).parts if part.passed]
+    assert all(f"at most {part.limits[1]:.3g} %" in part.why for part in told)

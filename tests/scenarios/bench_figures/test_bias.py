@@ -83,7 +83,7 @@ def test_what_one_input_alone_shows_is_told_beside_what_it_must_show() -> None:
     part = Bias().figure(measured, ANYONE, SHARE, ()).parts[-1]
     assert (part.label, part.passed, part.draws) == (ALONE, None, 20)
     assert part.value == pytest.approx(part.expected, rel=0.02)
-    assert "80 % off, by theory 80 %" in part.why
+    assert "83 % off; output error without noise is 83.1 % off" in part.why
     constant = [replace(m, response=bound.response) for m in measured]
     assert "no scatter" in Bias().figure(constant, ANYONE, SHARE, ()).parts[-1].why
 

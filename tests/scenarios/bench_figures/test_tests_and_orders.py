@@ -127,6 +127,23 @@ def test_what_is_not_efficient_need_not_leave_white_residuals() -> None:
         assert "Ljung1999" in found.why or "VanOverschee1996" in found.why
 
 
+@pytest.mark.parametrize(("size", "fails"), [(0.5, True), (3.0, False)])
+def test_output_error_is_independent_of_past_inputs_if_its_error_is_small(size: float, fails: bool) -> None:
+    """Whatever the disturbance, since residuals and inputs are whitened; what is far from the bound may show."""
+    bound = problem("p4").bound(None)
+    assert bound is not None
+    step = np.sqrt(size * len(bound.response_directions)) * bound.response_directions[0]
+    response = bound.response + step[..., 0] + 1j * step[..., 1]
+    oe = Contestant("oe", "bench:perfect", structure="oe", method="pem")
+
+    def change(m: Measured) -> Measured:
+        return replace(m, independence_p=1e-9, response=response) if m.trial.problem == "p4" else m
+
+    found = figure(change, oe)
+    assert "independence on p4" in failing(found)
+    assert (found.passed is False) is fails
+
+
 def test_size_of_an_estimate_that_has_nothing_to_do_with_the_record() -> None:
     """More than nominal, the more parameters there are; residuals of regressions show the same."""
     assert size_of_independent_estimate(0) == pytest.approx(0.01, abs=0.001)
