@@ -19,6 +19,15 @@ from scenarios.leaderboard.verdict import Verdict, verdict
 SHOWN_REASONS = 5
 """Reasons of failures that are printed; the file has more."""
 
+AS_A_METHOD = {
+    "pem": "prediction error",
+    "least_squares": "least squares",
+    "instrumental": "instrumental variables",
+    "subspace": "a subspace method",
+    "observer": "an observer method",
+}
+"""Of which theory speaks, by `Contestant.method`."""
+
 
 def show(results: Sequence[Result], out: Path, *, verbose: bool = False) -> None:
     """Print results.
@@ -160,7 +169,13 @@ def _verdict(result: Result) -> str:
     failed = [figure.title.partition(":")[0] for figure in result.figures.values() if figure.passed is False]
     if not failed and not result.passed:
         return "nothing was judged: it gave too few models, or none"
-    plural = "s" * (len(failed) != 1)
-    return (
-        f"fails {len(failed)} figure{plural}: {', '.join(failed)}" if failed else "fails no figure that it should pass"
-    )
+    told = f"fails {_figures(len(failed))}: {', '.join(failed)}" if failed else "fails no figure that it should pass"
+    excused = sum(verdict(figure) is Verdict.FAILS_AS_THEORY_SAYS for figure in result.figures.values())
+    if not excused:
+        return told
+    method = AS_A_METHOD.get(result.contestant.method or "", "such a method")
+    return f"{told}; {_figures(excused)} fail{'s' * (excused == 1)} as theory says of {method}"
+
+
+def _figures(number: int) -> str:
+    return f"{number} figure{'s' * (number != 1)}"
