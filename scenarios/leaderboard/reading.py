@@ -67,9 +67,10 @@ FIGURES: Mapping[str, Reading] = MappingProxyType(
             "On the arm, which has friction and limits: the difference between estimate and best linear truth told "
             "apart into systematic error, noise and nonlinear distortion, against the amplitude of the command. The "
             "systematic error is judged: 5 % of the linear part are allowed at 5 and 10 mrad, 3 % at 20, 2 % from 40 "
-            "on, and beyond that what the estimator’s own scatter from waveform to waveform explains by chance.",
+            "on, and beyond that what the estimator’s own scatter from waveform to waveform explains by chance. Where "
+            "that makes the limit more than four times as wide, to lie within says nothing: no verdict.",
             "distortion that looks like a linear system at the amplitude at hand, and a systematic error that hides in "
-            "large scatter: whoever scatters more has wider limits.",
+            "large scatter.",
         ),
         "bias": Reading(
             "Bias",
