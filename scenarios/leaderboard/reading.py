@@ -33,7 +33,8 @@ FIGURES: Mapping[str, Reading] = MappingProxyType(
         "consistency": Reading(
             "Consistency",
             "Slope of log rms error of the response over log number of samples: −1/2 where the error is chance, "
-            "however much of it; 0 where it is bias and stays however long the record. Only a flatter slope fails.",
+            "however much of it; 0 where it is bias and stays however long the record. Expected is the slope of the "
+            "Cramér-Rao bound at these lengths; only a flatter one fails.",
             "how large the error is, and a bias that is small beside the scatter at the longest record.",
         ),
         "efficiency": Reading(
