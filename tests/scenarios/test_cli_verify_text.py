@@ -2,17 +2,21 @@
 
 import math
 from dataclasses import replace
+from pathlib import Path
 
 import pytest
 
+from scenarios.bench_contract.contestant import Contestant, Limits
 from scenarios.bench_figures.figure import Figure, Part
 from scenarios.bench_run.cost import Pilot, kind, pilot_of
+from scenarios.bench_run.result import Result
 from scenarios.bench_trials.measured import Measured
 from scenarios.bench_trials.trial import Trial
 from scenarios.bench_trials.work import Done, Piece, spread
 from scenarios.commands.verify_bandwidths import answer, bandwidth_rows, show_bandwidths
 from scenarios.commands.verify_progress import verify_progress
 from scenarios.commands.verify_reasons import show_reasons
+from scenarios.commands.verify_tables import show
 
 NAN = float("nan")
 INFINITE = (-math.inf, math.inf)
@@ -101,6 +105,27 @@ def test_a_block_for_each_figure_that_does_not_pass(capsys: pytest.CaptureFixtur
     out = capsys.readouterr().out
     assert "✓ First: of something: passes\n    what; more\n" in out
     assert "    p7  70  passes: at most 2\n    p8   3  passes: at least 0.5 △\n" in out
+
+
+@pytest.mark.parametrize(
+    ("method", "number", "words"),
+    [
+        ("observer", 2, "fails no figure that it should pass; 2 figures fail as theory says of an observer method"),
+        ("pem", 1, "fails no figure that it should pass; 1 figure fails as theory says of prediction error"),
+        ("subspace", 0, "fails no figure that it should pass"),
+    ],
+)
+def test_the_last_line_counts_what_theory_excuses(
+    method: str, number: int, words: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    fine = Part("p1", 1.0, 1.0, (0.9, 1.1), (0.5, 1.5), True)
+    figures = {}
+    for place in range(3):
+        bad = [Part("p2", 9.0, 1.0, (8.0, 9.9), (0.5, 1.5), False, theory=False, why="so it is")] * (place < number)
+        figures[f"f{place}"] = Figure(f"f{place}", "One", "", 1.0, 1.0, (0.9, 1.1), True, 0.0, "", (fine, *bad))
+    one = Contestant("mine", "a:b", method=method)
+    show([Result(one, Limits(), "quick", 0, "", "", {}, "", {"model": 1}, {}, 0.5, figures)], tmp_path)
+    assert capsys.readouterr().out.splitlines()[-1] == f"mine: {words}"
 
 
 def test_lines_of_progress_tell_what_is_left_once_that_is_known(capsys: pytest.CaptureFixture[str]) -> None:

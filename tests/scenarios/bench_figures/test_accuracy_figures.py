@@ -69,6 +69,17 @@ def test_a_single_part_between_others_is_found_together() -> None:
     assert [part.label for part in figure.parts if part.passed is False] == ["together"]
 
 
+def test_parameters_that_have_no_true_values_are_claimed_all_the_same() -> None:
+    """Of output error where the truth is none, or of other orders than were asked."""
+    data = [replace(m, covered=-1) for m in measured(Fault(), records=20)]
+    parts = {part.label: part for part in Coverage().figure(data, OUTPUT_ERROR, ALARM, ()).parts}
+    assert "no oe model is the truth" in parts["p3 parameters"].why
+    assert "not those of the orders that were asked" in parts["p2 parameters"].why
+    silent = [replace(m, covered=-1, parameters=0) for m in data]
+    parts = {part.label: part for part in Coverage().figure(silent, OUTPUT_ERROR, ALARM, ()).parts}
+    assert "claims no interval of the parameters" in parts["p3 parameters"].why
+
+
 def test_claims_without_parameters_are_judged_by_the_response() -> None:
     """As of a state space."""
     data = [replace(m, normalised_error=np.nan, covered=-1) for m in measured(Fault(claimed=0.5))]
