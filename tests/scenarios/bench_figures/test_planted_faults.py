@@ -13,11 +13,11 @@ from scenarios.bench_figures.planted_faults import PLANTED_FAULTS
 from scenarios.bench_figures.reliability import Reliability
 from scenarios.bench_figures.speed import Speed
 from scenarios.bench_run.verify import Plan, verify
-from scenarios.bench_trials.local import Local
 from scenarios.bench_trials.measured import Measured
 from scenarios.bench_trials.trial import Trial
 from scenarios.contestants.entries_faulty import FAULTY
 from scenarios.contestants.registry import contestant
+from tests.scenarios.bench_run.few import Here
 
 
 @dataclass(frozen=True)
@@ -55,11 +55,11 @@ class Some:
 
 def test_each_is_caught_by_the_figures_that_should_and_by_no_other(tmp_path: Path) -> None:
     """Of four figures: exactly those that the table has."""
-    few = (Some(NoiseFreeRecovery(), ("quiet-1-1", "quiet-1-2"), 1), Some(NormalisedError(), ("p5",), 40))
+    few = (Some(NoiseFreeRecovery(), ("quiet-1-1", "quiet-1-2"), 1), Some(NormalisedError(), ("p5",), 30))
     figures = (*few, Reliability(few), Speed(few))
     names = ("delayed", "overconfident")
     plan = Plan(tuple(map(contestant, names)), effort="quick", figures=figures)
-    for result in verify(plan, tmp_path, Local(1)):
+    for result in verify(plan, tmp_path, Here()):
         found = {name for name, figure in result.figures.items() if figure.passed is False}
         assert found == set(PLANTED_FAULTS[result.contestant.name]) & {maker.name for maker in figures}
         assert None not in {figure.passed for figure in result.figures.values()}
