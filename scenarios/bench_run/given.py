@@ -4,7 +4,7 @@ import re
 import shlex
 from collections import Counter
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 from scenarios.bench_contract.contestant import Contestant
@@ -46,21 +46,25 @@ def estimators(given: Sequence[str], command: str | None, said: Said) -> dict[Co
     Args:
         given: `module:function`, `file.py:function`, or names of contestants that the bench knows.
         command: Command line of a program, or None.
-        said: Of those that the bench does not know.
+        said: Of those that the bench does not know: structure and method of each, a name of the only one.
 
     Raises:
-        ScenarioError: Nothing is given; or something is not found; or what is said belongs to none or to several.
+        ScenarioError: Nothing is given; or something is not found; or what is said belongs to none, a name to several.
     """
     if not given and command is None:
         raise ScenarioError(
             "no estimator given; expected MODULE:FUNCTION, FILE.py:FUNCTION, --command, or a name that hmtb verify "
             "--list tells"
         )
-    unknown_ones = [text for text in given if ":" in text]
-    if said != Said() and len(unknown_ones) + (command is not None) != 1:
+    own = sum(":" in text for text in given) + (command is not None)
+    if said != Said() and not own:
         raise ScenarioError(
-            f"{' '.join(said.words())} given with {len(unknown_ones) + (command is not None)} estimators of your own; "
-            "expected one: run several one after the other into the same --out, or call them by files of their own"
+            f"{' '.join(said.words())} given without an estimator of your own; what the bench knows says it of itself"
+        )
+    if said.name and own > 1:
+        raise ScenarioError(
+            f"--name {said.name} given with {own} estimators of your own, expected one; functions have the names that "
+            "their files give them"
         )
     if said.stays and command is None:
         raise ScenarioError("--stays given without --command; expected both: only programs are started")
@@ -70,7 +74,7 @@ def estimators(given: Sequence[str], command: str | None, said: Said) -> dict[Co
     found: dict[Contestant, str] = {}
     for text in given:
         if ":" in text:
-            found[_function(text, said)] = shlex.join([text, *said.words()])
+            found[_function(text, said)] = shlex.join([text, *replace(said, stays=False).words()])
         else:
             found[_known(text)] = shlex.quote(text)
     if command is not None:

@@ -76,8 +76,8 @@ def verify(
             is asked, {model} that of the answer.
         stays: The program is started once and told of each task on its standard input.
         name: What your estimator is called in tables and files; by default as its function or program.
-        structure: That of your estimator's models; without it, it takes each that is asked.
-        method: Kind of your estimator's method, for what theory expects.
+        structure: That of the models of your estimators; without it, they take each that is asked.
+        method: Kind of their method, for what theory expects.
         quick: A tenth of the records, and fewer problems: minutes, and wider limits.
         records: At most so many records of each problem, for an estimator that takes seconds: wider limits still.
         seed: Of the records.
