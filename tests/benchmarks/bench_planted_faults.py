@@ -5,7 +5,8 @@
 Every estimator that is wrong on purpose goes through the quick bench, in its sandbox, and the figures that it fails
 are compared with `scenarios.bench_figures.planted_faults`: the exact set. The slow one is asked for the systems without
 noise alone, since its answers are those of `our-pem` and each takes 1800 rulers; `--whole` asks it for everything, some
-twenty minutes of one core. The hanging one is given ten seconds. What is done is kept in FOLDER, and the same command goes on from there.
+twenty minutes of one core. The hanging one is given ten seconds. What is done is kept in FOLDER, and the same command
+goes on from there.
 """
 
 import argparse
