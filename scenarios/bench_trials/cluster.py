@@ -13,8 +13,8 @@ from scenarios.bench_trials.cluster_task import DONE, STRANGE, Parcel, task
 from scenarios.bench_trials.executor import Crew
 from scenarios.bench_trials.measured import Measured
 from scenarios.bench_trials.work import Bench, Done, Piece
-from scenarios.dataset_build.cluster import ADDRESS, MOST_PORTS
-from scenarios.dataset_build.cluster_link import Link, LostError, require_dask
+from scenarios.dataset_build.cluster import check_cluster
+from scenarios.dataset_build.cluster_link import Link, LostError
 from scenarios.dataset_build.kinship import kinship
 from scenarios.errors import ScenarioError
 
@@ -58,15 +58,7 @@ class Cluster:
     """
 
     def __init__(self, address: str, patience: float = 300.0, said: Callable[[str], None] = lambda _: None) -> None:
-        match = ADDRESS.fullmatch(address)
-        if match is None or not 1 <= int(match[1]) <= MOST_PORTS:
-            raise ScenarioError(
-                f"cluster {address[:100]!r} given, expected the address of a Dask scheduler as 'dask scheduler' says "
-                "it, such as tcp://127.0.0.1:8786"
-            )
-        require_dask()
-        if not patience >= 0.0:
-            raise ScenarioError(f"patience = {patience} given, expected 0 s or more")
+        check_cluster(address, patience)
         self._address, self._patience, self._said = address, patience, said
         self.workers = GUESS
 

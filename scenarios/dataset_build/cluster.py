@@ -36,6 +36,27 @@ SHOWN = 3
 """Experiments that an error names."""
 
 
+def check_cluster(address: str, patience: float) -> None:
+    """Refuse what cannot be the way to a scheduler.
+
+    Args:
+        address: Of the scheduler.
+        patience: How long it is waited for, s.
+
+    Raises:
+        ScenarioError: No address, Dask is not installed, or no time.
+    """
+    match = ADDRESS.fullmatch(address)
+    if match is None or not 1 <= int(match[1]) <= MOST_PORTS:
+        raise ScenarioError(
+            f"cluster {address[:100]!r} given, expected the address of a Dask scheduler as 'dask scheduler' says it, "
+            "such as tcp://127.0.0.1:8786"
+        )
+    require_dask()
+    if not patience >= 0.0:
+        raise ScenarioError(f"patience = {patience} given, expected 0 s or more")
+
+
 @dataclass(frozen=True)
 class Cluster:
     """Runs chunks on the workers of a Dask scheduler.
@@ -58,15 +79,7 @@ class Cluster:
     said: Callable[[str], None] = lambda _: None
 
     def __post_init__(self) -> None:
-        match = ADDRESS.fullmatch(self.address)
-        if match is None or not 1 <= int(match[1]) <= MOST_PORTS:
-            raise ScenarioError(
-                f"cluster {self.address[:100]!r} given, expected the address of a Dask scheduler as 'dask scheduler' "
-                "says it, such as tcp://127.0.0.1:8786"
-            )
-        require_dask()
-        if not self.patience >= 0.0:
-            raise ScenarioError(f"patience = {self.patience} given, expected 0 s or more")
+        check_cluster(self.address, self.patience)
 
     def __call__(self, plan: Plan, chunks: Iterator[Sequence[int]], ticked: Callable[[int], None], /) -> Iterator[Made]:
         """Run chunks; see `Executor`.
