@@ -132,3 +132,13 @@ def _verdict(passed: bool | None) -> bool | None:
     if passed is not None and not isinstance(passed, bool | np.bool_):
         raise TypeError(f"passed {passed!r} given, expected true, false or none")
     return None if passed is None else bool(passed)
+
+
+def trials_of(makers: Sequence[FigureMaker], effort: str) -> tuple[Trial, ...]:
+    """Trials of several figures, each once, in the order of the figures.
+
+    Args:
+        makers: The figures.
+        effort: One of `DRAWS`.
+    """
+    return tuple(dict.fromkeys(trial for maker in makers for trial in maker.trials(effort)))

@@ -8,7 +8,7 @@ from scipy.stats import beta
 
 from scenarios.bench_contract.contestant import Contestant
 from scenarios.bench_contract.outcome import KINDS, MODEL, REFUSED
-from scenarios.bench_figures.figure import Figure, FigureMaker, Part
+from scenarios.bench_figures.figure import Figure, FigureMaker, Part, trials_of
 from scenarios.bench_figures.theory import UNSTABLE_MODELS
 from scenarios.bench_trials.measured import Measured
 from scenarios.bench_trials.trial import Trial
@@ -39,7 +39,7 @@ class Reliability:
 
     def trials(self, effort: str) -> tuple[Trial, ...]:
         """Those of all other figures, each once."""
-        return tuple(dict.fromkeys(trial for maker in self.others for trial in maker.trials(effort)))
+        return trials_of(self.others, effort)
 
     def verdicts(self) -> int:
         """None that chance can turn."""

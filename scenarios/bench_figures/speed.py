@@ -7,7 +7,7 @@ import numpy as np
 
 from scenarios.bench_contract.contestant import Contestant
 from scenarios.bench_contract.outcome import MODEL
-from scenarios.bench_figures.figure import Figure, FigureMaker, Part
+from scenarios.bench_figures.figure import Figure, FigureMaker, Part, trials_of
 from scenarios.bench_trials.measured import Measured
 from scenarios.bench_trials.trial import Trial
 
@@ -38,7 +38,7 @@ class Speed:
 
     def trials(self, effort: str) -> tuple[Trial, ...]:
         """Those of all other figures, each once."""
-        return tuple(dict.fromkeys(trial for maker in self.others for trial in maker.trials(effort)))
+        return trials_of(self.others, effort)
 
     def verdicts(self) -> int:
         """None that chance can turn."""
