@@ -8,7 +8,7 @@ import numpy as np
 from scenarios.bench_contract.contestant import Contestant
 from scenarios.bench_figures.accuracy_records import NO_RECORD, QUICK, accuracy_trials, by_problem
 from scenarios.bench_figures.figure import Figure
-from scenarios.bench_figures.part_of_mean import TOGETHER, Judgement, Values, part_of_mean, parts_together
+from scenarios.bench_figures.part_of_mean import Judgement, Values, parts_of_means
 from scenarios.bench_figures.perfect_records import bound_for, single_records
 from scenarios.bench_figures.response_statistics import free_parts, parts_of, power
 from scenarios.bench_figures.theory import expectation
@@ -53,14 +53,11 @@ class Efficiency:
             for name, (good, run) in by_problem(measured).items()
         ]
         budget = false_alarm * self.verdicts()
-        share = budget / (len(given) + 1)
-        parts = [part_of_mean(values, JUDGED, share) for values in given]
-        together = parts_together(TOGETHER, given, JUDGED, share)
         return figure_of_parts(
             self.name,
             self.title,
             "variance / bound",
-            [*parts, *together] or [unjudged("all", NO_RECORD)],
+            parts_of_means(given, JUDGED, budget) or [unjudged("all", NO_RECORD)],
             budget,
             "mean square error of the response over the Cramér-Rao variance, frequency by frequency, averaged; "
             "more than 1.05 times what chance allows a perfect estimator fails",

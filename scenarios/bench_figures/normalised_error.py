@@ -11,7 +11,7 @@ from scenarios.bench_contract.contestant import Contestant
 from scenarios.bench_figures.accuracy_records import NO_RECORD, QUICK, accuracy_trials, by_problem, enough
 from scenarios.bench_figures.claimed_errors import NOT_CLAIMED, claimed_records
 from scenarios.bench_figures.figure import Figure
-from scenarios.bench_figures.part_of_mean import TOGETHER, Judgement, Values, part_of_mean, parts_together
+from scenarios.bench_figures.part_of_mean import Judgement, Values, parts_of_means
 from scenarios.bench_figures.perfect_records import SINGLES, single_records
 from scenarios.bench_figures.response_statistics import normalised
 from scenarios.bench_figures.theory_of_claims import ClaimsTheory
@@ -62,14 +62,11 @@ class NormalisedError:
                     "kolmogorov_smirnov_p": _distribution_p(values, freedom, single),
                 }
         budget = false_alarm * self.verdicts()
-        share = budget / (len(given) + 1)
-        parts = [part_of_mean(values, JUDGED, share) for values in given]
-        together = parts_together(TOGETHER, given, JUDGED, share)
         return figure_of_parts(
             self.name,
             self.title,
             "error' covariance^-1 error / degrees of freedom",
-            [*parts, *together] or [unjudged("all", NO_RECORD)],
+            parts_of_means(given, JUDGED, budget) or [unjudged("all", NO_RECORD)],
             budget,
             "mean of the squared error in claimed standard deviations, within what chance allows a perfect estimator "
             "and 5 % of it; the whole distribution is told, not judged",

@@ -125,6 +125,21 @@ def parts_together(label: str, given: Sequence[Values], judgement: Judgement, fa
     return [_part(label, values, judgement, limits, True, True, reason)]
 
 
+def parts_of_means(given: Sequence[Values], judgement: Judgement, budget: float) -> list[Part]:
+    """The mean of each problem and that of all together, which share the probability of a false alarm evenly.
+
+    Args:
+        given: Of each problem.
+        judgement: How they are judged.
+        budget: Probability of a false alarm in any of them.
+    """
+    share = budget / (len(given) + 1)
+    return [
+        *[part_of_mean(values, judgement, share) for values in given],
+        *parts_together(TOGETHER, given, judgement, share),
+    ]
+
+
 def _part(
     label: str,
     values: FloatArray,
