@@ -14,7 +14,6 @@ from scenarios.bench_figures.normalised_error import NormalisedError
 from scenarios.bench_figures.reliability import Reliability
 from scenarios.bench_figures.speed import Speed
 from scenarios.bench_figures.tests_and_orders import ResidualTestsAndOrders
-from scenarios.bench_trials.trial import Trial
 
 TEN_AND_BANDWIDTH: tuple[FigureMaker, ...] = (
     NoiseFreeRecovery(),
@@ -33,11 +32,6 @@ TEN_AND_BANDWIDTH: tuple[FigureMaker, ...] = (
 
 ALL_FIGURES: tuple[FigureMaker, ...] = (*TEN_AND_BANDWIDTH, Reliability(TEN_AND_BANDWIDTH), Speed(TEN_AND_BANDWIDTH))
 """Beside them what holds for all trials."""
-
-
-def trials_of_all(effort: str) -> tuple[Trial, ...]:
-    """Every trial that a figure needs, once, sorted by problem so that neighbours share their problem."""
-    return tuple(sorted({trial for maker in ALL_FIGURES for trial in maker.trials(effort)}))
 
 
 def false_alarm_of_each() -> float:

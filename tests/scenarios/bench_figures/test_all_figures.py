@@ -6,8 +6,9 @@ import pytest
 
 from scenarios.bench_contract.contestant import Contestant
 from scenarios.bench_contract.outcome import KINDS, MODEL
-from scenarios.bench_figures.all_figures import ALL_FIGURES, TEN_AND_BANDWIDTH, false_alarm_of_each, trials_of_all
+from scenarios.bench_figures.all_figures import ALL_FIGURES, TEN_AND_BANDWIDTH, false_alarm_of_each
 from scenarios.bench_figures.figure import FALSE_ALARM
+from scenarios.bench_run.verify import Plan
 from scenarios.bench_trials.measured import Measured
 
 ANYONE = Contestant("anyone", "bench:perfect")
@@ -27,7 +28,7 @@ def test_false_alarms_add_up() -> None:
 
 def test_trials_are_told_once() -> None:
     """Those of all figures, of neighbours beside each other."""
-    trials = trials_of_all("quick")
+    trials = Plan((ANYONE,), effort="quick").trials(ANYONE)
     assert len(trials) == len(set(trials))
     assert set(trials) == {trial for maker in TEN_AND_BANDWIDTH for trial in maker.trials("quick")}
     names = [trial.problem for trial in trials]
