@@ -1,37 +1,25 @@
 """Pieces of a run done by the workers of a Dask scheduler, wherever they are."""
 
-from collections import deque
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
 from dataclasses import asdict
 from itertools import islice
-from threading import Event
-from time import monotonic
 from typing import TYPE_CHECKING, Any
 
-from scenarios.bench_trials.cluster_task import DONE, STRANGE, Parcel, task
+from scenarios.bench_trials.cluster_task import DONE, Parcel, task
 from scenarios.bench_trials.executor import Crew
 from scenarios.bench_trials.measured import Measured
 from scenarios.bench_trials.work import Bench, Done, Piece
+from scenarios.dataset_build.batches import Batches
 from scenarios.dataset_build.cluster import check_cluster
-from scenarios.dataset_build.cluster_link import Link, LostError
+from scenarios.dataset_build.cluster_link import Link
 from scenarios.dataset_build.kinship import kinship
-from scenarios.errors import ScenarioError
 
 if TYPE_CHECKING:
     from distributed import Client, Future
 
 TOGETHER = 8
 """Pieces that travel together: the processes of estimators are started once for all of them."""
-
-AHEAD = 2
-"""Tasks per worker that are on their way at a time: one that runs, one that waits beside it."""
-
-LOOK = 2.0
-"""How often it is looked whether workers and scheduler are still there, s."""
-
-SHOWN = 3
-"""Records that an error names."""
 
 GUESS = 1
 """Workers of a cluster that has not been asked yet."""
@@ -76,14 +64,14 @@ class Cluster:
             for too long; of workers on which software or an estimator is another; of a piece that brings them death.
         """
         with Link(self._address, self._patience, self._said) as link:
-            yield lambda pieces: Run(bench, pieces, link, self._counted).done()
+            yield lambda pieces: Pieces(bench, pieces, link, self._counted).done()
 
     def _counted(self, workers: int) -> None:
         self.workers = workers
 
 
-class Run:
-    """Tasks on their way.
+class Pieces(Batches[Piece, Done]):
+    """A run's pieces on their way.
 
     Args:
         bench: What the pieces share.
@@ -92,72 +80,21 @@ class Run:
         counted: Told how many workers there are.
     """
 
+    items = "records"
+
     def __init__(self, bench: Bench, pieces: Iterable[Piece], link: Link, counted: Callable[[int], None]) -> None:
+        waiting = iter(pieces)
+        super().__init__(iter(lambda: tuple(islice(waiting, TOGETHER)), ()), link, counted)
         self._parcels = [asdict(Parcel.of(contestant)) for contestant in bench.contestants]
         self._limits, self._seed = asdict(bench.limits), bench.seed
-        self._pieces, self._link, self._counted = iter(pieces), link, counted
-        self._again: deque[tuple[Piece, ...]] = deque()
-        self._running: dict[Future, tuple[Piece, ...]] = {}
-        self._deadly: list[str] = []
-        self._news = Event()
 
-    def done(self) -> Iterator[Done]:
-        """What was measured, as it comes."""
-        client = self._link.connect()
-        looked, workers = -LOOK, 0
-        while True:
-            if monotonic() - looked >= LOOK:
-                client, workers = self._link.workers(client)
-                self._counted(workers)
-                looked = monotonic()
-            while len(self._running) < AHEAD * workers and (some := self._next()):
-                self._send(client, some)
-            if not self._running and not self._again:
-                break
-            self._news.wait(LOOK)
-            self._news.clear()
-            for future in [one for one in self._running if one.status != "pending"]:
-                yield from self._received(future)
-        if self._deadly:
-            more = f" and {len(self._deadly) - SHOWN} more" if len(self._deadly) > SHOWN else ""
-            raise ScenarioError(
-                f"{'; '.join(self._deadly[:SHOWN])}{more}: every worker that did it died; its memory may have been too "
-                "small. All else is kept: the same command, without --cluster or with larger workers, goes on from "
-                "there"
-            )
+    def _submitted(self, client: "Client", batch: tuple[Piece, ...]) -> "Future":
+        plain = [(piece.problem, piece.draw, [list(one) for one in piece.asked]) for piece in batch]
+        return client.submit(task, self._parcels, self._limits, self._seed, plain, dict(kinship()), pure=False)
 
-    def _next(self) -> tuple[Piece, ...]:
-        return self._again.popleft() if self._again else tuple(islice(self._pieces, TOGETHER))
-
-    def _send(self, client: "Client", some: tuple[Piece, ...]) -> None:
-        plain = [(piece.problem, piece.draw, [list(one) for one in piece.asked]) for piece in some]
-        future = client.submit(task, self._parcels, self._limits, self._seed, plain, dict(kinship()), pure=False)
-        self._running[future] = some
-        future.add_done_callback(lambda _: self._news.set())
-
-    def _received(self, future: "Future") -> Iterator[Done]:
-        """What has come of a task, or nothing where it has to be sent anew."""
-        some = self._running.pop(future)
-        try:
-            answer: dict[str, Any] | None = self._link.answer(future)
-        except LostError:
-            self._again.append(some)
-            return
-        finally:
-            future.release()
-        if answer is None:
-            self._part(some)
-            return
-        if STRANGE in answer:
-            raise ScenarioError(self._link.strange(answer["worker"], answer[STRANGE]))
+    def _read(self, answer: dict[str, Any]) -> Iterator[Done]:
         for contestant, line, wall in answer[DONE]:
             yield Done(contestant, Measured.from_json(line), wall)
 
-    def _part(self, some: tuple[Piece, ...]) -> None:
-        """A task whose workers died: its pieces one by one."""
-        first = f"{some[0].problem}, record {some[0].draw}"
-        if len(some) == 1:
-            self._deadly.append(first)
-            return
-        self._link.said(f"{len(some)} records from {first} on: every worker died; they are done one by one")
-        self._again.extend((piece,) for piece in some)
+    def _name(self, item: Piece) -> str:
+        return f"{item.problem}, record {item.draw}"

@@ -13,11 +13,9 @@ from scenarios.bench_trials.simulated import simulate_records
 from scenarios.bench_trials.source import own_files, source_hash
 from scenarios.bench_trials.trial import Trial
 from scenarios.bench_trials.work import Bench, Piece
+from scenarios.dataset_build.cluster_task import STRANGE
 from scenarios.dataset_build.kinship import kinship, strangeness
 from scenarios.errors import ScenarioError
-
-STRANGE = "strange"
-"""Key of an answer that says why a worker did nothing."""
 
 DONE = "done"
 """Key of an answer with what was measured: number of the contestant, a line of `Measured`, time."""

@@ -4,13 +4,12 @@ import re
 from collections import deque
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
-from threading import Event
-from time import monotonic
 from typing import TYPE_CHECKING, Any
 
+from scenarios.dataset_build.batches import Batches
 from scenarios.dataset_build.chunk import Made
-from scenarios.dataset_build.cluster_link import Link, LostError, require_dask
-from scenarios.dataset_build.cluster_task import MADE, STRANGE, task
+from scenarios.dataset_build.cluster_link import Link, require_dask
+from scenarios.dataset_build.cluster_task import MADE, task
 from scenarios.dataset_build.kinship import kinship
 from scenarios.datasets.plan import Plan
 from scenarios.errors import ScenarioError
@@ -21,19 +20,10 @@ if TYPE_CHECKING:
 ROWS = 32
 """Experiments of a chunk unless asked otherwise: many chunks keep many workers busy, and little is lost with one."""
 
-AHEAD = 2
-"""Chunks per worker that are on their way at a time: one that runs, one that waits beside it."""
-
-LOOK = 2.0
-"""How often it is looked whether workers and scheduler are still there, s."""
-
 ADDRESS = re.compile(r"(?:tcp|tls)://(?:\[[0-9A-Fa-f:.%\w]+\]|[\w.-]+):([0-9]{1,5})", re.ASCII)
 """What the address of a scheduler looks like."""
 
 MOST_PORTS = 2**16 - 1
-
-SHOWN = 3
-"""Experiments that an error names."""
 
 
 def check_cluster(address: str, patience: float) -> None:
@@ -89,10 +79,10 @@ class Cluster:
                 differ; an experiment that brings death to its workers. What came before is kept by the builder.
         """
         with Link(self.address, self.patience, self.said) as link:
-            yield from Run(plan, chunks, link).made()
+            yield from Chunks(plan, chunks, link).done()
 
 
-class Run:
+class Chunks(Batches[int, Made]):
     """A build's chunks on their way.
 
     Args:
@@ -101,77 +91,20 @@ class Run:
         link: The way to the scheduler.
     """
 
+    items = "experiments"
+
     def __init__(self, plan: Plan, chunks: Iterator[Sequence[int]], link: Link) -> None:
-        self._spec, self._label = plan.spec.to_toml(), plan.spec.label
+        super().__init__(map(tuple, chunks), link)
+        self._spec = plan.spec.to_toml()
         self._names = lambda number: plan[number].name
-        self._chunks, self._link = chunks, link
-        self._again: deque[tuple[int, ...]] = deque()
-        self._running: dict[Future, tuple[int, ...]] = {}
-        self._deadly: list[str] = []
-        self._news = Event()
 
-    def made(self) -> Iterator[Made]:
-        """What came of each experiment, as it comes; see `Cluster`."""
-        client = self._link.connect()
-        looked = -LOOK
-        workers = 0
-        while True:
-            if monotonic() - looked >= LOOK:
-                client, workers = self._link.workers(client)
-                looked = monotonic()
-            while len(self._running) < AHEAD * workers and (chunk := self._next()) is not None:
-                self._send(client, chunk)
-            if not self._running and not self._again:
-                break
-            self._news.wait(LOOK)
-            self._news.clear()
-            for future in [one for one in self._running if one.status != "pending"]:
-                yield from self._received(future)
-        if self._deadly:
-            more = f" and {len(self._deadly) - SHOWN} more" if len(self._deadly) > SHOWN else ""
-            raise ScenarioError(
-                f"{', '.join(self._deadly[:SHOWN])}{more}: every worker that ran it died, whether alone or in a chunk; "
-                "its memory may have been too small. All other experiments are kept: the same command, without "
-                "--cluster or with larger workers, goes on from there"
-            )
+    def _submitted(self, client: "Client", batch: tuple[int, ...]) -> "Future":
+        return client.submit(task, self._spec, list(batch), dict(kinship()), pure=False)
 
-    def _next(self) -> tuple[int, ...] | None:
-        if self._again:
-            return self._again.popleft()
-        chunk = next(self._chunks, None)
-        return None if chunk is None else tuple(chunk)
-
-    def _send(self, client: "Client", chunk: tuple[int, ...]) -> None:
-        future = client.submit(task, self._spec, list(chunk), dict(kinship()), pure=False)
-        self._running[future] = chunk
-        future.add_done_callback(lambda _: self._news.set())
-
-    def _received(self, future: "Future") -> Iterator[Made]:
-        """What has come of a chunk, or nothing where it has to be sent anew."""
-        chunk = self._running.pop(future)
-        try:
-            answer = self._link.answer(future)
-        except LostError:
-            self._again.append(chunk)
-            return
-        finally:
-            future.release()
-        if answer is None:
-            self._part(chunk)
-            return
-        if STRANGE in answer:
-            raise ScenarioError(self._link.strange(answer["worker"], answer[STRANGE]))
+    def _read(self, answer: dict[str, Any]) -> Iterator[Made]:
         made: deque[dict[str, Any]] = deque(answer.pop(MADE))
         while made:
             yield Made(**made.popleft())
 
-    def _part(self, chunk: tuple[int, ...]) -> None:
-        """A chunk whose workers died: its experiments one by one."""
-        if len(chunk) == 1:
-            self._deadly.append(self._names(chunk[0]))
-            return
-        self._link.said(
-            f"{len(chunk)} experiments from {self._names(chunk[0])} on: every worker that ran them died; they are run "
-            "one by one"
-        )
-        self._again.extend((number,) for number in chunk)
+    def _name(self, item: int) -> str:
+        return self._names(item)

@@ -27,7 +27,7 @@ PAUSE = 1.0
 """Between attempts to reach a scheduler that has gone, s."""
 
 GATHER = 600.0
-"""How long the files of a chunk may be on their way, s."""
+"""How long the answer of a task may be on its way, s."""
 
 GREETING = struct.Struct("<Q")
 """Beginning of every message between Dask's processes: its length, in bytes."""
@@ -118,7 +118,7 @@ class Link:
                 here = None
             if here:
                 if told:
-                    self.said(f"{len(here)} workers at {self._address}: the build goes on")
+                    self.said(f"{len(here)} workers at {self._address}: it goes on")
                 return client, len(here)
             missing = "has gone" if here is None else "has no workers"
             waited = monotonic() - begun

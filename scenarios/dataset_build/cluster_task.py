@@ -12,7 +12,7 @@ from scenarios.datasets.plan import Plan
 from scenarios.datasets.spec import DataSetSpec
 
 STRANGE = "strange"
-"""Key of an answer that says why a worker ran nothing."""
+"""Key of an answer that says why a worker did nothing; ``"worker"`` says which one."""
 
 MADE = "made"
 """Key of an answer with what came of each experiment, the fields of `Made`."""

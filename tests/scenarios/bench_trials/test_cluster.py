@@ -10,7 +10,7 @@ import pytest
 
 from scenarios.bench_contract.contestant import Contestant, Limits
 from scenarios.bench_trials import cluster_task
-from scenarios.bench_trials.cluster import Cluster, Run
+from scenarios.bench_trials.cluster import Cluster, Pieces
 from scenarios.bench_trials.cluster_task import DONE, Parcel
 from scenarios.bench_trials.measured import Measured
 from scenarios.bench_trials.run_trials import Runner
@@ -146,7 +146,7 @@ class Fake:
 def test_what_is_lost_is_done_again_and_what_brings_death_is_named():
     link, counted = Fake(deadly=9), list[int]()
     some = [Piece("p1", draw, (("fit", 0),)) for draw in range(20)]
-    run = Run(Bench((PERFECT,), Limits(), 5), some, link, counted.append)  # type: ignore[arg-type]
+    run = Pieces(Bench((PERFECT,), Limits(), 5), some, link, counted.append)  # type: ignore[arg-type]
     done = []
     with pytest.raises(ScenarioError, match="p1, record 9: every worker that did it died"):
         for one in run.done():

@@ -15,7 +15,7 @@ import pytest
 
 from scenarios.dataset_build import cluster_link
 from scenarios.dataset_build.build import build
-from scenarios.dataset_build.cluster import Cluster, Run
+from scenarios.dataset_build.cluster import Chunks, Cluster
 from scenarios.dataset_build.cluster_link import Link, LostError
 from scenarios.dataset_build.cluster_task import MADE
 from scenarios.dataset_build.kinship import ARITHMETIC, SOURCE, kinship, strangeness
@@ -181,8 +181,8 @@ def test_an_experiment_that_brings_death_is_named_and_all_others_are_made(tiny_s
     plan = Plan(replace(tiny_spec, records=(replace(tiny_spec.records[0], repeats=4), *tiny_spec.records[1:])))
     link = Fake(deadly=4)
     made: list[int] = []
-    with pytest.raises(ScenarioError, match=rf"^{plan[4].name}: every worker that ran it died"):
-        for one in Run(plan, iter([(0, 1, 2), (3, 4, 5), (6, 7, 8)]), link).made():  # type: ignore[arg-type]
+    with pytest.raises(ScenarioError, match=rf"^{plan[4].name}: every worker that did it died"):
+        for one in Chunks(plan, iter([(0, 1, 2), (3, 4, 5), (6, 7, 8)]), link).done():  # type: ignore[arg-type]
             made.append(one.number)
     assert sorted(made) == [0, 1, 2, 3, 5, 6, 7, 8]
     assert {(3,), (4,), (5,)} <= set(link.sent)
@@ -191,6 +191,6 @@ def test_an_experiment_that_brings_death_is_named_and_all_others_are_made(tiny_s
 
 def test_a_chunk_whose_answer_is_lost_is_sent_anew(tiny_spec: DataSetSpec):
     link = Fake(deadly=-1)
-    found = [one.number for one in Run(Plan(tiny_spec), iter([(0,), (1, 2)]), link).made()]  # type: ignore[arg-type]
+    found = [one.number for one in Chunks(Plan(tiny_spec), iter([(0,), (1, 2)]), link).done()]  # type: ignore[arg-type]
     assert sorted(found) == [0, 1, 2]
     assert link.sent.count((0,)) == 2 and link.sent.count((1, 2)) == 1
