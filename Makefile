@@ -77,7 +77,7 @@ format: $(INSTALLED) ## put the code into the house format and mend what ruff ca
 	@"$(BIN)/ruff" check --fix $(SOURCES)
 
 .PHONY: verification
-verification: $(INSTALLED) ## measure the figures in docs again (half an hour, installs the peers; DATA=folder: real data too)
+verification: $(INSTALLED) ## measure the figures in docs again (two hours, installs the peers; DATA=folder: real data too)
 	@echo "==> Installing the peers that are measured beside ours"
 	@"$(BIN)/python" -m pip install --quiet --constraint constraints.txt --editable '.[dev,peers]'
 	@echo "==> Measuring"
