@@ -1,6 +1,7 @@
 """What an estimator claims to know of its model: covariances and intervals, checked."""
 
 import warnings
+from collections.abc import Mapping
 
 import numpy as np
 
@@ -106,15 +107,15 @@ def known_parameters(
             "covariance of parameters given without polynomials, expected those, or response_covariance and "
             "bandwidth_ci95 instead",
         )
-    layouts = [_orders(polynomials, asked=dict(task.orders)), _orders(polynomials, asked={})]
+    layouts = _layouts(polynomials, task.orders)
     given = int(np.sqrt(covariance.size))
-    fitting = [orders for orders in layouts if orders is not None and orders.count == given]
+    fitting = [orders for orders in layouts if orders.count == given]
     if not fitting or covariance.size != given**2:
-        counts = " or ".join(dict.fromkeys(str(orders.count) for orders in layouts if orders is not None))
+        counts = " or ".join(dict.fromkeys(str(orders.count) for orders in layouts))
         raise NoModelError(
             "malformed",
             f"covariance of shape {covariance.shape} given, expected one of {counts} parameters: A without its 1, B "
-            "without its leading zeros, C, D, F without theirs",
+            "without its leading zeros, C, D, F without their 1, with or without the zeros that fill up a row",
         )
     orders = fitting[0]
     matrix = shaped("covariance", covariance, (given, given))
@@ -163,26 +164,40 @@ def _padded(row: FloatArray, length: int) -> FloatArray:
     return np.concatenate((row, np.zeros(max(length - len(row), 0))))[:length]
 
 
-def _orders(polynomials: Polynomials, *, asked: dict[str, int]) -> Orders | None:
-    """Orders as asked, if the polynomials have no higher ones; else those that the polynomials show."""
+def _layouts(polynomials: Polynomials, asked: Mapping[str, int]) -> list[Orders]:
+    """Orders whose parameters the covariance may be of: as asked, if the polynomials have no higher ones; as given.
+
+    Zeros behind the last coefficient of a row fill it up, or are coefficients that happen to be zero: either is right.
+    """
+    wanted = _asked(polynomials, asked)
+    found = [_shown(polynomials, filled=True), _shown(polynomials, filled=False)]
+    if polynomials.nu > 1:
+        # rows of several inputs are always filled up
+        found.pop(0)
+    return found if wanted is None else [wanted, *found]
+
+
+def _shown(polynomials: Polynomials, *, filled: bool) -> Orders:
+    """Orders of the polynomials as they are; zeros behind the last coefficients of B and F count where `filled`."""
     rows = [polynomials.channel(j) for j in range(polynomials.nu)]
-    leading = [int(np.flatnonzero(b)[0]) if b.any() else 0 for b, _ in rows]
-    single = polynomials.nu == 1
-    # What stands behind the last coefficient of a row is filled up with zeros where there are several rows.
-    b_lengths = [np.size(polynomials.B)] if single else [len(b) for b, _ in rows]
-    f_lengths = [np.size(polynomials.F)] if single else [len(f) for _, f in rows]
-    shown = Orders(
+    if filled:
+        rows = list(zip(np.atleast_2d(polynomials.B), np.atleast_2d(polynomials.F), strict=True))
+    leading = [_leading(b) for b, _ in rows]
+    return Orders(
         na=len(polynomials.A) - 1,
-        nb=tuple(n - k for n, k in zip(b_lengths, leading, strict=True)),
+        nb=tuple(len(b) - k for (b, _), k in zip(rows, leading, strict=True)),
         nc=len(polynomials.C) - 1,
         nd=len(polynomials.D) - 1,
-        nf=tuple(n - 1 for n in f_lengths),
+        nf=tuple(len(f) - 1 for _, f in rows),
         nk=tuple(leading),
     )
-    if not asked:
-        return shown
+
+
+def _asked(polynomials: Polynomials, asked: Mapping[str, int]) -> Orders | None:
+    """Orders as asked; None where none are, or where the polynomials have higher ones."""
     if "nb" not in asked:
         return None
+    shown = _shown(polynomials, filled=False)
     wanted = make_orders(
         polynomials.nu,
         nb=asked["nb"],
@@ -192,12 +207,18 @@ def _orders(polynomials: Polynomials, *, asked: dict[str, int]) -> Orders | None
         nd=asked.get("nd", 0),
         nf=asked.get("nf", 0),
     )
+    rows = [polynomials.channel(j)[0] for j in range(polynomials.nu)]
     fits = (
         shown.na <= wanted.na
         and shown.nc <= wanted.nc
         and shown.nd <= wanted.nd
         and all(f <= n for f, n in zip(shown.nf, wanted.nf, strict=True))
-        and all(len(b) <= n + k for (b, _), n, k in zip(rows, wanted.nb, wanted.nk, strict=True))
-        and all(lead >= k or not b.any() for (b, _), lead, k in zip(rows, leading, wanted.nk, strict=True))
+        and all(len(b) <= n + k for b, n, k in zip(rows, wanted.nb, wanted.nk, strict=True))
+        and all(_leading(b) >= k or not b.any() for b, k in zip(rows, wanted.nk, strict=True))
     )
     return wanted if fits else None
+
+
+def _leading(b: FloatArray) -> int:
+    """Zeros before the first coefficient."""
+    return int(np.flatnonzero(b)[0]) if b.any() else 0

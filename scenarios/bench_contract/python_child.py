@@ -10,15 +10,18 @@ import os
 import resource
 import socket
 import sys
+import sysconfig
 import time
 import traceback
 from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any, NoReturn
 
+import sysid
 from scenarios.bench_contract.memory_limit import limit_memory
 from scenarios.bench_contract.no_model import NoModelError
 from scenarios.bench_contract.nursery import FORK, NUMBER, WAIT
+from scenarios.bench_contract.one_line import one_line
 from scenarios.bench_contract.outcome import REFUSED
 from scenarios.bench_contract.parent_death import die_with_parent, take_orphans
 from scenarios.bench_contract.process_tree import end_all, family
@@ -33,6 +36,9 @@ TOLD = 500
 """Characters of an error that are told."""
 
 LONGEST_PATH = 2**14
+
+LIBRARIES = (*(sysconfig.get_path(name) for name in ("stdlib", "purelib", "platlib")), str(Path(sysid.__file__).parent))
+"""Folders whose lines an error is told of only where it has none of the estimator's own."""
 
 
 def bear(control: socket.socket) -> None:
@@ -218,8 +224,9 @@ def _told(error: BaseException) -> str:
         text = f"{type(error).__name__}: {error}".strip(": \n")
         frames = traceback.extract_tb(error.__traceback__)
         here = [frame for frame in frames if frame.filename != __file__ and "importlib" not in frame.filename]
-        where = f" ({Path(here[-1].filename).name}, line {here[-1].lineno})" if here else ""
-        return " ".join(text.split())[:TOLD] + where
+        own = [frame for frame in here if not frame.filename.startswith(LIBRARIES)] or here
+        where = f" ({one_line(Path(own[-1].filename).name)}, line {own[-1].lineno})" if own else ""
+        return one_line(text)[:TOLD] + where
     # Its text may itself be a function of the estimator's.
     except BaseException:
         return "an error that cannot say what it is"

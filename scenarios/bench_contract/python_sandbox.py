@@ -13,6 +13,7 @@ from scenarios.bench_contract.contestant import Contestant, Limits
 from scenarios.bench_contract.model_numbers import answer_of, unstable
 from scenarios.bench_contract.no_model import NoModelError
 from scenarios.bench_contract.nursery import SHARED, Nursery
+from scenarios.bench_contract.one_line import one_line
 from scenarios.bench_contract.outcome import KINDS, MODEL, Outcome
 from scenarios.bench_contract.own_folder import OwnFolder
 from scenarios.bench_contract.record_on_wire import request
@@ -130,7 +131,7 @@ class PythonSandbox:
             if told.get("kind") == "ready":
                 self._at_rest = process_tree.resident(process_tree.family(self._process.pid))
                 return
-            why = str(told.get("why"))
+            why = one_line(str(told.get("why")))
         tail = self._process.tail()
         self._process.end(GRACE)
         how = self._process.how_it_ended()
@@ -212,4 +213,4 @@ def _told(fields: Mapping[str, Any]) -> dict[str, Any]:
         raise WireError(f"a reply of kind {fields['kind'][:50]!r}")
     if not (fields["seconds"] >= 0.0 and fields["wall"] >= 0.0 and 0 <= fields["peak_bytes"] <= MOST_MEMORY):
         raise WireError("a reply whose times or memory are negative or no numbers")
-    return dict(fields)
+    return {**fields, "why": one_line(fields["why"])}

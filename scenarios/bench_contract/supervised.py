@@ -8,6 +8,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 from scenarios.bench_contract import process_tree, shared_memory_left
+from scenarios.bench_contract.one_line import one_line
 from scenarios.bench_contract.pipes import Pipes, read
 from scenarios.bench_contract.wire import WireError
 
@@ -149,8 +150,7 @@ class Supervised:
     def tail(self) -> str:
         """The last of what it printed, on one line."""
         self._keep_tail()
-        text = self._tail.decode("utf-8", "replace")
-        return " ".join("".join(c if c.isprintable() else " " for c in text).split())[-TOLD:]
+        return one_line(self._tail.decode("utf-8", "replace"))[-TOLD:]
 
     def forget_tail(self) -> None:
         """Leave behind what was printed so far."""

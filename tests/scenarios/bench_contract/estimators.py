@@ -32,6 +32,14 @@ def raises(data, task):
     raise ZeroDivisionError("by zero")
 
 
+def raises_in_a_library(data, task):
+    sysid.arx(data, 0, 0, -1)
+
+
+def raises_colours(data, task):
+    raise ValueError("two\nlines\x1b[31m")
+
+
 def leaves(data, task):
     sys.exit(3)
 
@@ -161,7 +169,20 @@ def hides_its_time(data, task):
 
 
 BEHAVIOURS = (
-    *(arx, refuses, raises, leaves, raises_without_words, none, wrong_dt, two_inputs, unstable, hollow),
+    *(
+        arx,
+        refuses,
+        raises,
+        raises_in_a_library,
+        raises_colours,
+        leaves,
+        raises_without_words,
+        none,
+        wrong_dt,
+        two_inputs,
+        unstable,
+        hollow,
+    ),
     *(nan_covariance, negative_covariance, asks_for_much, floods, forks_and_answers, answers_twice, deletes_its_folder),
     *(hides_its_time, dies, hangs, writes_garbage, closes_everything, shares_much, ends_its_parent),
 )

@@ -108,8 +108,18 @@ def test_zeros_among_the_parameters_are_parameters_where_the_orders_ask_for_them
     """An estimate of 0 does not make a model of lower order of it."""
     model = numbers(poly_b=[0.0, 0.0, 0.1], poly_f=[1.0, -0.5, 0.0], covariance=np.eye(4))
     assert answer_of(model, record(), OE).covariance.shape == (4, 4)
-    with pytest.raises(NoModelError, match=r"expected one of 3 parameters"):
+    with pytest.raises(NoModelError, match=r"expected one of 3 or 2 parameters"):
         answer_of(model, record(), Task("ss", {"order": 2}, 2, F))
+
+
+def test_zeros_that_fill_up_a_fraction_are_no_parameters() -> None:
+    """A delay makes the numerator longer than the denominator."""
+    num, den, covariance = [0.0, 0.0, 0.2, 0.1], [1.0, -1.5, 0.7, 0.0], np.diag([1.0, 4.0, 9.0, 16.0])
+    for task in (Task("oe", {"nb": 2, "nf": 2, "nk": 2}, 2, F), Task("ss", {"order": 3}, 3, F)):
+        answer = answer_of(numbers(num=num, den=den, covariance=covariance), record(), task)
+        full = np.diag([1.0, 4.0, 9.0, 16.0, 0.0])
+        padded = answer_of(numbers(num=num, den=den, covariance=full), record(), Task("ss", {"order": 3}, 3, F))
+        np.testing.assert_allclose(answer.response_covariance, padded.response_covariance, rtol=1e-9)
 
 
 def test_poles_of_the_noise_and_of_states_apart_do_not_make_a_model_unstable() -> None:

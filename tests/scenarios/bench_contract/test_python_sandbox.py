@@ -27,6 +27,8 @@ EXPECTED = {
     "refuses": ("refused", "only on Sundays (estimators.py, line"),
     "raises": ("error", "ZeroDivisionError: by zero (estimators.py, line"),
     "leaves": ("error", "SystemExit: 3"),
+    "raises_in_a_library": ("error", "(estimators.py, line "),
+    "raises_colours": ("error", "ValueError: two lines\N{REPLACEMENT CHARACTER}[31m (estimators.py, "),
     "raises_without_words": ("error", "cannot say"),
     "none": ("malformed", "NoneType given, expected Answer"),
     "wrong_dt": ("malformed", "dt = 1 given"),

@@ -1,0 +1,10 @@
+"""Text of others as people can read it."""
+
+
+def one_line(text: str) -> str:
+    """The text on one line, characters that cannot be seen, or that steer a terminal, replaced.
+
+    Args:
+        text: Whatever it is.
+    """
+    return "".join(c if c.isprintable() else "\N{REPLACEMENT CHARACTER}" for c in " ".join(text.split()))
