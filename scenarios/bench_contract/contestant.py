@@ -64,6 +64,6 @@ class Limits:
 
     def __post_init__(self) -> None:
         if not 0.0 < self.seconds < float("inf"):
-            raise ScenarioError(f"a limit of {self.seconds} s given, expected more than 0")
+            raise ScenarioError(f"a limit of {self.seconds:g} s given, expected a finite time above 0")
         if self.memory_bytes < 2**26:
             raise ScenarioError(f"a limit of {self.memory_bytes} bytes given, expected at least {2**26}")

@@ -71,7 +71,8 @@ def read_model_numbers(path: Path) -> dict[str, NDArray[np.float64]]:
 
 def _read_json(path: Path) -> dict[str, NDArray[np.float64]]:
     try:
-        table = json.loads(path.read_text(encoding="utf-8"))
+        # a whole number of any length: what is too large is infinite, and told as that
+        table = json.loads(path.read_text(encoding="utf-8"), parse_int=float)
     except (OSError, ValueError, RecursionError) as error:
         raise NoModelError("malformed", f"cannot read {path.name}: {error}") from error
     if not isinstance(table, dict):

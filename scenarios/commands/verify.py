@@ -106,7 +106,7 @@ def verify(
     given = found(estimators, command, Said(name, structure, method, stays))
     effort = "quick" if quick else "full"
     if not 0.0 < memory_gib <= MOST_GIB:
-        raise ScenarioError(f"--memory-gib {memory_gib:g} given, expected more than 0 and at most {MOST_GIB:g} GiB")
+        raise ScenarioError(f"--memory-gib {memory_gib:g} given, expected more than 0 and at most {MOST_GIB:.0f} GiB")
     limits = Limits(seconds, round(memory_gib * 2**30))
     options = _options(quick, records, seed, figures, seconds, memory_gib)
     plan = Plan(
