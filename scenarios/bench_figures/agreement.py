@@ -8,7 +8,8 @@ import numpy as np
 from scenarios.bench_contract.contestant import Contestant
 from scenarios.bench_contract.outcome import MODEL
 from scenarios.bench_figures.figure import DRAWS, Figure, Part
-from scenarios.bench_figures.perfect_mean import interval_of_mean, limits_of_mean
+from scenarios.bench_figures.interval_of_mean import interval_of_positive_mean
+from scenarios.bench_figures.perfect_mean import limits_of_mean
 from scenarios.bench_figures.perfect_records import bound_for, single_records
 from scenarios.bench_figures.response_statistics import free_parts, parts_of, power
 from scenarios.bench_figures.theory import expectation
@@ -116,7 +117,7 @@ def _part(
         label=name,
         value=value,
         expected=0.0,
-        interval=interval_of_mean(values),
+        interval=interval_of_positive_mean(values),
         limits=(0.0, high),
         passed=bool(value <= high),
         theory=theory.passes,

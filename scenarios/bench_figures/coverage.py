@@ -26,7 +26,7 @@ from scenarios.bench_trials.trial import Trial
 from sysid.arrays import FloatArray
 
 SHARE = 0.95
-JUDGED = Judgement(expected=SHARE, points=0.01, within=(0.0, 1.0))
+JUDGED = Judgement(expected=SHARE, points=0.01, shares=True)
 KINDS = ("parameters", "bandwidth", "response")
 NOT_CLAIMED = "no verdict: the estimator claims no interval of the {}"
 NOT_HELD = "no verdict: no {} model is the truth: the parameters that it claims have no true values"

@@ -7,12 +7,14 @@ import numpy as np
 
 from scenarios.bench_figures.accuracy_records import enough
 from scenarios.bench_figures.figure import Part
-from scenarios.bench_figures.perfect_mean import interval_of_mean, limits_of_pooled_mean
+from scenarios.bench_figures.interval_of_mean import interval_of_mean_share, interval_of_positive_mean
+from scenarios.bench_figures.perfect_mean import limits_of_pooled_mean
 from scenarios.bench_figures.theory import Expectation
 from sysid.arrays import FloatArray
 
 TOGETHER = "together"
 NOWHERE = (-np.inf, np.inf)
+SHARES = (0.0, 1.0)
 
 
 @dataclass(frozen=True, eq=False)
@@ -53,7 +55,7 @@ class Judgement:
         points: Slack as a difference.
         low: Whether there is a lower limit.
         high: Whether there is an upper one.
-        within: Between what the values lie by their nature.
+        shares: Whether the values are shares, from 0 to 1; otherwise they are positive.
     """
 
     expected: float
@@ -61,7 +63,7 @@ class Judgement:
     points: float = 0.0
     low: bool = True
     high: bool = True
-    within: tuple[float, float] = NOWHERE
+    shares: bool = False
 
     def limits(self, singles: Sequence[FloatArray], draws: Sequence[int], false_alarm: float) -> tuple[float, float]:
         """Limits for the mean over the records of several problems, the slack included."""
@@ -69,18 +71,12 @@ class Judgement:
 
     def widened(self, low: float, high: float) -> tuple[float, float]:
         """Limits with the slack."""
-        return (
-            max(low / self.ratio - self.points, self.within[0]),
-            min(high * self.ratio + self.points, self.within[1]),
-        )
+        least, most = SHARES if self.shares else NOWHERE
+        return (max(low / self.ratio - self.points, least), min(high * self.ratio + self.points, most))
 
     def interval(self, values: FloatArray) -> tuple[float, float]:
         """The 95 % Monte-Carlo interval of the mean; NaN where it is infinite."""
-        if not np.isfinite(values).all():
-            return (float("nan"), float("nan"))
-        low, high = interval_of_mean(values)
-        # not `max` and `min`, which would turn NaN into a bound
-        return (float(np.clip(low, *self.within)), float(np.clip(high, *self.within)))
+        return interval_of_mean_share(values) if self.shares else interval_of_positive_mean(values)
 
 
 def part_of_mean(given: Values, judgement: Judgement, false_alarm: float) -> Part:

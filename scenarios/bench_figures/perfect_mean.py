@@ -1,9 +1,9 @@
-"""Where the mean of a statistic over many records lies if the estimator is perfect, and how sure a measured mean is."""
+"""Where the mean of a statistic over many records lies if the estimator is perfect."""
 
 from collections.abc import Sequence
 
 import numpy as np
-from scipy.stats import norm, pearson3, t
+from scipy.stats import norm, pearson3
 
 from sysid.arrays import FloatArray
 
@@ -74,11 +74,3 @@ def _third(single: FloatArray) -> float:
     """Third central moment; products, which cost a tenth of a power."""
     distance = single - np.mean(single)
     return float(np.mean(distance * distance * distance))
-
-
-def interval_of_mean(values: FloatArray) -> tuple[float, float]:
-    """The 95 % interval of a mean from its own values (n,), by Student's distribution; NaN of fewer than two."""
-    if len(values) < 2:
-        return (float("nan"), float("nan"))
-    half = float(t.ppf(0.975, len(values) - 1)) * float(np.std(values, ddof=1)) / np.sqrt(len(values))
-    return (float(np.mean(values) - half), float(np.mean(values) + half))

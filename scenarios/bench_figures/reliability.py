@@ -4,11 +4,10 @@ from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from scipy.stats import beta
-
 from scenarios.bench_contract.contestant import Contestant
 from scenarios.bench_contract.outcome import KINDS, MODEL, REFUSED
 from scenarios.bench_figures.figure import Figure, FigureMaker, Part, trials_of
+from scenarios.bench_figures.interval_of_mean import exact_interval_of_share
 from scenarios.bench_figures.theory import UNSTABLE_MODELS
 from scenarios.bench_trials.measured import Measured
 from scenarios.bench_trials.trial import Trial
@@ -101,11 +100,8 @@ class Reliability:
 
 
 def interval_of_share(found: int, total: int) -> tuple[float, float]:
-    """The 95 % interval of a share after Clopper and Pearson, in percent; NaN of nothing."""
-    if total == 0:
-        return (float("nan"), float("nan"))
-    low = float(beta.ppf(0.025, found, total - found + 1)) if found else 0.0
-    high = float(beta.isf(0.025, found + 1, total - found)) if found < total else 1.0
+    """The exact 95 % interval of a share, in percent; NaN of nothing."""
+    low, high = exact_interval_of_share(found, total)
     return (100.0 * low, 100.0 * high)
 
 
