@@ -1,9 +1,10 @@
 """Estimators on the test bench: their trials are run, measured, and made into figures with verdicts."""
 
 import json
+import re
 import secrets
 from collections import Counter
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass, field
 from itertools import chain
@@ -20,6 +21,7 @@ from scenarios.bench_figures.figure import DRAWS, Figure, FigureMaker
 from scenarios.bench_problems.registry import problem
 from scenarios.bench_run.cost import Cost, Pilot, pilot_of, told_time
 from scenarios.bench_run.counted import Counted, Progress
+from scenarios.bench_run.fuller import lost, told_effort, trials_within
 from scenarios.bench_run.key import key_of, machine
 from scenarios.bench_run.result import Result
 from scenarios.bench_trials.executor import Executor
@@ -51,6 +53,9 @@ REASONS = 20
 
 TOGETHER = 100
 """Records of the twin that are simulated side by side, and then kept."""
+
+FIT = "fit"
+"""What most requests ask."""
 
 SILENCE = 10.0
 """After which it is told how far the simulation is, s."""
@@ -112,15 +117,12 @@ class Plan:
         Args:
             maker: One of `figures`.
         """
-        every = maker.trials(self.effort)
-        return every if self.records is None else tuple(trial for trial in every if trial.draw < self.records)
+        return trials_within(maker, self.effort, self.records)
 
     @property
     def told_effort(self) -> str:
         """The effort in words."""
-        if self.records is None:
-            return self.effort
-        return f"{self.effort}, at most {self.records} record{'s' * (self.records > 1)} of a problem"
+        return told_effort(self.effort, self.records)
 
     def trials(self, contestant: Contestant) -> tuple[Trial, ...]:
         """Trials that it can be asked, each once, sorted.
@@ -167,7 +169,7 @@ def verify(
     """
     everyone = plan.all_contestants()
     for one in plan.contestants:
-        _check_place(folder / f"{file_name(one.name)}.json", one)
+        _check_place(folder / f"{file_name(one.name)}.json", one, plan)
     records = (folder / RECORDS).resolve() if executor.here else None
     bench = Bench(everyone, plan.limits, plan.seed, records)
     wanted = [plan.trials(contestant) for contestant in everyone]
@@ -179,6 +181,9 @@ def verify(
             for one, key in zip(everyone, keys, strict=True)
         ]
         left = pieces(wanted, [journal.done for journal in journals])
+        of_all = sum(map(len, wanted))
+        if kept := of_all - sum(len(piece.asked) for piece in left):
+            said(f"{kept} of {of_all} trials are kept from before; they begin anew without {folder / JOURNALS}")
         if records is not None:
             _try(left, bench)
             _simulate(left, plan.seed, records, said)
@@ -197,11 +202,11 @@ def verify(
         return results
 
 
-def _check_place(path: Path, contestant: Contestant) -> None:
-    """Leave alone what stands in the place of a result, where that is of another estimator.
+def _check_place(path: Path, contestant: Contestant, plan: Plan) -> None:
+    """Leave alone what stands in the place of a result, where that is of another estimator, or has more.
 
     Raises:
-        ScenarioError: It is.
+        ScenarioError: It is, or has.
     """
     try:
         there = json.loads(path.read_text(encoding="utf-8"))["contestant"]
@@ -212,6 +217,15 @@ def _check_place(path: Path, contestant: Contestant) -> None:
         raise ScenarioError(
             f"{path} has the result of another estimator of the name {contestant.name!r}, {theirs['target']!r}; "
             "expected another --name, or another --out"
+        )
+    try:
+        more = lost(Result.read(path), plan.figures, plan.effort, plan.records)
+    except ScenarioError:  # of another version, or damaged: of no use to anyone
+        return
+    if more:
+        raise ScenarioError(
+            f"{path} has the result of a fuller run, with {more}; it is not replaced by less: give another --out, or "
+            "move that file away"
         )
 
 
@@ -300,4 +314,10 @@ def _result(
         seconds=float(np.nansum([one.seconds for one in measured.values()])),
         figures=figures,
         run=ran[0],
+        refused=dict(_kinds(one.trial for one in measured.values() if one.kind == REFUSED).most_common()),
     )
+
+
+def _kinds(trials: Iterable[Trial]) -> Counter[str]:
+    """How many trials of each family of problems, and of what is asked where that is no fit."""
+    return Counter(f"{re.split('[-@]', trial.problem)[0]}{f', {trial.ask}' * (trial.ask != FIT)}" for trial in trials)

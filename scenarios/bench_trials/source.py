@@ -17,12 +17,16 @@ PACKAGE = "__init__.py"
 OURS = ("hmtb_twin", "scenarios", "sysid")
 """Packages that are looked at as a whole, wherever they lie; see `scenarios.provenance.fingerprint`."""
 
+SOURCES = frozenset((".m", ".p", ".mex", ".mexa64", ".oct", ".jl", ".r", ".py", ".pl", ".rb", ".lua", ".sh", ".so"))
+"""Endings of what programs are made of."""
+
 
 def source_hash(contestant: Contestant) -> str:
     """SHA-256 of an estimator's own files; empty where it has none.
 
     Of a function that is the file of its module, and what that imports from the estimator's own folder. Of a program it
-    is every file that a word of the command line names, in the folder that it runs in, the program itself included.
+    is every file that a word of the command line names, in the folder that it runs in, the program itself included, and
+    the source files of every folder that a word names: ``octave-cli --path FOLDER --eval ...`` finds functions there.
 
     Args:
         contestant: The estimator.
@@ -109,8 +113,18 @@ def _named(contestant: Contestant) -> Iterator[Path]:
     except ValueError:
         return
     for word in words:
-        path = Path(contestant.home or ".") / word
-        if path.is_file():
-            yield path
-        elif word == words[0] and (found := shutil.which(word)):
-            yield Path(found)
+        found = list(_at(Path(contestant.home or "."), word))
+        if not found and word == words[0] and (program := shutil.which(word)):
+            found = [Path(program)]
+        yield from found
+
+
+def _at(home: Path, word: str) -> Iterator[Path]:
+    """The file that a word names, or the sources in the folder; of ``--path=FOLDER`` what stands behind the sign."""
+    for text in filter(None, dict.fromkeys((word, word.rpartition("=")[2]))):
+        path = home / text
+        with suppress(OSError, ValueError):
+            if path.is_file():
+                yield path
+            elif path.is_dir():
+                yield from sorted(one for one in path.iterdir() if one.suffix.lower() in SOURCES and one.is_file())

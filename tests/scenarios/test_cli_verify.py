@@ -119,7 +119,7 @@ def test_the_list_says_what_can_run_here(executor: Here, capsys: pytest.CaptureF
         (("--command", " "), "an empty --command given"),
         (("perfect", "--figures", "fewer"), "unknown figure 'fewer': did you mean 'few'?"),
         (("perfect", "--seed", "-1"), "seed -1 given"),
-        (("perfect", "--seconds", "0"), "a limit of 0.0 s given"),
+        (("perfect", "--seconds", "0"), "a limit of 0 s given, expected a finite time"),
         (("perfect", "--memory-gib", "0.01"), "bytes given, expected at least"),
         (("perfect", "--memory-gib", "nan"), "--memory-gib nan given, expected more than 0"),
         (("perfect", "--memory-gib", "1e300"), "--memory-gib 1e+300 given"),

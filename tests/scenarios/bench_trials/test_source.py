@@ -77,5 +77,21 @@ def test_that_of_a_program_follows_every_file_that_it_names(tmp_path: Path):
     assert module_file(program) is None
 
 
+@pytest.mark.parametrize("words", ["--path {folder}", "--path={folder}"])
+def test_that_of_a_program_follows_the_sources_in_folders_that_it_names(words: str, tmp_path: Path):
+    """Octave and MATLAB find functions in folders."""
+    folder = tmp_path / "functions"
+    folder.mkdir()
+    target = f"sh {words.format(folder='functions')} --eval 'exit(mine({{mat}}, {{task}}, {{model}}))'"
+    program = Contestant("program", target, program=True, home=str(tmp_path))
+    hashes = [source_hash(program)]
+    for text in ("code = 1;", "code = 0;"):
+        (folder / "mine.m").write_text(text)
+        hashes.append(source_hash(program))
+    assert len(set(hashes)) == 3
+    (folder / "results.csv").write_text("1")
+    assert source_hash(program) == hashes[-1]
+
+
 def test_what_knows_the_truth_has_no_file():
     assert source_hash(Contestant("perfect", "bench:perfect")) == ""
