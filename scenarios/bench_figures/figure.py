@@ -60,9 +60,9 @@ class Figure:
         name: Key in results.
         title: In words.
         unit: Of the value.
-        value: That of the judged part furthest beyond its limits, also where theory expects it to fail, or nearest to
-            them where all pass; NaN where nothing could be measured. `reliability`, `speed` and `bandwidth` say
-            themselves what theirs is of.
+        value: That of the part furthest beyond its limits: of those that fail where theory expects them to pass, else
+            of those that theory expects to fail, or nearest to its limits where all pass; NaN where nothing could be
+            measured. `reliability`, `speed` and `bandwidth` say themselves what theirs is of.
         expected: Of that part.
         interval: Of that part.
         passed: Whether all parts pass that theory expects to: those that it expects to fail are left out here alone.

@@ -27,8 +27,7 @@ def figure_of_parts(
     """Put parts together.
 
     The figure fails where a part fails that theory expects to pass, and has no verdict where theory expects no judged
-    part to pass. What theory says of parts that fail is told. The number is that of the worst of all judged parts,
-    those that theory expects to fail included; see `worst_of`.
+    part to pass. What theory says of parts that fail is told. The number is that of the part that `worst_of` finds.
 
     Args:
         name: Key in results.
@@ -60,12 +59,15 @@ def figure_of_parts(
 
 
 def worst_of(parts: Sequence[Part]) -> Part:
-    """The judged part furthest beyond its limits, or nearest to them where all pass, whatever theory expects of it.
+    """The part that a figure's number is of: the one furthest beyond its limits of those that decide.
+
+    Where parts fail that theory expects to pass, one of them, so that a figure that fails has the number that fails it;
+    else one of those that theory expects to fail; where all pass, the one nearest to its limits.
 
     Args:
         parts: At least one; where none is judged it is the first that has a value.
     """
-    judged = [part for part in parts if part.passed is not None]
+    judged = [part for part in parts if part.surprises] or [part for part in parts if part.passed is not None]
     if judged:
         return max(judged, key=lambda part: (part.passed is False, excess(part)))
     return next((part for part in parts if np.isfinite(part.value)), parts[0])
