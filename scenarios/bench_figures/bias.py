@@ -93,8 +93,8 @@ def _part(
     found = [m.response for m in asked if m.kind == MODEL and m.response is not None]
     found = [response for response in found if response.shape == bound.response.shape]
     axes = directions(bound)
-    if not asked or 2 * len(found) < len(asked) or len(found) < 2 * axes.shape[1] + 3:
-        return unjudged(name, f"{len(found)} of {len(asked)} records gave a model: too few", len(found)), {}
+    if too_few := _too_few(len(found), max(fewest(axes), (len(asked) + 1) // 2), len(asked)):
+        return unjudged(name, too_few, len(found)), {}
     errors = np.array(found) - bound.response
     judged = mean_error(_flat(errors) @ axes, false_alarm, ALLOWED)
     theory = expectation(contestant, name, "bias")
@@ -130,8 +130,8 @@ def _alone(asked: Sequence[Measured], contestant: Contestant) -> Part:
     axes = directions(own)
     responses = [m.response for m in asked if m.kind == MODEL and m.response is not None]
     responses = [response for response in responses if response.shape == own.response.shape]
-    if len(responses) < 2 * axes.shape[1] + 3:
-        return unjudged(ALONE, f"{len(responses)} of {len(asked)} records gave a model: too few", len(responses))
+    if too_few := _too_few(len(responses), fewest(axes), len(asked)):
+        return unjudged(ALONE, too_few, len(responses))
     errors = np.array(responses) - own.response
     predicted = found.expected_bias()
     judged = mean_error(_flat(errors) @ axes, 0.5)
@@ -152,6 +152,20 @@ def _alone(asked: Sequence[Measured], contestant: Contestant) -> Part:
         f"is {expected:.3g} % off",
         draws=len(responses),
     )
+
+
+def fewest(axes: FloatArray) -> int:
+    """Records with a model that are needed to judge the mean error by its own scatter.
+
+    Args:
+        axes: Directions in which it is looked for, one per column.
+    """
+    return 2 * axes.shape[1] + 3
+
+
+def _too_few(found: int, needed: int, asked: int) -> str:
+    """Why there is no verdict; empty where there are enough."""
+    return f"{found} of {asked} records gave a model: too few, at least {needed} are needed" if found < needed else ""
 
 
 def _flat(errors: ComplexArray) -> FloatArray:

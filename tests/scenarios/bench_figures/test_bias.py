@@ -63,6 +63,24 @@ def test_failures_leave_no_verdict() -> None:
     assert Bias().figure([], ANYONE, SHARE, ()).passed is None
 
 
+def test_how_many_records_are_needed_is_said() -> None:
+    """Of ten nothing is told, and why; of eleven it is."""
+    for records, judged in ((10, False), (11, True)):
+        trials = [trial for trial in Bias().trials("quick") if trial.draw < records and trial.problem != ALONE]
+        found = Bias().figure(simulated(trials, Fault(), np.random.default_rng(0)), ANYONE, SHARE, ())
+        assert {part.passed for part in found.parts} == {True if judged else None}
+        assert judged or "10 of 10 records gave a model: too few, at least 11 are needed" in found.why
+    few = [replace(m, kind="crash") if m.trial.draw % 4 else m for m in simulated_all()]
+    why = Bias().figure(few, ANYONE, SHARE, ()).why
+    assert "10 of 40 records gave a model: too few, at least 20 are needed" in why
+
+
+def simulated_all() -> list[Measured]:
+    """Of the perfect estimator, by the quick effort."""
+    trials = [trial for trial in Bias().trials("quick") if trial.problem != ALONE]
+    return simulated(trials, Fault(), np.random.default_rng(0))
+
+
 def test_a_few_failures_do_not_matter() -> None:
     """They show elsewhere."""
     assert figure(Fault(failing=0.1)).passed
