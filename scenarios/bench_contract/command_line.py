@@ -1,5 +1,6 @@
 """The command line of a program: words without a shell, and places for the files of a request."""
 
+import os
 import shlex
 import shutil
 from pathlib import Path
@@ -63,3 +64,18 @@ def filled(split: list[str], places: dict[str, str]) -> list[str]:
             word = word.replace(f"{{{name}}}", path)
         out.append(word)
     return out
+
+
+def unfilled(text: str, places: dict[str, str], folder: Path) -> str:
+    """A text with placeholders again, so that what is said of one request reads as what is said of another.
+
+    Args:
+        text: What a program said, or what is said of it.
+        places: What stands for each placeholder.
+        folder: Of the request; what else stands in it is told by `{folder}`.
+    """
+    for name, path in (*places.items(), ("folder", str(folder))):
+        # what a link to the folder of temporary files leads to is the name that some programs have of it
+        for known in (os.path.realpath(path), path):
+            text = text.replace(known, f"{{{name}}}")
+    return text

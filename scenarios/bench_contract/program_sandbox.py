@@ -3,10 +3,11 @@
 import json
 import time
 from collections.abc import Mapping
+from dataclasses import replace
 from pathlib import Path
 from types import TracebackType
 
-from scenarios.bench_contract.command_line import filled, formats, paths, words
+from scenarios.bench_contract.command_line import filled, formats, paths, unfilled, words
 from scenarios.bench_contract.contestant import Contestant, Limits
 from scenarios.bench_contract.launcher import Launcher
 from scenarios.bench_contract.model_file import find_model
@@ -84,7 +85,11 @@ class ProgramSandbox:
         self._folder.remove()
 
     def ask(self, data: IOData, task: Task) -> Outcome:
-        """Ask once; see `open_sandbox`."""
+        """Ask once; see `open_sandbox`. Reasons name files by their placeholders."""
+        got = self._ask(data, task)
+        return replace(got, why=self._in_general(got.why)) if got.why else got
+
+    def _ask(self, data: IOData, task: Task) -> Outcome:
         self._asked += 0 if self._contestant.stays else 1
         try:
             folder = self._folder.new(str(self._asked))
@@ -126,6 +131,10 @@ class ProgramSandbox:
     def _places(self) -> dict[str, str]:
         return paths(self._request_folder, self._contestant.target)
 
+    def _in_general(self, text: str) -> str:
+        """Without what only this request has: the names of its files."""
+        return unfilled(text, self._places, self._request_folder)
+
     def _run(self) -> Outcome:
         """Run the program once."""
         begun = time.monotonic()
@@ -138,7 +147,7 @@ class ProgramSandbox:
         )
         wall = time.monotonic() - begun
         process.end()
-        code, tail = process.exit_code, process.tail()
+        code, tail = process.exit_code, process.tail(self._in_general)
         # That of its children that it has waited for goes along.
         seconds = process.usage_seconds if got.end == "ended" else got.seconds
         if got.end != "ended" or code is None or code < 0:
@@ -176,7 +185,13 @@ class ProgramSandbox:
             return Outcome(kind, why, got.seconds, got.wall, got.peak_bytes)
         word, _, text = lines.found.partition(" ")
         kind = {"done": RETURNED, REFUSED: REFUSED}.get(word, "error")
-        return Outcome(kind, "" if kind == RETURNED else text.strip()[:TOLD], got.seconds, got.wall, got.peak_bytes)
+        return Outcome(
+            kind,
+            "" if kind == RETURNED else self._in_general(text).strip()[:TOLD],
+            got.seconds,
+            got.wall,
+            got.peak_bytes,
+        )
 
     def _launch(self) -> Supervised:
         """Start the program, by a process that is there before the clock runs, unless a program has ended it.
@@ -211,7 +226,7 @@ class ProgramSandbox:
         process = self._process
         process.end(GRACE if got.end == "ended" else 0.0)
         self._end()
-        told = lines.found or f"{got.end}, {process.how_it_ended()}, it printed {process.tail()!r}"
+        told = lines.found or f"{got.end}, {process.how_it_ended()}, it printed {process.tail(self._in_general)!r}"
         raise ScenarioError(
             f"{self._contestant.target!r}: {told}; expected a program that stays to print the line {READY!r} within "
             f"{STARTING:g} s and then to read a line of JSON for each record"
@@ -225,7 +240,7 @@ class ProgramSandbox:
             return "memory", f"more than {limit / 2**20:.0f} MiB"
         if got.end == "garbage":
             return "malformed", got.why
-        printed = process.tail()
+        printed = process.tail(self._in_general)
         return "crash", f"it ended: {process.how_it_ended()}" + (f"; it printed {printed!r}" if printed else "")
 
     def _end(self) -> None:

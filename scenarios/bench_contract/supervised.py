@@ -147,10 +147,14 @@ class Supervised:
                 pause = min(1.5 * pause, LONGEST_LOOK)
                 look = time.monotonic() + pause
 
-    def tail(self) -> str:
-        """The last of what it printed, on one line."""
+    def tail(self, mended: Callable[[str], str] = str) -> str:
+        """The last of what it printed, on one line.
+
+        Args:
+            mended: What becomes of the text before it is cut to its last characters.
+        """
         self._keep_tail()
-        return one_line(self._tail.decode("utf-8", "replace"))[-TOLD:]
+        return mended(one_line(self._tail.decode("utf-8", "replace")))[-TOLD:]
 
     def forget_tail(self) -> None:
         """Leave behind what was printed so far."""

@@ -15,6 +15,7 @@ import pytest
 import sysid
 from scenarios.bench_contract import process_tree
 from scenarios.bench_contract.answer import Answer
+from scenarios.bench_contract.command_line import unfilled
 from scenarios.bench_contract.contestant import Contestant, Limits
 from scenarios.bench_contract.model_numbers import answer_of
 from scenarios.bench_contract.python_child import load
@@ -132,3 +133,31 @@ def check_example(answer: Answer, data: sysid.IOData, task: Task) -> None:
     claimed = ours.frequency_response(task.frequencies).covariance
     np.testing.assert_allclose(answer.response_covariance, claimed, rtol=1e-4, atol=1e-12)
     np.testing.assert_allclose(answer.bandwidth_ci95, ours.bandwidth().ci95, rtol=1e-6)
+
+
+@pytest.mark.parametrize("stays", [False, True])
+def test_reasons_are_the_same_for_each_request(data: sysid.IOData, task: Task, stays: bool) -> None:
+    """Its files stand as placeholders, also at the edge of what is told of a long text."""
+    once = "import sys; sys.stderr.write('y' * 10 + ' '.join(sys.argv[1:]) + '.json ' + 'x' * 240); sys.exit(3)"
+    stay = (
+        "import json\nprint('ready 1', flush=True)\nwhile True:\n    places = json.loads(input())\n"
+        "    print('error', 'x' * 280, places['csv'], places['model'], flush=True)"
+    )
+    command = f"{sys.executable} -S -c {shlex.quote(stay if stays else once)} {{csv}} {{model}}"
+    reasons = set()
+    for _ in range(2):
+        with open_sandbox(Contestant("program", command, program=True, stays=stays), Limits(seconds=5.0)) as sandbox:
+            reasons |= {sandbox.ask(data, task).why for _ in range(2)}
+    (why,) = reasons
+    expected = "x" * 280 + " {csv} {model}" if stays else "yyyyyyyyyy{csv} {model}.json xxx"
+    assert expected in why
+    assert "hmtb-estimator" not in why
+
+
+def test_other_files_of_a_request_stand_in_its_folder(tmp_path: Path) -> None:
+    """By the folder's own name, and by what a link of that name leads to."""
+    real, link = tmp_path / "real", tmp_path / "link"
+    real.mkdir()
+    link.symlink_to(real)
+    text = f"{link}/data.csv, {real}/data.csv and {real}/own.txt"
+    assert unfilled(text, {"csv": f"{link}/data.csv"}, link) == "{csv}, {csv} and {folder}/own.txt"
