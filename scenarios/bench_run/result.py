@@ -3,7 +3,7 @@
 import json
 import math
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -36,6 +36,7 @@ class Result:
         figures: By name.
         run: Mark that all results of one run share: their speeds were measured side by side.
         protocol: Version of the contract that it was run by.
+        refused: How many requests it refused, by kind: family of the problem, and what is asked where that is no fit.
     """
 
     contestant: Contestant
@@ -52,6 +53,7 @@ class Result:
     figures: Mapping[str, Figure]
     run: str = ""
     protocol: int = PROTOCOL
+    refused: Mapping[str, int] = field(default_factory=dict)
 
     @property
     def passed(self) -> bool:

@@ -196,8 +196,8 @@ def verify(
                 said(f"{contestant.name}: its file changed during the run: some answers may be those of the new one")
             if contestant in plan.contestants:
                 measured = journal.measured()
-                kept = {trial: measured[trial] for trial in trials if trial in measured}
-                results.append(_result(plan, contestant, (journal.run, where, key["source"]), kept, referee))
+                own = {trial: measured[trial] for trial in trials if trial in measured}
+                results.append(_result(plan, contestant, (journal.run, where, key["source"]), own, referee))
                 write_text(folder / f"{file_name(contestant.name)}.json", results[-1].to_json())
         return results
 

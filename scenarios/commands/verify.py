@@ -81,7 +81,8 @@ def verify(
         quick: A tenth of the records, and fewer problems: minutes, and wider limits.
         records: At most so many records of each problem, for an estimator that takes seconds: wider limits still.
         seed: Of the records.
-        out: Folder for results, one file for each estimator, NAME.json; hmtb leaderboard makes a page of them.
+        out: Folder for results, one file for each estimator, NAME.json; hmtb leaderboard makes a page of them. A result
+            there is never replaced by that of a run with fewer figures or records: such a run takes another folder.
         figures: Only these.
         seconds: An answer may take this long, s; then the process is ended, and the trial is a hang.
         memory_gib: It may use this much memory, GiB.

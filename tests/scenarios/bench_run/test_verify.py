@@ -16,7 +16,8 @@ from scenarios.bench_contract.python_sandbox import PythonSandbox
 from scenarios.bench_contract.task import Task
 from scenarios.bench_run.cost import Cost
 from scenarios.bench_run.result import Result
-from scenarios.bench_run.verify import JOURNALS, Plan, verify
+from scenarios.bench_run.verify import JOURNALS, Plan, _kinds, verify
+from scenarios.bench_trials.trial import Trial
 from scenarios.errors import ScenarioError
 from sysid import IOData
 from tests.scenarios.bench_run.few import PERFECT, Few, Here, child_environment
@@ -66,6 +67,11 @@ def stuck(data, task):
 def sometimes(data, task):
     if len(data) != 300:
         time.sleep(60.0)
+    return good(data, task)
+
+def refusing(data, task):
+    if task.orders["na"] != 5:
+        raise NotImplementedError
     return good(data, task)
 
 def hungry(data, task):
@@ -175,9 +181,57 @@ def test_fewer_records_are_a_part_of_all(tmp_path: Path):
     assert 3 * few.asked == 3 * sum(short.outcomes.values()) == sum(whole.outcomes.values())
     assert few.asked + all_of_them.asked == sum(whole.outcomes.values())
     assert short.effort == f"{PLAN.effort}, at most 1 record of a problem"
-    # What the journal has beyond them does not count.
+    # What the journal has beyond them does not count; where its result does not stand, that can be made anew.
+    (tmp_path / "perfect.json").unlink()
     (again,) = verify(replace(PLAN, figures=(Few(draws=3),), records=1), tmp_path, Here(after=0))
     assert again.figures == short.figures
+
+
+@pytest.mark.parametrize(
+    ("less", "says"),
+    [
+        ({"figures": (Few(),)}, r"figures that this run does not make \(more\)"),
+        ({"records": 1}, r"records that this run does not ask \(quick; now quick, at most 1 record of a problem\)"),
+        ({"figures": (Few(),), "seed": 1}, "figures that this run does not make"),
+    ],
+)
+def test_a_lesser_run_takes_no_fuller_result_away_and_asks_nothing(tmp_path: Path, less: dict, says: str):
+    plan = replace(PLAN, figures=(Few(), Few(name="more")))
+    verify(plan, tmp_path, Here())
+    before = {path: path.read_bytes() for path in tmp_path.rglob("*") if path.is_file()}
+    asked = Here(after=0)
+    with pytest.raises(ScenarioError, match=says + r".*give another --out"):
+        verify(replace(plan, **less), tmp_path, asked)
+    assert {path: path.read_bytes() for path in tmp_path.rglob("*") if path.is_file()} == before
+    # What has as much, or more, takes its place.
+    verify(plan, tmp_path, asked)
+    verify(replace(plan, records=2), tmp_path, asked)
+    (more,) = verify(replace(plan, effort="full"), tmp_path, asked)
+    assert Result.read(tmp_path / "perfect.json").effort == more.effort == "full"
+
+
+def test_a_run_that_was_interrupted_goes_on_beside_a_lesser_result(tmp_path: Path):
+    verify(replace(PLAN, records=1), tmp_path, Here())
+    with pytest.raises(KeyboardInterrupt):
+        verify(PLAN, tmp_path, Here(after=1))
+    assert Result.read(tmp_path / "perfect.json").effort == "quick, at most 1 record of a problem"
+    verify(PLAN, tmp_path, Here())
+    assert Result.read(tmp_path / "perfect.json").outcomes == {"model": 4}
+    # A result that cannot be read keeps nobody from writing one.
+    (tmp_path / "perfect.json").write_text(
+        (tmp_path / "perfect.json").read_text().replace('"format": 1', '"format": 9')
+    )
+    verify(replace(PLAN, records=1), tmp_path, Here(after=0))
+
+
+def test_what_is_refused_is_counted_by_family_and_ask(tmp_path: Path):
+    (tmp_path / "faulty.py").write_text(FAULTY)
+    each = (Contestant("refusing", "faulty:refusing", home=str(tmp_path), structure="arx"),)
+    (result,) = verify(replace(PLAN, contestants=each, figures=(Few(problems=("p1@300", "p2@300")),)), tmp_path, Here())
+    assert result.outcomes == {"model": 2, "refused": 2}
+    assert result.refused == Result.read(tmp_path / "refusing.json").refused == {"p2": 2}
+    kinds = _kinds([Trial("p2@300", 0), Trial("p2", 1), Trial("p2", 0, "select"), Trial("twin-nominal-elbow", 0)])
+    assert kinds == {"p2": 2, "p2, select": 1, "twin": 1}
 
 
 def test_whatever_estimators_do_is_counted(tmp_path: Path):
