@@ -7,6 +7,7 @@ import numpy as np
 
 from scenarios.bench_contract.contestant import Contestant
 from scenarios.bench_figures.accuracy_records import NO_RECORD, by_problem
+from scenarios.bench_figures.familiar_fault import familiar_fault
 from scenarios.bench_figures.figure import DRAWS, Figure, Part
 from scenarios.bench_figures.theory import expectation
 from scenarios.bench_figures.worst_part import figure_of_parts, unjudged
@@ -22,6 +23,8 @@ squares no longer changes in its 12th digit knows its minimum to half as many. W
 rounding: a delay, a transient that is not allowed for, a term that is left out."""
 MOST = 16.0
 """Digits that are told at most."""
+FAULT = "the response is "
+"""How what is familiar about a wrong response is told."""
 
 
 @dataclass(frozen=True)
@@ -69,6 +72,9 @@ class NoiseFreeRecovery:
         )
         if not judged:
             return whole
+        if faults := {part.why for part in judged if not part.passed}:
+            common = next(iter(faults)) if len(faults) == 1 else ""
+            whole = replace(whole, why=f"{whole.why}; where it fails, {common}" if FAULT in common else whole.why)
         # all that pass are as good as expected: the worst is the one with the fewest digits
         worst = min(judged, key=lambda part: part.value)
         whole = replace(whole, value=worst.value, expected=worst.expected, interval=worst.interval)
@@ -83,9 +89,14 @@ def _part(name: str, good: Sequence[Measured], run: int, contestant: Contestant,
         return unjudged(name, f"no verdict: {len(good)} of {run} records have a model", len(good))
     true = problem(name).truth.frequency_response(problem(name).frequencies)
     size = np.sqrt(np.mean(np.abs(true) ** 2))
-    errors = [np.sqrt(np.mean(np.abs(m.response - true) ** 2)) / size for m in good if m.response is not None]
+    responses = [m.response for m in good if m.response is not None]
+    errors = [np.sqrt(np.mean(np.abs(response - true) ** 2)) / size for response in responses]
     digits = float(np.min(-np.log10(np.maximum(errors, 10.0**-MOST))))
     theory = expectation(contestant, name, figure)
+    fault = ""
+    if digits < DEMANDED:
+        told = familiar_fault(responses, true, problem(name).frequencies, problem(name).truth.dt, 10.0**-DEMANDED)
+        fault = f"{FAULT}{told}" if told else ""
     return Part(
         label=name,
         value=digits,
@@ -94,6 +105,6 @@ def _part(name: str, good: Sequence[Measured], run: int, contestant: Contestant,
         limits=(DEMANDED, np.inf),
         passed=digits >= DEMANDED,
         theory=theory.passes,
-        why=theory.why,
+        why="; ".join(filter(None, (theory.why, fault))),
         draws=len(good),
     )

@@ -43,6 +43,17 @@ def test_the_worst_system_stands_for_all() -> None:
     assert figure.curves["digits"][1][1] == pytest.approx(3.0, abs=0.01)
 
 
+def test_what_is_familiar_is_told_where_all_that_fail_have_it() -> None:
+    figure = MAKER.figure(measured(1.02), CONTESTANT, 1e-4, ())
+    assert {part.why for part in figure.parts} == {"the response is 1.02 times the truth"}
+    assert figure.why.endswith("; where it fails, the response is 1.02 times the truth")
+    data = measured(1.02)
+    assert data[4].response is not None
+    data[4] = replace(data[4], response=-data[4].response)
+    assert "where it fails" not in MAKER.figure(data, CONTESTANT, 1e-4, ()).why
+    assert "where it fails" not in MAKER.figure(measured(1.0), CONTESTANT, 1e-4, ()).why
+
+
 def test_systems_without_model_are_left_out_until_they_are_most() -> None:
     """They are failures of reliability."""
     data = measured(1.0)
