@@ -31,7 +31,7 @@ class Cost:
 
     def __str__(self) -> str:
         return (
-            f"{self.calls} calls, {told_time(self.core_seconds)} of one core, about {told_time(self.wall)} with all "
+            f"{self.calls} requests, {told_time(self.core_seconds)} of one core, about {told_time(self.wall)} with all "
             f"workers, {self.disk / 2**20:.0f} MiB of journals"
         )
 

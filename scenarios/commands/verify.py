@@ -160,7 +160,7 @@ def _run(plan: "Plan", folder: Path, executor: "Executor") -> "list[Result]":
 
     def told(cost: "Cost") -> None:
         if cost.calls:
-            _said(f"hmtb verify: still to do: {cost}")
+            _said(f"hmtb verify: still to do, of {_requests(plan)}: {cost}")
 
     with _ended_as_interrupted(), verify_progress("hmtb verify") as show:
 
@@ -174,6 +174,14 @@ def _run(plan: "Plan", folder: Path, executor: "Executor") -> "list[Result]":
         except KeyboardInterrupt:
             done, total = latest
             raise KeyboardInterrupt(f"{done} of {total} trials kept in {folder / JOURNALS}") from None
+
+
+def _requests(plan: "Plan") -> str:
+    """How many requests a run makes, and of whom."""
+    counts = {contestant.name: len(plan.trials(contestant)) for contestant in plan.all_contestants()}
+    own = sum(counts.pop(contestant.name) for contestant in plan.contestants)
+    beside = "".join(f" and {count} to {name} for the figure of agreement" for name, count in counts.items())
+    return f"{own} requests{beside}"
 
 
 @contextmanager

@@ -14,8 +14,10 @@ def interval(ends: tuple[float, float]) -> str:
 
 
 def limits(ends: tuple[float, float]) -> str:
-    """What passes, in words."""
+    """What passes, in words; a dash for limits that any value passes."""
     low, high = ends
+    if math.isinf(low) and math.isinf(high):
+        return "—"
     if low == high:
         return number(low)
     if math.isinf(low):

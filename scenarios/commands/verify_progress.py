@@ -70,7 +70,7 @@ def _bar(label: str) -> "Iterator[Progress]":
 def _count(done: int, total: int, left: float | None) -> str:
     from scenarios.bench_run.cost import told_time
 
-    what = f"{done} of {total} trials"
+    what = f"{done} of {total} requests"
     if done == total:
         return what
     # The first trials start processes: their pace says nothing of the others'.

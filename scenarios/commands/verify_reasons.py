@@ -1,10 +1,12 @@
-"""Why figures of `hmtb verify` fail: a short block for each with the parts that do; all of it where that is wanted."""
+"""Why figures of `hmtb verify` fail: a block for each with its worst parts; all that fail where that is wanted."""
 
+import math
 import shutil
 import textwrap
 from collections.abc import Iterable, Sequence
 
 from scenarios.bench_figures.figure import Figure, Part
+from scenarios.bench_figures.worst_part import excess
 from scenarios.commands.output import say
 from scenarios.commands.verify_numbers import limits, number
 from scenarios.leaderboard.verdict import Verdict, part_verdict, verdict
@@ -62,14 +64,23 @@ def _block(figure: Figure, reasons: Sequence[str], parts: Sequence[Part], *, mos
     say(f"{found.sign} {figure.title}: {found.word}")
     for reason in reasons:
         say(wrapped(INDENT + reason, INDENT))
-    shown = parts[:most]
-    rows = [(part.label, number(part.value), limits(part.limits)) for part in shown]
+    shown = sorted(parts, key=lambda part: -excess(part))[:most]
+    rows = [(part.label, number(part.value)) for part in shown]
     widths = [max((len(row[place]) for row in rows), default=0) for place in (0, 1)]
-    for (label, value, within), part in zip(rows, shown, strict=True):
+    for (label, value), part in zip(rows, shown, strict=True):
         mark = f" {part_verdict(part).sign}" if part_verdict(part) is not found else ""
-        say(f"{INDENT}{label:<{widths[0]}}  {value:>{widths[1]}}  passes: {within}{mark}")
+        say(wrapped(f"{INDENT}{label:<{widths[0]}}  {value:>{widths[1]}}  {_rests_on(part)}{mark}", 2 * INDENT))
     if len(parts) > len(shown):
         say(f"{INDENT}and {len(parts) - len(shown)} more: --verbose has them")
+
+
+def _rests_on(part: Part) -> str:
+    """Its limit in words, or why it fails without one."""
+    low, high = part.limits
+    if math.isinf(low) and math.isinf(high):
+        return part.why
+    both = math.isfinite(low) and math.isfinite(high) and low != high
+    return f"limit{'s' * both}: {limits(part.limits)}"
 
 
 def wrapped(text: str, indent: str = "") -> str:

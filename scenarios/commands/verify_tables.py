@@ -123,7 +123,9 @@ def _end(value: float) -> float | str:
 def _show_figures(result: Result) -> None:
     own = result.contestant
     what = shown(", ".join(part for part in (own.structure or "", own.method or "", own.version) if part))
-    title = f"{own.name}{f' ({what})' if what else ''}: {result.effort} bench, seed {result.seed}"
+    effort, *fewer = result.effort.split(", ", 1)
+    bench = ", ".join((f"{effort} bench", *fewer))
+    title = f"{own.name}{f' ({what})' if what else ''}: {bench}, seed {result.seed}"
     rows = [
         (
             f"{figure.title}, {figure.unit}" if figure.unit else figure.title,
@@ -144,8 +146,16 @@ def _show_failures(result: Result) -> None:
     for kind in result.outcomes:
         if kind not in (MODEL, REFUSED):
             say(f"  {kind}: {KINDS[kind]}")
-    for reason, count in list(result.reasons.items())[:SHOWN_REASONS]:
+    listed = list(result.reasons.items())[:SHOWN_REASONS]
+    for reason, count in listed:
         say(f"  {count} x {shown(reason)}")
+    failed = sum(count for kind, count in result.outcomes.items() if kind not in (MODEL, REFUSED))
+    rest, others = failed - sum(count for _, count in listed), len(result.reasons) - len(listed)
+    if listed and rest > 0:
+        # a file keeps the commonest reasons only
+        all_kept = sum(result.reasons.values()) >= failed
+        told = f"{others} other reasons" if others > 1 else "another reason"
+        say(f"  and {rest} more, for {told}{': the file has them' if all_kept else ' or more: the file has some'}")
 
 
 def _show_side_by_side(results: Sequence[Result]) -> None:

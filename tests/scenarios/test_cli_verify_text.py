@@ -77,7 +77,7 @@ def figure(name: str, *parts: Part, passed: bool | None) -> Figure:
 
 def test_a_block_for_each_figure_that_does_not_pass(capsys: pytest.CaptureFixture[str]) -> None:
     failed = [Part(f"p{k}", 10.0 * k, 1.0, (0.0, 2.0), (-math.inf, 2.0), False) for k in range(1, 8)]
-    expected = Part("p8", 3.0, 1.0, (0.0, 2.0), (0.5, math.inf), False, theory=False, why="it is biased")
+    expected = Part("p8", 3.0, 1.0, (0.0, 2.0), (5.0, math.inf), False, theory=False, why="it is biased")
     figures = [
         figure("first", Part("p0", 1.0, 1.0, (0.0, 2.0), (0.5, 2.0), True), passed=True),
         figure("second", *failed, expected, passed=False),
@@ -90,21 +90,54 @@ def test_a_block_for_each_figure_that_does_not_pass(capsys: pytest.CaptureFixtur
     assert capsys.readouterr().out.splitlines() == [
         "✗ Second: of something: fails",
         "    what",
-        *(f"    p{k}  {10 * k}  passes: at most 2" for k in range(1, 6)),
+        *(f"    p{k}  {10 * k}  limit: at most 2" for k in range(7, 2, -1)),
         "    and 2 more: --verbose has them",
         "△ Third: of something: fails as theory says",
         "    it is biased",
-        "    p8  3  passes: at least 0.5",
+        "    p8  3  limit: at least 5",
         "△ Fourth: of something: fails as theory says",
         "    theory says the same as of “Third”",
-        "    p8  3  passes: 0.5 to 2",
+        "    p8  3  limits: 0.5 to 2",
         "– Fifth: of something: too few records",
         "",
     ]
     show_reasons(figures, verbose=True)
     out = capsys.readouterr().out
     assert "✓ First: of something: passes\n    what; more\n" in out
-    assert "    p7  70  passes: at most 2\n    p8   3  passes: at least 0.5 △\n" in out
+    assert "    p1  10  limit: at most 2\n    p8   3  limit: at least 5 △\n" in out
+
+
+def test_a_part_that_fails_without_a_limit_says_why(capsys: pytest.CaptureFixture[str]) -> None:
+    some = Part("p1", 1.0, 1.0, (0.0, 2.0), INFINITE, False, why="claimed of 3 of 20 records")
+    none = Part("p2", 1.0, 0.0, (0.0, 2.0), (0.0, 0.0), False)
+    show_reasons([figure("first", some, none, passed=False)], verbose=False)
+    lines = capsys.readouterr().out.splitlines()
+    assert "    p1  1  claimed of 3 of 20 records" in lines and "    p2  1  limit: 0" in lines
+
+
+@pytest.mark.parametrize(
+    ("kinds", "kept", "more"),
+    [
+        (5, 5, ""),
+        (6, 6, "  and 1 more, for another reason: the file has them"),
+        (9, 9, "  and 10 more, for 4 other reasons: the file has them"),
+        (30, 20, "  and 325 more, for 15 other reasons or more: the file has some"),
+    ],
+)
+def test_reasons_that_are_not_printed_are_counted(
+    kinds: int, kept: int, more: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """All failures are accounted for, also where the file has not all of their reasons."""
+    counts = {f"error: {k}": kinds - k for k in range(kinds)}
+    outcomes = {"model": 5, "refused": 3, "error": sum(counts.values())}
+    reasons = dict(list(counts.items())[:kept])
+    effort = "quick, at most 20 records of a problem"
+    show([Result(Contestant("mine", "a:b"), Limits(), effort, 0, "", "", {}, "", outcomes, reasons, 0.5, {})], tmp_path)
+    out = capsys.readouterr().out
+    lines = out.splitlines()
+    assert " ".join(out.split()).startswith("mine: quick bench, at most 20 records of a problem, seed 0 ")
+    assert f"  {kinds - 4} x error: 4" in lines and not any("error: 5" in line for line in lines)
+    assert [line for line in lines if "more, for" in line] == [more] * bool(more)
 
 
 @pytest.mark.parametrize(
@@ -134,9 +167,9 @@ def test_lines_of_progress_tell_what_is_left_once_that_is_known(capsys: pytest.C
         for now[0], done, left in ((9.0, 1, None), (11.0, 2, None), (20.0, 3, 60.0), (42.0, 4, 300.0), (80.0, 9, 0.0)):
             told(done, 9, left)
     assert capsys.readouterr().err.splitlines() == [
-        "run: 2 of 9 trials, the first of each kind",
-        "run: 4 of 9 trials, about 5 min left",
-        "run: 9 of 9 trials",
+        "run: 2 of 9 requests, the first of each kind",
+        "run: 4 of 9 requests, about 5 min left",
+        "run: 9 of 9 requests",
     ]
 
 

@@ -260,7 +260,7 @@ def test_what_a_run_costs_is_told_before_it_is_spent(tmp_path: Path):
     assert cost.wall == pytest.approx(cost.core_seconds / 2)
     written = sum(path.stat().st_size for path in (tmp_path / JOURNALS).iterdir())
     assert cost.disk == pytest.approx(written / 2, rel=0.3)
-    assert "2 calls" in str(cost)
+    assert "2 requests" in str(cost)
 
 
 def test_an_estimator_that_cannot_be_loaded_ends_a_run_and_leaves_no_journal(tmp_path: Path):
