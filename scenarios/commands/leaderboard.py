@@ -21,8 +21,10 @@ def leaderboard(
 
     Results are the files that hmtb verify writes, or folders of them. The page leaderboard.html needs no network; the
     same tables stand in leaderboard.md. Rows are ordered by the number of figures that fail where theory expects
-    them to pass, the fewest first, then by figures passed, then by efficiency; no score is made of several figures.
-    Where rows are not comparable, because seed, effort, limits, protocol or machine differ, the page says so.
+    them to pass, the fewest first, then by figures without a verdict, then by figures passed, then by efficiency; no
+    score is made of several figures. The response error is the median over the problems that all rows were asked; a
+    row that did not answer them all has none. Where rows are not comparable, because seed, effort, limits, protocol or
+    machine differ, or an estimator refused requests, the page says so.
 
     Args:
         results: Files, or folders whose *.json are taken.
@@ -32,13 +34,15 @@ def leaderboard(
     from scenarios.leaderboard.comparable import notes
     from scenarios.leaderboard.page import write_leaderboard
     from scenarios.leaderboard.ranking import RULE, ranked
+    from scenarios.leaderboard.response_error import compared, median_error
     from scenarios.leaderboard.tables import standing
-    from scenarios.leaderboard.verdict import verdict
+    from scenarios.leaderboard.verdict import count, judged_figures, verdict
 
     entries = ranked(results)
     with output_folder(out):
         page, text = write_leaderboard(entries, out)
     if json:
+        judged, problems = judged_figures(entry.result for entry in entries), compared(entries)
         print_json(
             {
                 "page": page,
@@ -49,9 +53,12 @@ def leaderboard(
                         "name": entry.name,
                         "file": entry.path,
                         "passed": entry.result.passed,
+                        "counts": {v.word: n for v, n in count(map(entry.figure, judged)).items()},
+                        "response_error_percent": median_error(entry, problems),
                         "verdicts": {name: verdict(f).word for name, f in entry.result.figures.items()},
                         "values": {name: f.value for name, f in entry.result.figures.items()},
                         "failures": entry.result.outcomes,
+                        "refused": entry.result.refused,
                     }
                     for entry in entries
                 ],

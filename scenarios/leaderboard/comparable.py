@@ -2,9 +2,10 @@
 
 from collections.abc import Callable, Sequence
 
-from scenarios.bench_contract.outcome import MODEL
+from scenarios.bench_contract.outcome import MODEL, REFUSED
 from scenarios.leaderboard.entry import Entry, shown
 from scenarios.leaderboard.reading import FIGURES
+from scenarios.leaderboard.response_error import compared, missing
 from scenarios.leaderboard.verdict import Verdict, verdict
 
 CONDITIONS: dict[str, tuple[Callable[[Entry], str], str]] = {
@@ -74,7 +75,7 @@ def notes(entries: Sequence[Entry]) -> list[str]:
 
 
 def incomplete(entries: Sequence[Entry]) -> list[str]:
-    """What is not there to be compared: figures that were not made, rows in which nothing was judged."""
+    """What is not there to be compared: figures that were not made, what was not answered or could not be judged."""
     said = []
     parts: dict[int, list[Entry]] = {}
     for entry in entries:
@@ -93,7 +94,33 @@ def incomplete(entries: Sequence[Entry]) -> list[str]:
             said.append(f"{entry.name} gave no model at all ({ends or 'no request'}): it has not passed anything.")
         elif all(verdict(figure) is Verdict.NONE for figure in entry.result.figures.values()):
             said.append(f"Nothing of {entry.name} could be judged: it has not passed anything.")
-    return said
+    return said + unanswered(entries)
+
+
+def unanswered(entries: Sequence[Entry]) -> list[str]:
+    """Who is judged by a part of the requests only."""
+    problems = compared(entries)
+    refused: dict[str, list[Entry]] = {}
+    absent: dict[str, list[Entry]] = {}
+    for entry in entries:
+        outcomes = entry.result.outcomes
+        if not outcomes.get(MODEL):
+            continue
+        if number := outcomes.get(REFUSED, 0):
+            of = ", ".join(f"{times} × {shown(kind)}" for kind, times in entry.result.refused.items() if times)
+            told = f"{number} of {sum(outcomes.values())} requests{f' ({of})' if of else ''}"
+            refused.setdefault(told, []).append(entry)
+        if lacking := missing(entry, problems):
+            absent.setdefault(", ".join(map(shown, lacking)), []).append(entry)
+    said = [
+        f"{names(group)} refused {told}, and {'is' if len(group) == 1 else 'are'} judged by the others only."
+        for told, group in refused.items()
+    ]
+    return said + [
+        f"{names(group)} answered fewer than half of the records of {lacking}: no response error, and all other "
+        "numbers are of what was answered."
+        for lacking, group in absent.items()
+    ]
 
 
 def names(entries: Sequence[Entry]) -> str:

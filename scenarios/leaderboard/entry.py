@@ -130,11 +130,11 @@ def _wrong(result: Result) -> str:
     limit = result.limits.seconds
     if type(limit) not in (int, float) or not limit <= LARGEST:
         return f"the limit of time is {str(limit)[:80]}, expected s"
-    for key, kind in (("outcomes", int), ("reasons", int), ("versions", str), ("figures", Figure)):
+    for key, kind in (("outcomes", int), ("reasons", int), ("refused", int), ("versions", str), ("figures", Figure)):
         table = getattr(result, key)
         if not isinstance(table, Mapping) or not all(type(value) is kind for value in table.values()):
             return f"{key} is {str(table)[:80]!r}, expected {kind.__name__} by name"
-    for key in ("outcomes", "reasons"):
+    for key in ("outcomes", "reasons", "refused"):
         if not all(0 <= number <= LARGEST for number in getattr(result, key).values()):
             return f"{key} holds numbers below 0 or above {LARGEST}, expected how often"
     for name, figure in result.figures.items():

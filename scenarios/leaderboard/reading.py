@@ -113,3 +113,6 @@ FIGURES: Mapping[str, Reading] = MappingProxyType(
     }
 )
 """Figures by name, in the order in which they are told."""
+
+TOLD = ("bandwidth",)
+"""Figures that never give a verdict."""

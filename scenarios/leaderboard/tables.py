@@ -4,15 +4,13 @@ import re
 from collections.abc import Sequence
 from math import isnan
 
-import numpy as np
-
 from scenarios.bench_contract.outcome import KINDS
 from scenarios.bench_figures.figure import Figure, Part
 from scenarios.leaderboard.entry import Entry, shown
 from scenarios.leaderboard.reading import FIGURES
-from scenarios.leaderboard.response_drawing import relative_errors
+from scenarios.leaderboard.response_error import compared, median_cell, told
 from scenarios.leaderboard.table import Cell, Table, number_cell, pair, table_of_entries, verdict_cell
-from scenarios.leaderboard.verdict import Verdict, count, part_verdict, verdict
+from scenarios.leaderboard.verdict import Verdict, count, judged_figures, part_verdict, verdict
 
 MOST_COLUMNS = 8
 """Problems in the columns of a table; more stand in its rows."""
@@ -25,6 +23,11 @@ AT_WORST = re.compile(r" at [\d.e+-]+ Hz$")
 
 HEADLINE = ("efficiency", "noise_free_recovery", "coverage", "bias", "reliability", "speed")
 """Figures whose numbers stand in the first table."""
+
+FAILING = (Verdict.FAILS, Verdict.FAILS_AS_THEORY_SAYS)
+
+COUNTED = ("Fails", "Fails as theory says", "No verdict")
+"""Headings of the verdicts that are counted beside those that pass."""
 
 
 def figure_names(entries: Sequence[Entry]) -> list[str]:
@@ -53,23 +56,31 @@ def standing(entries: Sequence[Entry]) -> Table:
     """The first table: verdicts counted, and the numbers that most look for."""
     columns = [name for name in HEADLINE if any(entry.figure(name) for entry in entries)]
     headings = [f"{short(name)}{_in(unit(entries, name))}" for name in columns]
+    judged, problems = judged_figures(entry.result for entry in entries), compared(entries)
     rows = []
     for entry in entries:
-        found = count(entry.result.figures.values())
-        judged = sum(found.values()) - found[Verdict.NONE]
+        found = count(map(entry.figure, judged))
         cells = [
-            Cell(f"{found[Verdict.PASSES]} of {judged}" if judged else "none judged", float(found[Verdict.PASSES])),
-            Cell(str(found[Verdict.FAILS]), float(found[Verdict.FAILS])),
-            Cell(str(found[Verdict.FAILS_AS_THEORY_SAYS]), float(found[Verdict.FAILS_AS_THEORY_SAYS])),
+            Cell(f"{found[Verdict.PASSES]} of {len(judged)}", float(found[Verdict.PASSES])),
+            *(Cell(str(found[v]), float(found[v])) for v in (*FAILING, Verdict.NONE)),
+            median_cell(entry, problems),
         ]
-        errors = list(relative_errors(entry).values())
-        cells.append(number_cell(float(np.median(errors)) if errors else float("nan")))
         rows.append((entry, [*cells, *(_value(entry.figure(name)) for name in columns)]))
     caption = (
-        "Figures passed of those judged, and each figure’s number where it is furthest beyond its limits, or nearest "
-        "to them; response error: median over problems"
+        "Figures passed of all that give verdicts, and each figure’s number where it is furthest beyond its limits, or "
+        "nearest to them. "
+    ) + response_error_rule(problems)
+    return table_of_entries(caption, ("Passed", *COUNTED, "Response error / %", *headings), rows)
+
+
+def response_error_rule(problems: Sequence[str]) -> str:
+    """How the response error of the first table is made."""
+    if not problems:
+        return "Response error: none, for no problem was asked of all rows"
+    return (
+        f"Response error: median over the problems that were asked of all rows ({told(problems)}); “–” where an "
+        "estimator gave models of fewer than half of the records of one of them, beside how many it answered"
     )
-    return table_of_entries(caption, ("Passed", "Fails", "Fails as theory says", "Response error / %", *headings), rows)
 
 
 def verdicts(entries: Sequence[Entry]) -> Table:

@@ -4,6 +4,8 @@ from collections.abc import Iterable
 from enum import Enum
 
 from scenarios.bench_figures.figure import Figure, Part
+from scenarios.bench_run.result import Result
+from scenarios.leaderboard.reading import FIGURES, TOLD
 
 
 class Verdict(Enum):
@@ -51,6 +53,16 @@ def part_verdict(part: Part) -> Verdict:
     if part.passed:
         return Verdict.PASSES
     return Verdict.FAILS if part.theory else Verdict.FAILS_AS_THEORY_SAYS
+
+
+def judged_figures(results: Iterable[Result]) -> tuple[str, ...]:
+    """Names of the figures by which rows are compared: all that give verdicts, whether a row has them or not.
+
+    Args:
+        results: Of all rows; what they judge that this version does not know counts too.
+    """
+    others = {name for result in results for name, f in result.figures.items() if verdict(f) is not Verdict.NONE}
+    return (*(name for name in FIGURES if name not in TOLD), *sorted(others - set(FIGURES)))
 
 
 def count(figures: Iterable[Figure | None]) -> dict[Verdict, int]:

@@ -8,7 +8,7 @@ from matplotlib.patheffects import withStroke
 
 from scenarios.leaderboard.entry import Entry
 from scenarios.leaderboard.log_axis import plain_marks
-from scenarios.leaderboard.response_drawing import relative_errors
+from scenarios.leaderboard.response_error import answered, compared, told
 from scenarios.leaderboard.style import label, styles
 from scenarios.thesis.figure_style import WIDTH, dress
 from sysid.arrays import FloatArray
@@ -21,9 +21,10 @@ def work_precision(entries: Sequence[Entry]) -> tuple[Figure, str] | None:
     """A large mark for each estimator at the medians over problems, a small one for each problem.
 
     Returns:
-        The figure and its caption; None where no row has both numbers of any problem.
+        The figure and its caption; None where no row has both numbers of all problems that were asked of all rows.
     """
-    clouds = [(entry, found) for entry in entries if len(found := _points(entry))]
+    problems = compared(entries)
+    clouds = [(entry, found) for entry in entries if len(found := _points(entry, problems))]
     if not clouds:
         return None
     figure = Figure(figsize=(WIDTH, 4.2), layout="constrained")
@@ -46,20 +47,22 @@ def work_precision(entries: Sequence[Entry]) -> tuple[Figure, str] | None:
     present = {entry.number for entry, _ in clouds}
     absent = [entry.name for entry in entries if entry.number not in present]
     caption = (
-        "Accuracy against time, both better to the lower left. Large marks: median over problems; small ones: single "
-        "problems. The error is relative to the true response; a ruler is the time of a fixed least-squares problem on "
-        "the same record in the same run."
+        "Accuracy against time, both better to the lower left. Large marks: median over the problems that were asked "
+        f"of all rows ({told(problems)}); small ones: each of them. The error is relative to the true response; a "
+        "ruler is the time of a fixed least-squares problem on the same record in the same run."
     ) + ("" if few else " Numbers are those of the tables.")
-    return figure, caption + (f" Without both numbers: {', '.join(absent)}." if absent else "")
+    return figure, caption + (
+        f" Not drawn, since a number of theirs is missing: {', '.join(absent)}." if absent else ""
+    )
 
 
-def _points(entry: Entry) -> FloatArray:
-    """Multiple of the ruler and error of the response in percent, of each problem that has both (k, 2)."""
+def _points(entry: Entry, problems: Sequence[str]) -> FloatArray:
+    """Multiple of the ruler and error of the response in percent, of each problem (k, 2); none where one lacks."""
     speed = entry.figure("speed")
-    errors = relative_errors(entry)
+    errors = answered(entry)
     times = {} if speed is None else {part.label: part.value for part in speed.parts}
-    found = [(times[name], error) for name, error in errors.items() if times.get(name, 0.0) > 0.0]
-    return np.array([pair for pair in found if np.isfinite(pair).all()]).reshape(-1, 2)
+    found = np.array([(times.get(name, np.nan), errors.get(name, np.nan)) for name in problems]).reshape(-1, 2)
+    return found if np.isfinite(found).all() and (found > 0.0).all() else found[:0]
 
 
 def _labels(figure: Figure, wanted: dict[str, tuple[FloatArray, str]]) -> None:

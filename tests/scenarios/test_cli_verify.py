@@ -93,6 +93,21 @@ def test_an_interrupted_run_says_how_to_go_on(
     assert executor.asked == 4
 
 
+def test_a_lesser_run_is_refused_beside_a_fuller_result_and_a_fuller_one_is_not(
+    executor: Here, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main(["verify", "perfect", "--quick", "--records", "1"]) == 1  # too few for its figure
+    assert main(["verify", "perfect", "--quick"]) == 0
+    capsys.readouterr()
+    says = complaint(capsys, "perfect", "--quick", "--records", "1")
+    assert "perfect.json has the result of a fuller run, with records that this run does not ask" in says
+    assert "give another --out, or move that file away" in says
+    assert executor.asked == 4
+    assert main(["verify", "perfect", "--quick", "--records", "1", "--out", "less"]) == 1
+    assert main(["verify", "perfect"]) == 0
+    assert Result.read(tmp_path / "results" / "perfect.json").effort == "full"
+
+
 def test_the_list_says_what_can_run_here(executor: Here, capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["verify", "--list", "--json"]) == 0
     told = json.loads(capsys.readouterr().out)["estimators"]

@@ -14,6 +14,7 @@ from scenarios.cli import main
 from scenarios.errors import ScenarioError
 from scenarios.leaderboard.comparable import notes
 from scenarios.leaderboard.ranking import ranked
+from scenarios.leaderboard.tables import standing
 from scenarios.leaderboard.verdict import Verdict, count, verdict
 
 Save = Callable[[Path, Result], Path]
@@ -60,6 +61,7 @@ def test_two_of_one_name_are_refused(written: list[Path], results: tuple[Result,
         (("figures", "efficiency", "parts"), None),
         (("outcomes",), {"model": "many"}),
         (("reasons",), ["late"]),
+        (("refused",), {"p2": "all"}),
         (("versions",), {"numpy": 2}),
         (("machine",), None),
     ],
@@ -94,6 +96,31 @@ def test_failures_that_theory_does_not_know_weigh_most(
     assert names.index("armax") < names.index("oe")
     failures = [count(entry.result.figures.values())[Verdict.FAILS] for entry in ranked(written)]
     assert failures == sorted(failures) and failures[0] == 0 < failures[-1]
+
+
+def test_what_could_not_be_judged_is_no_advantage_and_time_no_harm(
+    written: list[Path], results: tuple[Result, ...], saved: Save
+) -> None:
+    """One that passes all of what is left of it stands behind one that was judged by more and fails as theory says."""
+
+    def without(result: Result, *names: str) -> Result:
+        figures = {name: replace(f, passed=None, parts=()) for name, f in result.figures.items() if name in names}
+        return replace(result, figures={**result.figures, **figures})
+
+    paths = [saved(written[1], without(results[1], "bias")), written[2]]
+    entries = ranked(paths)
+    assert [entry.name for entry in entries] == ["oe", "armax"]
+    passed = [count(entry.result.figures.values())[Verdict.PASSES] for entry in entries]
+    assert passed == [4, 6]
+    assert [row[1].text for row in standing(entries).rows] == ["4 of 12", "6 of 12"]
+    assert [row[4].text for row in standing(entries).rows] == ["5", "6"]
+    timed = {name: replace(f, passed=True) if name == "speed" else f for name, f in results[2].figures.items()}
+    saved(written[1], results[1])
+    saved(written[2], replace(results[2], figures=timed))
+    assert [entry.name for entry in ranked(paths)] == ["armax", "oe"]
+    # Figures that were not made are as figures that were not judged.
+    saved(written[1], replace(results[1], figures={name: f for name, f in timed.items() if name != "bias"}))
+    assert [entry.name for entry in ranked(paths)] == ["oe", "armax"]
 
 
 def test_rows_of_one_run_need_no_note(written: list[Path]) -> None:
@@ -134,6 +161,18 @@ def test_rows_that_are_not_whole_are_named(written: list[Path], results: tuple[R
     assert "2 of 13: armax." in said[0]
     assert any("oe gave no model at all (853 × refused)" in note for note in said)
     assert any("Nothing of okid could be judged" in note for note in said)
+
+
+def test_who_is_judged_by_a_part_of_the_requests_is_named(
+    written: list[Path], results: tuple[Result, ...], saved: Save
+) -> None:
+    outcomes = {"model": 780, "refused": 120}
+    saved(written[1], replace(results[1], outcomes=outcomes, refused={"p2": 80, "p3, select": 40}))
+    saved(written[2], replace(results[2], outcomes=outcomes))
+    assert notes(ranked(written[1:3])) == [
+        "armax refused 120 of 900 requests (80 × p2, 40 × p3, select), and is judged by the others only.",
+        "oe refused 120 of 900 requests, and is judged by the others only.",
+    ]
 
 
 def test_verdicts_of_figures(written: list[Path]) -> None:
