@@ -52,5 +52,10 @@ def by_problem(measured: Sequence[Measured]) -> dict[str, tuple[list[Measured], 
 
 
 def enough(count: int, run: int) -> bool:
-    """Whether there are values of enough records for a verdict: of at least half of them, and two."""
-    return count >= 2 and 2 * count >= run
+    """Whether there are values of enough records for a verdict."""
+    return count >= needed(run)
+
+
+def needed(run: int) -> int:
+    """Of how many records values are needed for a verdict: of at least half of those that were run, and two."""
+    return max(2, (run + 1) // 2)

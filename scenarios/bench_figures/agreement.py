@@ -7,6 +7,7 @@ import numpy as np
 
 from scenarios.bench_contract.contestant import Contestant
 from scenarios.bench_contract.outcome import MODEL
+from scenarios.bench_figures.accuracy_records import enough, needed
 from scenarios.bench_figures.figure import DRAWS, Figure, Part
 from scenarios.bench_figures.interval_of_mean import interval_of_positive_mean
 from scenarios.bench_figures.perfect_mean import limits_of_mean
@@ -102,8 +103,9 @@ def _part(
         for m in asked
         if m.kind == MODEL and m.response is not None and m.response.shape == truth.response.shape
     ]
-    if 2 * len(pairs) < len(asked) or len(pairs) < 2:
-        return unjudged(name, f"{len(pairs)} of {len(asked)} records can be compared: too few", len(pairs)), nan
+    if not enough(len(pairs), len(asked)):
+        told = f"{len(pairs)} of {len(asked)} records can be compared, at least {needed(len(asked))} are needed"
+        return unjudged(name, told, len(pairs)), nan
     difference = np.array([one - other for one, other in pairs])
     values = _variances(difference, bound)
     _, high = limits_of_mean(BOUND * single, len(pairs), false_alarm, low=False)

@@ -7,7 +7,7 @@ from functools import lru_cache
 import numpy as np
 
 from scenarios.bench_contract.contestant import Contestant
-from scenarios.bench_figures.accuracy_records import NO_RECORD, by_problem, enough
+from scenarios.bench_figures.accuracy_records import NO_RECORD, by_problem, enough, needed
 from scenarios.bench_figures.figure import DRAWS, Figure, Part
 from scenarios.bench_figures.perfect_mean import limits_of_mean
 from scenarios.bench_figures.perfect_records import CHUNK, SEED, SINGLES, bound_for, parts_of_perfect
@@ -90,7 +90,11 @@ def _slope_of(
     name: str, here: dict[int, tuple[list[Measured], int]], contestant: Contestant, false_alarm: float
 ) -> tuple[Part, dict[str, list[float]]]:
     lengths = tuple(here)
-    few = [f"{len(good)} of {run} at {samples}" for samples, (good, run) in here.items() if not enough(len(good), run)]
+    few = [
+        f"{len(good)} of {run} at {samples} samples, at least {needed(run)} are needed"
+        for samples, (good, run) in here.items()
+        if not enough(len(good), run)
+    ]
     longest = bound_for(f"{name}@{lengths[-1]}", contestant.structure)
     if few or longest is None or len(lengths) < 2:
         why = f"records with a model: {', '.join(few)}" if few else "there is no Cramér-Rao bound or a single length"

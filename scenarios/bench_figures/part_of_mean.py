@@ -5,7 +5,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from scenarios.bench_figures.accuracy_records import enough
+from scenarios.bench_figures.accuracy_records import enough, needed
 from scenarios.bench_figures.figure import Part
 from scenarios.bench_figures.interval_of_mean import interval_of_mean_share, interval_of_positive_mean
 from scenarios.bench_figures.perfect_mean import limits_of_pooled_mean
@@ -94,7 +94,7 @@ def part_of_mean(given: Values, judgement: Judgement, false_alarm: float) -> Par
     if count == 0 and given.why_not:
         reason = given.why_not
     elif not enough(count, given.run):
-        reason = f"no verdict: {count} of {given.run} records have a value"
+        reason = f"no verdict: {count} of {given.run} records have a value, at least {needed(given.run)} are needed"
     elif given.single is None:
         reason = "no verdict: the problem has no Cramér-Rao bound"
     else:

@@ -79,7 +79,8 @@ def verify(
         structure: That of the models of your estimators; without it, they take each that is asked.
         method: Kind of their method, for what theory expects.
         quick: A tenth of the records, and fewer problems: minutes, and wider limits.
-        records: At most so many records of each problem, for an estimator that takes seconds: wider limits still.
+        records: At most so many records of each problem, for an estimator that takes seconds: wider limits still, and
+            below 11 no verdict on bias.
         seed: Of the records.
         out: Folder for results, one file for each estimator, NAME.json; hmtb leaderboard makes a page of them. A result
             there is never replaced by that of a run with fewer figures or records: such a run takes another folder.
@@ -90,7 +91,7 @@ def verify(
         cluster: Address of a Dask scheduler, tcp://HOST:8786, whose workers do the trials, with this package.
         patience: How long a scheduler that has gone, or workers that are not there, are waited for, s.
         list: List the estimators that the bench knows, and whether they can be run here.
-        verbose: Print all that a verdict rests on, and every part that fails; files and pages have it anyway.
+        verbose: Print all that a verdict rests on, and every part that fails; files and pages have the other parts too.
         json: Print JSON.
     """
     if list:
