@@ -117,7 +117,7 @@ def unanswered(entries: Sequence[Entry]) -> list[str]:
         for told, group in refused.items()
     ]
     return said + [
-        f"{names(group)} answered fewer than half of the records of {lacking}: no response error, and all other "
+        f"{names(group)} answered too few records of {lacking} for a verdict: no response error, and all other "
         "numbers are of what was answered."
         for lacking, group in absent.items()
     ]

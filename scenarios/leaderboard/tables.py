@@ -79,7 +79,8 @@ def response_error_rule(problems: Sequence[str]) -> str:
         return "Response error: none, for no problem was asked of all rows"
     return (
         f"Response error: median over the problems that were asked of all rows ({told(problems)}); “–” where an "
-        "estimator gave models of fewer than half of the records of one of them, beside how many it answered"
+        "estimator gave models of fewer than half of the records of one of them, or of one record, beside how many of "
+        "the problems it answered"
     )
 
 

@@ -116,7 +116,7 @@ def test_rows_stand_in_order_and_the_page_says_by_what(pages: tuple[str, str, Se
 def test_the_rule_of_the_response_error_and_who_has_none_are_told(pages: tuple[str, str, Sequence[Entry]]) -> None:
     for page in (pages[0], pages[1].replace("\\", "")):
         assert "median over the problems that were asked of all rows (p2, p3, p4, p5); “–” where an estimator" in page
-        assert "answered fewer than half of the records of p2, p3, p4, p5: no response error" in page
+        assert "answered too few records of p2, p3, p4, p5 for a verdict: no response error" in page
     (caption,) = re.findall(r"<figcaption>Figure 1\. (.*?)</figcaption>", pages[0], re.S)
     assert "asked of all rows (p2, p3, p4, p5)" in caption
     assert "Not drawn, since a number of theirs is missing: &lt;script&gt;" in caption

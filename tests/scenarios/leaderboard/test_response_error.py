@@ -56,7 +56,7 @@ def test_what_was_not_answered_is_no_advantage(
     assert "asked of all rows (p2, p3, p4, p5)" in drawn[1]
     assert len(drawn[0].axes[0].lines) == 2  # of one estimator
     (note,) = notes(both)
-    assert note.startswith("armax answered fewer than half of the records of p3: no response error")
+    assert note.startswith("armax answered too few records of p3 for a verdict: no response error")
 
 
 def test_what_too_few_records_answer_is_not_answered(
