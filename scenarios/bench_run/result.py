@@ -91,7 +91,7 @@ class Result:
 
 
 def _figure(entry: Mapping[str, Any]) -> Figure:
-    values = _numbers(entry, ("value", "expected"), ("interval",))
+    values = _numbers(entry, ("value", "expected", "false_alarm"), ("interval",))
     parts = [_numbers(part, ("value", "expected"), ("interval", "limits")) for part in entry["parts"]]
     return Figure(**{**values, "parts": tuple(Part(**part) for part in parts)})
 

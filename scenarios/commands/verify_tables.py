@@ -5,6 +5,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
+from scenarios.bench_contract.one_line import one_line
 from scenarios.bench_contract.outcome import KINDS, MODEL, REFUSED
 from scenarios.bench_figures.figure import Figure
 from scenarios.bench_run.result import Result
@@ -13,7 +14,6 @@ from scenarios.commands.output import print_table, say
 from scenarios.commands.verify_bandwidths import answer, bandwidth_rows, show_bandwidths
 from scenarios.commands.verify_numbers import interval, number
 from scenarios.commands.verify_reasons import show_reasons, wrapped
-from scenarios.leaderboard.entry import shown
 from scenarios.leaderboard.verdict import Verdict, verdict
 
 SHOWN_REASONS = 5
@@ -122,7 +122,7 @@ def _end(value: float) -> float | str:
 
 def _show_figures(result: Result) -> None:
     own = result.contestant
-    what = shown(", ".join(part for part in (own.structure or "", own.method or "", own.version) if part))
+    what = one_line(", ".join(part for part in (own.structure or "", own.method or "", own.version) if part))
     effort, *fewer = result.effort.split(", ", 1)
     bench = ", ".join((f"{effort} bench", *fewer))
     title = f"{own.name}{f' ({what})' if what else ''}: {bench}, seed {result.seed}"
@@ -148,7 +148,7 @@ def _show_failures(result: Result) -> None:
             say(f"  {kind}: {KINDS[kind]}")
     listed = list(result.reasons.items())[:SHOWN_REASONS]
     for reason, count in listed:
-        say(f"  {count} x {shown(reason)}")
+        say(f"  {count} x {one_line(reason)}")
     failed = sum(count for kind, count in result.outcomes.items() if kind not in (MODEL, REFUSED))
     rest, others = failed - sum(count for _, count in listed), len(result.reasons) - len(listed)
     if listed and rest > 0:

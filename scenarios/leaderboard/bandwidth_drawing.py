@@ -10,8 +10,9 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 from matplotlib.ticker import FuncFormatter, MaxNLocator, NullFormatter, NullLocator
 
+from scenarios.bench_contract.one_line import one_line
 from scenarios.leaderboard.curves import number_of, numbers
-from scenarios.leaderboard.entry import Entry, shown
+from scenarios.leaderboard.entry import Entry
 from scenarios.leaderboard.style import label, literal
 from scenarios.thesis.figure_style import WIDTH, dress
 from sysid.arrays import FloatArray
@@ -75,7 +76,7 @@ def bandwidths(entries: Sequence[Entry]) -> tuple[Figure, str] | None:
         small = [c.small_signal for classes in found.values() for c in classes.get(joint, ())]
         if small and np.isfinite(small[0]):
             axes.axvline(small[0], color=PALETTE["truth"].colour, lw=0.9, zorder=1)
-        axes.set_title(literal(shown(joint).replace("_", " ")), fontsize=8)
+        axes.set_title(literal(one_line(joint).replace("_", " ")), fontsize=8)
         axes.xaxis.set_major_locator(MaxNLocator(4, steps=[1, 2, 5, 10]))
         axes.xaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
         axes.xaxis.set_minor_locator(NullLocator())
@@ -116,7 +117,7 @@ def _classes(entry: Entry) -> dict[str, list[Class]]:
             continue
         values = numbers(row.get("hz"))
         values = np.empty(0) if values is None else values[np.isfinite(values) & (values > 0.0)]
-        kind, mrad = shown(str(row.get("excitation"))), number_of(row, "mrad")
+        kind, mrad = one_line(str(row.get("excitation"))), number_of(row, "mrad")
         models = row.get("models")
         one = Class(
             f"{kind} {mrad:g} mrad",

@@ -2,8 +2,9 @@
 
 from collections.abc import Callable, Sequence
 
+from scenarios.bench_contract.one_line import one_line
 from scenarios.bench_contract.outcome import MODEL, REFUSED
-from scenarios.leaderboard.entry import Entry, shown
+from scenarios.leaderboard.entry import Entry
 from scenarios.leaderboard.reading import FIGURES
 from scenarios.leaderboard.response_error import compared, missing
 from scenarios.leaderboard.verdict import Verdict, verdict
@@ -39,7 +40,7 @@ def groups(entries: Sequence[Entry], condition: str) -> dict[str, list[Entry]]:
     read, _ = CONDITIONS[condition]
     found: dict[str, list[Entry]] = {}
     for entry in entries:
-        found.setdefault(shown(read(entry)), []).append(entry)
+        found.setdefault(one_line(read(entry)), []).append(entry)
     return found
 
 
@@ -90,7 +91,9 @@ def incomplete(entries: Sequence[Entry]) -> list[str]:
         said.append(f"Rows without all figures, of which fewer could pass or fail. {told}.")
     for entry in entries:
         if not entry.result.outcomes.get(MODEL):
-            ends = ", ".join(f"{n} × {shown(kind).replace('_', ' ')}" for kind, n in entry.result.outcomes.items() if n)
+            ends = ", ".join(
+                f"{n} × {one_line(kind).replace('_', ' ')}" for kind, n in entry.result.outcomes.items() if n
+            )
             said.append(f"{entry.name} gave no model at all ({ends or 'no request'}): it has not passed anything.")
         elif all(verdict(figure) is Verdict.NONE for figure in entry.result.figures.values()):
             said.append(f"Nothing of {entry.name} could be judged: it has not passed anything.")
@@ -107,11 +110,11 @@ def unanswered(entries: Sequence[Entry]) -> list[str]:
         if not outcomes.get(MODEL):
             continue
         if number := outcomes.get(REFUSED, 0):
-            of = ", ".join(f"{times} × {shown(kind)}" for kind, times in entry.result.refused.items() if times)
+            of = ", ".join(f"{times} × {one_line(kind)}" for kind, times in entry.result.refused.items() if times)
             told = f"{number} of {sum(outcomes.values())} requests{f' ({of})' if of else ''}"
             refused.setdefault(told, []).append(entry)
         if lacking := missing(entry, problems):
-            absent.setdefault(", ".join(map(shown, lacking)), []).append(entry)
+            absent.setdefault(", ".join(map(one_line, lacking)), []).append(entry)
     said = [
         f"{names(group)} refused {told}, and {'is' if len(group) == 1 else 'are'} judged by the others only."
         for told, group in refused.items()

@@ -4,22 +4,36 @@ from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from sysid.arrays import FloatArray
 
 MOST = 100_000
 """Numbers in a curve."""
 
+LARGEST = 1e100
+"""No number that is drawn is larger, nor its inverse."""
+
 
 def numbers(value: Any, dimensions: int = 1) -> FloatArray | None:
-    """An array of numbers, those that are not known NaN; None where the value is none of so many dimensions."""
+    """An array of numbers; None where the value is none of so many dimensions.
+
+    What is not known is NaN, and so is what no axis can hold.
+    """
     if not isinstance(value, list | tuple) or not value:
         return None
     try:
-        found = np.array(value, dtype=float)  # null becomes NaN, "inf" and "-inf" themselves
-    except (TypeError, ValueError):
+        found = np.array(value, dtype=float)  # null becomes NaN
+    except (TypeError, ValueError, OverflowError):
         return None
+    found[~drawable(found)] = np.nan
     return found if found.ndim == dimensions and found.size <= MOST else None
+
+
+def drawable(values: FloatArray | float) -> NDArray[np.bool_]:
+    """Whether an axis can hold them: finite, and neither huge nor, but for 0, tiny."""
+    size = np.abs(values)
+    return (size == 0.0) | ((size >= 1.0 / LARGEST) & (size <= LARGEST))
 
 
 def curves(table: Any, *names: str) -> tuple[FloatArray, ...] | None:
@@ -32,6 +46,7 @@ def curves(table: Any, *names: str) -> tuple[FloatArray, ...] | None:
 
 
 def number_of(table: Any, name: str) -> float:
-    """A number by name; NaN where there is none."""
+    """A number by name; NaN where there is none that an axis can hold."""
     value = table.get(name) if isinstance(table, Mapping) else None
-    return float(value) if isinstance(value, int | float) and not isinstance(value, bool) else float("nan")
+    found = None if isinstance(value, bool | str) else numbers([value])
+    return float("nan") if found is None else float(found[0])

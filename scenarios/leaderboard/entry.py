@@ -4,6 +4,7 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
+from scenarios.bench_contract.one_line import one_line
 from scenarios.bench_figures.figure import Figure, Part
 from scenarios.bench_run.result import Result
 from scenarios.errors import ScenarioError
@@ -32,7 +33,7 @@ class Entry:
     @property
     def name(self) -> str:
         """As the page shows it."""
-        return shown(self.result.contestant.name)
+        return one_line(self.result.contestant.name)
 
     @property
     def title(self) -> str:
@@ -47,11 +48,6 @@ class Entry:
     def figure(self, name: str) -> Figure | None:
         """One of its figures, or None."""
         return self.result.figures.get(name)
-
-
-def shown(text: str) -> str:
-    """Text of others on one line, characters that cannot be seen or that turn lines around replaced."""
-    return "".join(c if c.isprintable() else "\N{REPLACEMENT CHARACTER}" for c in " ".join(text.split()))
 
 
 def read_results(paths: Iterable[Path]) -> list[tuple[Path, Result]]:
@@ -69,7 +65,7 @@ def read_results(paths: Iterable[Path]) -> list[tuple[Path, Result]]:
     found: dict[str, tuple[Path, Result]] = {}
     for path in dict.fromkeys(files):
         result = _read(path)
-        name = shown(result.contestant.name)
+        name = one_line(result.contestant.name)
         if name in found:
             raise ScenarioError(
                 f"{path} and {found[name][0]} are both of {name!r}; expected a name for each: leave one out, "
@@ -89,6 +85,8 @@ def _files(path: Path) -> list[Path]:
 
 
 def _read(path: Path) -> Result:
+    if path.exists() and not path.is_file():
+        raise ScenarioError(f"{path} is no result of hmtb verify: it is no ordinary file")
     if path.is_file() and path.stat().st_size > MOST_BYTES:
         raise ScenarioError(f"{path} is no result of hmtb verify: it has more than {MOST_BYTES} bytes")
     result = Result.read(path)
@@ -116,7 +114,7 @@ def _wrong(result: Result) -> str:
     for key, value in texts.items():
         if not isinstance(value, str):
             return f"{key} is {value!r}, expected a text"
-    if not shown(contestant.name):
+    if not one_line(contestant.name):
         return f"name {contestant.name!r} has no character that can be seen"
     for key, given, wanted in (
         ("program", contestant.program, bool),
@@ -143,6 +141,8 @@ def _wrong(result: Result) -> str:
             return f"figure {name}: {problem}"
         if not isinstance(figure.title, str) or not isinstance(figure.unit, str):
             return f"figure {name} has title {figure.title!r} and unit {figure.unit!r}, expected texts"
+        if not 0.0 <= figure.false_alarm <= 1.0:
+            return f"figure {name} has a false-alarm rate of {figure.false_alarm}, expected one from 0 to 1"
         if not isinstance(figure.curves, Mapping):
             return f"figure {name} has curves {figure.curves!r}, expected them by name"
     return ""

@@ -10,8 +10,10 @@ from matplotlib.lines import Line2D
 from matplotlib.patheffects import withStroke
 from matplotlib.ticker import FuncFormatter, SymmetricalLogLocator
 
+from scenarios.bench_contract.one_line import one_line
 from scenarios.bench_figures.figure import Part
-from scenarios.leaderboard.entry import Entry, shown
+from scenarios.leaderboard.curves import drawable
+from scenarios.leaderboard.entry import Entry
 from scenarios.leaderboard.log_axis import plain_marks
 from scenarios.leaderboard.style import label, literal, styles
 from scenarios.leaderboard.tables import title, unit
@@ -54,7 +56,7 @@ def parts_drawn(
         entry.number: {part.label: part for part in made.parts} for entry in entries if (made := entry.figure(name))
     }
     labels = list(dict.fromkeys(text for parts in table.values() for text in parts))
-    known = [text for text in labels if any(math.isfinite(p[text].value) for p in table.values() if text in p)]
+    known = [text for text in labels if any(drawable(p[text].value) for p in table.values() if text in p)]
     if not known:
         return None
     known = [text for text in known if chosen is None or chosen in text] or known
@@ -70,10 +72,10 @@ def parts_drawn(
             part = table.get(entry.number, {}).get(text)
             if part is not None:
                 _line(axes, line, part, looks[entry.number], logarithmic)
-        expected = [p[text].expected for p in table.values() if text in p and math.isfinite(p[text].expected)]
+        expected = [p[text].expected for p in table.values() if text in p and drawable(p[text].expected)]
         if expected:
             axes.axvline(expected[0], color=PALETTE["truth"].colour, lw=0.9, zorder=1)
-        axes.set_title(literal(shown(text)), fontsize=8, loc="left")
+        axes.set_title(literal(one_line(text)), fontsize=8, loc="left")
         if logarithmic:
             axes.set_xscale("log")
         elif far and -1.0 < axes.dataLim.x0 < 1.0 and axes.dataLim.x1 > FAR:
@@ -108,11 +110,11 @@ def _line(axes: Axes, line: int, part: Part, style: Style, logarithmic: bool) ->
     found = part_verdict(part)
     low, high = part.limits
     for limit, sign in ((low, "["), (high, "]")):
-        if math.isfinite(limit) and not (logarithmic and limit <= 0.0):
+        if drawable(limit) and not (logarithmic and limit <= 0.0):
             axes.text(limit, line, sign, color=BOUND.colour, fontsize=9, ha="center", va="center", clip_on=True)
             axes.update_datalim([(limit, line)])
-    if not math.isfinite(part.value) or (logarithmic and part.value <= 0.0):
-        word = "∞" if part.value == math.inf else "no value"
+    if not drawable(part.value) or (logarithmic and part.value <= 0.0):
+        word = "no value" if math.isnan(part.value) or not part.value else f"{part.value:.0e}".replace("inf", "∞")
         axes.annotate(
             word,
             (0.02, line),
@@ -125,7 +127,7 @@ def _line(axes: Axes, line: int, part: Part, style: Style, logarithmic: bool) ->
         )
         return
     ends = np.array(part.interval)
-    if np.isfinite(ends).all():
+    if drawable(ends).all():
         ends = np.maximum(ends, 1e-3 * part.value) if logarithmic else ends
         axes.hlines(line, *ends, color=style.colour, lw=1.6)
     axes.plot(

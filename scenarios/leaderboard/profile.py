@@ -4,8 +4,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from scenarios.bench_contract.contestant import METHODS
+from scenarios.bench_contract.one_line import one_line
 from scenarios.bench_contract.outcome import KINDS
-from scenarios.leaderboard.entry import Entry, shown
+from scenarios.leaderboard.entry import Entry
 from scenarios.leaderboard.reading import FIGURES
 from scenarios.leaderboard.table import Cell, Table, number, number_cell, pair, verdict_cell
 from scenarios.leaderboard.tables import figure_names
@@ -43,16 +44,16 @@ def profile(entry: Entry) -> Profile:
     kinds = [*KINDS, *sorted(set(result.outcomes) - set(KINDS))]
     return Profile(
         entry=entry,
-        facts=tuple((word, shown(text)) for word, text in _facts(entry) if text),
-        command=shown(result.command),
+        facts=tuple((word, one_line(text)) for word, text in _facts(entry) if text),
+        command=one_line(result.command),
         figures=_figures(entry),
         failing=_failing(entry),
         outcomes=tuple(
-            (f"{result.outcomes[kind]} × {shown(kind).replace('_', ' ')}", KINDS.get(kind, ""))
+            (f"{result.outcomes[kind]} × {one_line(kind).replace('_', ' ')}", KINDS.get(kind, ""))
             for kind in kinds
             if result.outcomes.get(kind)
         ),
-        reasons=tuple((shown(text), times) for text, times in sorted(result.reasons.items(), key=lambda r: -r[1])),
+        reasons=tuple((one_line(text), times) for text, times in sorted(result.reasons.items(), key=lambda r: -r[1])),
     )
 
 
@@ -82,13 +83,13 @@ def _figures(entry: Entry) -> Table:
         figure = entry.result.figures[name]
         rows.append(
             (
-                Cell(shown(figure.title) or shown(name)),
+                Cell(one_line(figure.title) or one_line(name)),
                 verdict_cell(verdict(figure)),
                 number_cell(figure.value),
                 number_cell(figure.expected),
                 Cell(pair(figure.interval)),
-                Cell(shown(figure.unit)),
-                Cell(shown(figure.why)),
+                Cell(one_line(figure.unit)),
+                Cell(one_line(figure.why)),
             )
         )
     caption = "Its figures: each by the part furthest beyond its limits, or nearest to them"
@@ -107,14 +108,14 @@ def _failing(entry: Entry) -> Table | None:
             reason = f"theory says that it fails: {part.why}" if unexpected else part.why
             rows.append(
                 (
-                    Cell(FIGURES[name].short if name in FIGURES else shown(name)),
-                    Cell(shown(part.label)),
+                    Cell(FIGURES[name].short if name in FIGURES else one_line(name)),
+                    Cell(one_line(part.label)),
                     verdict_cell(found),
                     number_cell(part.value),
                     Cell(pair(part.interval)),
                     Cell(pair(part.limits)),
                     Cell(str(part.draws)),
-                    Cell(shown(reason)),
+                    Cell(one_line(reason)),
                 )
             )
     if not rows:

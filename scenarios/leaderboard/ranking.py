@@ -4,8 +4,9 @@ import math
 from collections.abc import Collection, Iterable
 from pathlib import Path
 
+from scenarios.bench_contract.one_line import one_line
 from scenarios.bench_run.result import Result
-from scenarios.leaderboard.entry import Entry, read_results, shown
+from scenarios.leaderboard.entry import Entry, read_results
 from scenarios.leaderboard.verdict import Verdict, count, judged_figures
 
 RULE = (
@@ -41,4 +42,4 @@ def _key(result: Result, judged: Collection[str]) -> tuple[int, int, int, float,
     efficiency = result.figures.get("efficiency")
     worst = math.nan if efficiency is None else efficiency.value
     worst = math.inf if math.isnan(worst) else worst
-    return (found[Verdict.FAILS], unjudged, -found[Verdict.PASSES], worst, shown(result.contestant.name))
+    return (found[Verdict.FAILS], unjudged, -found[Verdict.PASSES], worst, one_line(result.contestant.name))

@@ -1,7 +1,6 @@
 """Errors of the frequency response beside what is claimed of them."""
 
 from collections.abc import Sequence
-from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -9,8 +8,9 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.ticker import FixedLocator, FuncFormatter, LogLocator, NullLocator
 
-from scenarios.leaderboard.curves import numbers
-from scenarios.leaderboard.entry import Entry, shown
+from scenarios.bench_contract.one_line import one_line
+from scenarios.leaderboard.curves import number_of, numbers
+from scenarios.leaderboard.entry import Entry
 from scenarios.leaderboard.style import label, literal, styles
 from scenarios.thesis.figure_style import WIDTH, dress
 from sysid.arrays import FloatArray
@@ -47,7 +47,7 @@ def responses(entries: Sequence[Entry]) -> tuple[Figure, str] | None:
                 _draw(axes, curve, looks[entry.number])
         row[0].set_ylabel(label(entry, 14), fontsize=7, rotation=0, ha="right", va="center")
     for column, name in enumerate(drawn):
-        panels[0, column].set_title(literal(shown(name)), fontsize=8)
+        panels[0, column].set_title(literal(one_line(name)), fontsize=8)
         _axes(panels[0, column], [c[name] for c in found.values() if name in c])
     dress(panels.flat)
     for axes in panels.flat:
@@ -72,13 +72,8 @@ def relative_errors(entry: Entry) -> dict[str, float]:
     """Root mean square error of the response by problem, percent of the truth's own."""
     figure = entry.figure(NAME)
     tables = {} if figure is None else figure.curves
-    found = {str(name): _number(table) for name, table in tables.items()}
+    found = {str(name): number_of(table, "relative_error_percent") for name, table in tables.items()}
     return {name: value for name, value in found.items() if np.isfinite(value) and value > 0.0}
-
-
-def _number(table: Any) -> float:
-    value = table.get("relative_error_percent") if isinstance(table, dict) else None
-    return float(value) if isinstance(value, int | float) else float("nan")
 
 
 def _curves(entry: Entry) -> dict[str, dict[str, FloatArray]]:

@@ -5,7 +5,8 @@ from math import inf, nan
 
 import numpy as np
 
-from scenarios.leaderboard.entry import Entry, shown
+from scenarios.bench_contract.one_line import one_line
+from scenarios.leaderboard.entry import Entry
 from scenarios.leaderboard.response_drawing import NAME, relative_errors
 from scenarios.leaderboard.table import UNKNOWN, Cell, number_cell
 
@@ -48,14 +49,14 @@ def median_cell(entry: Entry, problems: Sequence[str]) -> Cell:
     """The median over the problems; how many of them it answered, where it did not answer all."""
     absent = missing(entry, problems)
     if 0 < len(absent) < len(problems):
-        why = f"too few models on {', '.join(map(shown, absent))}"
+        why = f"too few models on {', '.join(map(one_line, absent))}"
         return Cell(f"{UNKNOWN} ({len(problems) - len(absent)} of {len(problems)})", inf, told=why)
     return number_cell(median_error(entry, problems)) if entry.figure(NAME) else Cell("", inf)
 
 
 def told(problems: Sequence[str]) -> str:
     """Problems in a sentence."""
-    return ", ".join(map(shown, problems)) if len(problems) <= MOST_NAMED else f"{len(problems)} of them"
+    return ", ".join(map(one_line, problems)) if len(problems) <= MOST_NAMED else f"{len(problems)} of them"
 
 
 def _asked(entry: Entry, known: Collection[str]) -> tuple[str, ...]:

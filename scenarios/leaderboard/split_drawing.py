@@ -8,8 +8,9 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.ticker import FuncFormatter, NullLocator
 
+from scenarios.bench_contract.one_line import one_line
 from scenarios.leaderboard.curves import curves, numbers
-from scenarios.leaderboard.entry import Entry, shown
+from scenarios.leaderboard.entry import Entry
 from scenarios.leaderboard.style import label, literal
 from scenarios.thesis.figure_style import WIDTH, dress
 from sysid.arrays import FloatArray
@@ -46,7 +47,7 @@ def splits(entries: Sequence[Entry]) -> tuple[Figure, str] | None:
                 _draw(axes, rows)
         row[0].set_ylabel(label(entry, 14), fontsize=7, rotation=0, ha="right", va="center")
     for column, joint in enumerate(joints):
-        panels[0, column].set_title(literal(shown(joint).replace("_", " ")), fontsize=8)
+        panels[0, column].set_title(literal(one_line(joint).replace("_", " ")), fontsize=8)
         ticks = sorted({float(a) for rows in found.values() if joint in rows for a in rows[joint]["mrad"]})
         panels[0, column].set_xscale("log")
         panels[0, column].set_xticks(ticks)

@@ -4,9 +4,10 @@ import re
 from collections.abc import Sequence
 from math import isnan
 
+from scenarios.bench_contract.one_line import one_line
 from scenarios.bench_contract.outcome import KINDS
 from scenarios.bench_figures.figure import Figure, Part
-from scenarios.leaderboard.entry import Entry, shown
+from scenarios.leaderboard.entry import Entry
 from scenarios.leaderboard.reading import FIGURES
 from scenarios.leaderboard.response_error import compared, median_cell, told
 from scenarios.leaderboard.table import Cell, Table, number_cell, pair, table_of_entries, verdict_cell
@@ -39,17 +40,17 @@ def figure_names(entries: Sequence[Entry]) -> list[str]:
 def title(entries: Sequence[Entry], name: str) -> str:
     """What a figure is called: by the first row that has it."""
     figures = [figure for entry in entries if (figure := entry.figure(name))]
-    return shown(figures[0].title) or shown(name)
+    return one_line(figures[0].title) or one_line(name)
 
 
 def unit(entries: Sequence[Entry], name: str) -> str:
     """Unit of a figure, by the first row that has it."""
-    return next((shown(figure.unit) for entry in entries if (figure := entry.figure(name))), "")
+    return next((one_line(figure.unit) for entry in entries if (figure := entry.figure(name))), "")
 
 
 def short(name: str) -> str:
     """Heading of a figure's column."""
-    return FIGURES[name].short if name in FIGURES else shown(name).replace("_", " ")
+    return FIGURES[name].short if name in FIGURES else one_line(name).replace("_", " ")
 
 
 def standing(entries: Sequence[Entry]) -> Table:
@@ -92,7 +93,10 @@ def verdicts(entries: Sequence[Entry]) -> Table:
         if any(verdict(entry.figure(name)) is not Verdict.NONE for entry in entries)
     ]
     rows = [
-        (entry, [verdict_cell(verdict(f := entry.figure(name)), "" if f is None else shown(f.why)) for name in judged])
+        (
+            entry,
+            [verdict_cell(verdict(f := entry.figure(name)), "" if f is None else one_line(f.why)) for name in judged],
+        )
         for entry in entries
     ]
     return table_of_entries(
@@ -119,11 +123,12 @@ def by_part(entries: Sequence[Entry], name: str) -> Table | None:
             (entry, [_part_cell(found.get(label), judged) for label in labels])
             for entry, found in zip(entries, parts, strict=True)
         ]
-        return table_of_entries(caption, [shown(label) for label in labels], rows)
+        return table_of_entries(caption, [one_line(label) for label in labels], rows)
     if len(labels) > MOST_ROWS:
         caption += f"; the first {MOST_ROWS} of {len(labels)} problems, the results have all"
     lines = tuple(
-        (Cell(shown(label)), *(_part_cell(found.get(label), judged) for found in parts)) for label in labels[:MOST_ROWS]
+        (Cell(one_line(label)), *(_part_cell(found.get(label), judged) for found in parts))
+        for label in labels[:MOST_ROWS]
     )
     headings = ("Problem", *(entry.title for entry in entries))
     return Table(caption, headings, lines, (False, *(True for _ in entries)))
@@ -137,8 +142,8 @@ def _row(part: Part) -> str:
 def _part_cell(part: Part | None, judged: bool) -> Cell:
     if part is None:
         return Cell("", float("inf"))
-    where = "" if _row(part) == part.label else f"{shown(part.label)}: "
-    told = f"{where}95 % interval {pair(part.interval)}; passes: {pair(part.limits)}; {shown(part.why)}".rstrip("; ")
+    where = "" if _row(part) == part.label else f"{one_line(part.label)}: "
+    told = f"{where}95 % interval {pair(part.interval)}; passes: {pair(part.limits)}; {one_line(part.why)}".rstrip("; ")
     return number_cell(part.value, part_verdict(part) if judged else None, told)
 
 
@@ -150,13 +155,13 @@ def failures(entries: Sequence[Entry]) -> Table:
         (entry, [Cell(str(n), float(n)) for n in (entry.result.outcomes.get(kind, 0) for kind in kinds)])
         for entry in entries
     ]
-    return table_of_entries("How many requests ended how", [shown(kind).replace("_", " ") for kind in kinds], rows)
+    return table_of_entries("How many requests ended how", [one_line(kind).replace("_", " ") for kind in kinds], rows)
 
 
 def _value(figure: Figure | None) -> Cell:
     if figure is None:
         return Cell("", float("inf"))
-    return number_cell(figure.value, verdict(figure), shown(figure.why))
+    return number_cell(figure.value, verdict(figure), one_line(figure.why))
 
 
 def _in(unit: str) -> str:

@@ -1,11 +1,14 @@
 """The page: its words, its drawings, what keeps it shut to what results say."""
 
+import json
+import math
 import re
 from base64 import b64encode
 from collections.abc import Sequence
 from hashlib import sha256
 from html.parser import HTMLParser
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -40,6 +43,43 @@ class Reader(HTMLParser):
 
     def handle_data(self, data: str) -> None:
         self.texts.setdefault(self.open[-1] if self.open else "", []).append(data)
+
+
+SPLIT = ("figures", "amplitude_split", "curves", "shoulder_yaw")
+
+
+ODD: tuple[tuple[tuple[Any, ...], object], ...] = (
+    ((*SPLIT, "mrad", 0), math.inf),
+    (("figures", "amplitude_split", "curves", "elbow_pitch", "mrad", 0), 1e308),
+    ((*SPLIT, "systematic", 2), 1e308),
+    ((*SPLIT, "noise", 2), 5e-324),
+    ((*SPLIT, "systematic_interval", 0), [0, 10**400]),
+    (("figures", "frequency_response", "curves", "p2", "relative_error_percent"), 10**400),
+    (("figures", "frequency_response", "curves", "p3", "relative_error_percent"), 1e308),
+    (("figures", "bandwidth", "curves", "classes", 0, "best_linear"), 10**400),
+    (("figures", "bandwidth", "curves", "about_1_hz"), [-1e308, 1e308]),
+    (("figures", "efficiency", "parts", 0, "value"), 1e308),
+    (("figures", "efficiency", "parts", 1, "expected"), 1e308),
+    (("figures", "efficiency", "parts", 2, "limits"), [-1e308, 1e308]),
+    (("figures", "bias", "parts", 0, "interval"), [-1e308, 1e308]),
+    (("figures", "speed", "parts", 0, "value"), 1e308),
+)
+
+
+@pytest.mark.parametrize("chosen", [ODD[::2], ODD[1::2]])
+@pytest.mark.filterwarnings("error")
+def test_numbers_that_no_axis_can_hold_are_left_out_of_drawings(
+    results: tuple[Result, ...], chosen: tuple[tuple[tuple[Any, ...], object], ...], tmp_path: Path
+) -> None:
+    table = json.loads(results[0].to_json())
+    for keys, value in chosen:
+        place = table
+        for key in keys[:-1]:
+            place = place[key]
+        place[keys[-1]] = value
+    path = tmp_path / "odd.json"
+    path.write_text(json.dumps(table), encoding="utf-8")
+    read(html(gather(ranked([path]), Gallery())))
 
 
 @pytest.fixture(scope="module")

@@ -1,6 +1,7 @@
 """Reading results: what is none, what cannot stand on one page, and where rows are not comparable."""
 
 import json
+import os
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
@@ -56,6 +57,9 @@ def test_two_of_one_name_are_refused(written: list[Path], results: tuple[Result,
         (("figures", "efficiency", "value"), "wide"),
         (("figures", "efficiency", "interval"), [1.0]),
         (("figures", "efficiency", "passed"), "yes"),
+        (("figures", "efficiency", "false_alarm"), [1]),
+        (("figures", "efficiency", "false_alarm"), None),
+        (("figures", "efficiency", "false_alarm"), 1.5),
         (("figures", "efficiency", "curves"), 3),
         (("figures", "efficiency", "parts", 0, "label"), None),
         (("figures", "efficiency", "parts"), None),
@@ -77,6 +81,14 @@ def test_what_is_no_result_is_named(written: list[Path], keys: tuple[Any, ...], 
     path.write_text(json.dumps(table if keys else value), encoding="utf-8")
     with pytest.raises(ScenarioError, match=r"1\.json"):
         ranked([path])
+
+
+def test_what_never_ends_is_not_read(tmp_path: Path) -> None:
+    pipe = tmp_path / "pipe.json"
+    os.mkfifo(pipe)
+    for path in (pipe, tmp_path, Path("/dev/zero")):
+        with pytest.raises(ScenarioError, match="is no ordinary file"):
+            ranked([path])
 
 
 def test_texts_that_are_no_json_are_refused(tmp_path: Path) -> None:
