@@ -87,7 +87,7 @@ def _values(
     kind: str, good: Sequence[Measured], run: int, name: str, structure: str | None, theory: Expectation
 ) -> Values:
     single: FloatArray | None
-    why_not = NOT_CLAIMED.format(kind)
+    why_not, models = NOT_CLAIMED.format(kind), len(good)
     if kind == "parameters":
         known = [m for m in good if m.covered >= 0 and m.parameters > 0]
         values = np.array([m.covered / m.parameters for m in known])
@@ -98,10 +98,11 @@ def _values(
     elif kind == "bandwidth":
         values = _bandwidths(good, name, structure)
         single = bandwidth_covered()
+        models = sum(m.bandwidth_hz is not None and bool(np.isfinite(m.bandwidth_hz).any()) for m in good)
     else:
         values = claimed_records(good, name, structure, covered)
         single = single_records(name, structure, covered, SHARE)
-    return Values(f"{name} {kind}", values, run, single, theory, why_not, len(good))
+    return Values(f"{name} {kind}", values, run, single, theory, why_not, models)
 
 
 def _bandwidths(good: Sequence[Measured], name: str, structure: str | None) -> FloatArray:

@@ -13,6 +13,9 @@ from scenarios.bench_figures.theory import Expectation
 from sysid.arrays import FloatArray
 
 TOGETHER = "together"
+CLAIMED = 0.9
+"""Least share of the records with a model of which something must be claimed, where it is of any: a matrix that is
+singular to rounding now and then is no choice."""
 NOWHERE = (-np.inf, np.inf)
 SHARES = (0.0, 1.0)
 
@@ -28,7 +31,7 @@ class Values:
         single: For many single records of a perfect estimator (M,); None: there is no bound, and so no verdict.
         theory: What theory says.
         why_not: Why there are no values, where there are none.
-        models: Records with a model, where each of them should have a value if any has; 0 where not.
+        models: Records with a model that should have a value if any has; 0 where none need have.
     """
 
     label: str
@@ -41,8 +44,8 @@ class Values:
 
     @property
     def of_some_only(self) -> bool:
-        """Whether most records with a model have no value, and some have: a claim that is made at its own choice."""
-        return len(self.values) > 0 and 2 * len(self.values) < self.models and enough(self.models, self.run)
+        """Whether some records with a model have a value and more than a few have none: claimed at its own choice."""
+        return 0 < len(self.values) < CLAIMED * self.models and enough(self.models, self.run)
 
 
 @dataclass(frozen=True)
@@ -82,8 +85,8 @@ class Judgement:
 def part_of_mean(given: Values, judgement: Judgement, false_alarm: float) -> Part:
     """The mean over the records of one problem.
 
-    An estimator that claims something of a few records, and nothing of most, fails: it would choose what it is
-    judged by.
+    An estimator that claims something of some records, and nothing of more than a few, fails: it would choose what it
+    is judged by.
     """
     count = len(given.values)
     reason = given.theory.why

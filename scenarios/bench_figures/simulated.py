@@ -51,8 +51,8 @@ FAULTS = {
     "variance 1.05 times the bound": Fault(variance=1.05),
     "no model for 1 of 50": Fault(failing=0.02),
     "claims nothing": Fault(claimed_share=0.0),
-    "claims 40 of 100": Fault(claimed_share=0.4),
-    "claims 95 of 100": Fault(claimed_share=0.95),
+    "claims 70 of 100": Fault(claimed_share=0.7),
+    "claims 99 of 100": Fault(claimed_share=0.99),
     "claimed covariance 1e12 times too large": Fault(claimed=1e12),
     "claimed covariance infinite": Fault(claimed=np.inf),
 }
@@ -71,8 +71,8 @@ FOUND_BY = {
     "variance 1.05 times the bound": frozenset[str](),
     "no model for 1 of 50": frozenset[str](),
     "claims nothing": frozenset[str](),
-    "claims 40 of 100": HONEST,
-    "claims 95 of 100": frozenset[str](),
+    "claims 70 of 100": HONEST,
+    "claims 99 of 100": frozenset[str](),
     "claimed covariance 1e12 times too large": HONEST,
     "claimed covariance infinite": HONEST,
 }

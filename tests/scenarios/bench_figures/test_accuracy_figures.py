@@ -110,7 +110,7 @@ def test_an_infinite_normalised_error_fails() -> None:
 
 
 def test_covariances_that_are_not_known_are_not_counted() -> None:
-    """NaN in one record of many; in most, there is no verdict."""
+    """NaN in one record of many; in more than a few, it was chosen."""
     data = measured(Fault(), records=30)
     unknown = np.full((16, 1, 1, 2, 2), np.nan)
     one = [replace(m, response_covariance=unknown) if m.trial.draw == 0 else m for m in data]
@@ -133,9 +133,12 @@ def test_a_covariance_of_another_shape_is_an_error() -> None:
 
 def test_bandwidths_without_interval_are_not_counted() -> None:
     """NaN where it is not known, as of a model without bandwidth."""
-    data = [
-        replace(m, bandwidth_ci95=np.full((2, 1, 1), np.nan)) if m.trial.draw < 30 else m for m in measured(Fault())
-    ]
+    unknown = np.full((2, 1, 1), np.nan)
+    data = [replace(m, bandwidth_ci95=unknown) if m.trial.draw < 30 else m for m in measured(Fault())]
+    figure = Coverage().figure(data, CONTESTANT, ALARM, ())
+    part = next(part for part in figure.parts if part.label == "p2 bandwidth")
+    assert part.passed is False and "claimed of 70 of 100 records" in part.why
+    data = [replace(m, bandwidth_hz=unknown[0]) if m.trial.draw < 30 else m for m in data]
     figure = Coverage().figure(data, CONTESTANT, ALARM, ())
     part = next(part for part in figure.parts if part.label == "p2 bandwidth")
     assert part.draws == 70
