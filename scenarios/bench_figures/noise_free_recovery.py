@@ -25,6 +25,8 @@ MOST = 16.0
 """Digits that are told at most."""
 FAULT = "the response is "
 """How what is familiar about a wrong response is told."""
+WHERE_IT_FAILS = "where it fails, "
+"""What all parts that fail have in common, behind what is counted."""
 
 
 @dataclass(frozen=True)
@@ -74,7 +76,7 @@ class NoiseFreeRecovery:
             return whole
         if faults := {part.why for part in judged if not part.passed}:
             common = next(iter(faults)) if len(faults) == 1 else ""
-            whole = replace(whole, why=f"{whole.why}; where it fails, {common}" if FAULT in common else whole.why)
+            whole = replace(whole, why=f"{whole.why}; {WHERE_IT_FAILS}{common}" if FAULT in common else whole.why)
         # all that pass are as good as expected: the worst is the one with the fewest digits
         worst = min(judged, key=lambda part: part.value)
         whole = replace(whole, value=worst.value, expected=worst.expected, interval=worst.interval)

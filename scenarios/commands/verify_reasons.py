@@ -6,6 +6,7 @@ import textwrap
 from collections.abc import Iterable, Sequence
 
 from scenarios.bench_figures.figure import Figure, Part
+from scenarios.bench_figures.noise_free_recovery import WHERE_IT_FAILS
 from scenarios.bench_figures.worst_part import excess
 from scenarios.commands.output import say
 from scenarios.commands.verify_numbers import limits, number
@@ -39,7 +40,8 @@ def show_reasons(figures: Iterable[Figure], *, verbose: bool) -> None:
             say(wrapped(f"{found.sign} {figure.title}: {figure.why.rpartition('; ')[2]}", INDENT))
         parts = [part for part in figure.parts if part_verdict(part) is found] if _fails(found) else []
         if found is Verdict.FAILS:
-            _block(figure, [figure.why.partition("; ")[0]], parts)
+            measures, *more = figure.why.split("; ")
+            _block(figure, [measures, *(one for one in more if one.startswith(WHERE_IT_FAILS))], parts)
         elif found is Verdict.FAILS_AS_THEORY_SAYS:
             _block(figure, _reasons(figure, parts, told), parts)
     say("")
