@@ -107,9 +107,9 @@ def test_null_is_no_number(tmp_path: Path) -> None:
 
 def test_whole_numbers_of_any_length_are_numbers(tmp_path: Path) -> None:
     path = tmp_path / "model.json"
-    path.write_text('{"A": [1' + "0" * 5000 + ', 3], "D": -2}')
+    path.write_text('{"A": [' + "1" * 300 + ', 3], "D": -2}')
     found = read_model_numbers(path)
-    np.testing.assert_array_equal(found["A"], [np.inf, 3.0])
+    np.testing.assert_array_equal(found["A"], [float("1" * 300), 3.0])
     assert found["D"] == -2.0
 
 
