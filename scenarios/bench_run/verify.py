@@ -183,7 +183,7 @@ def verify(
         left = pieces(wanted, [journal.done for journal in journals])
         of_all = sum(map(len, wanted))
         if kept := of_all - sum(len(piece.asked) for piece in left):
-            said(f"{kept} of {of_all} trials are kept from before; they begin anew without {folder / JOURNALS}")
+            said(f"{kept} of {of_all} trials are kept from before; remove {folder / JOURNALS} to begin anew")
         if records is not None:
             _try(left, bench)
             _simulate(left, plan.seed, records, said)
