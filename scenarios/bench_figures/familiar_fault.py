@@ -29,7 +29,7 @@ def familiar_fault(
         if _same(responses, wrong, most):
             return words
     gain = float(np.mean([np.vdot(true, response).real for response in responses]) / np.vdot(true, true).real)
-    return f"{gain:.4g} times the truth" if _same(responses, gain * true, most) else ""
+    return f"{gain:.8g} times the truth" if _same(responses, gain * true, most) else ""
 
 
 def _same(responses: Sequence[ComplexArray], expected: ComplexArray, most: float) -> bool:

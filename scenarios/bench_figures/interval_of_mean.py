@@ -32,12 +32,20 @@ def interval_of_positive_mean(values: FloatArray) -> tuple[float, float]:
     """
     if len(values) < FEWEST or not np.isfinite(values).all():
         return (float("nan"), float("nan"))
-    n, mean, deviation = len(values), float(np.mean(values)), float(np.std(values, ddof=1))
+    size = float(np.max(values))
+    if size == 0.0:
+        return (0.0, 0.0)
+    # their squares may be beyond all floats
+    scaled = values / size
+    n, mean, deviation = len(values), float(np.mean(scaled)), float(np.std(scaled, ddof=1))
     freedom = 2.0 * n * (mean / deviation) ** 2 if deviation > 0.0 else np.inf
     if not np.isfinite(freedom):
-        return (mean, mean)
+        return (size * mean, size * mean)
     tail = float(norm.sf(t.isf(TAIL, n - 1)))
-    return (mean * freedom / float(chi2.isf(tail, freedom)), mean * freedom / float(chi2.ppf(tail, freedom)))
+    return (
+        size * mean * (freedom / float(chi2.isf(tail, freedom))),
+        size * mean * (freedom / float(chi2.ppf(tail, freedom))),
+    )
 
 
 def interval_of_mean_share(values: FloatArray) -> tuple[float, float]:

@@ -93,7 +93,7 @@ def _part(name: str, good: Sequence[Measured], run: int, contestant: Contestant,
     size = np.sqrt(np.mean(np.abs(true) ** 2))
     responses = [m.response for m in good if m.response is not None]
     errors = [np.sqrt(np.mean(np.abs(response - true) ** 2)) / size for response in responses]
-    digits = float(np.min(-np.log10(np.maximum(errors, 10.0**-MOST))))
+    digits = float(np.min(-np.log10(np.maximum(errors, 10.0**-MOST)))) + 0.0  # no -0
     theory = expectation(contestant, name, figure)
     fault = ""
     if digits < DEMANDED:

@@ -148,7 +148,8 @@ def _part(
     theory: bool,
     why: str,
 ) -> Part:
-    mean = float(np.mean(values)) if len(values) else float("nan")
+    with np.errstate(over="ignore"):
+        mean = float(np.mean(values)) if len(values) else float("nan")
     return Part(
         label=label,
         value=mean,

@@ -10,7 +10,7 @@ from scenarios.bench_trials.trial import Trial
 MOST_NAMED = 4
 """Figures that are named; more are counted."""
 
-EFFORT = re.compile(rf"({'|'.join(DRAWS)})(?:, at most (\d+) records? of a problem)?")
+EFFORT = re.compile(rf"({'|'.join(DRAWS)})(?:, at most (\d{1, 9}) records? of a problem)?")
 
 
 def told_effort(effort: str, records: int | None) -> str:
@@ -43,7 +43,7 @@ def lost(there: Result, figures: Sequence[FigureMaker], effort: str, records: in
     if gone:
         named = ", ".join(gone) if len(gone) <= MOST_NAMED else f"{len(gone)} of its {len(there.figures)}"
         return f"figures that this run does not make ({named})"
-    known = EFFORT.fullmatch(there.effort)
+    known = EFFORT.fullmatch(there.effort) if isinstance(there.effort, str) else None  # anyone may have written it
     if known is None:
         return ""
     its_effort, its_records = known[1], int(known[2]) if known[2] else None

@@ -33,7 +33,7 @@ def source_hash(contestant: Contestant) -> str:
     """
     if contestant.program:
         files = list(_named(contestant))
-        contents = [path.read_bytes() for path in files]
+        contents = [_content(path) for path in files]
     else:
         own = own_files(contestant)
         path = None if own else module_file(contestant)
@@ -105,6 +105,14 @@ def _module(contestant: Contestant) -> Iterator[Path]:
         return
     if spec is not None and spec.origin is not None and len(parts) == 1 and Path(spec.origin).is_file():
         yield Path(spec.origin)
+
+
+def _content(path: Path) -> bytes:
+    """What a file holds; its name, where that may not be read: the program may have no need of it."""
+    try:
+        return path.read_bytes()
+    except OSError:
+        return str(path).encode("utf-8", "surrogateescape")
 
 
 def _named(contestant: Contestant) -> Iterator[Path]:

@@ -144,7 +144,7 @@ def _wrong(result: Result) -> str:
         if not 0.0 <= figure.false_alarm <= 1.0:
             return f"figure {name} has a false-alarm rate of {figure.false_alarm}, expected one from 0 to 1"
         if not isinstance(figure.curves, Mapping):
-            return f"figure {name} has curves {figure.curves!r}, expected them by name"
+            return f"figure {name} has curves {str(figure.curves)[:80]!r}, expected them by name"
     return ""
 
 

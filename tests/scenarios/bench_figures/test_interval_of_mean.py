@@ -48,6 +48,15 @@ def test_of_too_few_or_infinite_values_no_interval_is_told(values: FloatArray) -
     assert np.isnan(interval_of_positive_mean(values)).all()
 
 
+@pytest.mark.filterwarnings("error")
+@pytest.mark.parametrize("size", [1e-300, 1e200, 1e300])
+def test_positive_means_of_any_size_are_alike(size: float) -> None:
+    """Their squares are beyond all floats."""
+    values = np.array([1.0, 2.0, 6.0])
+    assert np.array(interval_of_positive_mean(size * values)) / size == pytest.approx(interval_of_positive_mean(values))
+    assert interval_of_positive_mean(np.zeros(5)) == (0.0, 0.0)
+
+
 def test_shares_have_a_width_at_both_ends() -> None:
     """The exact one of as many records: 8 of 8 leave 1 - 0.025^(1/8)."""
     least = 0.025 ** (1.0 / 8.0)

@@ -210,6 +210,16 @@ def test_a_lesser_run_takes_no_fuller_result_away_and_asks_nothing(tmp_path: Pat
     assert Result.read(tmp_path / "perfect.json").effort == more.effort == "full"
 
 
+@pytest.mark.parametrize("effort", [5, None, "quick, at most " + "9" * 5000 + " records of a problem"])
+def test_a_result_whose_effort_is_none_is_replaced(tmp_path: Path, effort: object):
+    plan = replace(PLAN, figures=(Few(),))
+    verify(plan, tmp_path, Here())
+    path = tmp_path / "perfect.json"
+    path.write_text(json.dumps(json.loads(path.read_text()) | {"effort": effort}))
+    verify(replace(plan, records=1), tmp_path, Here(after=0))
+    assert Result.read(path).effort == "quick, at most 1 record of a problem"
+
+
 def test_a_run_that_was_interrupted_goes_on_beside_a_lesser_result(tmp_path: Path):
     verify(replace(PLAN, records=1), tmp_path, Here())
     with pytest.raises(KeyboardInterrupt):

@@ -93,5 +93,18 @@ def test_that_of_a_program_follows_the_sources_in_folders_that_it_names(words: s
     assert source_hash(program) == hashes[-1]
 
 
+def test_what_cannot_be_read_is_its_name(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    """Folders are shared, and a program may not need what the bench cannot read."""
+    (tmp_path / "others.sh").write_text("true")
+    program = Contestant("program", "sh --tmp=. {csv}", program=True, home=str(tmp_path))
+    readable = source_hash(program)
+
+    def refused(path: Path) -> bytes:
+        raise PermissionError(path)
+
+    monkeypatch.setattr(Path, "read_bytes", refused)
+    assert source_hash(program) not in ("", readable)
+
+
 def test_what_knows_the_truth_has_no_file():
     assert source_hash(Contestant("perfect", "bench:perfect")) == ""
