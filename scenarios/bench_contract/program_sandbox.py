@@ -13,6 +13,7 @@ from scenarios.bench_contract.launcher import Launcher
 from scenarios.bench_contract.model_file import find_model
 from scenarios.bench_contract.model_reader import ModelReader
 from scenarios.bench_contract.no_model import NoModelError
+from scenarios.bench_contract.one_line import one_line
 from scenarios.bench_contract.outcome import REFUSED, Outcome
 from scenarios.bench_contract.own_folder import OwnFolder, check_room
 from scenarios.bench_contract.python_sandbox import GRACE, NEARLY, outcome_of
@@ -187,7 +188,7 @@ class ProgramSandbox:
         kind = {"done": RETURNED, REFUSED: REFUSED}.get(word, "error")
         return Outcome(
             kind,
-            "" if kind == RETURNED else self._in_general(text).strip()[:TOLD],
+            "" if kind == RETURNED else one_line(self._in_general(text))[:TOLD],
             got.seconds,
             got.wall,
             got.peak_bytes,
@@ -226,7 +227,10 @@ class ProgramSandbox:
         process = self._process
         process.end(GRACE if got.end == "ended" else 0.0)
         self._end()
-        told = lines.found or f"{got.end}, {process.how_it_ended()}, it printed {process.tail(self._in_general)!r}"
+        told = (
+            one_line(lines.found)
+            or f"{got.end}, {process.how_it_ended()}, it printed {process.tail(self._in_general)!r}"
+        )
         raise ScenarioError(
             f"{self._contestant.target!r}: {told}; expected a program that stays to print the line {READY!r} within "
             f"{STARTING:g} s and then to read a line of JSON for each record"

@@ -21,7 +21,6 @@ import sysid
 from scenarios.bench_contract.memory_limit import limit_memory
 from scenarios.bench_contract.no_model import NoModelError
 from scenarios.bench_contract.nursery import FORK, NUMBER, WAIT
-from scenarios.bench_contract.one_line import one_line
 from scenarios.bench_contract.outcome import REFUSED
 from scenarios.bench_contract.parent_death import die_with_parent, take_orphans
 from scenarios.bench_contract.process_tree import end_all, family
@@ -225,8 +224,8 @@ def _told(error: BaseException) -> str:
         frames = traceback.extract_tb(error.__traceback__)
         here = [frame for frame in frames if frame.filename != __file__ and "importlib" not in frame.filename]
         own = [frame for frame in here if not frame.filename.startswith(LIBRARIES)] or here
-        where = f" ({one_line(Path(own[-1].filename).name)}, line {own[-1].lineno})" if own else ""
-        return one_line(text)[:TOLD] + where
+        where = f" ({Path(own[-1].filename).name}, line {own[-1].lineno})" if own else ""
+        return " ".join(text.split())[:TOLD] + where
     # Its text may itself be a function of the estimator's.
     except BaseException:
         return "an error that cannot say what it is"

@@ -65,7 +65,7 @@ def stay() -> None:
         paths = json.loads(line)
         kind = KINDS[json.loads(Path(paths["task"]).read_text())["seed"]]
         code = main(paths["task"], paths["model"])
-        print({0: "done", 77: "refused"}.get(code, "error"), "and so on", flush=True)
+        print({0: "done", 77: "refused"}.get(code, "error"), "and so on\x1b[31m", flush=True)
         if kind == "twice":
             time.sleep(0.01)
             print("done", flush=True)

@@ -59,6 +59,7 @@ def test_whatever_it_does_is_an_outcome(data: sysid.IOData, task: Task, stays: b
             kind, why = (STAYS if stays else EXPECTED)[name]
             got = sandbox.ask(data, replace(task, seed=number))
             assert (got.kind, why in got.why) == (kind, True), f"{name}: {got}"
+            assert got.why.isprintable()
             # The files of each request are gone, but for those of a program that was told where they are.
             assert stays or not list(folder.iterdir())
             if stays and name == "twice":
