@@ -170,11 +170,9 @@ def _layouts(polynomials: Polynomials, asked: Mapping[str, int]) -> list[Orders]
     Zeros behind the last coefficient of a row fill it up, or are coefficients that happen to be zero: either is right.
     """
     wanted = _asked(polynomials, asked)
-    found = [_shown(polynomials, filled=True), _shown(polynomials, filled=False)]
-    if polynomials.nu > 1:
-        # rows of several inputs are always filled up
-        found.pop(0)
-    return found if wanted is None else [wanted, *found]
+    # rows of several inputs are always filled up
+    ways = (True, False) if polynomials.nu == 1 else (False,)
+    return [*([] if wanted is None else [wanted]), *(_shown(polynomials, filled=filled) for filled in ways)]
 
 
 def _shown(polynomials: Polynomials, *, filled: bool) -> Orders:

@@ -6,11 +6,11 @@ from functools import lru_cache
 from typing import Any
 
 import numpy as np
-from scipy.stats import binomtest
 
 from scenarios.bench_contract.contestant import Contestant
 from scenarios.bench_contract.outcome import MODEL
 from scenarios.bench_figures.figure import Figure, Part
+from scenarios.bench_figures.interval_of_mean import exact_interval_of_share
 from scenarios.bench_figures.twin_trials import multisine_trials, sequence_trials
 from scenarios.bench_figures.worst_part import unjudged
 from scenarios.bench_trials.measured import Measured
@@ -195,12 +195,9 @@ def _share(near: int, models: int) -> str:
     """In words, with the exact binomial interval, as if records were independent."""
     if models == 0:
         return "no record has a model"
-    found = binomtest(near, models).proportion_ci(0.95)
+    least, most = exact_interval_of_share(near, models)
     low, high = ABOUT_1_HZ
-    return (
-        f"{near} of {models} near 1 Hz ({low:g} to {high:g} Hz), a share of {100 * found.low:.0f} to "
-        f"{100 * found.high:.0f} %"
-    )
+    return f"{near} of {models} near 1 Hz ({low:g} to {high:g} Hz), a share of {100 * least:.0f} to {100 * most:.0f} %"
 
 
 def _median(values: FloatArray) -> float:

@@ -8,6 +8,7 @@ import numpy as np
 
 from scenarios.bench_contract.contestant import Contestant
 from scenarios.bench_contract.outcome import MODEL
+from scenarios.bench_figures.accuracy_records import needed
 from scenarios.bench_figures.figure import DRAWS, Figure, Part
 from scenarios.bench_figures.mean_error import mean_error
 from scenarios.bench_figures.perfect_records import bound_for
@@ -93,7 +94,7 @@ def _part(
     found = [m.response for m in asked if m.kind == MODEL and m.response is not None]
     found = [response for response in found if response.shape == bound.response.shape]
     axes = directions(bound)
-    if too_few := _too_few(len(found), max(fewest(axes), (len(asked) + 1) // 2), len(asked)):
+    if too_few := _too_few(len(found), max(fewest(axes), needed(len(asked))), len(asked)):
         return unjudged(name, too_few, len(found)), {}
     errors = np.array(found) - bound.response
     judged = mean_error(_flat(errors) @ axes, false_alarm, ALLOWED)
@@ -163,9 +164,9 @@ def fewest(axes: FloatArray) -> int:
     return 2 * axes.shape[1] + 3
 
 
-def _too_few(found: int, needed: int, asked: int) -> str:
+def _too_few(found: int, least: int, asked: int) -> str:
     """Why there is no verdict; empty where there are enough."""
-    return f"{found} of {asked} records gave a model: too few, at least {needed} are needed" if found < needed else ""
+    return f"{found} of {asked} records gave a model: too few, at least {least} are needed" if found < least else ""
 
 
 def _flat(errors: ComplexArray) -> FloatArray:

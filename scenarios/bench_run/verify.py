@@ -1,7 +1,6 @@
 """Estimators on the test bench: their trials are run, measured, and made into figures with verdicts."""
 
 import json
-import re
 import secrets
 from collections import Counter
 from collections.abc import Callable, Iterable, Mapping, Sequence
@@ -31,7 +30,7 @@ from scenarios.bench_trials.run_trials import PERFECT
 from scenarios.bench_trials.simulated import is_twin, simulate_records
 from scenarios.bench_trials.source import source_hash
 from scenarios.bench_trials.trial import Trial
-from scenarios.bench_trials.work import Bench, Piece, pieces, spread
+from scenarios.bench_trials.work import FAMILY, Bench, Piece, pieces, spread
 from scenarios.dataset_build.safe_write import write_text
 from scenarios.errors import ScenarioError
 from scenarios.provenance import versions
@@ -320,4 +319,4 @@ def _result(
 
 def _kinds(trials: Iterable[Trial]) -> Counter[str]:
     """How many trials of each family of problems, and of what is asked where that is no fit."""
-    return Counter(f"{re.split('[-@]', trial.problem)[0]}{f', {trial.ask}' * (trial.ask != FIT)}" for trial in trials)
+    return Counter(f"{FAMILY.split(trial.problem)[0]}{f', {trial.ask}' * (trial.ask != FIT)}" for trial in trials)
