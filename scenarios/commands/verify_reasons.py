@@ -10,6 +10,7 @@ from scenarios.bench_figures.noise_free_recovery import WHERE_IT_FAILS
 from scenarios.bench_figures.worst_part import excess
 from scenarios.commands.output import say
 from scenarios.commands.verify_numbers import limits, number
+from scenarios.leaderboard.reading import TOLD
 from scenarios.leaderboard.verdict import Verdict, part_verdict, verdict
 
 SHOWN_PARTS = 5
@@ -17,9 +18,6 @@ SHOWN_PARTS = 5
 
 WIDEST, INDENT = 120, "    "
 """Of lines of text."""
-
-LEFT_OUT = ("bandwidth",)
-"""Figures that are told in a table of their own."""
 
 
 def show_reasons(figures: Iterable[Figure], *, verbose: bool) -> None:
@@ -36,7 +34,7 @@ def show_reasons(figures: Iterable[Figure], *, verbose: bool) -> None:
             failed = [part for part in figure.parts if part.passed is False]
             _block(figure, [figure.why], failed, most=len(failed))
             continue
-        if found is Verdict.NONE and figure.name not in LEFT_OUT:
+        if found is Verdict.NONE and figure.name not in TOLD:
             say(wrapped(f"{found.sign} {figure.title}: {figure.why.rpartition('; ')[2]}", INDENT))
         parts = [part for part in figure.parts if part_verdict(part) is found] if _fails(found) else []
         if found is Verdict.FAILS:
