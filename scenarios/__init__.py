@@ -4,26 +4,26 @@ from importlib import import_module
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from scenarios.errors import ScenarioError
-    from scenarios.excitation_computer import Excitation
-    from scenarios.registry import load, names
-    from scenarios.scenario import Scenario
-    from scenarios.waveform import Waveform
+    from scenarios.experiments.excitation_computer import Excitation
+    from scenarios.experiments.registry import load, names
+    from scenarios.experiments.scenario import Scenario
+    from scenarios.experiments.waveform import Waveform
+    from scenarios.files.errors import ScenarioError
 
 __all__ = ["Excitation", "Scenario", "ScenarioError", "Waveform", "load", "names"]
 
-_ROOMS = {
-    "Excitation": "excitation_computer",
-    "Scenario": "scenario",
-    "ScenarioError": "errors",
-    "Waveform": "waveform",
-    "load": "registry",
-    "names": "registry",
+_MODULES = {
+    "Excitation": "experiments.excitation_computer",
+    "Scenario": "experiments.scenario",
+    "ScenarioError": "files.errors",
+    "Waveform": "experiments.waveform",
+    "load": "experiments.registry",
+    "names": "experiments.registry",
 }
 
 
 def __getattr__(name: str) -> object:
     # Scenarios need the laboratory, which takes a second to load: the command line's help does not wait for it.
-    if name not in _ROOMS:
+    if name not in _MODULES:
         raise AttributeError(f"module 'scenarios' has no attribute {name!r}")
-    return getattr(import_module(f"scenarios.{_ROOMS[name]}"), name)
+    return getattr(import_module(f"scenarios.{_MODULES[name]}"), name)

@@ -14,7 +14,7 @@ import pytest  # noqa: E402
 from hypothesis import settings  # noqa: E402
 
 if TYPE_CHECKING:
-    from hmtb_twin.bus_record import BusRecord
+    from hmtb_twin.bus.record import BusRecord
 
 # The same examples on every run, and no verdict that depends on how busy the machine is.
 settings.register_profile("house", deadline=None, derandomize=True, database=None)
@@ -48,8 +48,8 @@ def bus_record() -> "Callable[..., BusRecord]":
     """Make a record of the bus: measured angles in whole quanta, everything else any number."""
     import numpy as np
 
-    from hmtb_twin.bus_record import BusRecord
-    from hmtb_twin.bus_words import BAM
+    from hmtb_twin.bus.record import BusRecord
+    from hmtb_twin.bus.words import BAM
 
     def make(name: str, length: int, seed: int = 0, axes: tuple[str, ...] = ("elbow_pitch",)) -> BusRecord:
         rng = np.random.default_rng(seed)

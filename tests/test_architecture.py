@@ -16,6 +16,17 @@ PACKAGES = ("hmtb_twin", "sysid", "scenarios")
 ARROWS = {"scenarios": {"hmtb_twin", "sysid"}, "hmtb_twin": {"sysid"}, "sysid": set()}
 # What the laboratory hands over; it may use nothing else of the analyst's.
 RECORDS = {"IOData", "StateSpace", "FrequencyResponse"}
+# Rooms of each package from the ground up: a room imports only rooms that stand before it.
+ROOMS = {
+    "sysid": ("records", "models", "polynomial", "validation", "subspace", "recursive", "frequency", "plots"),
+    "hmtb_twin": ("parameters", "hydraulics", "arm", "control", "bus", "run", "truth"),
+    "scenarios": (
+        *("files", "jobs", "experiments", "report", "truth", "identification", "datasets"),
+        *("estimators", "problems", "bench", "thesis", "commands"),
+    ),
+}
+# Modules of a package outside its rooms.
+FLAT = {"__init__", "__main__"}
 FORBIDDEN_NAMES = {"utils", "util", "base", "common", "misc", "helpers", "helper", "core"}
 LONGEST_FILE = 400
 REFERENCE_KEY = re.compile(r"[\[;]\s*([A-Z][A-Za-z]+(?:19|20)\d\d[a-z]?)\b")
@@ -53,6 +64,27 @@ def test_arrows_point_one_way(path: Path) -> None:
         if (target := origin.partition(".")[0]) in PACKAGES and target != room and target not in ARROWS[room]
     ]
     assert not wrong, f"{room} may import only {sorted(ARROWS[room]) or 'neither of the other packages'}: {wrong}"
+
+
+@pytest.mark.parametrize("package", PACKAGES)
+def test_every_module_stands_in_a_room(package: str) -> None:
+    flat = {path.stem for path in (ROOT / package).glob("*.py")} - FLAT
+    assert not flat, f"{package} has modules outside its rooms: {sorted(flat)}"
+    assert {path.parent.name for path in (ROOT / package).glob("*/*.py")} == set(ROOMS[package])
+
+
+@module
+def test_a_room_imports_only_rooms_before_it(path: Path) -> None:
+    package, *room = path.relative_to(ROOT).parts[:-1]
+    if not room:
+        return
+    before = ROOMS[package][: ROOMS[package].index(room[0]) + 1]
+    wrong = [
+        f"line {line}: {origin}"
+        for origin, _, line in imports(path)
+        if origin.startswith(f"{package}.") and origin.split(".")[1] not in before
+    ]
+    assert not wrong, f"{package}.{room[0]} may import {before} of its package: {wrong}"
 
 
 @module

@@ -7,10 +7,10 @@ import numpy as np
 import pytest
 
 from hmtb_twin import IDEAL, JOINTS, STUDIED_JOINTS, Chain, JointLog, Status, linearize, load_arm, simulate
-from hmtb_twin.linearization import linear
-from hmtb_twin.parameters import HAND_CONTROLLER, INDEXED_JOINTS, MOTIONS, RECORDER
-from hmtb_twin.recorder import delayed
-from hmtb_twin.resolved_rate import ResolvedRate
+from hmtb_twin.bus.recorder import delayed
+from hmtb_twin.control.resolved_rate import ResolvedRate
+from hmtb_twin.parameters.values import HAND_CONTROLLER, INDEXED_JOINTS, MOTIONS, RECORDER
+from hmtb_twin.truth.linearization import linear
 from scenarios import Excitation, Scenario
 
 POSE = "rpcm_holster_out_approach"

@@ -6,9 +6,9 @@ from pathlib import Path
 import pytest
 
 from hmtb_twin import load_arm
-from hmtb_twin.parameters import OPERATING_POSE
-from scenarios.map_findings import findings
-from scenarios.maps import Density, maps
+from hmtb_twin.parameters.values import OPERATING_POSE
+from scenarios.truth.map_findings import findings
+from scenarios.truth.maps import Density, maps
 
 ROOT = Path(__file__).parents[1]
 PAGE = (ROOT / "docs" / "maps.md").read_text(encoding="utf-8")

@@ -10,10 +10,10 @@ import numpy as np
 import pytest
 
 from hmtb_twin import linearize, load_arm, simulate
-from scenarios.closeness import tables
-from scenarios.preparation import settled
-from scenarios.published import YAW_ARMAX
-from scenarios.published_servos import TARGETS, dominant_poles
+from scenarios.experiments.preparation import settled
+from scenarios.truth.closeness import tables
+from scenarios.truth.published import YAW_ARMAX
+from scenarios.truth.published_servos import TARGETS, dominant_poles
 
 ROOT = Path(__file__).parents[1]
 PAGE = (ROOT / "docs/published-variant.md").read_text(encoding="utf-8")
@@ -34,7 +34,7 @@ def same(found: str, expected: str) -> None:
 
 
 def test_closeness_is_that_of_the_arm() -> None:
-    same(block("python -m scenarios.closeness"), tables(linearize(load_arm("published"))).strip())
+    same(block("python -m scenarios.truth.closeness"), tables(linearize(load_arm("published"))).strip())
 
 
 def test_every_dominant_pole_of_the_targets_is_as_close_as_the_page_says() -> None:

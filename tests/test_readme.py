@@ -33,7 +33,7 @@ def test_the_python_example_prints_what_the_readme_shows(tmp_path: Path) -> None
 
 @pytest.mark.parametrize("command", sorted(set(re.findall(r"`hmtb ([a-z]+)", README))))
 def test_every_command_exists(command: str) -> None:
-    script = f"import sys; sys.path.insert(0, {str(ROOT)!r}); from scenarios.cli import main; main()"
+    script = f"import sys; sys.path.insert(0, {str(ROOT)!r}); from scenarios.commands.cli import main; main()"
     done = subprocess.run([sys.executable, "-c", script, command, "--help"], capture_output=True, text=True, timeout=60)
     assert done.returncode == 0, done.stderr
     assert done.stdout.strip(), "help goes to stdout"

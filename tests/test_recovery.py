@@ -22,9 +22,9 @@ from hmtb_twin import (
     simulate,
 )
 from scenarios import load
-from scenarios.preparation import prepared
+from scenarios.experiments.needed_order import SUFFICIENT
+from scenarios.experiments.preparation import prepared
 from scenarios.thesis.attribution import conditions
-from scenarios.thesis.structures import SUFFICIENT
 
 SEEDS = range(1, 21)
 

@@ -7,9 +7,9 @@ from dataclasses import fields
 from pathlib import Path
 
 from hmtb_twin import Specimen, TwinDistributions, load_arm
-from hmtb_twin.parameters import LINKS
-from hmtb_twin.specimen import FARTHEST, LARGEST
-from hmtb_twin.specimen_draw import CUT, KINDS
+from hmtb_twin.parameters.specimen import FARTHEST, LARGEST
+from hmtb_twin.parameters.specimen_draw import CUT, KINDS
+from hmtb_twin.parameters.values import LINKS
 from scenarios import Scenario, load
 
 ROOT = Path(__file__).parents[1]

@@ -6,9 +6,9 @@ import sys
 from dataclasses import fields
 from pathlib import Path
 
-from scenarios.attainable import Attainable, Horizon
-from scenarios.best_linear import BestLinearTruth
-from scenarios.multisines import Multisines
+from scenarios.experiments.multisines import Multisines
+from scenarios.truth.attainable import Attainable, Horizon
+from scenarios.truth.best_linear import BestLinearTruth
 
 ROOT = Path(__file__).parents[1]
 PAGE = (ROOT / "docs/truth.md").read_text(encoding="utf-8")

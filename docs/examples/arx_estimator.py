@@ -6,7 +6,7 @@ hmtb verify docs/examples/arx_estimator.py:estimate
 import numpy as np
 
 import sysid
-from scenarios.bench_contract.task import Task
+from scenarios.estimators.task import Task
 
 
 def estimate(data: sysid.IOData, task: Task) -> tuple[sysid.Polynomials, np.ndarray]:

@@ -13,13 +13,12 @@ from tempfile import TemporaryDirectory
 from PIL import Image
 from PIL.PngImagePlugin import PngInfo
 
-from scenarios.dataset_build.build import build
-from scenarios.datasets.baselines_asked import BaselinesAsked
+from scenarios.datasets.build import build
 from scenarios.datasets.data_set import open_data_set
 from scenarios.datasets.gallery import gallery_figure
 from scenarios.datasets.spec import DataSetSpec, shipped
-from scenarios.datasets.truth_asked import TruthAsked
-from scenarios.drawing import save_figure
+from scenarios.datasets.spec_tables import BaselinesAsked, TruthAsked
+from scenarios.report.drawing import save_figure
 
 FOLDER = Path(__file__).parent / "datasets"
 ARMS = 100

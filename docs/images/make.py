@@ -6,7 +6,7 @@ import matplotlib
 import matplotlib.image
 
 from hmtb_twin import load_arm, render
-from scenarios.thesis.campaign import NOMINAL
+from scenarios.experiments.campaign import NOMINAL
 from scenarios.thesis.figures_answer import bandwidths
 from scenarios.thesis.study import run_study
 

@@ -6,12 +6,12 @@ from pathlib import Path
 import matplotlib
 
 from hmtb_twin import linearize, load_arm
-from hmtb_twin.parameters import OPERATING_POSE
-from scenarios.map_figures import map_figures
-from scenarios.map_findings import findings
-from scenarios.maps import Maps, maps
-from scenarios.truth_figure import truth_figure
-from scenarios.truth_summary import truth_summary
+from hmtb_twin.parameters.values import OPERATING_POSE
+from scenarios.truth.map_figures import map_figures
+from scenarios.truth.map_findings import findings
+from scenarios.truth.maps import Maps, maps
+from scenarios.truth.truth_figure import truth_figure
+from scenarios.truth.truth_summary import truth_summary
 
 FOLDER = Path(__file__).parent
 PAGE = FOLDER.parent / "maps.md"

@@ -9,10 +9,10 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from hmtb_twin import STUDIED_JOINTS, Truth, linearize, load_arm
-from scenarios.published import YAW_ARMAX, YAW_OKID, published
-from scenarios.published_servos import TARGETS, dominant_poles
+from scenarios.truth.published import YAW_ARMAX, YAW_OKID, published
+from scenarios.truth.published_servos import TARGETS, dominant_poles
 from sysid import StateSpace
-from sysid.palette import GRID, PALETTE
+from sysid.plots.palette import GRID, PALETTE
 
 FOLDER = Path(__file__).parent
 PAGE = FOLDER.parent / "published-variant.md"

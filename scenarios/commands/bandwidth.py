@@ -11,8 +11,8 @@ from scenarios.commands.output import output_folder, print_json, print_table, pr
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from scenarios.thesis.bandwidth_study import BandwidthStudy
-    from scenarios.thesis.recovered_bandwidth import RecoveredBandwidth
+    from scenarios.identification.bandwidth_study import BandwidthStudy
+    from scenarios.identification.recovered_bandwidth import RecoveredBandwidth
 
 JOINTS = ("shoulder_yaw", "shoulder_pitch", "elbow_pitch")
 TESTS = (5,)
@@ -76,11 +76,11 @@ def bandwidth(
         out: Folder for bandwidth.csv and the figure, bandwidth.png and .svg.
         json: Print JSON.
     """
-    from scenarios.errors import ScenarioError
-    from scenarios.thesis.bandwidth_study import from_simulation
-    from scenarios.thesis.campaign import Condition
-    from scenarios.waveform import check_seed
-    from scenarios.whole_file import check_place
+    from scenarios.experiments.campaign import Condition
+    from scenarios.experiments.waveform import check_seed
+    from scenarios.files.atomic_write import check_place
+    from scenarios.files.errors import ScenarioError
+    from scenarios.identification.bandwidth_study import from_simulation
 
     check_seed(0 if seed is None else seed)
     if threads is not None and threads < 1:
@@ -140,9 +140,9 @@ def _of_logs(
     paths: tuple[Path, ...], methods: tuple[str, ...], seed: int | None, threads: int | None, *, best_linear: bool
 ) -> "BandwidthStudy":
     from hmtb_twin import JointLog
-    from scenarios.datafile import check_complete
-    from scenarios.errors import ScenarioError
-    from scenarios.thesis.bandwidth_study import from_logs
+    from scenarios.files.data_file import check_complete
+    from scenarios.files.errors import ScenarioError
+    from scenarios.identification.bandwidth_study import from_logs
 
     for path in paths:
         if path.suffix != ".nc":
@@ -168,9 +168,9 @@ def _write(study: "BandwidthStudy", folder: Path) -> list[Path]:
     import matplotlib
 
     from scenarios.commands.output import plain
-    from scenarios.drawing import SETTINGS, save_figure
-    from scenarios.thesis.bandwidth_figure import bandwidth_figure
-    from scenarios.whole_file import write_whole
+    from scenarios.files.atomic_write import write_whole
+    from scenarios.identification.bandwidth_figure import bandwidth_figure
+    from scenarios.report.drawing import SETTINGS, save_figure
 
     table, picture, drawing = (folder / name for name in FILES)
     records = []
@@ -197,8 +197,8 @@ def _write(study: "BandwidthStudy", folder: Path) -> list[Path]:
 def _print(study: "BandwidthStudy") -> None:
     import numpy as np
 
-    from scenarios.crossing import half_power_hz
-    from scenarios.published import published
+    from scenarios.truth.published import published
+    from sysid.models.gain_crossing import half_power_hz
 
     several = False
     for joint in study.joints:
@@ -262,7 +262,7 @@ def _print(study: "BandwidthStudy") -> None:
 def _line(found: "Sequence[RecoveredBandwidth]", *, best_linear: bool) -> list[str]:
     import numpy as np
 
-    from scenarios.thesis.one_hertz import between
+    from scenarios.identification.one_hertz import between
 
     claimed = sorted((row for row in found if np.isfinite(row.hz)), key=lambda row: row.hz)
     several = len(found) > 1

@@ -10,7 +10,7 @@ if TYPE_CHECKING:
     from rich.progress import Task
     from rich.text import Text
 
-    from scenarios.dataset_build.progress import Progress, Told
+    from scenarios.datasets.build_progress import Progress, Told
 
 How = Literal["auto", "bar", "lines", "none"]
 """Auto: a bar on a terminal, else lines."""

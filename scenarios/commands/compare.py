@@ -9,7 +9,7 @@ import tyro
 from scenarios.commands.output import output_folder, print_json, print_table, say
 
 if TYPE_CHECKING:
-    from scenarios.model_comparison import Compared, ComparedModels
+    from scenarios.identification.model_comparison import Compared, ComparedModels
     from sysid import IOData
 
 FIGURES = (".svg", ".png", ".pdf")
@@ -79,9 +79,9 @@ def compare(
     """
     import warnings
 
-    from scenarios.errors import ScenarioError
-    from scenarios.model_comparison import compared, parsed, same_samples
-    from scenarios.whole_file import check_place
+    from scenarios.files.atomic_write import check_place
+    from scenarios.files.errors import ScenarioError
+    from scenarios.identification.model_comparison import compared, parsed, same_samples
 
     wanted = [parsed(text) for text in dict.fromkeys(models)]
     if not wanted:
@@ -129,9 +129,9 @@ def compare(
 
 def _read(path: Path, joints: Sequence[str], test: str | None, options: Mapping[str, object]) -> "tuple[IOData, ...]":
     """The record, of one joint as every command reads it, or of several."""
-    from scenarios.datafile import read_parts
-    from scenarios.errors import ScenarioError
-    from scenarios.model_comparison import read_joints
+    from scenarios.files.data_file import read_parts
+    from scenarios.files.errors import ScenarioError
+    from scenarios.identification.model_comparison import read_joints
 
     if len(joints) < 2:
         return read_parts(path, joint=joints[0] if joints else None, test=test, **options)  # type: ignore[arg-type]
@@ -142,7 +142,7 @@ def _read(path: Path, joints: Sequence[str], test: str | None, options: Mapping[
 
 def _same(records: "Sequence[IOData]") -> tuple[str, ...]:
     """The joints of the record: the other is read for the same ones, whichever it excites."""
-    from scenarios.datafile import joints_of
+    from scenarios.files.data_file import joints_of
 
     return joints_of(records[0])
 
@@ -197,8 +197,8 @@ def _half_power(entry: "Compared") -> list[float]:
     """Frequency of the gain 0.707 from each input to its own output; NaN where the gain starts below it."""
     import numpy as np
 
-    from scenarios.crossing import crossing
     from sysid import FrequencyResponse
+    from sysid.models.gain_crossing import crossing
 
     f = np.geomspace(1e-4, 0.5, 4000) / entry.model.dt
     response = entry.model.frequency_response(f)
@@ -261,8 +261,8 @@ def _print(found: "ComparedModels", data: Path, estimation: Path | None, texts: 
 def _draw(found: "ComparedModels", data: Path, out: Path, piece: tuple[float, float] | None) -> None:
     import matplotlib
 
-    from scenarios.drawing import SETTINGS, save_figure
-    from scenarios.errors import ScenarioError
+    from scenarios.files.errors import ScenarioError
+    from scenarios.report.drawing import SETTINGS, save_figure
     from sysid.plots import PALETTE, Trace, output_comparison
 
     longest = max(range(len(found.parts)), key=lambda k: len(found.parts[k]))

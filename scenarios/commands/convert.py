@@ -10,7 +10,7 @@ import tyro
 from scenarios.commands.output import output_folder, print_json, print_table, say
 
 if TYPE_CHECKING:
-    from hmtb_twin.bus_record import BusRecord
+    from hmtb_twin.bus.record import BusRecord
 
 
 def convert(
@@ -40,8 +40,8 @@ def convert(
         lossy: Convert although something is lost.
         json: Print JSON.
     """
-    from scenarios.errors import ScenarioError
-    from scenarios.record_file import Contents, losses, read_records, unsaid
+    from scenarios.files.errors import ScenarioError
+    from scenarios.files.record_file import Contents, losses, read_records, unsaid
 
     if len(paths) < 2:
         raise ScenarioError("expected a file to convert and the file or folder to write; see hmtb convert --help")
@@ -94,9 +94,8 @@ def convert(
 
 def _target(sources: Sequence[Path], out: Path, format: str | None) -> tuple[str, bool]:
     """The format to write, and whether into one file or a folder."""
-    from scenarios.errors import ScenarioError
-    from scenarios.record_file import ENDINGS, FORMATS, format_of
-    from scenarios.suggest import unknown
+    from scenarios.files.errors import ScenarioError, unknown
+    from scenarios.files.record_file import ENDINGS, FORMATS, format_of
 
     if format is not None and format not in ENDINGS:
         raise ScenarioError(unknown("format", format, ENDINGS))
@@ -117,8 +116,8 @@ def _write(
     records: "Sequence[BusRecord]", kind: str, out: Path, single: bool, stem: str
 ) -> tuple[list[Path], list[str]]:
     """Write the records; return the files and what did not fit into the recorder's memory."""
-    from hmtb_twin.bus_run import record_run
-    from scenarios.record_file import ENDINGS, write_record
+    from hmtb_twin.bus.recorder_run import record_run
+    from scenarios.files.record_file import ENDINGS, write_record
 
     with output_folder(out.parent if single else out):
         if kind == "1553":

@@ -40,12 +40,12 @@ def baselines(
     """
     from dataclasses import replace
 
-    from scenarios.dataset_scores.baseline_table import differences, read_table, report
-    from scenarios.dataset_scores.baselines import Bench
-    from scenarios.datasets.baselines_asked import Method
+    from scenarios.datasets.baseline_table import differences, read_table, report
+    from scenarios.datasets.baselines import Bench
     from scenarios.datasets.data_set import open_data_set
     from scenarios.datasets.layout import BASELINES
-    from scenarios.errors import ScenarioError
+    from scenarios.datasets.spec_tables import Method
+    from scenarios.files.errors import ScenarioError
 
     if method is None and orders:
         raise ScenarioError(f"--orders {' '.join(map(str, orders))} given without --method")

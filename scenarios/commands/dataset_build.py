@@ -15,8 +15,8 @@ MOST_REASONS = 20
 """Reasons of failures that are told."""
 
 if TYPE_CHECKING:
-    from scenarios.dataset_build.executor import Executor
-    from scenarios.dataset_build.progress import Progress
+    from scenarios.datasets.build_progress import Progress
+    from scenarios.datasets.executor import Executor
 
 
 def build(
@@ -57,17 +57,17 @@ def build(
         progress: How stderr shows how far the build is; auto is a bar on a terminal, else a line now and then.
         json: Print JSON.
     """
-    from scenarios.dataset_build.build import build as build_data_set
-    from scenarios.dataset_build.chunk import MOST_ROWS
+    from scenarios.datasets.build import build as build_data_set
+    from scenarios.datasets.chunk import MOST_ROWS
     from scenarios.datasets.layout import UNFINISHED
     from scenarios.datasets.spec import load_spec
-    from scenarios.errors import ScenarioError
+    from scenarios.files.errors import ScenarioError
 
     if workers is not None and workers < 1:
         raise ScenarioError(f"workers must be 1 or more, given {workers}")
     executor = None
     if cluster is not None:
-        from scenarios.dataset_build.cluster import ROWS, Cluster
+        from scenarios.datasets.cluster import ROWS, Cluster
 
         if workers is not None:
             raise ScenarioError("--workers and --cluster given; expected one: Dask's workers have threads of their own")
@@ -125,10 +125,10 @@ def _build_hidden(
     spec: str | None, out: Path, key: Path | None, hide: Path | None, roster: Path | None, work: Work, *, json: bool
 ) -> int:
     """Build data sets whose truth is kept apart, from a spec or again from a key."""
+    from scenarios.datasets.challenge_build import build_again, build_hidden, private_folder
+    from scenarios.datasets.challenge_key import read_key
+    from scenarios.datasets.challenge_roster import read_roster
     from scenarios.datasets.spec import load_spec
-    from scenarios.teaching.hidden_build import build_again, build_hidden, private_folder
-    from scenarios.teaching.key_file import read_key
-    from scenarios.teaching.roster import read_roster
 
     path = key or hide
     assert path is not None  # noqa: S101 - the caller has one of them

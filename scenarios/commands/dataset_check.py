@@ -34,8 +34,8 @@ def check(
         workers: Threads for the physics.
         json: Print JSON.
     """
-    from scenarios.dataset_check.check import examine
-    from scenarios.teaching.key_check import examine_with_key
+    from scenarios.datasets.challenge_key_check import examine_with_key
+    from scenarios.datasets.check import examine
 
     with progress("checking") as report:
         if key is None:

@@ -9,7 +9,7 @@ import tyro
 from scenarios.commands.output import print_json, print_table, progress, say
 
 if TYPE_CHECKING:
-    from scenarios.teaching.grade import Grade, ModelGrade
+    from scenarios.datasets.challenge_grade import Grade, ModelGrade
 
 
 def grade(
@@ -35,9 +35,9 @@ def grade(
         student: Whose submission it is, where each has a data set.
         json: Print JSON.
     """
-    from scenarios.errors import ScenarioError
-    from scenarios.teaching.grade import grade as grade_one
-    from scenarios.teaching.grade import grade_all, holds_submissions
+    from scenarios.datasets.challenge_grade import grade as grade_one
+    from scenarios.datasets.challenge_grade import grade_all, holds_submissions
+    from scenarios.files.errors import ScenarioError
 
     if not holds_submissions(submission):
         found = grade_one(submission, key, student=student)

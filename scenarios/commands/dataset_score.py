@@ -34,7 +34,7 @@ def score(
         data: Folder of the data set.
         json: Print JSON.
     """
-    from scenarios.dataset_scores.score import score as score_predictions
+    from scenarios.datasets.score import score as score_predictions
 
     found = score_predictions(predictions, data)
     rule = found.scoring

@@ -8,7 +8,7 @@ import tyro
 from scenarios.commands.output import output_folder, print_json, print_table, say
 
 if TYPE_CHECKING:
-    from scenarios.identification import Identification
+    from scenarios.identification.identification import Identification
     from sysid import Estimate
 
 LISTED = 24
@@ -74,8 +74,8 @@ def identify(
     """
     import warnings
 
-    from scenarios.datafile import of_joint, read_parts
-    from scenarios.identification import identified, usable
+    from scenarios.files.data_file import of_joint, read_parts
+    from scenarios.identification.identification import identified, usable
 
     with warnings.catch_warnings(record=True) as said:
         warnings.simplefilter("always", UserWarning)
@@ -93,8 +93,8 @@ def identify(
     title = f"{method.upper()} from {data.name}" + (f", fits to {validate.name}" if validate else "")
     pictures: list[Path] = []
     if out is not None:
-        from scenarios.drawing import save_figure
-        from scenarios.identification_figures import figures
+        from scenarios.identification.identification_figures import figures
+        from scenarios.report.drawing import save_figure
 
         with output_folder(out) as folder:
             for name, figure in figures(found).items():
@@ -158,7 +158,7 @@ def _record(method: str, found: "Identification") -> dict[str, object]:
 def _rows(found: "Identification") -> list[tuple[str, str]]:
     import numpy as np
 
-    from scenarios.datafile import of_joint
+    from scenarios.files.data_file import of_joint
 
     model, first, fit = found.estimate, found.parts[0], found.fit
     ins, outs = first.input_names or (), first.output_names or ()

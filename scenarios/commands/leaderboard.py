@@ -31,12 +31,12 @@ def leaderboard(
         out: Folder for both pages.
         json: Print JSON.
     """
-    from scenarios.leaderboard.comparable import notes
-    from scenarios.leaderboard.page import write_leaderboard
-    from scenarios.leaderboard.ranking import RULE, ranked
-    from scenarios.leaderboard.response_error import compared, median_error
-    from scenarios.leaderboard.tables import standing
-    from scenarios.leaderboard.verdict import count, judged_figures, verdict
+    from scenarios.bench.leaderboard_comparable import notes
+    from scenarios.bench.leaderboard_page import write_leaderboard
+    from scenarios.bench.leaderboard_ranking import RULE, ranked
+    from scenarios.bench.leaderboard_response_error import compared, median_error
+    from scenarios.bench.leaderboard_tables import standing
+    from scenarios.bench.leaderboard_verdict import count, judged_figures, verdict
 
     entries = ranked(results)
     with output_folder(out):

@@ -9,7 +9,7 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Protocol
 
-from scenarios.errors import ScenarioError
+from scenarios.files.errors import ScenarioError
 
 
 class Bar(Protocol):

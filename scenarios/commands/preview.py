@@ -8,7 +8,7 @@ import tyro
 from scenarios.commands.output import output_folder, print_json, print_table, say
 
 if TYPE_CHECKING:
-    from scenarios.preview import Preview
+    from scenarios.experiments.preview import Preview
 
 
 def preview(
@@ -34,12 +34,12 @@ def preview(
     """
     from dataclasses import replace
 
-    from scenarios.drawing import save_figure
-    from scenarios.errors import ScenarioError
-    from scenarios.preview import preview as computed
-    from scenarios.preview_figure import preview_figure
-    from scenarios.registry import load, registered
-    from scenarios.registry import names as registered_names
+    from scenarios.experiments.preview import preview as computed
+    from scenarios.experiments.preview_figure import preview_figure
+    from scenarios.experiments.registry import load, registered
+    from scenarios.experiments.registry import names as registered_names
+    from scenarios.files.errors import ScenarioError
+    from scenarios.report.drawing import save_figure
 
     wanted = [entry for name in names for entry in (registered_names(name) if name in registered().tags() else [name])]
     if not wanted:
@@ -68,7 +68,7 @@ def preview(
 
 def _record(seen: "Preview") -> dict[str, object]:
     from hmtb_twin import JOINTS, Status
-    from scenarios.needed_order import needed_orders
+    from scenarios.experiments.needed_order import needed_orders
 
     return {
         "duration_s": seen.duration,

@@ -26,8 +26,8 @@ def scenarios(
         tag: With list: only those with this tag.
         json: Print JSON.
     """
-    from scenarios.errors import ScenarioError
-    from scenarios.registry import load, names, registered
+    from scenarios.experiments.registry import load, names, registered
+    from scenarios.files.errors import ScenarioError
 
     if action == "show":
         if name is None:

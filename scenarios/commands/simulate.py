@@ -46,12 +46,11 @@ def simulate(
     """
     from dataclasses import replace
 
-    from scenarios.datafile import write_log
-    from scenarios.errors import ScenarioError
-    from scenarios.record_file import ENDINGS
-    from scenarios.registry import load, registered
-    from scenarios.registry import names as registered_names
-    from scenarios.suggest import unknown
+    from scenarios.experiments.registry import load, registered
+    from scenarios.experiments.registry import names as registered_names
+    from scenarios.files.data_file import write_log
+    from scenarios.files.errors import ScenarioError, unknown
+    from scenarios.files.record_file import ENDINGS
 
     formats = tuple(dict.fromkeys(entry.strip() for entry in format.split(",")))
     wrong = [entry for entry in formats if entry not in ENDINGS]
@@ -63,7 +62,7 @@ def simulate(
         if rate and "1553" not in formats:
             raise ScenarioError(f"--{name} is a fault of the bus; expected --format 1553")
     if "1553" in formats:
-        from hmtb_twin.chapter10 import pychapter10
+        from hmtb_twin.bus.chapter10 import pychapter10
 
         pychapter10()  # before the work, not after
     if threads is not None and threads < 1:
@@ -94,11 +93,10 @@ def simulate(
             for entry, made in zip(paths, _record(result.logs, folder, dropped, invalid, silent, remarks), strict=True):
                 entry.append(made)
 
-    from scenarios.excitation_computer import MISSES_POINTS
-    from scenarios.joint_inputs import logged_inputs
-    from scenarios.power import power_off
-    from scenarios.saturation import clipped_share, velocity_limited_share
-    from scenarios.stick import stays
+    from scenarios.experiments.excitation_computer import MISSES_POINTS
+    from scenarios.experiments.joint_inputs import logged_inputs
+    from scenarios.experiments.log_review import clipped_share, power_off, velocity_limited_share
+    from scenarios.experiments.preview import stays
 
     by_name = {entry.name: entry for entry in chosen}
     clipped = {log.name: clipped_share(log, by_name[log.name]) for log in result.logs}
@@ -116,7 +114,7 @@ def simulate(
     ]
     warnings += [f"{log.name}: {text}" for log in result.logs if (text := stays(by_name[log.name])) is not None]
     warnings += remarks
-    from scenarios.tasks import judged
+    from scenarios.experiments.rpcm_outcome import judged
 
     tasks = {log.name: done for log in result.logs if (done := judged(log, by_name[log.name].task))}
     warnings += [f"{name}: {text}" for name, outcome in tasks.items() if (text := outcome.warning())]
@@ -169,9 +167,9 @@ def _record(
     logs: "Sequence[JointLog]", folder: Path, dropped: float, invalid: float, silent: float, remarks: list[str]
 ) -> list[Path]:
     """Record logs on the bus, five to a run; return the file of each, and add to the remarks what did not fit."""
-    from hmtb_twin.bus_faults import BusFaults
-    from hmtb_twin.bus_record import BusRecord
-    from hmtb_twin.bus_run import record_run, runs
+    from hmtb_twin.bus.faults import BusFaults
+    from hmtb_twin.bus.record import BusRecord
+    from hmtb_twin.bus.recorder_run import record_run, runs
 
     shared = runs([BusRecord.of(log) for log in logs])
     files: list[Path] = []

@@ -46,8 +46,8 @@ def thesis(
         logs: Keep the logs too, as NetCDF4.
         json: Print the results as JSON.
     """
-    from scenarios.datafile import write_log
-    from scenarios.errors import ScenarioError
+    from scenarios.files.data_file import write_log
+    from scenarios.files.errors import ScenarioError
     from scenarios.thesis.seeds import counted
 
     if threads is not None and threads < 1:
@@ -56,12 +56,12 @@ def thesis(
     duration = 40.0 if quick else None
     with ExitStack() as stack:
         folder = stack.enter_context(output_folder(out))
+        from scenarios.files.atomic_write import write_whole
         from scenarios.thesis.findings import findings
         from scenarios.thesis.frequencies import frequency_text, source_text
         from scenarios.thesis.report import write_report
         from scenarios.thesis.results import answer, results
         from scenarios.thesis.study import run_study
-        from scenarios.whole_file import write_whole
 
         pictures = stack.enter_context(output_folder(folder / "figures")) if figures else None
         kept = stack.enter_context(output_folder(folder / "seeds")) if seeds > 1 else None
@@ -125,8 +125,8 @@ def thesis(
 
 def _check_places(folder: Path, pictures: Path | None, *, logs: bool) -> None:
     """Refuse what stands where files are to be written, before the work and not after it."""
-    from scenarios.thesis.campaign import EVERY_TEST
-    from scenarios.whole_file import check_place
+    from scenarios.experiments.campaign import EVERY_TEST
+    from scenarios.files.atomic_write import check_place
 
     for name in ("report.html", "results.json", *(f"{test}.nc" for test in EVERY_TEST if logs)):
         check_place(folder / name)

@@ -13,8 +13,8 @@ if TYPE_CHECKING:
     import numpy as np
 
     from hmtb_twin import Arm, JointLog
-    from scenarios.maps import Density
-    from scenarios.truth_summary import TruthSummary
+    from scenarios.truth.maps import Density
+    from scenarios.truth.truth_summary import TruthSummary
 
 FIGURES = (".svg", ".png", ".pdf")
 """Endings of figures."""
@@ -91,12 +91,12 @@ def truth(
     from dataclasses import replace
 
     from hmtb_twin import NOMINAL_PLANT, linearize, load_arm
-    from hmtb_twin.parameters import OPERATING_POSE
-    from scenarios.errors import ScenarioError
-    from scenarios.maps import Density
-    from scenarios.truth_summary import attainable_on, measured_best_linear, truth_summary
-    from scenarios.waveform import check_seed
-    from scenarios.whole_file import check_place
+    from hmtb_twin.parameters.values import OPERATING_POSE
+    from scenarios.experiments.waveform import check_seed
+    from scenarios.files.atomic_write import check_place
+    from scenarios.files.errors import ScenarioError
+    from scenarios.truth.maps import Density
+    from scenarios.truth.truth_summary import attainable_on, measured_best_linear, truth_summary
 
     check_seed(seed)
     _check_threads(threads, used=bla is not None or maps)
@@ -157,8 +157,7 @@ def _point(pose: str) -> "str | np.ndarray":
     import numpy as np
 
     from hmtb_twin import JOINTS, POSES
-    from scenarios.errors import ScenarioError
-    from scenarios.suggest import unknown
+    from scenarios.files.errors import ScenarioError, unknown
 
     if "," not in pose:
         if pose not in POSES:
@@ -177,8 +176,8 @@ def _point(pose: str) -> "str | np.ndarray":
 
 def _check_threads(threads: int | None, *, used: bool) -> None:
     """Refuse before any work a number of threads that nothing would use, or that no machine has."""
-    from hmtb_twin.simulation import MOST_THREADS
-    from scenarios.errors import ScenarioError
+    from hmtb_twin.run.simulation import MOST_THREADS
+    from scenarios.files.errors import ScenarioError
 
     if threads is None:
         return
@@ -191,8 +190,8 @@ def _check_threads(threads: int | None, *, used: bool) -> None:
 def _logged(data: Path, given: "Mapping[str, object]") -> "tuple[Arm, str, JointLog]":
     """The arm and pose of a log, which the other options must not contradict."""
     from hmtb_twin import JointLog
-    from scenarios.errors import ScenarioError
-    from scenarios.logged_arm import logged_arm
+    from scenarios.experiments.logged_arm import logged_arm
+    from scenarios.files.errors import ScenarioError
 
     if data.suffix != ".nc":
         raise ScenarioError(
@@ -217,8 +216,8 @@ def _figure(summary: "TruthSummary", out: Path | None) -> list[Path]:
         return []
     import matplotlib
 
-    from scenarios.drawing import SETTINGS, save_figure
-    from scenarios.truth_figure import truth_figure
+    from scenarios.report.drawing import SETTINGS, save_figure
+    from scenarios.truth.truth_figure import truth_figure
 
     with output_folder(out.parent), matplotlib.rc_context(SETTINGS):
         save_figure(truth_figure(summary), out, dpi=150)
@@ -228,9 +227,9 @@ def _figure(summary: "TruthSummary", out: Path | None) -> list[Path]:
 def _maps(
     arm: "Arm", summary: "TruthSummary", grid: "Density", seed: int, threads: int | None, out: Path | None
 ) -> tuple[list[Path], tuple[str, ...]]:
-    from scenarios.map_findings import findings
-    from scenarios.map_page import write_maps
-    from scenarios.maps import maps as made
+    from scenarios.truth.map_findings import findings
+    from scenarios.truth.map_page import write_maps
+    from scenarios.truth.maps import maps as made
 
     with output_folder(out or PLACE) as folder:
         found = made(arm, summary.truth.pose, grid, seed=seed, threads=threads, stage=progress)
@@ -240,8 +239,8 @@ def _maps(
 def _print(summary: "TruthSummary") -> None:
     import numpy as np
 
-    from scenarios.bandwidth_caution import cautions
-    from scenarios.truth_summary import LOCKED_NOTE, conditions_in_words, pose_in_words
+    from scenarios.truth.bandwidth_caution import cautions
+    from scenarios.truth.truth_summary import LOCKED_NOTE, conditions_in_words, pose_in_words
 
     truth, bla = summary.truth, summary.best_linear
     columns = ["joint", "bandwidth\n/ Hz", "gain at 0 Hz\n/ (rad/rad)", "delay\n/ samples", "dominant poles\n/ (rad/s)"]
@@ -339,7 +338,7 @@ def _print_attainable(summary: "TruthSummary") -> None:
 
 def _poles(poles: "np.ndarray", fastest: float, count: int = 4) -> str:
     """Those that the sampling rate still shows, slowest first."""
-    from scenarios.truth_summary import damping_ratio
+    from scenarios.truth.truth_summary import damping_ratio
 
     upper = [pole for pole in poles if pole.imag > -1e-6 * abs(pole) and abs(pole) < fastest]
     shown = [

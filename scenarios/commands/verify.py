@@ -14,10 +14,10 @@ from scenarios.commands.output import output_folder, print_json, print_table, sa
 from scenarios.commands.verify_progress import verify_progress
 
 if TYPE_CHECKING:
-    from scenarios.bench_run.cost import Cost
-    from scenarios.bench_run.result import Result
-    from scenarios.bench_run.verify import Plan
-    from scenarios.bench_trials.executor import Executor
+    from scenarios.bench.cost import Cost
+    from scenarios.bench.executor import Executor
+    from scenarios.bench.result import Result
+    from scenarios.bench.verify import Plan
 
 MOST_GIB = 2.0**20
 """More memory than there is, GiB."""
@@ -96,14 +96,14 @@ def verify(
     """
     if list:
         return _listed(json=json)
-    from scenarios.bench_contract.contestant import Limits
-    from scenarios.bench_run.given import Said
-    from scenarios.bench_run.given import estimators as found
-    from scenarios.bench_run.selection import figures_of
-    from scenarios.bench_run.verify import Plan
+    from scenarios.bench.estimator_arguments import Said
+    from scenarios.bench.estimator_arguments import estimators as found
+    from scenarios.bench.selection import figures_of
+    from scenarios.bench.verify import Plan
     from scenarios.commands.verify_tables import record, show
-    from scenarios.contestants.referee import REFEREE
-    from scenarios.errors import ScenarioError
+    from scenarios.estimators.contestant import Limits
+    from scenarios.estimators.referee import REFEREE
+    from scenarios.files.errors import ScenarioError
 
     given = found(estimators, command, Said(name, structure, method, stays))
     effort = "quick" if quick else "full"
@@ -132,14 +132,14 @@ def verify(
 
 
 def _executor(workers: int | None, cluster: str | None, patience: float) -> "Executor":
-    from scenarios.bench_trials.local import Local
-    from scenarios.errors import ScenarioError
+    from scenarios.bench.local import Local
+    from scenarios.files.errors import ScenarioError
 
     if cluster is None:
         return Local() if workers is None else Local(workers)
     if workers is not None:
         raise ScenarioError("--workers and --cluster given; expected one: the cluster has workers of its own")
-    from scenarios.bench_trials.cluster import Cluster
+    from scenarios.bench.cluster import Cluster
 
     return Cluster(cluster, patience=patience, said=_said)
 
@@ -155,7 +155,7 @@ def _options(
 
 
 def _run(plan: "Plan", folder: Path, executor: "Executor") -> "list[Result]":
-    from scenarios.bench_run.verify import JOURNALS, verify
+    from scenarios.bench.verify import JOURNALS, verify
 
     latest = (0, 0)
 
@@ -206,7 +206,7 @@ def _said(line: str) -> None:
 
 def _listed(*, json: bool) -> int:
     """Print the estimators that the bench knows."""
-    from scenarios.contestants.registry import ENTRIES, available
+    from scenarios.estimators.known_estimators import ENTRIES, available
 
     rows = []
     for name, entry in ENTRIES.items():

@@ -6,10 +6,10 @@ from typing import Any
 
 import numpy as np
 
-from scenarios.bench_figures.figure import Figure
+from scenarios.bench.metric import Figure
 from scenarios.commands.output import print_table
 from scenarios.commands.verify_numbers import interval, number
-from scenarios.thesis.about_1_hz import ABOUT_1_HZ, near_1_hz
+from scenarios.identification.one_hertz import ABOUT_1_HZ, near_1_hz
 
 NAME = "bandwidth"
 """Figure that has them."""

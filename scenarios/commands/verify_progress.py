@@ -7,7 +7,7 @@ from time import monotonic
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from scenarios.bench_run.counted import Progress
+    from scenarios.bench.run_progress import Progress
 
 FIRST, EVERY = 10.0, 30.0
 """When the first line is written and how often others are, s."""
@@ -68,7 +68,7 @@ def _bar(label: str) -> "Iterator[Progress]":
 
 
 def _count(done: int, total: int, left: float | None) -> str:
-    from scenarios.bench_run.cost import told_time
+    from scenarios.bench.cost import told_time
 
     what = f"{done} of {total} requests"
     if done == total:

@@ -5,13 +5,13 @@ import shutil
 import textwrap
 from collections.abc import Iterable, Sequence
 
-from scenarios.bench_figures.figure import Figure, Part
-from scenarios.bench_figures.noise_free_recovery import WHERE_IT_FAILS
-from scenarios.bench_figures.worst_part import excess
+from scenarios.bench.leaderboard_reading import TOLD
+from scenarios.bench.leaderboard_verdict import Verdict, part_verdict, verdict
+from scenarios.bench.metric import Figure, Part
+from scenarios.bench.noise_free_recovery import WHERE_IT_FAILS
+from scenarios.bench.worst_part import excess
 from scenarios.commands.output import say
 from scenarios.commands.verify_numbers import limits, number
-from scenarios.leaderboard.reading import TOLD
-from scenarios.leaderboard.verdict import Verdict, part_verdict, verdict
 
 SHOWN_PARTS = 5
 """Parts of a figure that are printed, where not all are wanted."""

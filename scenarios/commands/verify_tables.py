@@ -5,16 +5,16 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from scenarios.bench_contract.one_line import one_line
-from scenarios.bench_contract.outcome import KINDS, MODEL, REFUSED
-from scenarios.bench_figures.figure import Figure
-from scenarios.bench_run.result import Result
-from scenarios.bench_trials.journal import file_name
+from scenarios.bench.journal import file_name
+from scenarios.bench.leaderboard_verdict import Verdict, verdict
+from scenarios.bench.metric import Figure
+from scenarios.bench.result import Result
 from scenarios.commands.output import print_table, say
 from scenarios.commands.verify_bandwidths import answer, bandwidth_rows, show_bandwidths
 from scenarios.commands.verify_numbers import interval, number
 from scenarios.commands.verify_reasons import show_reasons, wrapped
-from scenarios.leaderboard.verdict import Verdict, verdict
+from scenarios.estimators.outcome import KINDS, MODEL, REFUSED
+from scenarios.files.printable import one_line
 
 SHOWN_REASONS = 5
 """Reasons of failures that are printed; the file has more."""

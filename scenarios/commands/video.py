@@ -46,10 +46,10 @@ def video(
         seed: Draw other noise; for a scenario only.
         json: Print JSON.
     """
-    from scenarios.errors import ScenarioError
-    from scenarios.film import frames, write_film
-    from scenarios.playback import played
-    from scenarios.whole_file import check_place
+    from scenarios.experiments.film import frames, write_film
+    from scenarios.experiments.playback import played
+    from scenarios.files.atomic_write import check_place
+    from scenarios.files.errors import ScenarioError
 
     for label, value in (("fps", fps), ("speed", speed)):
         if not 0 < value <= 1000:
@@ -84,9 +84,8 @@ DECK = ("window", "port", "starboard", "wrist_camera")
 def _cameras(words: str) -> tuple[str, ...]:
     """The cameras that the words name, before the work for them begins."""
     from hmtb_twin import load_arm
-    from hmtb_twin.rendering import scene_model
-    from scenarios.errors import ScenarioError
-    from scenarios.suggest import unknown
+    from hmtb_twin.arm.rendering import scene_model
+    from scenarios.files.errors import ScenarioError, unknown
 
     scene = scene_model(load_arm())
     known = [scene.camera(number).name for number in range(scene.ncam)]

@@ -28,8 +28,8 @@ def view(
         loop: Play again and again.
         seed: Draw other noise; for a scenario only.
     """
-    from scenarios.errors import ScenarioError
-    from scenarios.viewer import check_display, play, show
+    from scenarios.experiments.playback import check_display, play, show
+    from scenarios.files.errors import ScenarioError
 
     if not 0 < speed <= 1000:
         raise ScenarioError(f"--speed must be above 0 and at most 1000, given {speed:g}")
@@ -37,7 +37,7 @@ def view(
     if name is None:
         show(payload)
         return 0
-    from scenarios.playback import played
+    from scenarios.experiments.playback import played
 
     log = played(name, seed=seed)
     say(f"{log.name}: {len(log) * log.dt:g} s, played at {speed:g} times its speed; close the window to end")

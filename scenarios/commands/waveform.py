@@ -9,7 +9,7 @@ import tyro
 from scenarios.commands.output import output_folder, print_json, print_table, say
 
 if TYPE_CHECKING:
-    from scenarios.waveform import Waveform
+    from scenarios.experiments.waveform import Waveform
 
 
 def waveform(
@@ -100,16 +100,16 @@ def waveform(
         path,
     )
     if not wave.points.any():
-        from scenarios.errors import ScenarioError
+        from scenarios.files.errors import ScenarioError
 
         raise ScenarioError(f"{kind} of amplitude 0 excites nothing: expected an amplitude other than 0 V")
 
     import numpy as np
 
-    from scenarios.drawing import save_figure
-    from scenarios.figures import waveform_figure
-    from scenarios.needed_order import needed_orders, shortcoming
-    from scenarios.waveform_file import write_points
+    from scenarios.experiments.needed_order import needed_orders, shortcoming
+    from scenarios.experiments.preview_figure import waveform_figure
+    from scenarios.experiments.waveform import write_points
+    from scenarios.report.drawing import save_figure
 
     with output_folder(out) as folder:
         name = kind if path is None else path.stem
@@ -158,7 +158,7 @@ def waveform(
 
 def _beyond(wave: "Waveform") -> str | None:
     """Say which points the excitation computer cannot give."""
-    from scenarios.excitation_computer import BOARD
+    from scenarios.experiments.excitation_computer import BOARD
 
     count = int(BOARD.beyond(wave.points).sum())
     if not count:
@@ -173,11 +173,10 @@ def _waveform(kind: str, options: Mapping[str, float | int | bool | None], path:
     """The waveform, with complaints about options in the words that were typed."""
     from inspect import Parameter, signature
 
-    from scenarios.errors import ScenarioError
-    from scenarios.excitation import KINDS
-    from scenarios.excitation_computer import Excitation
-    from scenarios.suggest import unknown
-    from scenarios.waveform_file import KIND, read_points
+    from scenarios.experiments.excitation import KINDS
+    from scenarios.experiments.excitation_computer import Excitation
+    from scenarios.experiments.waveform import KIND, read_points
+    from scenarios.files.errors import ScenarioError, unknown
 
     given = {name: value for name, value in options.items() if value is not None}
     if kind in (KIND, "points"):

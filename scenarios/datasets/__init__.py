@@ -9,11 +9,11 @@ if TYPE_CHECKING:
 
 __all__ = ["DataRecord", "DataSet", "load", "open_data_set"]
 
-_ROOMS = {"DataRecord": "data_record", "DataSet": "data_set", "load": "data_set", "open_data_set": "data_set"}
+_MODULES = {"DataRecord": "data_record", "DataSet": "data_set", "load": "data_set", "open_data_set": "data_set"}
 
 
 def __getattr__(name: str) -> object:
     # The command line's help does not wait for the laboratory.
-    if name not in _ROOMS:
+    if name not in _MODULES:
         raise AttributeError(f"module 'scenarios.datasets' has no attribute {name!r}")
-    return getattr(import_module(f"scenarios.datasets.{_ROOMS[name]}"), name)
+    return getattr(import_module(f"scenarios.datasets.{_MODULES[name]}"), name)

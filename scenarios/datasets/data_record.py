@@ -1,4 +1,4 @@
-"""One experiment of a data set as its user sees it: inputs and outputs, read when they are asked for."""
+"""One experiment of a data set as its user sees it: inputs and outputs, read on demand."""
 
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
@@ -9,9 +9,46 @@ from typing import Literal, overload
 
 import numpy as np
 
-from scenarios.datasets.netcdf import Attribute, Contents, Variable, read_netcdf
-from scenarios.errors import ScenarioError
+from scenarios.datasets.plan import Entry
+from scenarios.datasets.spec import DataSetSpec
+from scenarios.files.errors import ScenarioError
+from scenarios.files.netcdf import Attribute, Contents, Variable, read_netcdf
 from sysid import IOData
+
+GIVEN = ("sample", "u", "joint_commanded")
+"""Variables of a scored record that are given for all samples."""
+
+WINDOW = "window_sample"
+"""Along it stands what is given for the initialisation window."""
+
+PRIVATE = ("seed", "process_noise")
+"""What the index of a data set says of an experiment, and that of a published one does not: it is drawn."""
+
+
+def published(contents: Contents, entry: Entry, spec: DataSetSpec) -> Contents:
+    """A record without what tells how to run it again, and a scored one without its outputs.
+
+    Args:
+        contents: The whole record.
+        entry: The experiment.
+        spec: The data set.
+    """
+    attributes = {
+        key: value for key, value in contents.attributes.items() if key != "seed" and not key.startswith("provenance_")
+    }
+    if entry.part != "test":
+        return Contents(contents.variables, attributes)
+    window = min(spec.window, len(contents.variables["u"].values))
+    index = {**contents.variables["sample"].attributes, "long_name": "sample number within the initialisation window"}
+    variables: dict[str, Variable] = {}
+    for name, variable in contents.variables.items():
+        if variable.dims[:1] != ("sample",) or name in GIVEN:
+            variables[name] = variable
+            continue
+        cut = np.ascontiguousarray(variable.values[:window])
+        variables[name] = Variable((WINDOW, *variable.dims[1:]), cut, variable.attributes)
+    variables[WINDOW] = Variable((WINDOW,), np.arange(window, dtype=np.int64), index)
+    return Contents(variables, {**attributes, "withheld": f"what was measured from sample {window} on"})
 
 
 @dataclass(frozen=True)

@@ -11,8 +11,7 @@ from typing import Any
 from scenarios.datasets.data_record import DataRecord, read_signals
 from scenarios.datasets.layout import INDEX, PARTS, SPEC, TRUTH, UNFINISHED
 from scenarios.datasets.spec import DataSetSpec, load_spec
-from scenarios.errors import ScenarioError
-from scenarios.suggest import unknown
+from scenarios.files.errors import ScenarioError, unknown
 
 Joints = str | Sequence[str]
 """One joint, or the joints of a record with several inputs."""

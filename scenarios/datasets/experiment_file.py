@@ -5,14 +5,14 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from hmtb_twin import JOINTS, JointLog
-from hmtb_twin.modes import joint_index
-from hmtb_twin.parameters import SAMPLE_RATE
-from hmtb_twin.recorder import delayed
-from hmtb_twin.status import Status
-from hmtb_twin.variants import variant_named
-from scenarios.datasets.netcdf import Attribute, Contents, Variable
+from hmtb_twin.bus.recorder import delayed
+from hmtb_twin.control.modes import joint_index
+from hmtb_twin.control.status import Status
+from hmtb_twin.parameters.values import SAMPLE_RATE
+from hmtb_twin.parameters.variants import variant_named
 from scenarios.datasets.plan import Entry
 from scenarios.datasets.spec import DataSetSpec
+from scenarios.files.netcdf import Attribute, Contents, Variable
 
 FORMAT = "hmtb data set 1"
 """Marks the files of this version."""

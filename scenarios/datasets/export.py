@@ -1,5 +1,6 @@
 """Export of a data set to formats that other programs read."""
 
+import io
 import json
 import shutil
 import tempfile
@@ -9,15 +10,91 @@ from dataclasses import dataclass
 from pathlib import Path
 from types import MappingProxyType
 
+import numpy as np
+
+from scenarios.datasets.data_record import sampling_time
 from scenarios.datasets.data_set import DataSet, Listing, open_data_set
-from scenarios.datasets.export_mat import mat
-from scenarios.datasets.export_parquet import parquet
-from scenarios.datasets.export_text import ascii_table, csv, csv_metadata
-from scenarios.datasets.hashes import file_hash
+from scenarios.datasets.export_text import ascii_table, columns, csv, csv_metadata
 from scenarios.datasets.layout import SUMS
-from scenarios.datasets.netcdf import Contents, read_netcdf
-from scenarios.errors import ScenarioError
-from scenarios.suggest import unknown
+from scenarios.files.errors import ScenarioError, unknown
+from scenarios.files.hashes import file_hash
+from scenarios.files.netcdf import Contents, read_netcdf
+
+LARGEST = 2**31 - 2**10
+"""Bytes of a variable that version 5 of the format can hold, with room for its head."""
+
+_HEAD = b"MATLAB 5.0 MAT-file, a record of a data set of the HMTB twin"
+_HEAD_LENGTH = 116
+
+
+def mat(contents: Contents) -> bytes:
+    """Write a record as a .mat file: `u`, `y`, `dt` and the other variables, (N, n), names of channels as cells.
+
+    `units` and `about` are structures: the unit of each variable, and all attributes of the record.
+
+    Args:
+        contents: What the file of the record holds.
+
+    Raises:
+        ScenarioError: A variable that is larger than the format allows.
+    """
+    from scipy.io import savemat
+
+    for name, variable in contents.variables.items():
+        if variable.values.nbytes > LARGEST:
+            raise ScenarioError(
+                f"{name} has {variable.values.nbytes / 2**30:.3g} GiB, a .mat file of version 5 holds less than 2 per "
+                "variable; MATLAB reads the data set's own .nc files of any size by ncread, and Parquet by parquetread"
+            )
+    units: dict[str, object] = {"dt": "s"}
+    variables: dict[str, object] = {"dt": float(sampling_time(contents))}
+    for name, variable in contents.variables.items():
+        if variable.values.dtype.kind == "U":
+            variables[f"{name}_names"] = variable.values.astype(object)
+        else:
+            variables[name] = variable.values
+            units[name] = str(variable.attributes["units"])
+    variables |= {"units": units, "about": dict(contents.attributes)}
+    target = io.BytesIO()
+    savemat(target, variables, oned_as="column", do_compression=True, long_field_names=True)
+    made = target.getvalue()
+    # The head is a text with the time of day; equal records give equal files.
+    return _HEAD.ljust(_HEAD_LENGTH) + made[_HEAD_LENGTH:]
+
+
+def parquet(contents: Contents) -> bytes:
+    """Write a record as Parquet: a column per channel; units stand in the metadata of the columns.
+
+    Args:
+        contents: What the file of the record holds.
+
+    Raises:
+        ScenarioError: pyarrow is not installed.
+    """
+    try:
+        import pyarrow as pa
+        import pyarrow.parquet as pq
+    except ImportError as error:
+        raise ScenarioError("Parquet needs pyarrow: pip install 'hmtb-twin[parquet]'") from error
+    table = columns(contents)
+    fields = [
+        pa.field(
+            column.name,
+            pa.from_numpy_dtype(column.values.dtype),
+            nullable=False,
+            metadata={"unit": column.unit, "role": column.role, "description": column.meaning},
+        )
+        for column in table
+    ]
+    about = {
+        key: value if isinstance(value, str) else json.dumps(value, default=np.ndarray.tolist)
+        for key, value in contents.attributes.items()
+    }
+    made = pa.Table.from_arrays([pa.array(column.values) for column in table], schema=pa.schema(fields, about))
+    target = io.BytesIO()
+    pq.write_table(made, target)
+    return target.getvalue()
+
 
 ALONG = ("LICENSE", "CITATION.cff")
 """Files of the data set that go with every copy of its records."""

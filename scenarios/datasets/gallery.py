@@ -6,12 +6,12 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import FuncFormatter, LogLocator, MaxNLocator, NullFormatter
 from scipy.signal import welch
 
-from scenarios.dataset_truth.arm_truth import read_arm
+from scenarios.datasets.arm_truth import read_arm
 from scenarios.datasets.data_record import DataRecord
 from scenarios.datasets.data_set import DataSet
 from scenarios.datasets.layout import PARTS, arm_file
-from scenarios.errors import ScenarioError
-from sysid.palette import GRID, PALETTE
+from scenarios.files.errors import ScenarioError
+from sysid.plots.palette import GRID, PALETTE
 
 SECONDS = 12.0
 """How much of a record is shown, s."""

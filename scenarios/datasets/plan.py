@@ -11,16 +11,16 @@ from typing import overload
 import numpy as np
 
 from hmtb_twin import STUDIED_JOINTS, Experiment, Plant, Specimen
-from hmtb_twin.parameters import JOINTS, OPERATING_POSE, SAMPLE_RATE, SAMPLE_TIME
-from hmtb_twin.specimen_draw import drawn
+from hmtb_twin.parameters.specimen_draw import drawn
+from hmtb_twin.parameters.values import JOINTS, OPERATING_POSE, SAMPLE_RATE, SAMPLE_TIME
 from scenarios.datasets.layout import arm_file, best_linear_file, data_file, signals_file
-from scenarios.datasets.records import PAYLOAD, Records
+from scenarios.datasets.record_block import PAYLOAD, Records
 from scenarios.datasets.spec import DataSetSpec
-from scenarios.errors import ScenarioError
-from scenarios.excitation_computer import Excitation
-from scenarios.multisine_experiment import MultisineExperiment, multisine_experiments
-from scenarios.registry import load, registered
-from scenarios.scenario import Scenario
+from scenarios.experiments.excitation_computer import Excitation
+from scenarios.experiments.multisines import MultisineExperiment, multisine_experiments
+from scenarios.experiments.registry import load, registered
+from scenarios.experiments.scenario import Scenario
+from scenarios.files.errors import ScenarioError
 
 LEAST_SCORED = 10
 """Samples of a scored record behind its window at least."""

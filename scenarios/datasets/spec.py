@@ -11,17 +11,13 @@ from pathlib import Path
 from typing import Any, get_type_hints
 from unicodedata import category
 
-from scenarios.datasets.baselines_asked import BaselinesAsked
 from scenarios.datasets.layout import PARTS
-from scenarios.datasets.records import Records
-from scenarios.datasets.scoring import Scoring
-from scenarios.datasets.truth_asked import TruthAsked
-from scenarios.datasets.twins import Twins
-from scenarios.errors import ScenarioError
-from scenarios.scenario import NAME
-from scenarios.suggest import unknown
-from scenarios.toml_values import record, typed, written
-from scenarios.waveform import check_seed
+from scenarios.datasets.record_block import Records
+from scenarios.datasets.spec_tables import BaselinesAsked, Scoring, TruthAsked, Twins
+from scenarios.experiments.scenario import NAME
+from scenarios.experiments.waveform import check_seed
+from scenarios.files.errors import ScenarioError, unknown
+from scenarios.files.toml_values import record, typed, written
 
 MOST_VERSIONS = 10**6
 """No version is higher."""

@@ -7,13 +7,13 @@ from types import MappingProxyType
 from typing import cast
 
 import sysid
-from scenarios.crossing import half_power_hz
-from scenarios.errors import MissingRecordError
-from scenarios.excitation_computer import Excitation
-from scenarios.preparation import prepared
-from scenarios.scenario import Scenario
-from scenarios.thesis.campaign import Campaign
+from scenarios.experiments.campaign import Campaign
+from scenarios.experiments.excitation_computer import Excitation
+from scenarios.experiments.preparation import prepared
+from scenarios.experiments.scenario import Scenario
+from scenarios.files.errors import MissingRecordError
 from sysid import IOData, SysidError, SysidWarning
+from sysid.models.gain_crossing import half_power_hz
 
 
 @dataclass(frozen=True)

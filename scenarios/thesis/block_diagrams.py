@@ -4,7 +4,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.patches import Circle, FancyBboxPatch
 
-from scenarios.thesis.figure_style import WIDTH
+from scenarios.report.figure_style import WIDTH
 from sysid.plots import INK, PALETTE
 
 _FILL = "#eef3f7"

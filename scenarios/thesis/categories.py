@@ -6,8 +6,8 @@ from statistics import median
 
 import numpy as np
 
+from scenarios.experiments.campaign import RPCM, same_sequence
 from scenarios.thesis.both_ways import WORDS
-from scenarios.thesis.campaign import RPCM, same_sequence
 from scenarios.thesis.comparison import Comparison
 from scenarios.thesis.disturbances import AS_IT_IS
 from scenarios.thesis.findings_fits import FAST, FOLLOWS

@@ -4,15 +4,15 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from types import MappingProxyType
 
-from scenarios.crossing import half_power_hz
-from scenarios.registry import load
+from scenarios.experiments.campaign import single_joint_test
+from scenarios.experiments.registry import load
+from scenarios.report.figure_style import short
+from scenarios.report.figures import Gallery, Picture
 from scenarios.thesis import figures_chapter_3 as draw
-from scenarios.thesis.campaign import single_joint_test
 from scenarios.thesis.comparison import Comparison, JointResult
-from scenarios.thesis.figure_style import short
 from scenarios.thesis.figures_waveforms import waveform, waveform_figures
-from scenarios.thesis.gallery import Gallery, Picture
 from scenarios.thesis.nonparametric import PRBS, PULSE, SINES, RecordSummary
+from sysid.models.gain_crossing import half_power_hz
 
 THESIS: Mapping[str, Mapping[str, tuple[str, ...]]] = MappingProxyType(
     {

@@ -5,13 +5,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from scenarios.published import PERCENT_DESCRIBED, PublishedModel
+from scenarios.report.figure_style import short
+from scenarios.report.figures import Gallery
+from scenarios.report.probability import p_value
 from scenarios.thesis import figures_chapter_5 as draw
 from scenarios.thesis.comparison import Comparison, JointResult
-from scenarios.thesis.figure_style import short
-from scenarios.thesis.gallery import Gallery
 from scenarios.thesis.observer_analysis import LIVE, JointObserver, P, described
-from scenarios.thesis.probability import p_value
+from scenarios.truth.published import PERCENT_DESCRIBED, PublishedModel
 from sysid import StateSpace
 
 FIRST = {"shoulder_yaw": ("", 50), "shoulder_pitch": ("A", 52), "elbow_pitch": ("A", 58)}

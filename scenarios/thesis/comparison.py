@@ -4,9 +4,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 from hmtb_twin import JointLog, JointTruth, Truth
-from scenarios.published import PublishedModel
+from scenarios.experiments.campaign import Campaign, seen_with
 from scenarios.thesis.attribution import Attributions
-from scenarios.thesis.campaign import Campaign, seen_with
 from scenarios.thesis.every_data_set import DataSets
 from scenarios.thesis.fairness_table import Fairness
 from scenarios.thesis.multivariable import Multivariable, ThreeJointModel
@@ -16,6 +15,7 @@ from scenarios.thesis.order_search import Searches
 from scenarios.thesis.prediction_errors import PredictionErrors
 from scenarios.thesis.robustness_outcome import Robustness
 from scenarios.thesis.sensitivity import OrderEffect
+from scenarios.truth.published import PublishedModel
 from sysid import Estimate, FrequencyResponse, IOData, ResidualTest
 
 

@@ -7,7 +7,7 @@ from types import MappingProxyType
 import numpy as np
 from scipy.signal import lfilter
 
-from scenarios.waveform import POINTS
+from scenarios.experiments.waveform import POINTS
 from sysid import IOData
 
 Spoil = Callable[[IOData, float, np.random.Generator], IOData]

@@ -5,7 +5,7 @@ from itertools import pairwise
 import numpy as np
 from matplotlib.axes import Axes
 
-from scenarios.errors import ScenarioError
+from scenarios.files.errors import ScenarioError
 from sysid.plots import Style
 
 COLUMNS = 600

@@ -9,13 +9,13 @@ from types import MappingProxyType
 import numpy as np
 
 import sysid
-from scenarios.crossing import half_power_hz
-from scenarios.estimators import estimate
-from scenarios.preparation import prepared
-from scenarios.registry import names
-from scenarios.thesis.campaign import RPCM, SINGLE_JOINT, Campaign, planned, same_sequence, single_joint_test
-from scenarios.thesis.structures import Structure, every_structure
+from scenarios.experiments.campaign import RPCM, SINGLE_JOINT, Campaign, planned, same_sequence, single_joint_test
+from scenarios.experiments.needed_order import Structure, every_structure
+from scenarios.experiments.preparation import prepared
+from scenarios.experiments.registry import names
+from scenarios.identification.estimators import estimate
 from sysid import Estimate, IOData, StateSpace, SysidError, SysidWarning
+from sysid.models.gain_crossing import half_power_hz
 
 AUDIBLE = 0.01
 """What excites, as a part of the strongest: 40 dB below, where rounding and noise of the command have their share."""

@@ -7,9 +7,9 @@ import numpy as np
 
 import sysid
 from hmtb_twin import JOINTS, STUDIED_JOINTS, JointLog, Status
-from scenarios.preparation import SETTLING
-from scenarios.rpcm_outcome import rpcm_outcome
-from scenarios.thesis.campaign import RPCM, Campaign
+from scenarios.experiments.campaign import RPCM, Campaign
+from scenarios.experiments.preparation import SETTLING
+from scenarios.experiments.rpcm_outcome import rpcm_outcome
 from sysid import StateSpace
 
 

@@ -6,8 +6,8 @@ from functools import partial
 from itertools import combinations
 
 from hmtb_twin import STUDIED_JOINTS
-from scenarios.thesis.about_1_hz import near_1_hz
-from scenarios.thesis.campaign import RPCM, Condition
+from scenarios.experiments.campaign import RPCM, Condition
+from scenarios.identification.one_hertz import near_1_hz
 from scenarios.thesis.fairness_table import ArmFairness, BothFits, Fairness
 from scenarios.thesis.margin import MARGIN, tied
 

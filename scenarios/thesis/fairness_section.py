@@ -1,10 +1,10 @@
 """Fairness in the report: the same table for every arm."""
 
+from scenarios.report.figures import Gallery
 from scenarios.thesis.comparison import Comparison
 from scenarios.thesis.fair_conclusions import RECORDS, conclusions, said
 from scenarios.thesis.fairness_table import ArmFairness, BothFits, FairModel, Fairness
 from scenarios.thesis.figures_fairness import dumbbells
-from scenarios.thesis.gallery import Gallery
 
 WORST = -1000.0
 """Fits below this are printed as such: a simulation that grows without bound has any number."""

@@ -12,10 +12,10 @@ import numpy as np
 
 import sysid
 from hmtb_twin import STUDIED_JOINTS
-from scenarios.estimators import estimate
-from scenarios.published import published
-from scenarios.thesis.campaign import RPCM, Campaign, Condition, seen_with
-from scenarios.thesis.structures import STRUCTURES, every_structure
+from scenarios.experiments.campaign import RPCM, Campaign, Condition, seen_with
+from scenarios.experiments.needed_order import STRUCTURES, every_structure
+from scenarios.identification.estimators import estimate
+from scenarios.truth.published import published
 from sysid import IOData, StateSpace, SysidError, SysidWarning
 
 RECORDS = ("mimo-10", "mimo-12", RPCM)

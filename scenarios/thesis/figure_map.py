@@ -3,7 +3,7 @@
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
-from scenarios.thesis.gallery import Picture
+from scenarios.report.figures import Picture
 
 
 @dataclass(frozen=True)

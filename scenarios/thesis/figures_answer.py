@@ -4,10 +4,10 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
-from scenarios.crossing import half_power_hz
-from scenarios.thesis.about_1_hz import ABOUT_1_HZ
+from scenarios.identification.one_hertz import ABOUT_1_HZ
+from scenarios.report.figure_style import NOT_EXCITED, WIDTH, dress, method_style, short
 from scenarios.thesis.comparison import Comparison
-from scenarios.thesis.figure_style import NOT_EXCITED, WIDTH, dress, short, style_of
+from sysid.models.gain_crossing import half_power_hz
 from sysid.plots import (
     BOUND,
     PALETTE,
@@ -25,7 +25,7 @@ def bandwidths(study: Comparison) -> Figure:
     for axes, (name, entry) in zip(panels, study.joints.items(), strict=True):
         labels: list[str] = []
         for model in entry.models.values():
-            style, hz = style_of(model), model.bandwidth_hz
+            style, hz = method_style(model.method), model.bandwidth_hz
             reach = [[hz - model.ci95[0]], [model.ci95[1] - hz]]
             axes.errorbar(hz, len(labels), xerr=reach, fmt=style.marker, color=style.colour, ms=6, capsize=4, lw=1.8)
             axes.plot(model.half_power_hz, len(labels), "|", color=style.colour, ms=13, mew=2.0)

@@ -8,14 +8,14 @@ from matplotlib.figure import Figure
 
 import sysid
 from hmtb_twin import JOINTS, JointLog
-from hmtb_twin.parameters import MOTIONS
-from scenarios.registry import load
+from hmtb_twin.parameters.values import MOTIONS
+from scenarios.experiments.registry import load
+from scenarios.experiments.waveform import POINTS, RATE
+from scenarios.report.figure_style import MRAD, WIDTH, dress, model_response, well_known
 from scenarios.thesis.comparison import Comparison, JointResult
 from scenarios.thesis.envelope import envelope
-from scenarios.thesis.figure_style import MRAD, WIDTH, dress, model_response, well_known
 from scenarios.thesis.nonparametric import PRBS, SINES, Nonparametric, excited
 from scenarios.thesis.period_spectra import PeriodSpectra
-from scenarios.waveform import POINTS, RATE
 from sysid import FrequencyResponse
 from sysid.plots import BOUND, INK, PALETTE, Style
 

@@ -6,10 +6,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 import sysid
-from scenarios.published import PublishedModel
-from scenarios.thesis.comparison import JointResult, ModelResult
-from scenarios.thesis.envelope import envelope
-from scenarios.thesis.figure_style import (
+from scenarios.report.figure_style import (
     FREQUENCIES,
     MRAD,
     WIDTH,
@@ -17,10 +14,13 @@ from scenarios.thesis.figure_style import (
     dc_bode,
     dress,
     mark_excited,
+    method_style,
     model_response,
-    style_of,
     well_known,
 )
+from scenarios.thesis.comparison import JointResult, ModelResult
+from scenarios.thesis.envelope import envelope
+from scenarios.truth.published import PublishedModel
 from sysid import Estimate, StateSpace
 from sysid.plots import (
     PALETTE,
@@ -75,7 +75,7 @@ def _identified(entry: JointResult) -> list[Curve]:
         Curve("empirical estimate", well_known(entry.etfe)),
     ]
     curves += [
-        Curve(model.label, model.estimate.frequency_response(SPARSE), style_of(model))
+        Curve(model.label, model.estimate.frequency_response(SPARSE), method_style(model.method))
         for model in entry.models.values()
     ]
     return curves
@@ -128,7 +128,7 @@ def outputs(entry: JointResult, number: int, *, length: float) -> Figure:
     chosen = [model for model in entry.models.values() if model.method != "okid"]
     fits = sysid.compare({model.label: model.estimate for model in chosen}, data)
     traces = [
-        Trace(f"{model.label}: {fit.simulation[0]:.1f} %", fit.simulated[:, 0], style_of(model))
+        Trace(f"{model.label}: {fit.simulation[0]:.1f} %", fit.simulated[:, 0], method_style(model.method))
         for model, fit in zip(chosen, fits, strict=True)
     ]
     start = min(20.0, max(len(data) * data.dt - length, 0.0))
@@ -153,4 +153,4 @@ def residual_sequences(entry: JointResult, methods: Sequence[str]) -> Figure:
 
 def residuals(model: ModelResult) -> Figure:
     """Whiteness and independence of a model's residuals on its own data."""
-    return correlations(model.residual_test, style_of(model), size=(WIDTH, 4.0))
+    return correlations(model.residual_test, method_style(model.method), size=(WIDTH, 4.0))

@@ -4,10 +4,10 @@ import numpy as np
 from matplotlib.figure import Figure
 from matplotlib.ticker import FixedLocator, NullLocator, ScalarFormatter
 
-from scenarios.published import PublishedModel
+from scenarios.report.figure_style import FREQUENCIES, MRAD, WIDTH, dc_bode, dress, model_response
 from scenarios.thesis.comparison import JointResult
-from scenarios.thesis.figure_style import FREQUENCIES, MRAD, WIDTH, dc_bode, dress, model_response
 from scenarios.thesis.observer_analysis import JointObserver, described
+from scenarios.truth.published import PublishedModel
 from sysid import IOData, ModelFit
 from sysid.plots import BOUND, PALETTE, Curve, Style, Trace, output_comparison, singular_values
 

@@ -6,8 +6,8 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
+from scenarios.report.figure_style import FREQUENCIES, WIDTH, dress, mark_excited, model_response, short
 from scenarios.thesis.comparison import Comparison
-from scenarios.thesis.figure_style import FREQUENCIES, WIDTH, dress, mark_excited, model_response, short
 from scenarios.thesis.findings_chapter_6 import ROUNDING
 from scenarios.thesis.multi_input import FULL_OKID, INDEPENDENT
 from scenarios.thesis.multivariable import Kind, ThreeJointModel

@@ -4,9 +4,9 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
+from scenarios.report.figure_style import WIDTH, dress
 from scenarios.thesis.comparison import JointResult
 from scenarios.thesis.every_data_set import DataSets
-from scenarios.thesis.figure_style import WIDTH, dress
 from scenarios.thesis.order_search import Search, Searches
 from sysid.plots import BOUND, INK, PALETTE, structures
 

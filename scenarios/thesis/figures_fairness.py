@@ -8,8 +8,8 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
 from hmtb_twin import STUDIED_JOINTS
+from scenarios.report.figure_style import HIGH, WIDTH, dress, short
 from scenarios.thesis.fairness_table import ArmFairness, FairModel, Fairness
-from scenarios.thesis.figure_style import HIGH, WIDTH, dress, short
 from sysid.plots import INK, PALETTE, Style
 
 LIMITS = (0.3, 300.0)

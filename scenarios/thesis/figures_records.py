@@ -8,11 +8,11 @@ from matplotlib.figure import Figure
 
 import sysid
 from hmtb_twin import STUDIED_JOINTS
-from scenarios.preparation import SETTLING
-from scenarios.thesis.campaign import RPCM
+from scenarios.experiments.campaign import RPCM
+from scenarios.experiments.preparation import SETTLING
+from scenarios.report.figure_style import MRAD, WIDTH, dress, short
 from scenarios.thesis.comparison import Comparison
 from scenarios.thesis.envelope import envelope
-from scenarios.thesis.figure_style import MRAD, WIDTH, dress, short
 from scenarios.thesis.figures_chapter_6 import LOOKS
 from scenarios.thesis.multivariable import WAYS, ThreeJointModel, Way
 from sysid import IOData, ModelFit

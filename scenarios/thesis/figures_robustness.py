@@ -7,8 +7,8 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
+from scenarios.report.figure_style import WIDTH, dress, short
 from scenarios.thesis.disturbances import AS_IT_IS, DISTURBANCES
-from scenarios.thesis.figure_style import WIDTH, dress, short
 from scenarios.thesis.robustness import sysid_method
 from scenarios.thesis.robustness_outcome import Robustness, Summary
 from sysid.plots import BOUND, INK, PALETTE, Style

@@ -3,8 +3,8 @@
 import numpy as np
 from matplotlib.figure import Figure
 
+from scenarios.report.figure_style import FREQUENCIES, WIDTH, dress, short
 from scenarios.thesis.comparison import Comparison
-from scenarios.thesis.figure_style import FREQUENCIES, WIDTH, dress, short
 from sysid.plots import BOUND, INK
 
 LINES = ("solid", (0, (6, 2)), (0, (1.5, 1.5)))

@@ -8,10 +8,10 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from scenarios.excitation import chirp, chirp_as_printed, two_sines, white_noise
-from scenarios.registry import load
-from scenarios.thesis.figure_style import WIDTH, dress
-from scenarios.waveform import Waveform
+from scenarios.experiments.excitation import chirp, chirp_as_printed, two_sines, white_noise
+from scenarios.experiments.registry import load
+from scenarios.experiments.waveform import Waveform
+from scenarios.report.figure_style import WIDTH, dress
 from sysid.plots import PALETTE, Style
 
 FILE, LINES = PALETTE["armax"], PALETTE["oe"]

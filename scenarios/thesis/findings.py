@@ -3,7 +3,7 @@
 from collections.abc import Callable, Mapping
 from types import MappingProxyType
 
-from scenarios.errors import MissingRecordError
+from scenarios.files.errors import MissingRecordError
 from scenarios.thesis import findings_chapter_3 as chapter_3
 from scenarios.thesis import findings_chapter_4 as chapter_4
 from scenarios.thesis import findings_chapter_5 as chapter_5

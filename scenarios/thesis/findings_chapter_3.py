@@ -11,15 +11,15 @@ from scipy.signal import find_peaks
 
 import sysid
 from hmtb_twin import JOINTS
-from scenarios.crossing import HALF_POWER, crossing
-from scenarios.published import BREAK_FREQUENCY
+from scenarios.experiments.waveform import POINTS
 from scenarios.thesis.comparison import Comparison, JointResult
 from scenarios.thesis.finding import Finding, decided, verdict
 from scenarios.thesis.findings_spectra import FASTEST, spectrum_of
 from scenarios.thesis.nonparametric import GRID, SINES, excited, half_power
 from scenarios.thesis.readings import by_reading
-from scenarios.waveform import POINTS
+from scenarios.truth.published import BREAK_FREQUENCY
 from sysid import CovarianceFunction, FrequencyResponse
+from sysid.models.gain_crossing import HALF_POWER, crossing
 
 NEAR = 0.2
 """A frequency counts as the thesis' own within 20 percent."""

@@ -4,14 +4,14 @@ from dataclasses import replace
 
 import numpy as np
 
-from scenarios.errors import MissingRecordError
-from scenarios.preparation import settled
-from scenarios.published import PERCENT_DESCRIBED
-from scenarios.thesis.campaign import single_joint_test
+from scenarios.experiments.campaign import single_joint_test
+from scenarios.experiments.preparation import settled
+from scenarios.files.errors import MissingRecordError
 from scenarios.thesis.comparison import Comparison, ModelResult
 from scenarios.thesis.finding import Finding, decided, verdict
 from scenarios.thesis.held_out import held_out
 from scenarios.thesis.observer_analysis import ORDER, P, described, observer
+from scenarios.truth.published import PERCENT_DESCRIBED
 from sysid import IOData
 
 SLACK = 0.5

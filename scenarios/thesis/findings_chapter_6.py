@@ -5,8 +5,8 @@ from collections.abc import Mapping
 import numpy as np
 
 from hmtb_twin import JOINTS
+from scenarios.experiments.campaign import RPCM
 from scenarios.thesis.both_ways import both_ways, readings
-from scenarios.thesis.campaign import RPCM
 from scenarios.thesis.comparison import Comparison
 from scenarios.thesis.coupled_response import pushed_by_others
 from scenarios.thesis.finding import Finding, decided, verdict

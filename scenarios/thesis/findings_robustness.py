@@ -3,7 +3,7 @@
 from dataclasses import dataclass
 from statistics import median
 
-from scenarios.errors import MissingRecordError
+from scenarios.files.errors import MissingRecordError
 from scenarios.thesis.comparison import Comparison
 from scenarios.thesis.disturbances import DISTURBANCES, OUTLIER_SIZE
 from scenarios.thesis.finding import Finding, decided, verdict

@@ -5,7 +5,7 @@ Each is read twice: over all frequencies, and where the input has power.
 
 import numpy as np
 
-from scenarios.thesis.campaign import single_joint_test
+from scenarios.experiments.campaign import single_joint_test
 from scenarios.thesis.comparison import Comparison
 from scenarios.thesis.finding import Finding, decided
 from scenarios.thesis.nonparametric import PULSE, SINES, excited

@@ -7,8 +7,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from statistics import median
 
-from scenarios.errors import MissingRecordError
-from scenarios.thesis.campaign import single_joint_test
+from scenarios.experiments.campaign import single_joint_test
+from scenarios.files.errors import MissingRecordError
 from scenarios.thesis.comparison import Comparison
 from scenarios.thesis.margin import MARGIN, ahead, said, tied
 

@@ -4,8 +4,8 @@ from collections.abc import Iterable, Mapping
 from statistics import median
 
 from hmtb_twin import STUDIED_JOINTS
-from scenarios.errors import MissingRecordError
-from scenarios.thesis.campaign import NOT_SEEN, same_sequence, single_joint_test
+from scenarios.experiments.campaign import NOT_SEEN, same_sequence, single_joint_test
+from scenarios.files.errors import MissingRecordError
 from scenarios.thesis.comparison import Comparison, ModelResult
 from scenarios.thesis.margin import tied
 from scenarios.thesis.multivariable import Kind, Way

@@ -4,8 +4,8 @@ from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 
 from hmtb_twin import STUDIED_JOINTS
+from scenarios.identification.one_hertz import METHODS
 from scenarios.thesis.finding import Finding, Verdict
-from scenarios.thesis.one_hertz import METHODS
 from scenarios.thesis.outcome import ALONE
 from scenarios.thesis.tally import Coverage, Spread, Tally
 

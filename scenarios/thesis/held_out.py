@@ -2,7 +2,7 @@
 
 from statistics import median
 
-from scenarios.errors import MissingRecordError
+from scenarios.files.errors import MissingRecordError
 from scenarios.thesis.comparison import Comparison, Fit, ModelResult
 
 

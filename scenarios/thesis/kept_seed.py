@@ -8,11 +8,11 @@ from pathlib import Path
 from typing import Any, get_args
 
 from hmtb_twin import STUDIED_JOINTS
+from scenarios.experiments.needed_order import STRUCTURES
+from scenarios.files.atomic_write import write_whole
 from scenarios.thesis.claims import CLAIMS
 from scenarios.thesis.finding import Verdict
 from scenarios.thesis.outcome import Outcome, Recovered, outcome_from
-from scenarios.thesis.structures import STRUCTURES
-from scenarios.whole_file import write_whole
 
 
 def keep(found: Outcome, setting: Mapping[str, object], path: Path) -> None:

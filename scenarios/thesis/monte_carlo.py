@@ -6,15 +6,15 @@ from pathlib import Path
 from time import perf_counter
 
 from hmtb_twin import TwinError
-from scenarios.errors import ScenarioError
-from scenarios.provenance import fingerprint, versions
-from scenarios.thesis.campaign import NOMINAL
+from scenarios.experiments.campaign import NOMINAL
+from scenarios.files.atomic_write import check_place
+from scenarios.files.errors import ScenarioError
+from scenarios.files.provenance import fingerprint, versions
 from scenarios.thesis.findings import findings
 from scenarios.thesis.kept_seed import keep, kept
 from scenarios.thesis.outcome import Outcome, outcome
 from scenarios.thesis.study import run_study
 from scenarios.thesis.tally import Tally
-from scenarios.whole_file import check_place
 from sysid import SysidError
 
 Progress = Callable[[int, int, str, int, int], None]

@@ -8,9 +8,9 @@ import scipy.linalg
 
 import sysid
 from hmtb_twin import STUDIED_JOINTS
-from scenarios.joint_inputs import joint_inputs
-from scenarios.preparation import SETTLING
-from scenarios.thesis.campaign import Campaign
+from scenarios.experiments.campaign import Campaign
+from scenarios.experiments.joint_inputs import joint_inputs
+from scenarios.experiments.preparation import SETTLING
 from scenarios.thesis.coupled_response import off_diagonal, relative_error
 from sysid import IOData, StateSpace, SysidError, block_diagonal
 

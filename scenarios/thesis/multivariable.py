@@ -10,14 +10,14 @@ import numpy as np
 
 import sysid
 from hmtb_twin import STUDIED_JOINTS
-from scenarios.errors import MissingRecordError
-from scenarios.published import PUBLISHED
-from scenarios.registry import names
-from scenarios.thesis.campaign import RPCM, Campaign
+from scenarios.experiments.campaign import RPCM, Campaign
+from scenarios.experiments.registry import names
+from scenarios.files.errors import MissingRecordError
 from scenarios.thesis.coupled_response import off_diagonal, relative_error, three_joint_truth
 from scenarios.thesis.exchange_fits import Exchange, exchange
 from scenarios.thesis.multi_input import INDEPENDENT, SHARED, FullModel, full_models
 from scenarios.thesis.reference_fits import Reference, reference_fits
+from scenarios.truth.published import PUBLISHED
 from sysid import IOData, ResidualTest, StateSpace, SysidError, SysidWarning, block_diagonal
 
 T = TypeVar("T")

@@ -13,14 +13,14 @@ import numpy as np
 from scipy.signal.windows import parzen
 
 import sysid
-from scenarios.crossing import HALF_POWER
-from scenarios.errors import MissingRecordError
-from scenarios.registry import load
-from scenarios.thesis.campaign import RPCM, Campaign, single_joint_test
+from scenarios.experiments.campaign import RPCM, Campaign, single_joint_test
+from scenarios.experiments.registry import load
+from scenarios.experiments.waveform import POINTS, RATE
+from scenarios.files.errors import MissingRecordError
 from scenarios.thesis.period_spectra import PeriodSpectra, period_spectra
-from scenarios.waveform import POINTS, RATE
 from sysid import CovarianceFunction, DelayEstimate, FrequencyResponse, ImpulseResponse, IOData, SysidWarning
-from sysid.prewhitening import prewhitened
+from sysid.frequency.prewhitening import prewhitened
+from sysid.models.gain_crossing import HALF_POWER
 
 SINES, PRBS, PULSE = 4, 5, 7
 """Numbers of the single-joint tests that chapter III rests on [Morris1996, table 1]."""

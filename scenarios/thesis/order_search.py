@@ -15,8 +15,8 @@ from statistics import median
 import numpy as np
 
 import sysid
-from scenarios.estimators import estimate
-from scenarios.thesis.campaign import seen_with
+from scenarios.experiments.campaign import seen_with
+from scenarios.identification.estimators import estimate
 from sysid import IOData, StructureTable, SysidError, SysidWarning
 
 POLES = (1, 2, 3, 4, 5)

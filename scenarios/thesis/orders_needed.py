@@ -13,10 +13,10 @@ from types import MappingProxyType
 import numpy as np
 
 import sysid
-from scenarios.preparation import settled
-from scenarios.thesis.campaign import Campaign
+from scenarios.experiments.campaign import Campaign
+from scenarios.experiments.needed_order import STRUCTURES
+from scenarios.experiments.preparation import settled
 from scenarios.thesis.disturbances import biased
-from scenarios.thesis.structures import STRUCTURES
 from sysid import Estimate, IOData, SysidError, SysidWarning, fit_percent, predict
 
 ORDERS: Mapping[str, tuple[int, ...]] = MappingProxyType({"SysID": (1, 2, 3), "OKID": (1, 2, 3, 4)})

@@ -4,8 +4,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from scenarios.errors import ScenarioError
-from scenarios.waveform import POINTS
+from scenarios.experiments.waveform import POINTS
+from scenarios.files.errors import ScenarioError
 from sysid import FrequencyResponse, IOData
 
 TOLD = 0.2

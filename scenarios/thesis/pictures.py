@@ -4,11 +4,11 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from hmtb_twin import JointLog, TwinError, load_arm, render
-from hmtb_twin.rendering import Stage
-from scenarios.drawing import photograph
-from scenarios.logged_arm import pictured_arm
-from scenarios.rpcm_outcome import rpcm_outcome
-from scenarios.thesis.campaign import RPCM
+from hmtb_twin.arm.rendering import Stage
+from scenarios.experiments.campaign import RPCM
+from scenarios.experiments.logged_arm import pictured_arm
+from scenarios.experiments.rpcm_outcome import rpcm_outcome
+from scenarios.report.drawing import photograph
 from scenarios.thesis.comparison import Comparison
 
 PHASES = ("approach", "draw out", "transfer", "insert")

@@ -8,15 +8,23 @@ import numpy as np
 
 import sysid
 from hmtb_twin import STUDIED_JOINTS
-from scenarios.errors import MissingRecordError
-from scenarios.published import PUBLISHED, SYSTEMS, YAW_ARMAX_BOTH, YAW_ARMAX_STATE_SPACE, PublishedModel
-from scenarios.published_digits import DRAWS, DigitRange, digit_range
-from scenarios.thesis.about_1_hz import near_1_hz
-from scenarios.thesis.campaign import RPCM, SEVERAL_JOINTS
+from scenarios.experiments.campaign import RPCM, SEVERAL_JOINTS
+from scenarios.files.errors import MissingRecordError
+from scenarios.identification.one_hertz import near_1_hz
+from scenarios.report.figure_style import short
+from scenarios.report.figures import Gallery
 from scenarios.thesis.comparison import Comparison
-from scenarios.thesis.figure_style import short
 from scenarios.thesis.figures_chapter_5 import printed_outputs
-from scenarios.thesis.gallery import Gallery
+from scenarios.truth.published import (
+    DRAWS,
+    PUBLISHED,
+    SYSTEMS,
+    YAW_ARMAX_BOTH,
+    YAW_ARMAX_STATE_SPACE,
+    DigitRange,
+    PublishedModel,
+    digit_range,
+)
 from sysid import IOData, SysidWarning
 
 SHOWN = (5, 4)

@@ -5,9 +5,9 @@ from dataclasses import dataclass
 from math import degrees
 
 from hmtb_twin import STUDIED_JOINTS
-from hmtb_twin.parameters import BUS, HAND_CONTROLLER, MOTIONS, SERVOS, Friction
-from scenarios.published import published
+from hmtb_twin.parameters.values import BUS, HAND_CONTROLLER, MOTIONS, SERVOS, Friction
 from scenarios.thesis.finding import Finding
+from scenarios.truth.published import published
 
 
 @dataclass(frozen=True)

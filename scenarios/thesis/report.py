@@ -1,6 +1,5 @@
 """The report: one HTML file that needs nothing else."""
 
-import re
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -11,20 +10,18 @@ import numpy as np
 from jinja2 import Environment, PackageLoader, StrictUndefined
 from markupsafe import Markup
 
-from scenarios.crossing import half_power_hz
-from scenarios.drawing import SETTINGS
-from scenarios.errors import ScenarioError
-from scenarios.thesis.about_1_hz import near_1_hz
+from scenarios.files.atomic_write import check_place, write_whole
+from scenarios.files.errors import ScenarioError
+from scenarios.identification.one_hertz import near_1_hz
+from scenarios.report.drawing import SETTINGS
+from scenarios.report.figures import Gallery
+from scenarios.report.page_text import contents, numbered, signed
 from scenarios.thesis.comparison import Comparison
 from scenarios.thesis.finding import Finding
-from scenarios.thesis.gallery import Gallery
 from scenarios.thesis.report_context import context
 from scenarios.thesis.tally import Tally
 from scenarios.thesis.wording import limits, minus, parts, root
-from scenarios.whole_file import check_place, write_whole
-
-Contents = tuple[tuple[str, tuple[tuple[str, str], ...]], ...]
-"""Parts of the page by heading, each with the marks and headings of its sections."""
+from sysid.models.gain_crossing import half_power_hz
 
 
 def write_report(
@@ -79,47 +76,6 @@ def page(shown: Mapping[str, object]) -> str:
     return environment.get_template("report.html.j2").render(
         shown, opening=Markup(opening + end), rest=Markup(rest), contents=contents(body)
     )
-
-
-def numbered(body: str) -> str:
-    """The page with its figures numbered as they stand on it, whatever the order in which they were drawn.
-
-    Args:
-        body: The page without its head, figures and links to them by the numbers of the gallery.
-    """
-    order = {old: str(new) for new, old in enumerate(re.findall(r'<figure id="figure-(\d+)"', body), 1)}
-    pattern = r'(<figure id="figure-|href="#figure-|<figcaption>Figure |">figure )(\d+)(?=[".<])'
-    return re.sub(pattern, lambda found: found[1] + order[found[2]], body)
-
-
-def signed(body: str) -> str:
-    """The page with true minus signs before its numbers, but for what is a drawing, code or inside a tag.
-
-    Args:
-        body: The page without its head.
-    """
-    pieces = re.split(r"(<svg\b.*?</svg>|<(?:pre|code)\b.*?</(?:pre|code)>|<[^>]*>)", body, flags=re.S)
-    pieces[::2] = [re.sub(r"(?<![\w.)\]-])-(?=\d)", "−", text) for text in pieces[::2]]
-    return "".join(pieces)
-
-
-def contents(body: str) -> Contents:
-    """The parts and sections of the page, read from the page itself so that no section can be left out.
-
-    Args:
-        body: The page without its head; a part begins with a paragraph of class `part`, a section with its heading.
-
-    Returns:
-        Parts in order; sections before the first part are in one without a name.
-    """
-    parts: list[tuple[str, list[tuple[str, str]]]] = [("", [])]
-    pattern = r'<p class="part">(.*?)</p>|<section id="([^"]+)">\s*<h2>(.*?)</h2>'
-    for part, mark, heading in re.findall(pattern, body, flags=re.S):
-        if part:
-            parts.append((Markup(part), []))
-        else:
-            parts[-1][1].append((mark, Markup(heading)))
-    return tuple((name, tuple(sections)) for name, sections in parts if sections)
 
 
 def _environment() -> Environment:

@@ -3,9 +3,13 @@
 from collections import Counter
 from collections.abc import Callable, Sequence
 
-from hmtb_twin.provenance import provenance_table
-from scenarios.preparation import SETTLING
-from scenarios.thesis.about_1_hz import ABOUT_1_HZ
+from hmtb_twin.parameters.provenance import provenance_table
+from scenarios.experiments.needed_order import STRUCTURES
+from scenarios.experiments.preparation import SETTLING
+from scenarios.experiments.waveform import POINTS, RATE
+from scenarios.identification.one_hertz import ABOUT_1_HZ
+from scenarios.report.figure_style import EXCITED_FROM
+from scenarios.report.figures import Gallery, Picture
 from scenarios.thesis.attribution import CONDITIONS, COVERAGE
 from scenarios.thesis.chapter_3 import chapter_3
 from scenarios.thesis.chapter_4 import chapter_4
@@ -14,22 +18,18 @@ from scenarios.thesis.chapter_6 import chapter_6
 from scenarios.thesis.comparison import Comparison
 from scenarios.thesis.fairness_section import fairness_section
 from scenarios.thesis.figure_map import mapped
-from scenarios.thesis.figure_style import EXCITED_FROM
 from scenarios.thesis.figures_answer import bandwidths
 from scenarios.thesis.figures_truth import true_responses
 from scenarios.thesis.finding import Finding
 from scenarios.thesis.frequencies import ORDER, chance
-from scenarios.thesis.gallery import Gallery, Picture
 from scenarios.thesis.pictures import arm_picture, exchange
 from scenarios.thesis.published_section import published_section
 from scenarios.thesis.put_in import marked, put_in
 from scenarios.thesis.results import answers, departures, friction_in_words, headline
 from scenarios.thesis.robustness_section import robustness
 from scenarios.thesis.shortcomings import shortcomings
-from scenarios.thesis.structures import STRUCTURES
 from scenarios.thesis.tally import Tally
 from scenarios.thesis.wording import plain
-from scenarios.waveform import POINTS, RATE
 
 SECTIONS: tuple[tuple[str, Callable[[Comparison, Gallery], object]], ...] = (
     ("overview", lambda study, gallery: _overview(study, gallery)),

@@ -3,16 +3,15 @@
 from collections.abc import Iterable, Sequence
 from pathlib import Path
 
-from scenarios.crossing import half_power_hz
-from scenarios.thesis.about_1_hz import ABOUT_1_HZ, near_1_hz
+from scenarios.identification.one_hertz import ABOUT_1_HZ, held_in_words, look, near_1_hz, published_in_words
 from scenarios.thesis.attribution import AS_IT_IS, CONDITIONS, SMOOTH
 from scenarios.thesis.comparison import Comparison
 from scenarios.thesis.finding import Finding
 from scenarios.thesis.frequencies import finding_record, seeds_record
 from scenarios.thesis.multivariable_record import multivariable_record
-from scenarios.thesis.one_hertz import held_in_words, look, published_in_words
 from scenarios.thesis.sensitivity import half_power_spread, spread
 from scenarios.thesis.tally import Tally
+from sysid.models.gain_crossing import half_power_hz
 
 
 def results(

@@ -12,14 +12,14 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from hmtb_twin import STUDIED_JOINTS, JointTruth
-from scenarios.crossing import half_power_hz
-from scenarios.estimators import estimate
-from scenarios.thesis.campaign import Campaign
+from scenarios.experiments.campaign import Campaign
+from scenarios.experiments.needed_order import STRUCTURES, Structure, every_structure
+from scenarios.identification.estimators import estimate
 from scenarios.thesis.disturbances import AS_IT_IS, DISTURBANCES, TREATMENTS, Disturbance
 from scenarios.thesis.orders_needed import OrderNeeded, orders_needed, simulated_fit
 from scenarios.thesis.robustness_outcome import Failure, Outcome, Robustness
-from scenarios.thesis.structures import STRUCTURES, Structure, every_structure
 from sysid import IOData, SysidError, SysidWarning
+from sysid.models.gain_crossing import half_power_hz
 
 JUDGES = (2, 7, 8)
 """Tests that judge a model by its median fit to those that there are: two tones, pulses, chirp, one of each waveform

@@ -2,15 +2,15 @@
 
 from collections.abc import Sequence
 
+from scenarios.experiments.waveform import RATE
+from scenarios.report.figures import Gallery
 from scenarios.thesis import figures_robustness as draw
 from scenarios.thesis.comparison import Comparison
 from scenarios.thesis.disturbances import AS_IT_IS, DISTURBANCES, TREATMENTS
 from scenarios.thesis.findings_robustness import statements
-from scenarios.thesis.gallery import Gallery
 from scenarios.thesis.orders_needed import MARGIN as ORDER_MARGIN
 from scenarios.thesis.robustness import CORE, PART, sysid_method
 from scenarios.thesis.tolerance import COMPARABLE, Tolerance, tolerance
-from scenarios.waveform import RATE
 
 READING = (
     "Blue: the thesis' prediction-error structure; green: OKID. Marks are medians over the draws, bars reach from the "

@@ -1,7 +1,7 @@
 """How many seeds a study is repeated with, and which."""
 
-from scenarios.errors import ScenarioError
-from scenarios.waveform import check_seed
+from scenarios.experiments.waveform import check_seed
+from scenarios.files.errors import ScenarioError
 
 MOST = 1000
 """More seeds than these are a mistake: two minutes each for the whole study, a day and a half in all."""

@@ -10,15 +10,7 @@ import numpy as np
 
 import sysid
 from hmtb_twin import STUDIED_JOINTS, JointTruth
-from scenarios.crossing import half_power_hz
-from scenarios.errors import ScenarioError
-from scenarios.estimators import estimate
-from scenarios.provenance import versions
-from scenarios.published import published
-from scenarios.saturation import swing, velocity_limited_share
-from scenarios.scenario import Scenario
-from scenarios.thesis.attribution import attribute, scaled
-from scenarios.thesis.campaign import (
+from scenarios.experiments.campaign import (
     CONDITIONS,
     EVERY_TEST,
     FAIRNESS_TESTS,
@@ -28,6 +20,14 @@ from scenarios.thesis.campaign import (
     run_campaign,
     single_joint_test,
 )
+from scenarios.experiments.log_review import swing, velocity_limited_share
+from scenarios.experiments.needed_order import STRUCTURES, SUFFICIENT, Structure
+from scenarios.experiments.scenario import Scenario
+from scenarios.experiments.waveform import POINTS, RATE
+from scenarios.files.errors import ScenarioError
+from scenarios.files.provenance import versions
+from scenarios.identification.estimators import estimate
+from scenarios.thesis.attribution import attribute, scaled
 from scenarios.thesis.comparison import (
     Comparison,
     Cost,
@@ -42,9 +42,9 @@ from scenarios.thesis.observer_analysis import observers
 from scenarios.thesis.prediction_errors import prediction_errors
 from scenarios.thesis.robustness import robustness
 from scenarios.thesis.sensitivity import order_effects
-from scenarios.thesis.structures import STRUCTURES, SUFFICIENT, Structure
-from scenarios.waveform import POINTS, RATE
+from scenarios.truth.published import published
 from sysid import FrequencyResponse, IOData, SysidError, SysidWarning
+from sysid.models.gain_crossing import half_power_hz
 
 ESTIMATION_TEST = 5
 """Models are identified from the PRBS of 1 V and judged on the tests of other waveforms [Morris1996, ch. IV and V]."""

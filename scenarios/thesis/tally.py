@@ -8,11 +8,11 @@ from pathlib import Path
 
 import numpy as np
 
-from scenarios.errors import ScenarioError
-from scenarios.thesis.about_1_hz import near_1_hz
+from scenarios.files.atomic_write import write_whole
+from scenarios.files.errors import ScenarioError
+from scenarios.identification.one_hertz import near_1_hz
 from scenarios.thesis.finding import Verdict
 from scenarios.thesis.outcome import Outcome, outcome_from
-from scenarios.whole_file import write_whole
 
 STEADY = 0.9
 """A conclusion that fewer than this part of the seeds share depends on the seed."""

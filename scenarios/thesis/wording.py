@@ -4,8 +4,8 @@ from collections.abc import Mapping
 
 import numpy as np
 
+from scenarios.report.probability import TINY
 from scenarios.thesis.finding import Finding
-from scenarios.thesis.probability import TINY
 from scenarios.thesis.tally import Spread
 
 

@@ -18,18 +18,18 @@ With several inputs and outputs all are drawn, or those chosen by `input` and `o
 `Curve`, `Roots` and `Trace` give a record a name and a `Style` of its own.
 """
 
-from sysid.palette import BOUND, GRID, INK, PALETTE, Style
 from sysid.plots.bode import bode
 from sysid.plots.correlations import correlations
 from sysid.plots.orders import singular_values, structures
 from sysid.plots.outputs import output_comparison
+from sysid.plots.palette import BOUND, GRID, INK, PALETTE, Style
 from sysid.plots.panels import show
 from sysid.plots.pzmap import pzmap
 from sysid.plots.record import record
 from sysid.plots.recursion import recursion
 from sysid.plots.spectra import spectra
+from sysid.plots.traces import Curve, Level, Roots, Trace
 from sysid.plots.transients import impulse, step
-from sysid.traces import Curve, Level, Roots, Trace
 
 __all__ = [
     "BOUND",

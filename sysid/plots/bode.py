@@ -6,10 +6,8 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from sysid.arrays import FloatArray
-from sysid.errors import SysidError
-from sysid.frequency import FrequencyResponse
-from sysid.palette import BOUND, PALETTE
+from sysid.models.frequency_response import FrequencyResponse
+from sysid.plots.palette import BOUND, PALETTE
 from sysid.plots.panels import (
     chosen,
     decibel,
@@ -22,7 +20,9 @@ from sysid.plots.panels import (
     shade,
     size_of,
 )
-from sysid.traces import Curve, Drawable, curves_of
+from sysid.plots.traces import Curve, Drawable, curves_of
+from sysid.records.arrays import FloatArray
+from sysid.records.errors import SysidError
 
 TOLD = 2.0
 """Standard deviations that a response must be away from zero for its phase to be drawn."""

@@ -7,12 +7,12 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from sysid.arrays import FloatArray
-from sysid.covf import CovarianceFunction
-from sysid.errors import SysidError
-from sysid.palette import GRID, INK, PALETTE, Style
+from sysid.frequency.covf import CovarianceFunction
+from sysid.plots.palette import GRID, INK, PALETTE, Style
 from sysid.plots.panels import chosen, legend, named, panels, size_of
-from sysid.resid import ResidualTest
+from sysid.records.arrays import FloatArray
+from sysid.records.errors import SysidError
+from sysid.validation.resid import ResidualTest
 
 Panel = tuple[str, FloatArray | NDArray[np.int_], FloatArray, FloatArray | float]
 """What is on the vertical axis, lags (n,) in samples, coefficients (n,), bound, one or (n,)."""

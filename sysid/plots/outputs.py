@@ -5,13 +5,13 @@ from collections.abc import Sequence
 import numpy as np
 from matplotlib.figure import Figure
 
-from sysid.arrays import FloatArray
-from sysid.compare import ModelFit
-from sysid.data import IOData
-from sysid.errors import SysidError
-from sysid.palette import PALETTE
+from sysid.plots.palette import PALETTE
 from sysid.plots.panels import chosen, label, legend, line, panels, size_of
-from sysid.traces import Trace, traces_of
+from sysid.plots.traces import Trace, traces_of
+from sysid.records.arrays import FloatArray
+from sysid.records.data import IOData
+from sysid.records.errors import SysidError
+from sysid.validation.compare import ModelFit
 
 
 def output_comparison(

@@ -7,9 +7,9 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from sysid.arrays import FloatArray
-from sysid.errors import SysidError
-from sysid.palette import GRID, INK, Style
+from sysid.plots.palette import GRID, INK, Style
+from sysid.records.arrays import FloatArray
+from sysid.records.errors import SysidError
 
 Panels = NDArray[np.object_]
 """Axes (rows, columns)."""

@@ -5,9 +5,9 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 from matplotlib.figure import Figure
 
-from sysid.palette import BOUND, GRID
+from sysid.plots.palette import BOUND, GRID
 from sysid.plots.panels import legend, panels
-from sysid.traces import REACH, Rooted, roots_of
+from sysid.plots.traces import REACH, Rooted, roots_of
 
 
 def pzmap(

@@ -6,10 +6,10 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from sysid.arrays import FloatArray
-from sysid.data import IOData, as_experiments
-from sysid.palette import PALETTE, Style
+from sysid.plots.palette import PALETTE, Style
 from sysid.plots.panels import LONG, label, legend, panels, size_of
+from sysid.records.arrays import FloatArray
+from sysid.records.data import IOData, as_experiments
 
 LOOKS = tuple(PALETTE[name] for name in ("armax", "oe", "okid", "iv4", "bj", "pem_ss", "arx", "spa"))
 """Colours of several experiments, one after the other."""

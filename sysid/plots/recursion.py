@@ -3,12 +3,12 @@
 import numpy as np
 from matplotlib.figure import Figure
 
-from sysid.errors import SysidError
-from sysid.estimate import Estimate
-from sysid.frequency import NORMAL_95
-from sysid.palette import PALETTE
+from sysid.models.estimate import Estimate
+from sysid.models.frequency_response import NORMAL_95
+from sysid.plots.palette import PALETTE
 from sysid.plots.panels import legend, panels, size_of
-from sysid.recursive_estimate import RecursiveEstimate
+from sysid.records.errors import SysidError
+from sysid.recursive.recursive_estimate import RecursiveEstimate
 
 LOOKS = tuple(PALETTE[name] for name in ("armax", "oe", "okid", "bj", "arx", "iv4", "n4sid", "spa"))
 """Colours of the coefficients of one polynomial, in their sequence."""

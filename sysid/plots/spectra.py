@@ -5,13 +5,13 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 from matplotlib.figure import Figure
 
-from sysid.arrays import FloatArray
-from sysid.errors import SysidError
-from sysid.estimate import Estimate
-from sysid.frequency import FrequencyResponse
-from sysid.palette import PALETTE
+from sysid.models.estimate import Estimate
+from sysid.models.frequency_response import FrequencyResponse
+from sysid.plots.palette import PALETTE
 from sysid.plots.panels import chosen, label, legend, line, named, panels, plain_frequencies, shade, size_of
-from sysid.traces import Looks, Trace, named_items
+from sysid.plots.traces import Looks, Trace, named_items
+from sysid.records.arrays import FloatArray
+from sysid.records.errors import SysidError
 
 Spectral = FrequencyResponse | Estimate
 """What has a spectrum of the disturbance."""

@@ -7,16 +7,16 @@ from functools import partial
 import numpy as np
 from matplotlib.figure import Figure
 
-from sysid.arrays import FloatArray
-from sysid.bands import band
-from sysid.cra import ImpulseResponse
-from sysid.errors import SysidError
-from sysid.estimate import Estimate
-from sysid.frequency import NORMAL_95
-from sysid.palette import INK, Style
+from sysid.frequency.cra import ImpulseResponse
+from sysid.models.bands import band
+from sysid.models.estimate import Estimate
+from sysid.models.frequency_response import NORMAL_95
+from sysid.models.state_space import StateSpace
+from sysid.plots.palette import INK, Style
 from sysid.plots.panels import chosen, label, legend, line, named, panels, shade, size_of
-from sysid.state_space import StateSpace
-from sysid.traces import Looks, named_items
+from sysid.plots.traces import Looks, named_items
+from sysid.records.arrays import FloatArray
+from sysid.records.errors import SysidError
 
 Responding = Estimate | StateSpace | ImpulseResponse
 """What has a response over time."""

@@ -14,7 +14,7 @@ import numpy as np
 
 from hmtb_twin import STUDIED_JOINTS, Chain, Plant, simulate
 from scenarios import load
-from scenarios.attainable import attainable
+from scenarios.truth.attainable import attainable
 from sysid import Estimate, IOData, armax, arx, compare, oe
 
 FITTED = 7

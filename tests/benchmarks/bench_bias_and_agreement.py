@@ -16,17 +16,17 @@ from dataclasses import replace
 import numpy as np
 from scipy.stats import chi2
 
-from scenarios.bench_contract.contestant import Contestant
-from scenarios.bench_figures.agreement import Agreement
-from scenarios.bench_figures.all_figures import false_alarm_of_each
-from scenarios.bench_figures.bias import ALLOWED, ALONE, DIRECTIONS, RECORDS, Bias
-from scenarios.bench_figures.mean_error import significance
-from scenarios.bench_figures.perfect_records import bound_for
-from scenarios.bench_figures.simulated import Fault, simulated
-from scenarios.bench_figures.tests_and_orders import LAGS, PROBLEMS, ResidualTestsAndOrders
-from scenarios.bench_trials.measured import Measured
-from scenarios.bench_trials.trial import Trial
-from sysid.arrays import FloatArray
+from scenarios.bench.agreement import Agreement
+from scenarios.bench.bias import ALLOWED, ALONE, DIRECTIONS, RECORDS, Bias
+from scenarios.bench.mean_error import significance
+from scenarios.bench.measured import Measured
+from scenarios.bench.metrics import false_alarm_of_each
+from scenarios.bench.perfect_records import bound_for
+from scenarios.bench.simulated_estimators import Fault, simulated
+from scenarios.bench.tests_and_orders import LAGS, PROBLEMS, ResidualTestsAndOrders
+from scenarios.estimators.contestant import Contestant
+from scenarios.problems.trial import Trial
+from sysid.records.arrays import FloatArray
 
 ASKED = (1e-2, 1e-3, 5e-4, 1e-4)
 SIZES = (0.0, 0.2, 0.5, 0.75, 1.0, 1.25, 1.5, 2.0)

@@ -13,20 +13,19 @@ from typing import TypeVar
 
 import numpy as np
 
-from scenarios.bench_contract.contestant import Contestant
-from scenarios.bench_figures.accuracy_records import QUICK, RECORDS
-from scenarios.bench_figures.all_figures import false_alarm_of_each
-from scenarios.bench_figures.consistency import LENGTHS, Consistency, perfect_slopes
-from scenarios.bench_figures.consistency import QUICK as SLOPES
-from scenarios.bench_figures.consistency import RECORDS as SLOPE_RECORDS
-from scenarios.bench_figures.coverage import SHARE, Coverage
-from scenarios.bench_figures.efficiency import Efficiency
-from scenarios.bench_figures.figure import FigureMaker
-from scenarios.bench_figures.frequency_response import FrequencyResponse, limits_by_frequency
-from scenarios.bench_figures.noise_free_recovery import NoiseFreeRecovery
-from scenarios.bench_figures.normalised_error import NormalisedError, chi_square
-from scenarios.bench_figures.perfect_mean import limits_of_mean
-from scenarios.bench_figures.perfect_records import (
+from scenarios.bench.accuracy_records import QUICK, RECORDS
+from scenarios.bench.consistency import LENGTHS, Consistency, perfect_slopes
+from scenarios.bench.consistency import QUICK as SLOPES
+from scenarios.bench.consistency import RECORDS as SLOPE_RECORDS
+from scenarios.bench.coverage import SHARE, Coverage
+from scenarios.bench.efficiency import Efficiency
+from scenarios.bench.frequency_response import FrequencyResponse, limits_by_frequency
+from scenarios.bench.metric import FigureMaker
+from scenarios.bench.metrics import false_alarm_of_each
+from scenarios.bench.noise_free_recovery import NoiseFreeRecovery
+from scenarios.bench.normalised_error import NormalisedError, chi_square
+from scenarios.bench.perfect_mean import limits_of_mean
+from scenarios.bench.perfect_records import (
     bandwidth_covered,
     bound_for,
     parameters_covered,
@@ -34,11 +33,12 @@ from scenarios.bench_figures.perfect_records import (
     single_records,
     statistic_of_perfect,
 )
-from scenarios.bench_figures.response_statistics import covered, free_parts, normalised, power, power_by_frequency
-from scenarios.bench_figures.simulated import FAULTS, FOUND_BY, simulated
-from scenarios.bench_problems.bound import response_covariance
-from scenarios.errors import ScenarioError
-from sysid.arrays import FloatArray
+from scenarios.bench.response_statistics import covered, free_parts, normalised, power, power_by_frequency
+from scenarios.bench.simulated_estimators import FAULTS, FOUND_BY, simulated
+from scenarios.estimators.contestant import Contestant
+from scenarios.files.errors import ScenarioError
+from scenarios.problems.bound import response_covariance
+from sysid.records.arrays import FloatArray
 
 Thing = TypeVar("Thing")
 ASKED = (1e-2, 1e-3, 1e-4)

@@ -16,11 +16,11 @@ from pathlib import Path
 
 from scipy.stats import binomtest
 
-from scenarios.bench_figures.figure import Part
-from scenarios.bench_run.verify import RECORDS, Plan, verify
-from scenarios.bench_trials.local import Local
+from scenarios.bench.local import Local
+from scenarios.bench.metric import Part
+from scenarios.bench.verify import RECORDS, Plan, verify
 from scenarios.commands.verify_numbers import limits, number
-from scenarios.contestants.registry import contestant
+from scenarios.estimators.known_estimators import contestant
 
 MOST = 0.01
 """Share of runs that may fail."""

@@ -6,14 +6,14 @@ from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from scenarios.bench_contract.contestant import Limits
-from scenarios.bench_figures.figure import Figure
-from scenarios.bench_run.result import Result
-from scenarios.bench_run.selection import figures_of
-from scenarios.bench_run.verify import Plan, verify
-from scenarios.bench_trials.local import Local
-from scenarios.contestants.registry import contestant
-from scenarios.leaderboard.verdict import Verdict, verdict
+from scenarios.bench.leaderboard_verdict import Verdict, verdict
+from scenarios.bench.local import Local
+from scenarios.bench.metric import Figure
+from scenarios.bench.result import Result
+from scenarios.bench.selection import figures_of
+from scenarios.bench.verify import Plan, verify
+from scenarios.estimators.contestant import Limits
+from scenarios.estimators.known_estimators import contestant
 
 
 @dataclass(frozen=True)

@@ -14,7 +14,7 @@ from pathlib import Path
 
 from bench_sets import Asked, of_verdict, results, row
 
-from scenarios.leaderboard.verdict import Verdict
+from scenarios.bench.leaderboard_verdict import Verdict
 
 CLAIMS = ("coverage", "normalised_error", "frequency_response")
 

@@ -14,10 +14,9 @@ import numpy as np
 from scipy.stats import kstest
 
 from hmtb_twin import IDEAL, NOMINAL_PLANT, STUDIED_JOINTS, Chain, Plant, linearize, load_arm
-from scenarios.agreement import Agreement
-from scenarios.best_linear import BestLinearTruth, best_linear, distortion_percent
-from scenarios.multisine_experiment import MultisineExperiment
-from scenarios.multisines import Multisines
+from scenarios.experiments.multisines import MultisineExperiment, Multisines
+from scenarios.truth.best_linear import BestLinearTruth, best_linear, distortion_percent
+from sysid.validation.interval_agreement import Agreement
 
 QUIET = replace(IDEAL, resolver=True)
 """Measurement noise alone."""

@@ -61,7 +61,7 @@ def counted(descriptor):
         os.kill(os.getpid(), signal.SIGKILL)
     fsync(descriptor)
 os.fsync = counted
-from scenarios.cli import main
+from scenarios.commands.cli import main
 code = main(sys.argv[1:])
 print(calls, file=sys.stderr)
 sys.exit(code)

@@ -33,10 +33,10 @@ STEPS |= {"baselines": "Baselines", "finish": "Papers"}
 
 def one(label: str, twins: int, seconds: float, rows: int, *, models: bool = True) -> dict[str, float | str]:
     """Build a data set in this process, and return what it cost."""
-    from hmtb_twin import batch_run
-    from scenarios.dataset_build import chunk
-    from scenarios.dataset_build.build import build
-    from scenarios.dataset_build.progress import RECORDS, Progress
+    from hmtb_twin.run import batch_run
+    from scenarios.datasets import chunk
+    from scenarios.datasets.build import build
+    from scenarios.datasets.build_progress import RECORDS, Progress
     from scenarios.datasets.spec import load_spec
 
     spec = load_spec(label)

@@ -15,11 +15,11 @@ from dataclasses import replace
 from pathlib import Path
 
 from hmtb_twin import simulate
-from scenarios.dataset_build.build import build
-from scenarios.dataset_build.stages import STAGES
-from scenarios.dataset_truth.arm_truth import arm_files
+from scenarios.datasets.arm_truth import arm_files
+from scenarios.datasets.build import build
 from scenarios.datasets.plan import Plan
 from scenarios.datasets.spec import load_spec
+from scenarios.datasets.stages import STAGES
 
 
 def seconds(work: Callable[[], object]) -> float:

@@ -25,7 +25,7 @@ from scipy.linalg import solve_triangular, toeplitz
 from scipy.signal import lfilter
 
 import sysid
-from sysid.delta_method import spread
+from sysid.models.delta_method import spread
 
 Array = NDArray[np.float64]
 SAMPLES = 2500

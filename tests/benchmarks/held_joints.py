@@ -18,7 +18,7 @@ from hmtb_twin import JOINTS
 
 def benches() -> ModuleType:
     """The bench stands beside the test that holds it to its bounds."""
-    path = Path(__file__).parents[1] / "hmtb_twin" / "test_analytic_hydraulics.py"
+    path = Path(__file__).parents[1] / "hmtb_twin" / "truth" / "test_analytic_hydraulics.py"
     spec = importlib.util.spec_from_file_location("benches", path)
     if spec is None or spec.loader is None:
         raise ImportError(f"cannot load {path}")

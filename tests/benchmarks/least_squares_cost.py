@@ -18,8 +18,8 @@ from efficiency import problems  # noqa: E402
 from scipy.signal import lfilter  # noqa: E402
 
 import sysid  # noqa: E402
-from sysid.orders import make_orders  # noqa: E402
-from sysid.prediction_error import linearise  # noqa: E402
+from sysid.polynomial.orders import make_orders  # noqa: E402
+from sysid.polynomial.prediction_error import linearise  # noqa: E402
 
 ROUNDS = 40
 ORDERS = (5, 3, 5, 2)

@@ -9,10 +9,10 @@ import sys
 import numpy as np
 
 from hmtb_twin import JOINTS, JointLog, Status, load_arm, simulate
-from hmtb_twin.parameters import MOTIONS, SAMPLE_TIME
+from hmtb_twin.parameters.values import MOTIONS, SAMPLE_TIME
 from scenarios import Scenario, load, names
-from scenarios.joint_inputs import logged_inputs
-from scenarios.saturation import clipped_share
+from scenarios.experiments.joint_inputs import logged_inputs
+from scenarios.experiments.log_review import clipped_share
 
 HEAD = (
     "test",

@@ -25,8 +25,8 @@ from efficiency import problems  # noqa: E402
 from scipy.signal import lfilter  # noqa: E402
 
 import sysid  # noqa: E402
-from scenarios.bench_contract.answer import Answer  # noqa: E402
-from scenarios.bench_contract.task import STRUCTURES, Task  # noqa: E402
+from scenarios.estimators.answer import Answer  # noqa: E402
+from scenarios.estimators.task import STRUCTURES, Task  # noqa: E402
 
 SKIP = 500
 """First residuals left out of every loss: initial conditions are each method's own affair."""
@@ -85,21 +85,21 @@ def from_states(model: sysid.StateSpace) -> sysid.Polynomials:
 
 def pysib(method: str, orders: tuple[int, ...]) -> Fit:
     """pysib, its prediction-error estimators."""
-    from scenarios.contestants import pysib as peer
+    from scenarios.estimators import pysib as peer
 
     return adapted(getattr(peer, method), method, orders)
 
 
 def sippy(method: str, orders: tuple[int, ...], *, mode: str = "OPT") -> Fit:
     """SIPPY, by optimisation if not said otherwise."""
-    from scenarios.contestants import sippy as peer
+    from scenarios.estimators import sippy as peer
 
     return adapted(lambda data, task: peer.polynomials(method, data, task, mode=mode), method, orders)
 
 
 def jax_sysid(method: str, orders: tuple[int, ...]) -> Fit:
     """jax-sysid, double precision: an output-error fit of the same order."""
-    from scenarios.contestants import jax_sysid as peer
+    from scenarios.estimators import jax_sysid as peer
 
     return adapted(getattr(peer, method), method, orders)
 

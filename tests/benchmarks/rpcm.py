@@ -10,11 +10,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from hmtb_twin import Operator, Status, simulate
-from hmtb_twin.modes import axis_gains
+from hmtb_twin.control.modes import axis_gains
 from scenarios import Scenario, load
-from scenarios.operator import ScriptedOperator, Skill
-from scenarios.rpcm_outcome import rpcm_outcome
-from scenarios.tasks import TASKS
+from scenarios.experiments.operator import ScriptedOperator, Skill
+from scenarios.experiments.rpcm_outcome import TASKS, rpcm_outcome
 
 SEEDS = range(1000, 1020)
 

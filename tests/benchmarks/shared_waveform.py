@@ -14,7 +14,7 @@ import numpy as np
 import sysid
 from hmtb_twin import JOINTS, STUDIED_JOINTS, JointLog, linearize, load_arm, simulate
 from scenarios import load
-from scenarios.joint_inputs import logged_inputs
+from scenarios.experiments.joint_inputs import logged_inputs
 
 FREQUENCIES = np.array([0.25, 0.5, 1.0, 2.0, 3.0])
 COLUMNS = [JOINTS.index(joint) for joint in STUDIED_JOINTS]

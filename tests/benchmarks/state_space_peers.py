@@ -9,28 +9,28 @@ from collections.abc import Callable
 import numpy as np
 
 import sysid
-from scenarios.bench_contract.task import Task
+from scenarios.estimators.task import Task
 
 Method = Callable[[sysid.IOData, int], sysid.StateSpace]
 
 
 def sippy(weighting: str) -> Method:
     """SIPPY's N4SID, MOESP, CVA and PARSIM."""
-    from scenarios.contestants.sippy import subspace
+    from scenarios.estimators.sippy import subspace
 
     return lambda data, order: subspace(data, asked(order), weighting, direct=True)
 
 
 def slicot(data: sysid.IOData, order: int) -> sysid.StateSpace:
     """SLICOT's N4SID through ctrlsys."""
-    from scenarios.contestants.slicot import N4SID, subspace
+    from scenarios.estimators.slicot import N4SID, subspace
 
     return subspace(N4SID, data, order, order)
 
 
 def nfoursid(data: sysid.IOData, order: int) -> sysid.StateSpace:
     """nfoursid; the gain belongs to the covariances that it gives."""
-    from scenarios.contestants.nfoursid import subspace
+    from scenarios.estimators.nfoursid import subspace
 
     return subspace(data, order)
 
@@ -46,7 +46,7 @@ def control_era(data: sysid.IOData, order: int) -> sysid.StateSpace:
 
 def jax_sysid(data: sysid.IOData, order: int) -> sysid.StateSpace:
     """jax-sysid, double precision: the simulation error, initial state fitted."""
-    from scenarios.contestants.jax_sysid import output_error
+    from scenarios.estimators.jax_sysid import output_error
 
     return output_error(data, order, direct=True)
 

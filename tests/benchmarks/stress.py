@@ -21,8 +21,8 @@ from numpy.typing import NDArray
 from scipy.signal import lfilter, max_len_seq
 
 import sysid
-from sysid.orders import Orders, make_orders
-from sysid.prediction_error import admissible, minimise
+from sysid.polynomial.orders import Orders, make_orders
+from sysid.polynomial.prediction_error import admissible, minimise
 
 Array = NDArray[np.float64]
 BURN_IN = 500

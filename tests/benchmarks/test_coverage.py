@@ -5,9 +5,9 @@ from dataclasses import replace
 import sysid
 from hmtb_twin import STUDIED_JOINTS, linearize, load_arm, simulate
 from scenarios import load
-from scenarios.preparation import prepared
+from scenarios.experiments.needed_order import SUFFICIENT
+from scenarios.experiments.preparation import prepared
 from scenarios.thesis.attribution import CONDITIONS, conditions
-from scenarios.thesis.structures import SUFFICIENT
 
 SEEDS = range(1, 21)
 

@@ -8,7 +8,7 @@ from time import perf_counter, process_time
 import numpy as np
 
 from hmtb_twin import Specimen, load_arm, simulate
-from hmtb_twin.specimen import LINK_NAMES
+from hmtb_twin.parameters.specimen import LINK_NAMES
 from scenarios import Scenario, load
 from tests.benchmarks.bare_steps import bare_seconds
 

@@ -8,9 +8,9 @@ import numpy as np
 import sysid
 from hmtb_twin import STUDIED_JOINTS, simulate
 from scenarios import load
-from scenarios.preparation import prepared
+from scenarios.experiments.needed_order import SUFFICIENT
+from scenarios.experiments.preparation import prepared
 from scenarios.thesis.attribution import conditions
-from scenarios.thesis.structures import SUFFICIENT
 
 SEEDS = range(101, 106)
 GRID = tuple(product(range(1, 7), range(1, 6)))

@@ -10,9 +10,9 @@ import numpy as np
 import pytest
 
 from hmtb_twin import Distribution, Plant, TwinDistributions, drawn, linearize, load_arm
-from hmtb_twin import controller_model as controllers
-from hmtb_twin.parameters import OPERATING_POSE
-from hmtb_twin.variants import variant_named
+from hmtb_twin.arm import controller_model as controllers
+from hmtb_twin.parameters.values import OPERATING_POSE
+from hmtb_twin.parameters.variants import variant_named
 
 POPULATION = TwinDistributions(
     mass=Distribution("normal", 0.05),

@@ -17,8 +17,8 @@ from scipy.linalg import block_diag
 from scipy.signal import lfilter, max_len_seq
 
 import sysid
-from sysid.least_squares import solve
-from sysid.okid import _regressors
+from sysid.polynomial.least_squares import solve
+from sysid.subspace.okid import _regressors
 
 SAMPLES, BURN_IN, ORDER, DT = 12_000, 500, 10, 0.02
 SEEDS = range(12)

@@ -26,8 +26,8 @@ import mujoco
 import numpy as np
 
 from hmtb_twin import JOINTS, NOMINAL_PLANT, STUDIED_JOINTS, Arm, load_arm
-from hmtb_twin.parameters import OPERATING_POSE, SAMPLE_TIME
-from hmtb_twin.step_size import at_step, bandwidths
+from hmtb_twin.parameters.values import OPERATING_POSE, SAMPLE_TIME
+from hmtb_twin.truth.step_size import at_step, bandwidths
 
 INTEGRATORS = {
     "Euler": mujoco.mjtIntegrator.mjINT_EULER,

@@ -19,12 +19,12 @@ from scipy.signal import cont2discrete, lfilter
 
 import sysid
 from hmtb_twin import simulate
-from hmtb_twin.parameters import BUS, HAND_CONTROLLER, JOINTS, RECORDER, SAMPLE_TIME, SERVOS, HandController
-from hmtb_twin.plant import NOMINAL_PLANT, Plant
+from hmtb_twin.parameters.plant import NOMINAL_PLANT, Plant
+from hmtb_twin.parameters.values import BUS, HAND_CONTROLLER, JOINTS, RECORDER, SAMPLE_TIME, SERVOS, HandController
 from scenarios import Scenario, load
-from scenarios.preparation import settled
-from scenarios.published import YAW_ARMAX, YAW_OE, YAW_OKID
-from scenarios.published_servos import YAW_PLANE, coupled
+from scenarios.experiments.preparation import settled
+from scenarios.truth.published import YAW_ARMAX, YAW_OE, YAW_OKID
+from scenarios.truth.published_servos import YAW_PLANE, coupled
 from sysid import IOData, StateSpace
 
 JOINT = "shoulder_yaw"

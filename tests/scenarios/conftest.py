@@ -6,11 +6,11 @@ from pathlib import Path
 
 import pytest
 
-from scenarios.bench_contract.nursery import SHARED
-from scenarios.dataset_build.build import build
+from scenarios.datasets.build import build
+from scenarios.datasets.challenge_build import build_hidden
 from scenarios.datasets.spec import DataSetSpec
-from scenarios.teaching.hidden_build import build_hidden
-from scenarios.thesis.campaign import NOMINAL
+from scenarios.estimators.nursery import SHARED
+from scenarios.experiments.campaign import NOMINAL
 from scenarios.thesis.comparison import Comparison
 from scenarios.thesis.study import run_study
 

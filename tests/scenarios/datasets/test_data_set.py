@@ -13,7 +13,7 @@ import xarray as xr
 
 from scenarios.datasets import DataRecord, load, open_data_set
 from scenarios.datasets.spec import DataSetSpec
-from scenarios.errors import ScenarioError
+from scenarios.files.errors import ScenarioError
 from sysid import arx
 
 

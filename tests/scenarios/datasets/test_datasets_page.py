@@ -14,17 +14,15 @@ from typing import Any
 import numpy as np
 import pytest
 
-from hmtb_twin.specimen_draw import TwinDistributions
-from scenarios.dataset_scores.baselines import Bench, baseline
-from scenarios.dataset_scores.score import score
+from hmtb_twin.parameters.specimen_draw import TwinDistributions
 from scenarios.datasets import open_data_set
-from scenarios.datasets.baselines_asked import BaselinesAsked, Method
+from scenarios.datasets.baselines import Bench, baseline
 from scenarios.datasets.export import FORMATS, export
-from scenarios.datasets.records import Records
-from scenarios.datasets.scoring import METRICS, UNITS, Scoring
+from scenarios.datasets.record_block import Records
+from scenarios.datasets.score import score
 from scenarios.datasets.spec import DataSetSpec, shipped
-from scenarios.datasets.truth_asked import TruthAsked
-from scenarios.multisines import Multisines
+from scenarios.datasets.spec_tables import METRICS, UNITS, BaselinesAsked, Method, Scoring, TruthAsked
+from scenarios.experiments.multisines import Multisines
 
 ROOT = Path(__file__).parents[3]
 PAGE = (ROOT / "docs/datasets.md").read_text(encoding="utf-8")

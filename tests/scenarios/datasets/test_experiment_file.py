@@ -7,14 +7,14 @@ import numpy as np
 import pytest
 
 from hmtb_twin import JOINTS, Status, simulate
-from hmtb_twin.parameters import RECORDER
-from hmtb_twin.variants import variant_named
-from scenarios.dataset_truth.stored_log import stored_log
+from hmtb_twin.parameters.values import RECORDER
+from hmtb_twin.parameters.variants import variant_named
 from scenarios.datasets import open_data_set
 from scenarios.datasets.experiment_file import signal_contents
-from scenarios.datasets.netcdf import read_netcdf
 from scenarios.datasets.plan import Plan
 from scenarios.datasets.spec import DataSetSpec
+from scenarios.datasets.stored_log import stored_log
+from scenarios.files.netcdf import read_netcdf
 
 UDUNITS = {"1", "rad", "rad2", "N", "N m", "V", "MPa", "A", "m", "Hz", "%"}
 """Units that occur, as UDUNITS writes them."""

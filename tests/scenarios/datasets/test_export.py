@@ -11,18 +11,15 @@ import pytest
 from scipy.io import loadmat
 
 import sysid
-from scenarios.cli import main
+from scenarios.commands.cli import main
 from scenarios.datasets import open_data_set
-from scenarios.datasets.columns import columns
-from scenarios.datasets.export import FORMATS, export
-from scenarios.datasets.export_mat import LARGEST, mat
-from scenarios.datasets.export_parquet import parquet
-from scenarios.datasets.export_text import ascii_table, csv, csv_metadata
-from scenarios.datasets.hidden_record import published
-from scenarios.datasets.netcdf import Contents, Variable, read_netcdf
+from scenarios.datasets.data_record import published
+from scenarios.datasets.export import FORMATS, LARGEST, export, mat, parquet
+from scenarios.datasets.export_text import ascii_table, columns, csv, csv_metadata
 from scenarios.datasets.plan import Plan
 from scenarios.datasets.spec import DataSetSpec
-from scenarios.errors import ScenarioError
+from scenarios.files.errors import ScenarioError
+from scenarios.files.netcdf import Contents, Variable, read_netcdf
 
 
 @pytest.fixture(scope="module")

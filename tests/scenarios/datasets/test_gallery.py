@@ -10,11 +10,11 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from scenarios.dataset_truth.arm_truth import read_arm
 from scenarios.datasets import gallery, open_data_set
+from scenarios.datasets.arm_truth import read_arm
 from scenarios.datasets.gallery import gallery_figure
 from scenarios.datasets.spec import shipped
-from scenarios.errors import ScenarioError
+from scenarios.files.errors import ScenarioError
 
 ROOT = Path(__file__).parents[3]
 

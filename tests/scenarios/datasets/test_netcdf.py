@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 import xarray
 
-from scenarios.datasets.netcdf import Contents, Variable, read_netcdf
-from scenarios.errors import ScenarioError
+from scenarios.files.errors import ScenarioError
+from scenarios.files.netcdf import Contents, Variable, read_netcdf
 
 RNG = np.random.default_rng(3)
 LONG = 40_000

@@ -7,9 +7,9 @@ import pytest
 
 from scenarios.datasets.plan import Entry, Plan
 from scenarios.datasets.spec import DataSetSpec, load_spec, shipped
-from scenarios.errors import ScenarioError
-from scenarios.multisine_experiment import MultisineExperiment
-from scenarios.scenario import Scenario
+from scenarios.experiments.multisines import MultisineExperiment
+from scenarios.experiments.scenario import Scenario
+from scenarios.files.errors import ScenarioError
 
 FLEET = load_spec("hmtb-fleet-v1")
 

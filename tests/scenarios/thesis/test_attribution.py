@@ -7,8 +7,8 @@ import pytest
 
 import sysid
 from hmtb_twin import JointLog, linearize
+from scenarios.experiments.campaign import NOMINAL, Campaign, Condition
 from scenarios.thesis.attribution import AS_IT_IS, CONDITIONS, GENTLE, SMOOTH, Attribution, Attributions, attribute
-from scenarios.thesis.campaign import NOMINAL, Campaign, Condition
 from scenarios.thesis.results import departures, friction_effect, friction_in_words
 from sysid import Estimate, IOData, SysidError
 

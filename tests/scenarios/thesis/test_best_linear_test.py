@@ -4,11 +4,11 @@ import numpy as np
 import pytest
 
 from hmtb_twin import linearize, load_arm
-from hmtb_twin.modes import joint_index
-from scenarios.preview import preview
-from scenarios.scenario import Scenario
-from scenarios.thesis.best_linear_test import CLOSE, best_linear_of_test
-from scenarios.thesis.campaign import Condition, planned
+from hmtb_twin.control.modes import joint_index
+from scenarios.experiments.campaign import Condition, planned
+from scenarios.experiments.preview import preview
+from scenarios.experiments.scenario import Scenario
+from scenarios.truth.bla_of_record import CLOSE, best_linear_of_test
 from sysid import IOData
 
 JOINT = "elbow_pitch"

@@ -4,10 +4,8 @@ import numpy as np
 import pytest
 
 from hmtb_twin import linearize
-from scenarios.errors import ScenarioError
-from scenarios.prbs import prbs
-from scenarios.registry import load
-from scenarios.thesis.campaign import (
+from scenarios.experiments.binary_sequences import prbs
+from scenarios.experiments.campaign import (
     EVERY_TEST,
     NOMINAL,
     NOT_SEEN,
@@ -17,6 +15,8 @@ from scenarios.thesis.campaign import (
     run_campaign,
     same_sequence,
 )
+from scenarios.experiments.registry import load
+from scenarios.files.errors import ScenarioError
 
 YAW = "siso-5-shoulder_yaw"
 

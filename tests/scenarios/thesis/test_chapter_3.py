@@ -6,12 +6,12 @@ import matplotlib
 import numpy as np
 import pytest
 
-from scenarios.drawing import SETTINGS
+from scenarios.report.drawing import SETTINGS
+from scenarios.report.figures import Gallery
 from scenarios.thesis import figures_chapter_3 as draw
 from scenarios.thesis.chapter_3 import THESIS, chapter_3
 from scenarios.thesis.comparison import Comparison
 from scenarios.thesis.figures_waveforms import waveform_figures
-from scenarios.thesis.gallery import Gallery
 from scenarios.thesis.nonparametric import PULSE, SINES
 
 

@@ -3,12 +3,12 @@
 import matplotlib
 import pytest
 
-from scenarios.drawing import SETTINGS
-from scenarios.published import BY_NAME
+from scenarios.report.drawing import SETTINGS
+from scenarios.report.figures import Gallery
 from scenarios.thesis.chapter_5 import chapter_5, realisation
 from scenarios.thesis.comparison import Comparison
-from scenarios.thesis.gallery import Gallery
 from scenarios.thesis.published_section import PrintedFit, printed_row, several_records
+from scenarios.truth.published import BY_NAME
 
 
 def test_every_figure_of_the_chapter_has_its_counterpart(study: Comparison) -> None:

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from matplotlib.figure import Figure
 
-from scenarios.errors import ScenarioError
+from scenarios.files.errors import ScenarioError
 from scenarios.thesis.envelope import COLUMNS, columns, envelope
 from sysid.plots import PALETTE
 

@@ -6,7 +6,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from scenarios.thesis.campaign import Campaign, single_joint_test
+from scenarios.experiments.campaign import Campaign, single_joint_test
+from scenarios.experiments.needed_order import STRUCTURES, every_structure
 from scenarios.thesis.comparison import Comparison
 from scenarios.thesis.every_data_set import (
     DataSetModel,
@@ -15,7 +16,6 @@ from scenarios.thesis.every_data_set import (
     every_data_set,
     excitation_needed,
 )
-from scenarios.thesis.structures import STRUCTURES, every_structure
 from sysid import StateSpace
 
 YAW = "shoulder_yaw"

@@ -5,9 +5,9 @@ import pytest
 
 import sysid
 from hmtb_twin import JOINTS, STUDIED_JOINTS
-from scenarios.preparation import SETTLING
-from scenarios.rpcm_outcome import PHASES
-from scenarios.thesis.campaign import RPCM
+from scenarios.experiments.campaign import RPCM
+from scenarios.experiments.preparation import SETTLING
+from scenarios.experiments.rpcm_outcome import PHASES
 from scenarios.thesis.comparison import Comparison
 
 

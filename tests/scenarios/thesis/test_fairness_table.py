@@ -6,9 +6,9 @@ from dataclasses import replace
 import pytest
 
 from hmtb_twin import STUDIED_JOINTS, JointLog, linearize
-from scenarios.estimators import estimate
+from scenarios.experiments.campaign import NOMINAL, Campaign, Condition
+from scenarios.identification.estimators import estimate
 from scenarios.thesis import fairness_table
-from scenarios.thesis.campaign import NOMINAL, Campaign, Condition
 from scenarios.thesis.comparison import Comparison
 from scenarios.thesis.fair_conclusions import conclusions, said
 from scenarios.thesis.fairness_section import percent

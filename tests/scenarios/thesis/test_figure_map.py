@@ -2,8 +2,8 @@
 
 import pytest
 
+from scenarios.report.figures import Picture
 from scenarios.thesis.figure_map import KINDS, mapped
-from scenarios.thesis.gallery import Picture
 
 
 def test_all_figures_of_the_thesis_are_there_once() -> None:

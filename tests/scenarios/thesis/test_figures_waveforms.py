@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from scenarios.registry import load
+from scenarios.experiments.registry import load
 from scenarios.thesis.figures_waveforms import waveform, waveform_figures
 
 

@@ -7,16 +7,16 @@ import numpy as np
 import pytest
 
 import scenarios.thesis.findings
-from scenarios.crossing import crossing, half_power_hz
-from scenarios.published import YAW_OE
-from scenarios.thesis.about_1_hz import near_1_hz
+from scenarios.identification.one_hertz import near_1_hz
+from scenarios.report.probability import p_value
 from scenarios.thesis.claims import CLAIMS
 from scenarios.thesis.comparison import Comparison
 from scenarios.thesis.finding import Finding, verdict
 from scenarios.thesis.findings import findings
-from scenarios.thesis.probability import p_value
 from scenarios.thesis.results import answer, headline, results, stands
+from scenarios.truth.published import YAW_OE
 from sysid import FrequencyResponse, StateSpace, SysidError
+from sysid.models.gain_crossing import crossing, half_power_hz
 
 VERDICTS = {"reproduced", "partly", "not reproduced", "cannot be told"}
 

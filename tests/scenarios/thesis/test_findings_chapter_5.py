@@ -7,10 +7,10 @@ from types import MappingProxyType
 import numpy as np
 import pytest
 
-from scenarios.published import PERCENT_DESCRIBED
 from scenarios.thesis.comparison import Comparison
 from scenarios.thesis.finding import Finding
 from scenarios.thesis.findings_chapter_5 import OFFSET, SLACK, percent_described, without_detrending
+from scenarios.truth.published import PERCENT_DESCRIBED
 
 YAW = "siso-5-shoulder_yaw"
 

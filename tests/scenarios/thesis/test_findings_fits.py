@@ -8,9 +8,9 @@ import pytest
 
 import sysid
 from hmtb_twin import STUDIED_JOINTS
-from scenarios.errors import MissingRecordError
+from scenarios.experiments.campaign import RPCM
+from scenarios.files.errors import MissingRecordError
 from scenarios.thesis import findings_fits as findings
-from scenarios.thesis.campaign import RPCM
 from scenarios.thesis.comparison import Comparison
 from scenarios.thesis.findings import FINDINGS
 from scenarios.thesis.multivariable import JointFits

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from scenarios.errors import MissingRecordError
+from scenarios.files.errors import MissingRecordError
 from scenarios.thesis import findings_spectra as chapter
 from scenarios.thesis.comparison import Comparison
 from scenarios.thesis.nonparametric import GRID

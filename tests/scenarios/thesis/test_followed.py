@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import pytest
 
-from scenarios.errors import MissingRecordError
+from scenarios.files.errors import MissingRecordError
 from scenarios.thesis.comparison import Comparison
 from scenarios.thesis.followed import followed, held_out_fit, held_out_records, shares_missing, ties, within_reach
 from scenarios.thesis.multivariable import WAYS

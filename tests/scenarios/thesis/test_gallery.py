@@ -5,8 +5,8 @@ from pathlib import Path
 import pytest
 from matplotlib.figure import Figure
 
-from scenarios.errors import ScenarioError
-from scenarios.thesis.gallery import Gallery
+from scenarios.files.errors import ScenarioError
+from scenarios.report.figures import Gallery
 
 
 def _figure() -> Figure:

@@ -5,7 +5,7 @@ from statistics import median
 
 import pytest
 
-from scenarios.errors import MissingRecordError
+from scenarios.files.errors import MissingRecordError
 from scenarios.thesis.comparison import Comparison
 from scenarios.thesis.findings_chapter_5 import percent_described
 from scenarios.thesis.held_out import held_out, held_out_one_step

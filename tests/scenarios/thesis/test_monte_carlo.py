@@ -10,10 +10,11 @@ import numpy as np
 import pytest
 
 from hmtb_twin import STUDIED_JOINTS
-from scenarios.cli import main
-from scenarios.errors import ScenarioError
+from scenarios.commands.cli import main
+from scenarios.experiments.campaign import EVERY_TEST, NOMINAL
+from scenarios.experiments.needed_order import STRUCTURES
+from scenarios.files.errors import ScenarioError
 from scenarios.thesis import kept_seed, monte_carlo
-from scenarios.thesis.campaign import EVERY_TEST, NOMINAL
 from scenarios.thesis.claims import CLAIMS
 from scenarios.thesis.comparison import Cost
 from scenarios.thesis.finding import Finding, Verdict, decided
@@ -21,7 +22,6 @@ from scenarios.thesis.frequencies import answer_text, chance, finding_record, fr
 from scenarios.thesis.monte_carlo import tally
 from scenarios.thesis.outcome import Outcome, Recovered, numbers, outcome_from
 from scenarios.thesis.recorded import contradictions
-from scenarios.thesis.structures import STRUCTURES
 from scenarios.thesis.tally import Tally, read_tally, spread, write_tally
 
 
@@ -322,7 +322,7 @@ def test_results_are_there_before_the_logs(
         raise ScenarioError(f"cannot write {path}: No space left on device")
 
     no_study({}, {"one": Log()})
-    monkeypatch.setattr("scenarios.datafile.write_log", full)
+    monkeypatch.setattr("scenarios.files.data_file.write_log", full)
     assert main(["thesis", "--logs", "--out", str(tmp_path)]) == 2
     assert json.loads((tmp_path / "results.json").read_text()) == {"findings": {}}
 

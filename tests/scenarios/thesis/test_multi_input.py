@@ -1,6 +1,6 @@
 """A shared waveform spoils models of all nine responses, and those alone."""
 
-from scenarios.joint_inputs import LIMIT
+from scenarios.experiments.joint_inputs import LIMIT
 from scenarios.thesis.comparison import Comparison
 from scenarios.thesis.coupled_response import off_diagonal
 from scenarios.thesis.multi_input import ALONE, EXCITED, INDEPENDENT, METHODS, SHARED

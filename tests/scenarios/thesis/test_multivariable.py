@@ -7,11 +7,11 @@ import pytest
 
 import sysid
 from hmtb_twin import STUDIED_JOINTS
-from scenarios.errors import MissingRecordError
-from scenarios.published import hybrid_model, okid_model, sysid_model
-from scenarios.thesis.campaign import RPCM
+from scenarios.experiments.campaign import RPCM
+from scenarios.files.errors import MissingRecordError
 from scenarios.thesis.comparison import Comparison
 from scenarios.thesis.multivariable import RECORDS, TESTED, WAYS, multivariable
+from scenarios.truth.published import hybrid_model, okid_model, sysid_model
 
 
 def test_identified_and_printed_models_are_peers(study: Comparison) -> None:

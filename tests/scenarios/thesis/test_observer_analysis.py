@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from hmtb_twin import STUDIED_JOINTS
-from scenarios.thesis.campaign import SINGLE_JOINT
+from scenarios.experiments.campaign import SINGLE_JOINT
 from scenarios.thesis.comparison import Comparison
 from scenarios.thesis.observer_analysis import ORDER, SEVERAL, P, described, live, observer, observer_errors
 from sysid import IOData, StateSpace, simulate

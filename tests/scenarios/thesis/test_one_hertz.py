@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from scenarios.thesis.one_hertz import (
+from scenarios.identification.one_hertz import (
     Recovered,
     best_linear_in_words,
     between,

@@ -5,7 +5,7 @@ from dataclasses import replace
 import pytest
 
 from hmtb_twin import TwinError
-from scenarios.thesis.campaign import RPCM
+from scenarios.experiments.campaign import RPCM
 from scenarios.thesis.comparison import Comparison
 from scenarios.thesis.pictures import arm_picture, exchange
 

@@ -1,6 +1,6 @@
 """What was put in from the thesis is told with the arm's own numbers."""
 
-from hmtb_twin.parameters import HAND_CONTROLLER, SERVOS
+from hmtb_twin.parameters.values import HAND_CONTROLLER, SERVOS
 from scenarios.thesis.claims import CLAIMS
 from scenarios.thesis.comparison import Comparison
 from scenarios.thesis.findings import findings

@@ -6,19 +6,19 @@ from dataclasses import replace
 
 import pytest
 
-import hmtb_twin.arm
+import hmtb_twin.arm.arm
 from hmtb_twin import simulate
-from hmtb_twin.variants import Variant
-from scenarios.estimators import estimate
-from scenarios.preparation import prepared
-from scenarios.thesis.campaign import planned
+from hmtb_twin.parameters.variants import Variant
+from scenarios.experiments.campaign import planned
+from scenarios.experiments.needed_order import STRUCTURES
+from scenarios.experiments.preparation import prepared
+from scenarios.identification.estimators import estimate
 from scenarios.thesis.claims import CLAIMS
 from scenarios.thesis.finding import decided
 from scenarios.thesis.frequencies import frequency_text, source_text
 from scenarios.thesis.monte_carlo import tally
 from scenarios.thesis.outcome import Recovered
 from scenarios.thesis.recorded import contradictions, recorded
-from scenarios.thesis.structures import STRUCTURES
 from sysid import SysidWarning
 
 SEED = 1
@@ -38,15 +38,15 @@ def yaw_bandwidths() -> dict[str, float]:
 @pytest.fixture
 def stiffer_servo(monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
     """An arm whose position gains are ten percent higher."""
-    tuned = hmtb_twin.arm.tuned_gains
+    tuned = hmtb_twin.arm.arm.tuned_gains
 
     def stiffer(variant: Variant) -> dict[str, tuple[float, float]]:
         return {name: (1.1 * kp, kd) for name, (kp, kd) in tuned(variant).items()}
 
-    monkeypatch.setattr(hmtb_twin.arm, "tuned_gains", stiffer)
-    hmtb_twin.arm._load.cache_clear()
+    monkeypatch.setattr(hmtb_twin.arm.arm, "tuned_gains", stiffer)
+    hmtb_twin.arm.arm._load.cache_clear()
     yield
-    hmtb_twin.arm._load.cache_clear()
+    hmtb_twin.arm.arm._load.cache_clear()
 
 
 @pytest.mark.slow

@@ -4,9 +4,16 @@ import numpy as np
 import pytest
 from scipy.signal import lfilter
 
-from scenarios.errors import ScenarioError
-from scenarios.thesis.one_hertz import METHODS
-from scenarios.thesis.recovered_bandwidth import NONPARAMETRIC, Place, RecoveredBandwidth, _repeats, recover, structure
+from scenarios.files.errors import ScenarioError
+from scenarios.identification.one_hertz import METHODS
+from scenarios.identification.recovered_bandwidth import (
+    NONPARAMETRIC,
+    Place,
+    RecoveredBandwidth,
+    _repeats,
+    recover,
+    structure,
+)
 from sysid import IOData, StateSpace
 
 DT = 0.02

@@ -7,7 +7,7 @@ import pytest
 
 import sysid
 from hmtb_twin import JOINTS, STUDIED_JOINTS, JointLog
-from scenarios.thesis.campaign import NOMINAL, Campaign
+from scenarios.experiments.campaign import NOMINAL, Campaign
 from scenarios.thesis.reference_fits import COUPLED, DIAGONAL, NOISELESS, impulse_response, reference_fits
 from sysid import StateSpace
 

@@ -11,15 +11,16 @@ import numpy as np
 import pytest
 from matplotlib.figure import Figure
 
-from scenarios.drawing import SETTINGS, photograph, png, svg
-from scenarios.errors import ScenarioError
+from scenarios.files.errors import ScenarioError
+from scenarios.report.drawing import SETTINGS, photograph, png, svg
+from scenarios.report.figures import Gallery
+from scenarios.report.page_text import contents, numbered, signed
 from scenarios.thesis.comparison import Comparison
 from scenarios.thesis.finding import Verdict
 from scenarios.thesis.findings import findings
 from scenarios.thesis.frequencies import ORDER, chance
-from scenarios.thesis.gallery import Gallery
 from scenarios.thesis.outcome import outcome
-from scenarios.thesis.report import contents, numbered, page, signed, write_report
+from scenarios.thesis.report import page, write_report
 from scenarios.thesis.report_context import context
 from scenarios.thesis.results import answers, headline
 from scenarios.thesis.tally import Tally

@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from scenarios.errors import MissingRecordError
+from scenarios.files.errors import MissingRecordError
 from scenarios.thesis.comparison import Comparison
 from scenarios.thesis.disturbances import DISTURBANCES
 from scenarios.thesis.figures_robustness import errors

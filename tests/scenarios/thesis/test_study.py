@@ -10,14 +10,8 @@ import pytest
 
 import sysid
 from hmtb_twin import JOINTS, STUDIED_JOINTS, JointLog, linearize, load_arm
-from hmtb_twin.parameters import HAND_CONTROLLER, MOTIONS
-from scenarios.errors import ScenarioError
-from scenarios.preparation import SETTLING, prepared
-from scenarios.registry import load
-from scenarios.saturation import swing, velocity_limited_share
-from scenarios.thesis.attribution import CONDITIONS as SWITCHED_OFF
-from scenarios.thesis.attribution import conditions
-from scenarios.thesis.campaign import (
+from hmtb_twin.parameters.values import HAND_CONTROLLER, MOTIONS
+from scenarios.experiments.campaign import (
     CONDITIONS,
     EVERY_TEST,
     FAIRNESS_TESTS,
@@ -29,13 +23,19 @@ from scenarios.thesis.campaign import (
     planned,
     single_joint_test,
 )
+from scenarios.experiments.log_review import swing, velocity_limited_share
+from scenarios.experiments.needed_order import STRUCTURES
+from scenarios.experiments.preparation import SETTLING, prepared
+from scenarios.experiments.registry import load
+from scenarios.files.errors import ScenarioError
+from scenarios.thesis.attribution import CONDITIONS as SWITCHED_OFF
+from scenarios.thesis.attribution import conditions
 from scenarios.thesis.comparison import Comparison
 from scenarios.thesis.coupled_response import relative_error, three_joint_truth
 from scenarios.thesis.multi_input import FULL_OKID, INDEPENDENT, full_models
 from scenarios.thesis.multi_input import METHODS as METHODS_OF_SEVERAL
 from scenarios.thesis.period_spectra import period_spectra
 from scenarios.thesis.sensitivity import half_power_spread, order_effects
-from scenarios.thesis.structures import STRUCTURES
 from scenarios.thesis.study import ESTIMATION_TEST, concluded, plan, run_study, study_joint
 from sysid import Estimate, IOData, StateSpace, SysidError
 

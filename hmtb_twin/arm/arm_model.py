@@ -1,0 +1,113 @@
+"""The model that MuJoCo compiles of an arm: bodies, drives and servos written into the MJCF of `models/hmtb`."""
+
+from collections.abc import Mapping
+
+import mujoco
+import numpy as np
+
+from hmtb_twin.arm.controller_model import controller_model
+from hmtb_twin.arm.rigid_bodies import write_bodies
+from hmtb_twin.arm.servo_gains import servo_gains
+from hmtb_twin.arm.worksite_model import worksite_spec
+from hmtb_twin.parameters.electric_drive import Drive
+from hmtb_twin.parameters.plant import Plant
+from hmtb_twin.parameters.resources import model_file
+from hmtb_twin.parameters.specimen import Specimen
+from hmtb_twin.parameters.values import JOINTS, OPERATING_POSE, POSES, Actuator
+from hmtb_twin.parameters.variants import Variant, variant_named
+
+
+def compile_arm(
+    name: str,
+    payload: str,
+    plant: Plant,
+    specimen: Specimen,
+    drives: Mapping[str, Drive],
+    gains: Mapping[str, tuple[float, float]],
+    worksite: bool,
+) -> mujoco.MjModel:
+    """Compile the model of an arm.
+
+    Args:
+        name: One of `VARIANTS`.
+        payload: What the end effector holds, one of `PAYLOADS`.
+        plant: What the drives run on and rub with.
+        specimen: How bodies deviate from the variant's.
+        drives: Drive of each joint, as it is under the conditions of the plant and on the specimen.
+        gains: kp and kd of each joint, as its servo has them.
+        worksite: Whether the arm stands at the worksite.
+    """
+    variant = variant_named(name)
+    if plant.actuator == "orifice":
+        # The compiler behind it takes a second to load, and only this form needs it.
+        from hmtb_twin.hydraulics.orifice import STEP, add_orifice_actuators
+
+        spec = _spec(variant, payload, specimen, worksite_spec(STEP) if worksite else None)
+        # Only hydraulic drives pass `Plant.applied` with this form.
+        valves = {joint: drive for joint, drive in drives.items() if isinstance(drive, Actuator)}
+        add_orifice_actuators(spec, valves, gains)
+    else:
+        spec = _spec(variant, payload, specimen, worksite_spec() if worksite else None)
+        for joint in JOINTS:
+            configure(spec.actuator(joint), drives[joint], gains[joint])
+    for joint in JOINTS:
+        turn(spec.joint(joint), drives[joint])
+    return spec.compile()
+
+
+def _spec(variant: Variant, payload: str, specimen: Specimen, scene: mujoco.MjSpec | None) -> mujoco.MjSpec:
+    if scene is not None:
+        # There the unit is a body of its own, whoever holds it at first.
+        write_bodies(scene, variant, "rpcm", specimen)
+        return scene
+    spec = mujoco.MjSpec.from_file(str(model_file("hmtb/hmtb.xml")))
+    for key in list(spec.keys):
+        # Its activations would not fit an arm without friction, and `Arm.rest` computes the same state.
+        spec.delete(key)
+    write_bodies(spec, variant, payload, specimen)
+    spec.option.timestep = variant.step
+    return spec
+
+
+def tuned_gains(variant: Variant) -> dict[str, tuple[float, float]]:
+    """Return kp and kd of each joint, tuned at the operating pose with the RPCM on the controller's own model."""
+    inertia = np.diag(controller_model("rpcm", variant.name).inertia_matrix(np.array(POSES[OPERATING_POSE])))
+    return {
+        name: servo_gains(float(seen), variant.servos[name], variant.actuators[name])
+        for name, seen in zip(JOINTS, inertia, strict=True)
+    }
+
+
+def turn(joint: mujoco.MjsJoint, drive: Drive) -> None:
+    """Write to a joint what turns and rubs with its drive: rotor, drag, brake, Coulomb friction without bristles."""
+    bristles = drive.friction is not None and drive.friction.bristles
+    joint.armature = drive.motor.armature
+    joint.damping = [drive.drag, 0.0, 0.0]
+    joint.frictionloss = drive.motor.brake + (0.0 if bristles else drive.coulomb_torque)
+    # As hard as the constraint gets: the softer default lets a stuck joint creep.
+    joint.solref_friction, joint.solimp_friction = [0.002, 1.0], [0.9999, 0.9999, 0.001, 0.5, 2.0]
+
+
+def configure(target: mujoco.MjsActuator, drive: Drive, gains: tuple[float, float]) -> None:
+    """Write a drive and its servo into a MuJoCo `dcmotor`; pressure for current, flow for voltage if hydraulic."""
+    kp, kd = gains
+    motor, friction, coulomb = drive.motor, drive.friction, drive.coulomb_torque
+    lugre = [0.0] * 5
+    if friction is not None and friction.bristles:
+        stiffness = coulomb / friction.presliding
+        lugre = [
+            stiffness,
+            stiffness * friction.bristle_time,
+            coulomb,
+            coulomb * friction.static_ratio,
+            friction.stribeck_velocity,
+        ]
+    target.set_to_dcmotor(
+        motorconst=[motor.constant, 0.0],
+        resistance=motor.resistance,
+        saturation=[motor.maximum_torque, 0.0, 0.0],
+        inductance=[motor.inductance, 0.0],
+        controller=[kp, 0.0, kd, 0.0, 0.0, motor.largest_input],
+        lugre=lugre,
+        ctrlspec=target.ctrlspec,
+    )

@@ -1,0 +1,126 @@
+"""What the controller knows of the arm: a Pinocchio model read from the same MJCF, never the plant itself."""
+
+from collections.abc import Iterable
+from functools import lru_cache
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from xml.etree import ElementTree
+
+import numpy as np
+import pinocchio as pin
+
+from hmtb_twin.arm.rigid_bodies import controllers_bodies
+from hmtb_twin.parameters.resources import model_file
+from hmtb_twin.parameters.variants import EARTH, variant_named
+
+
+class ControllerModel:
+    """Rigid-body model of the arm in the controller's computer.
+
+    Args:
+        mjcf: The model as MJCF text.
+        gravity: Acceleration of gravity, m/s^2.
+    """
+
+    def __init__(self, mjcf: str, gravity: float = EARTH) -> None:
+        with TemporaryDirectory() as folder:
+            path = Path(folder, "arm.xml")
+            path.write_text(mjcf, encoding="utf-8")
+            self._model = pin.buildModelFromMJCF(str(path))
+        self._model.gravity.linear = np.array([0.0, 0.0, -gravity])
+        self._data = self._model.createData()
+        self._tool = self._model.getFrameId("tool")
+
+    def gravity_torque(self, angles: Iterable[np.ndarray]) -> np.ndarray:
+        """Return the torque that holds the arm at each pose.
+
+        Args:
+            angles: Poses, each (7,), rad.
+
+        Returns:
+            Torques (n, 7), N m.
+        """
+        model, data = self._model, self._data
+        # Pinocchio overwrites its result in place: copy each.
+        return np.array([pin.computeGeneralizedGravity(model, data, q).copy() for q in angles])
+
+    def gravity_gradient(self, angles: np.ndarray) -> np.ndarray:
+        """Return how the holding torques change with the pose (7,), shape (7, 7), N m/rad."""
+        return np.array(pin.computeGeneralizedGravityDerivatives(self._model, self._data, np.asarray(angles, float)))
+
+    def inertia_matrix(self, angles: np.ndarray) -> np.ndarray:
+        """Return the joint-space inertia matrix at a pose (7,), shape (7, 7), kg m^2."""
+        upper = np.triu(pin.crba(self._model, self._data, np.asarray(angles, float)))
+        return upper + np.triu(upper, 1).T
+
+    def bias_torque(self, angles: np.ndarray, velocities: np.ndarray) -> np.ndarray:
+        """Return Coriolis, centrifugal and gravity torques at a state, shape (7,), N m."""
+        return np.array(pin.nonLinearEffects(self._model, self._data, angles, velocities))
+
+    def inverse_dynamics(self, angles: np.ndarray, velocities: np.ndarray, accelerations: np.ndarray) -> np.ndarray:
+        """Return the torques that produce the accelerations (7,) rad/s^2 at a state, shape (7,), N m."""
+        return np.array(pin.rnea(self._model, self._data, angles, velocities, accelerations))
+
+    def tool_pose(self, angles: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Return where the tool is at a pose.
+
+        Args:
+            angles: Joint angles (7,), rad.
+
+        Returns:
+            Position (3,), m, and rotation (3, 3) of the tool frame, both in the world: `p = position + rotation @ x`.
+        """
+        pin.forwardKinematics(self._model, self._data, np.asarray(angles, float))
+        placement = pin.updateFramePlacement(self._model, self._data, self._tool)
+        # Pinocchio hands out views of what the next call overwrites.
+        return placement.translation.copy(), placement.rotation.copy()
+
+    def tool_jacobian(self, angles: np.ndarray) -> np.ndarray:
+        """Return how the tool moves with the joints, in its own frame.
+
+        Args:
+            angles: Joint angles (7,), rad.
+
+        Returns:
+            Jacobian (6, 7): rows 0-2 linear velocity, m/rad, rows 3-5 angular velocity, rad/rad, both along the axes of
+            the tool frame.
+        """
+        jacobian = pin.computeFrameJacobian(
+            self._model, self._data, np.asarray(angles, float), self._tool, pin.ReferenceFrame.LOCAL
+        )
+        return np.array(jacobian)
+
+    def tool_path(self, angles: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Return where the tool was along a record of joint angles.
+
+        Args:
+            angles: Joint angles (N, 7), rad.
+
+        Returns:
+            Positions (N, 3), m, and rotations (N, 3, 3) of the tool frame in the world.
+        """
+        angles = np.asarray(angles, float)
+        positions, rotations = np.empty((len(angles), 3)), np.empty((len(angles), 3, 3))
+        model, data, tool = self._model, self._data, self._tool
+        for q, position, rotation in zip(angles, positions, rotations, strict=True):
+            pin.forwardKinematics(model, data, q)
+            placement = pin.updateFramePlacement(model, data, tool)
+            position[:], rotation[:] = placement.translation, placement.rotation
+        return positions, rotations
+
+
+@lru_cache(maxsize=16)
+def controller_model(payload: str, variant: str = "nominal") -> ControllerModel:
+    """Return the controller's model of an arm with a payload, built once.
+
+    Args:
+        payload: One of `PAYLOADS`.
+        variant: One of `VARIANTS`.
+
+    Returns:
+        The model, read from `models/hmtb/hmtb.xml`; its arithmetic is shared and must not be used by several threads.
+    """
+    root = ElementTree.fromstring(model_file("hmtb/hmtb.xml").read_text(encoding="utf-8"))
+    arm = variant_named(variant)
+    controllers_bodies(root, arm, payload)
+    return ControllerModel(ElementTree.tostring(root, encoding="unicode"), arm.gravity)

@@ -1,0 +1,150 @@
+"""Pictures of the arm at its worksite."""
+
+import os
+import sys
+from copy import copy
+from types import TracebackType
+from typing import Any
+
+import mujoco
+import numpy as np
+
+from hmtb_twin.arm.arm import Arm
+from hmtb_twin.arm.rigid_bodies import write_bodies
+from hmtb_twin.parameters.errors import TwinError
+from hmtb_twin.parameters.resources import model_file
+from hmtb_twin.parameters.values import JOINTS, OPERATING_POSE
+from hmtb_twin.parameters.variants import variant_named
+
+NO_OPENGL = (
+    "no OpenGL here, so no picture of the arm; on Debian or Ubuntu install libegl1 and libgl1-mesa-dri or a display"
+)
+"""What to do where MuJoCo cannot render."""
+
+LARGEST = 4096
+"""Largest width or height of a picture, pixels."""
+
+
+def scene_model(arm: Arm) -> mujoco.MjModel:
+    """Return the arm with the worksite round it, which an arm at the worksite has already; its joints are first."""
+    if arm.worksite:
+        return arm.model
+    spec = mujoco.MjSpec.from_file(str(model_file("hmtb/scene.xml")))
+    for key in list(spec.keys):
+        # Its controls and activations would not fit a model without the unit, and a picture needs angles only.
+        spec.delete(key)
+    write_bodies(spec, variant_named(arm.variant), arm.payload, arm.specimen)
+    return spec.compile()
+
+
+class Stage:
+    """The worksite, lit and ready for pictures; a context that frees the graphics when it ends.
+
+    Args:
+        arm: The arm; its payload is shown or left out.
+        width: Pixels.
+        height: Pixels.
+        draft: Whether edges and shadows may be coarse, for a third of the time.
+
+    Raises:
+        TwinError: A size that no picture has, or this machine has no OpenGL; the message says what to install.
+    """
+
+    def __init__(self, arm: Arm, width: int = 960, height: int = 720, *, draft: bool = False) -> None:
+        if not (16 <= width <= LARGEST and 16 <= height <= LARGEST):
+            raise TwinError(f"a picture of {width} x {height} pixels given, expected 16 to {LARGEST} each way")
+        self._model = copy(scene_model(arm))
+        self._data = mujoco.MjData(self._model)
+        self._model.vis.global_.offwidth = max(self._model.vis.global_.offwidth, width)
+        self._model.vis.global_.offheight = max(self._model.vis.global_.offheight, height)
+        if draft:
+            self._model.vis.quality.shadowsize, self._model.vis.quality.offsamples = 1024, 0
+        self._window = mujoco.MjrRect(0, 0, width, height)
+        self.cameras = tuple(self._model.camera(i).name for i in range(self._model.ncam))
+        try:
+            self._context = _opengl_context(width, height)
+            self._context.make_current()
+            self._scene = mujoco.MjvScene(self._model, maxgeom=1000)
+            self._renderer = mujoco.MjrContext(self._model, mujoco.mjtFontScale.mjFONTSCALE_100)
+            mujoco.mjr_setBuffer(mujoco.mjtFramebuffer.mjFB_OFFSCREEN, self._renderer)
+        except (ImportError, AttributeError, OSError, RuntimeError, mujoco.FatalError) as error:
+            raise TwinError(NO_OPENGL) from error
+
+    def __enter__(self) -> "Stage":
+        """Begin."""
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        """Free the graphics."""
+        self._renderer.free()
+        self._context.free()
+
+    def picture(self, camera: str, angles: np.ndarray, unit: np.ndarray | None = None) -> np.ndarray:
+        """Render one picture.
+
+        Args:
+            camera: One of `cameras`.
+            angles: Joint angles (7,), rad.
+            unit: Pose of the replacement unit of an arm at the worksite, position in m and quaternion (7,).
+
+        Returns:
+            Picture (height, width, 3), 8-bit RGB.
+
+        Raises:
+            TwinError: There is no such camera.
+        """
+        if camera not in self.cameras:
+            raise TwinError(f"unknown camera {camera!r}, available: {', '.join(self.cameras)}")
+        self._data.qpos[: len(JOINTS)] = angles
+        if unit is not None:
+            self._data.qpos[len(JOINTS) : len(JOINTS) + len(unit)] = unit
+        mujoco.mj_kinematics(self._model, self._data)
+        mujoco.mj_camlight(self._model, self._data)
+        view = mujoco.MjvCamera()
+        view.type, view.fixedcamid = mujoco.mjtCamera.mjCAMERA_FIXED, self._model.camera(camera).id
+        mujoco.mjv_updateScene(
+            self._model, self._data, mujoco.MjvOption(), None, view, mujoco.mjtCatBit.mjCAT_ALL, self._scene
+        )
+        picture = np.empty((self._window.height, self._window.width, 3), dtype=np.uint8)
+        mujoco.mjr_render(self._window, self._scene, self._renderer)
+        mujoco.mjr_readPixels(picture, None, self._window, self._renderer)
+        return picture[::-1].copy()
+
+
+def render(
+    arm: Arm,
+    camera: str = "overview",
+    width: int = 960,
+    height: int = 720,
+    *,
+    angles: np.ndarray | None = None,
+) -> np.ndarray:
+    """Render one picture of the arm at its worksite.
+
+    Args:
+        arm: The arm; its payload is shown or left out.
+        camera: One of the scene's cameras.
+        width: Pixels.
+        height: Pixels.
+        angles: Joint angles (7,), rad; the operating pose by default.
+
+    Returns:
+        Picture (height, width, 3), 8-bit RGB.
+
+    Raises:
+        TwinError: There is no such camera, or this machine has no OpenGL; the message says what to install.
+    """
+    with Stage(arm, width, height) as stage:
+        return stage.picture(camera, arm.pose(OPERATING_POSE) if angles is None else angles)
+
+
+def _opengl_context(width: int, height: int) -> Any:
+    """Open an off-screen context, without a window system where there is none."""
+    if sys.platform == "linux" and not os.environ.get("DISPLAY"):
+        # MuJoCo chooses its back end from MUJOCO_GL when it is imported, which is long past.
+        from mujoco.egl import GLContext
+    else:
+        from mujoco import GLContext
+    return GLContext(width, height)

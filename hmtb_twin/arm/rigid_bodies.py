@@ -1,0 +1,125 @@
+"""Links, payload and gravity of an arm, written into the nominal model: for MuJoCo, and for the controller."""
+
+from collections.abc import Iterator
+from xml.etree import ElementTree
+
+import mujoco
+import numpy as np
+
+from hmtb_twin.parameters.payloads import PAYLOADS, Payload
+from hmtb_twin.parameters.specimen import LINK_NAMES, NOMINAL_SPECIMEN, Specimen
+from hmtb_twin.parameters.values import JOINTS, LINKS, Link
+from hmtb_twin.parameters.variants import Variant
+
+UNIT = "rpcm"
+"""The body of what the end effector holds."""
+
+BODIES = dict(
+    zip(
+        (*JOINTS, "end_effector"),
+        (
+            "shoulder_roll_link",
+            "shoulder_yaw_link",
+            "upper_arm",
+            "forearm",
+            "wrist_pitch_link",
+            "wrist_yaw_link",
+            "wrist_roll_link",
+            "end_effector",
+        ),
+        strict=True,
+    )
+)
+"""The body that is each link."""
+
+
+def write_bodies(spec: mujoco.MjSpec, variant: Variant, payload: str, specimen: Specimen = NOMINAL_SPECIMEN) -> None:
+    """Write gravity, links and payload into a MuJoCo model that holds the RPCM.
+
+    Args:
+        spec: The model, of `hmtb.xml` or of a scene round it.
+        variant: The arm; what it shares with the nominal one is left as it is.
+        payload: One of `PAYLOADS`.
+        specimen: How links and payload deviate from these.
+    """
+    spec.option.gravity = [0.0, 0.0, -variant.gravity]
+    for name, link in _other_links(variant):
+        body = spec.body(BODIES[name])
+        body.mass, body.inertia = link.mass, [link.axial_inertia, link.transverse_inertia, link.transverse_inertia]
+    held = PAYLOADS[payload]
+    if held is None:
+        spec.delete(spec.body(UNIT))
+    elif held != PAYLOADS["rpcm"]:
+        unit = spec.body(UNIT)
+        x, y, z = held.size
+        unit.mass, unit.inertia, unit.ipos = held.mass, list(held.inertia), [x / 2, 0.0, 0.0]
+        box, marking = unit.geoms[:2]
+        box.pos, box.size = [x / 2, 0.0, 0.0], [x / 2, y / 2, z / 2]
+        marking.pos, marking.size = [x / 2, 0.0, z / 2], [0.275 * x, 0.3 * y, 0.002]
+    _deviate(spec, specimen, held=held is not None)
+
+
+def _deviate(spec: mujoco.MjSpec, specimen: Specimen, *, held: bool) -> None:
+    """Write how a specimen's bodies deviate; what does not is left as it is, to the bit."""
+    names = specimen.deviating
+    if names:
+        links = [spec.body(BODIES[name]) for name in LINK_NAMES]
+        masses, centres, inertias = specimen.bodies(
+            *(np.array([getattr(link, entry) for link in links]) for entry in ("mass", "ipos", "inertia"))
+        )
+        moments, axes = np.linalg.eigh(inertias)
+        axes[np.linalg.det(axes) < 0.0, :, 0] *= -1.0
+        for i in map(LINK_NAMES.index, names):
+            links[i].mass, links[i].ipos = masses[i], centres[i]
+            if not inertias[i][np.triu_indices(3, 1)].any():
+                # Still principal along the body's axes.
+                links[i].inertia = np.diag(inertias[i])
+                continue
+            links[i].inertia = moments[i]
+            mujoco.mju_mat2Quat(links[i].iquat, axes[i].ravel())
+    if held and specimen.payload_mass != 1.0:
+        unit = spec.body(UNIT)
+        unit.mass, unit.inertia = specimen.payload_mass * unit.mass, specimen.payload_mass * unit.inertia
+
+
+def controllers_bodies(root: ElementTree.Element, variant: Variant, payload: str) -> None:
+    """Write links, payload and rotor inertias into the MJCF that the controller's model is read from.
+
+    Args:
+        root: The tree of `hmtb.xml`.
+        variant: The arm.
+        payload: One of `PAYLOADS`.
+    """
+    bodies = {str(body.get("name")): body for body in root.iter("body")}
+    for name, link in _other_links(variant):
+        _write_inertia(bodies[BODIES[name]], link.mass, link.length / 2, link)
+    for joint in root.iter("joint"):
+        # Defaults and the pin are <joint> too.
+        if joint.get("name") in JOINTS:
+            joint.set("armature", repr(variant.actuators[str(joint.get("name"))].motor.armature))
+    held = PAYLOADS[payload]
+    if held is None:
+        bodies["end_effector"].remove(bodies[UNIT])
+    elif held != PAYLOADS["rpcm"]:
+        _write_inertia(bodies[UNIT], held.mass, held.size[0] / 2, held)
+
+
+def _other_links(variant: Variant) -> Iterator[tuple[str, Link]]:
+    """Yield the links that are not the nominal arm's."""
+    for name, link in variant.links.items():
+        if link != LINKS[name]:
+            yield name, link
+
+
+def _write_inertia(body: ElementTree.Element, mass: float, centre: float, shape: Link | Payload) -> None:
+    moments = (
+        shape.inertia
+        if isinstance(shape, Payload)
+        else (shape.axial_inertia, shape.transverse_inertia, shape.transverse_inertia)
+    )
+    inertial = body.find("inertial")
+    if inertial is None:
+        raise ValueError(f"body {body.get('name')!r} of hmtb.xml has no <inertial>")
+    inertial.set("mass", repr(mass))
+    inertial.set("pos", f"{centre!r} 0 0")
+    inertial.set("diaginertia", " ".join(map(repr, moments)))

@@ -1,0 +1,122 @@
+"""The arm at its worksite: the replacement unit a free body that a latch holds, contact on where it belongs."""
+
+import mujoco
+
+from hmtb_twin.parameters.resources import model_file
+from hmtb_twin.parameters.seats import LATCH, TOUCH, UNIT
+from hmtb_twin.parameters.values import LINKS, SAMPLE_TIME
+
+UNIT_BODY = "rpcm"
+"""The replacement unit's body; its frame is the tool's when it is held exactly."""
+
+LATCH_WELD = "latch"
+"""The constraint by which the end effector holds the unit."""
+
+TOUCH_SENSOR = "unit_touch"
+"""Sum of the normal contact forces between the unit and the worksite, N, and its history over the last tick."""
+
+
+def worksite_spec(timestep: float | None = None) -> mujoco.MjSpec:
+    """Return the scene in which the unit comes free of the end effector.
+
+    Contact is on between the unit and walls, guides and panel, and between the unit and the finger tips, nowhere else.
+    The latch is a stiff weld, open at first.
+
+    Args:
+        timestep: Physics step, s; the scene's own by default.
+
+    Returns:
+        The scene, its keyframes left out: their state would not fit the free body.
+    """
+    spec = mujoco.MjSpec.from_file(str(model_file("hmtb/scene.xml")))
+    for key in list(spec.keys):
+        spec.delete(key)
+    if timestep is not None:
+        spec.option.timestep = timestep
+    # One solver call for one small problem, as in free space, but with contact.
+    spec.option.disableflags &= ~int(mujoco.mjtDisableBit.mjDSBL_CONTACT)
+    _free(spec)
+    _fingers(spec)
+    for geom in spec.geoms:
+        if geom.conaffinity:
+            _touching(geom)
+    return spec
+
+
+def _free(spec: mujoco.MjSpec) -> None:
+    """Take the unit off the end effector, give it a free joint, a latch and a sensor of touch."""
+    fixed = spec.body(UNIT_BODY)
+    unit = spec.worldbody.add_body(
+        mass=fixed.mass, ipos=fixed.ipos, iquat=fixed.iquat, inertia=fixed.inertia, explicitinertial=True
+    )
+    for geom in fixed.geoms:
+        unit.add_geom(
+            type=geom.type,
+            pos=geom.pos,
+            quat=geom.quat,
+            size=geom.size,
+            material=geom.material,
+            mass=0.0,
+            contype=0,
+            conaffinity=0,
+            group=geom.group,
+        )
+    grip = fixed.pos.copy()
+    spec.delete(fixed)
+    unit.name = UNIT_BODY
+    unit.add_freejoint(name=UNIT_BODY)
+    body = unit.geoms[0]
+    body.contype = 1
+    _touching(body)
+    # The zone leaves out the end at the fingers: their touch is no contact with the worksite.
+    margin, edge = 0.01, 0.01
+    x, y, z = (side / 2 for side in UNIT.size)
+    unit.add_site(
+        name=TOUCH_SENSOR,
+        type=mujoco.mjtGeom.mjGEOM_BOX,
+        pos=[x + edge / 2 + margin / 2, 0.0, 0.0],
+        size=[x - edge / 2 + margin / 2, y + margin, z + margin],
+        group=4,
+    )
+    spec.add_sensor(
+        name=TOUCH_SENSOR,
+        type=mujoco.mjtSensor.mjSENS_TOUCH,
+        objtype=mujoco.mjtObj.mjOBJ_SITE,
+        objname=TOUCH_SENSOR,
+        nsample=round(SAMPLE_TIME / spec.option.timestep),
+    )
+    latch = spec.add_equality(
+        name=LATCH_WELD,
+        type=mujoco.mjtEq.mjEQ_WELD,
+        objtype=mujoco.mjtObj.mjOBJ_BODY,
+        name1="end_effector",
+        name2=UNIT_BODY,
+        active=False,
+        solref=[LATCH.time_constant, LATCH.damping_ratio],
+        solimp=[0.9999, 0.9999, 0.001, 0.5, 2.0],
+    )
+    # Anchor, then the pose of the unit in the end effector, then the weight of rotation.
+    latch.data[:11] = [0.0, 0.0, 0.0, *grip, 1.0, 0.0, 0.0, 0.0, 1.0]
+
+
+def _fingers(spec: mujoco.MjSpec) -> None:
+    """Give the fingers tips that touch the unit; those that are seen do not."""
+    hand = spec.body("end_effector")
+    radius = 0.006
+    for side in (1.0, -1.0):
+        for across in (0.012, -0.012):
+            hand.add_geom(
+                type=mujoco.mjtGeom.mjGEOM_SPHERE,
+                pos=[LINKS["end_effector"].length - LATCH.pad - radius, side * 0.035, across],
+                size=[radius, 0.0, 0.0],
+                mass=0.0,
+                contype=0,
+                conaffinity=1,
+                group=4,
+            )
+
+
+def _touching(geom: mujoco.MjsGeom) -> None:
+    geom.condim = 3
+    geom.friction = [TOUCH.friction, 0.005, 0.0001]
+    geom.solref = [TOUCH.time_constant, 1.0]

@@ -1,0 +1,126 @@
+"""Find every message in the bytes of a Chapter 10 file, whatever has happened to the rest of it."""
+
+import re
+import struct
+from collections.abc import Iterator
+from dataclasses import dataclass
+from io import BytesIO
+
+import numpy as np
+
+from hmtb_twin.bus.chapter10 import BUS, SETUP, pychapter10
+from hmtb_twin.bus.messages import INTRA_PACKET_HEADER
+from hmtb_twin.bus.words import MESSAGES
+
+SYNC = b"\x25\xeb"
+"""The first two bytes of every packet."""
+
+HEADER = 24
+"""Bytes of a packet header."""
+
+
+@dataclass(frozen=True)
+class Scan:
+    """What stands where.
+
+    Attributes:
+        offsets: Where messages begin, in bytes from the beginning of the file (M,).
+        setups: Texts of the set-up records.
+        packets: Number of whole packets.
+        damaged: Number of parts of the file that are in no whole packet.
+        cut: Whether the file ends inside a packet.
+    """
+
+    offsets: np.ndarray
+    setups: tuple[str, ...]
+    packets: int
+    damaged: int
+    cut: bool
+
+
+def scan(data: bytes) -> Scan:
+    """Walk through the packets; where they are damaged, look for the messages themselves.
+
+    Args:
+        data: The file.
+
+    Returns:
+        Where messages begin. In whole packets these are all messages, in damaged parts all places at which length and
+        command word of one of ours stand; what is read there proves itself by its own checksum.
+    """
+    offsets: list[int] = []
+    setups: list[str] = []
+    whole = damaged = 0
+    done = 0
+    cut = False
+    for begin, end, kind, body in _packets(data):
+        if begin > done:
+            damaged += 1
+            offsets += _search(data, done, begin)
+        whole += 1
+        done = end
+        if kind == BUS:
+            offsets += _walk(data, begin + HEADER + 4, body)
+        elif kind == SETUP:
+            setups.append(data[begin + HEADER + 4 : body].decode("ascii", errors="replace"))
+    if done < len(data):
+        damaged += 1
+        cut = True
+        offsets += _search(data, done, len(data))
+    return Scan(np.array(offsets, dtype=np.int64), tuple(dict.fromkeys(setups)), whole, damaged, cut)
+
+
+def _packets(data: bytes) -> Iterator[tuple[int, int, int, int]]:
+    """Whole packets, checksums of header and body verified: begin, end, data type, end of the body."""
+    library = pychapter10().packet
+    position = data.find(SYNC)
+    while 0 <= position <= len(data) - HEADER:
+        length = int.from_bytes(data[position + 4 : position + 8], "little")
+        # Its library checks the header too; asked here first, damaged files of any size are searched fast.
+        *words, total = struct.unpack_from("<12H", data, position)
+        if sum(words) & 0xFFFF == total and HEADER + 4 <= length <= len(data) - position:
+            raw = data[position : position + length]
+            try:
+                packet = library.Packet(BytesIO(raw))
+            except (library.InvalidPacket, EOFError, ValueError):
+                packet = None
+            if packet is not None and not packet.secondary_header and _sound(raw, packet):
+                yield position, position + length, packet.data_type, position + HEADER + packet.data_length
+                position += length
+                if data[position : position + 2] == SYNC:
+                    continue
+        position = data.find(SYNC, position + 1 if data[position : position + 2] == SYNC else position)
+
+
+def _sound(raw: bytes, packet: object) -> bool:
+    """Whether the body fits into the packet and adds up to its checksum."""
+    size = (0, 1, 2, 4)[packet.data_checksum]  # type: ignore[attr-defined]
+    end = len(raw) - size
+    if HEADER + packet.data_length > end or (end - HEADER) % max(size, 1):  # type: ignore[attr-defined]
+        return False
+    if size == 0:
+        return True
+    total = int(np.frombuffer(raw, f"<u{size}", (end - HEADER) // size, HEADER).sum(dtype=np.uint64))
+    return total % 256**size == int.from_bytes(raw[end:], "little")
+
+
+def _walk(data: bytes, position: int, end: int) -> Iterator[int]:
+    """Messages of a whole packet, by their lengths."""
+    while position + INTRA_PACKET_HEADER <= end:
+        yield position
+        (length,) = struct.unpack_from("<H", data, position + INTRA_PACKET_HEADER - 2)
+        position += INTRA_PACKET_HEADER + length + length % 2
+
+
+_SIGNATURE = re.compile(b"|".join(re.escape(struct.pack("<HH", m.length, m.command)) for m in MESSAGES))
+"""Length and command word, which stand side by side."""
+
+
+def _search(data: bytes, begin: int, end: int) -> Iterator[int]:
+    """Places in a damaged part at which one of our messages may begin."""
+    position = begin
+    while (found := _SIGNATURE.search(data, position, end)) is not None:
+        position = found.start() + 1
+        start = found.start() - (INTRA_PACKET_HEADER - 2)
+        if start >= begin:
+            yield start

@@ -1,0 +1,282 @@
+"""What the 1553 bus recorded of one experiment, and beside it what only a simulation knows."""
+
+import warnings
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from functools import cache
+from importlib.metadata import PackageNotFoundError, version
+from pathlib import Path
+from types import MappingProxyType
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from hmtb_twin.control.modes import joint_index
+from hmtb_twin.control.status import Status
+from hmtb_twin.parameters.errors import TwinError
+from hmtb_twin.parameters.values import JOINTS
+from sysid import IOData
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+WRENCH = ("force_x", "force_y", "force_z", "torque_x", "torque_y", "torque_z")
+"""Components of the wrist force/torque sensor, in its own frame."""
+
+_CHANNELS = {
+    "commanded": ("joint", "rad", "commanded joint angle after quantisation, hold and velocity limit"),
+    "measured": ("joint", "rad", "resolver angle, read before the command of the same tick acts"),
+    "wrench": ("component", "N, N m", "wrist force/torque sensor, force then torque, sensor frame"),
+    "true_angles": ("joint", "rad", "joint angle without noise and quantisation"),
+    "load_pressure": ("joint", "MPa", "pressure across each actuator"),
+    "volts": ("axis", "V", "voltage at the hand-controller converter"),
+    "counts": ("axis", "1", "hand-controller counts"),
+    "status": (
+        None,
+        "1",
+        "flags of the tick: " + ", ".join(f"{flag.value} {str(flag.name).lower()}" for flag in Status),
+    ),
+}
+
+_ELECTRIC_CHANNELS = {"load_pressure": ("joint", "A", "current of each motor, in the place of a pressure")}
+"""What a channel means for an arm with electric drives."""
+
+_OPTIONAL_CHANNELS = {
+    "unit_pose": ("pose", "m, 1", "position and quaternion (w, x, y, z) of the replacement unit in the world"),
+    "contact_force": (
+        None,
+        "N",
+        "sum of the normal forces between unit and worksite, largest over the physics steps of the tick before",
+    ),
+    "spool": ("joint", "1", "spool position of each servo valve, part of full stroke"),
+    "supply_pressure": (None, "MPa", "pressure of the supply that all joints share"),
+}
+POSE = ("x", "y", "z", "qw", "qx", "qy", "qz")
+"""Components of a pose."""
+
+
+@dataclass(frozen=True)
+class JointLog:
+    """Log of one experiment at 50 Hz; row k holds what was read at tick k and the command that then acted.
+
+    Attributes:
+        name: The experiment.
+        seed: Its seed.
+        dt: Sampling time, s.
+        axes: The excited joints.
+        commanded: Commanded angles (N, 7), rad: the analyst's input.
+        measured: Measured angles (N, 7), rad: the analyst's output.
+        wrench: Wrist force and torque (N, 6), N and N m.
+        true_angles: Joint angles as they are (N, 7), rad.
+        load_pressure: Load pressures (N, 7), MPa; of electric drives, motor currents, A.
+        volts: Voltage at the hand-controller converter (N, n_axes), V.
+        counts: Hand-controller counts (N, n_axes).
+        status: What was limited or switched off at each tick, bits of `Status` (N,), integers.
+        provenance: Versions, arm and switches with which the log was made.
+        unit_pose: At the worksite, position (m) and quaternion of the replacement unit (N, 7); None elsewhere.
+        contact_force: At the worksite, sum of the normal forces between the unit and the worksite (N,), N: the largest
+            since the tick before; None elsewhere.
+        spool: With servo valves, spool positions (N, 7), part of full stroke; None elsewhere.
+        supply_pressure: With servo valves, pressure of the supply (N,), MPa; None elsewhere.
+    """
+
+    name: str
+    seed: int
+    dt: float
+    axes: tuple[str, ...]
+    commanded: np.ndarray
+    measured: np.ndarray
+    wrench: np.ndarray
+    true_angles: np.ndarray
+    load_pressure: np.ndarray
+    volts: np.ndarray
+    counts: np.ndarray
+    status: np.ndarray
+    provenance: Mapping[str, str] = field(default_factory=dict)
+    unit_pose: np.ndarray | None = None
+    contact_force: np.ndarray | None = None
+    spool: np.ndarray | None = None
+    supply_pressure: np.ndarray | None = None
+
+    def __post_init__(self) -> None:
+        widths = {"joint": len(JOINTS), "component": len(WRENCH), "axis": len(self.axes), "pose": len(POSE)}
+        for channel, (along, _, _) in self._channels().items():
+            array = np.array(getattr(self, channel), dtype=np.int64 if channel == "status" else float)
+            samples = len(np.atleast_1d(self.commanded))
+            wanted = (samples, widths[along]) if along else (samples,)
+            if array.shape != wanted:
+                raise TwinError(f"{channel} of shape {array.shape} given, expected {wanted}")
+            array.setflags(write=False)
+            object.__setattr__(self, channel, array)
+        object.__setattr__(self, "provenance", MappingProxyType(dict(self.provenance)))
+
+    def __len__(self) -> int:
+        return len(self.commanded)
+
+    def _channels(self) -> "dict[str, tuple[str | None, str, str]]":
+        """The channels of this log: what each runs along besides time, unit and meaning."""
+        present = {name: entry for name, entry in _OPTIONAL_CHANNELS.items() if getattr(self, name) is not None}
+        electric = _ELECTRIC_CHANNELS if self.provenance.get("drives") == "electric" else {}
+        return {**_CHANNELS, **electric, **present}
+
+    @property
+    def time(self) -> np.ndarray:
+        """Sampling instants (N,), s."""
+        return np.arange(len(self)) * self.dt
+
+    def iodata(self, joints: str | Sequence[str] | None = None) -> IOData:
+        """Hand commands and measurements of one joint, or of several, to the analyst.
+
+        Args:
+            joints: The joint, or several; the excited one by default.
+
+        Returns:
+            Commanded angles as inputs, measured angles as outputs, rad, in the order of the joints.
+
+        Raises:
+            TwinError: Unknown joint, one named twice, or none named where several are excited.
+        """
+        if joints is None:
+            if len(self.axes) != 1:
+                raise TwinError(f"{self.name} excites {', '.join(self.axes)}: name the joint")
+            joints = self.axes[0]
+        chosen = (joints,) if isinstance(joints, str) else tuple(joints)
+        columns = [joint_index(joint) for joint in chosen]
+        if not columns or len(set(columns)) < len(columns):
+            raise TwinError(f"joints = {chosen} given, expected one or more of {', '.join(JOINTS)}, each once")
+        return IOData(
+            self.commanded[:, columns],
+            self.measured[:, columns],
+            self.dt,
+            input_names=tuple(f"{joint} commanded" for joint in chosen),
+            output_names=tuple(f"{joint} measured" for joint in chosen),
+            input_units=("rad",) * len(chosen),
+            output_units=("rad",) * len(chosen),
+        )
+
+    def save(self, path: str | Path) -> Path:
+        """Write the log as NetCDF4.
+
+        Args:
+            path: The file, written under a temporary name and then renamed.
+
+        Returns:
+            The path.
+
+        Raises:
+            TwinError: The file cannot be written.
+        """
+        import xarray as xr
+
+        path = Path(path)
+        if path.is_dir() or not path.parent.is_dir():
+            raise TwinError(f"cannot write the log {path}: it is a folder, or its folder does not exist")
+        coordinates = {
+            "sample": np.arange(len(self)),
+            "joint": list(JOINTS),
+            "component": list(WRENCH),
+            "axis": list(self.axes),
+        }
+        variables = {
+            name: (("sample", along) if along else ("sample",), getattr(self, name), {"units": unit, "long_name": text})
+            for name, (along, unit, text) in self._channels().items()
+        }
+        if self.unit_pose is not None:
+            coordinates["pose"] = list(POSE)
+        attributes = {
+            "title": self.name,
+            "format": FORMAT,
+            "seed": self.seed,
+            "sampling_time": self.dt,
+            "intersample": "zoh",
+            **{f"provenance_{key}": value for key, value in self.provenance.items()},
+        }
+        partial = path.with_name(path.name + ".partial")
+        try:
+            xr.Dataset(variables, coords=coordinates, attrs=attributes).to_netcdf(partial, engine="h5netcdf")
+            partial.replace(path)
+        except (OSError, ValueError, TypeError) as error:
+            partial.unlink(missing_ok=True)
+            reason = error.strerror if isinstance(error, OSError) and error.strerror else error
+            raise TwinError(f"cannot write the log {path}: {reason}") from error
+        return path
+
+    @classmethod
+    def load(cls, path: str | Path) -> "JointLog":
+        """Read a log written by `save`.
+
+        Args:
+            path: The file.
+
+        Returns:
+            The log.
+
+        Raises:
+            TwinError: The file is missing or is no joint log.
+        """
+        import h5py
+        import xarray as xr
+
+        path = Path(path)
+        if not path.is_file():
+            raise TwinError(f"no file {path}: expected a joint log, NetCDF4")
+        try:
+            with h5py.File(path) as whole:
+                # A damaged file is found here, where nothing is left half open.
+                _ = dict(whole["/"].attrs)
+            with warnings.catch_warnings():
+                # A foreign file is reported below; its reader's own remarks would only stand before that.
+                warnings.simplefilter("ignore")
+                with xr.open_dataset(path, engine="h5netcdf") as stored:
+                    dataset = stored.load()
+        except PermissionError as error:
+            raise TwinError(f"cannot read {path}: {error.strerror}") from error
+        except (OSError, ValueError, KeyError, TypeError, RuntimeError) as error:
+            raise TwinError(f"{path} is not a NetCDF4 file, or a damaged one") from error
+        missing = [name for name in _CHANNELS if name not in dataset]
+        if str(dataset.attrs.get("format")) != FORMAT or missing:
+            raise TwinError(
+                f"{path} is no joint log: expected format {FORMAT!r} with {', '.join(_CHANNELS)}; "
+                f"found {', '.join(map(str, dataset)) or 'nothing'}"
+            )
+        try:
+            return cls._of(dataset)
+        except (KeyError, ValueError, TypeError, IndexError) as error:
+            raise TwinError(f"{path} is a damaged joint log: {error}") from error
+
+    @classmethod
+    def _of(cls, dataset: "xr.Dataset") -> "JointLog":
+        joints = tuple(map(str, dataset["joint"].values))
+        if joints != JOINTS:
+            raise TwinError(f"a joint log with joints {', '.join(joints)}; expected {', '.join(JOINTS)} in this order")
+        prefix = "provenance_"
+        return cls(
+            name=str(dataset.attrs["title"]),
+            seed=int(dataset.attrs["seed"]),
+            dt=float(dataset.attrs["sampling_time"]),
+            axes=tuple(map(str, dataset["axis"].values)),
+            provenance={
+                str(key).removeprefix(prefix): str(value)
+                for key, value in dataset.attrs.items()
+                if str(key).startswith(prefix)
+            },
+            **{name: dataset[name].values for name in (*_CHANNELS, *_OPTIONAL_CHANNELS) if name in dataset},
+        )
+
+
+FORMAT = "hmtb joint log 2"
+"""Marks the files of this version."""
+
+
+def software_versions() -> dict[str, str]:
+    """Return the versions that a log depends on."""
+    return {package.replace("-", "_"): _version(package) for package in ("hmtb-twin", "mujoco", "numpy", "pin")}
+
+
+@cache
+def _version(package: str) -> str:
+    # The metadata of an installed package is a text that takes milliseconds to parse.
+    try:
+        return version(package)
+    except PackageNotFoundError:
+        return "checkout"

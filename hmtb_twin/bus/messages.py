@@ -1,0 +1,167 @@
+"""The words of a test: records to 1553 messages as Chapter 10 stores them, and back."""
+
+from functools import cache
+
+import numpy as np
+
+from hmtb_twin.bus.record import CHANNELS, BusRecord
+from hmtb_twin.bus.words import COUNTS_PER_TICK, HIGHEST, LOWEST, MESSAGES, Message, check_words
+
+INTRA_PACKET_HEADER = 14
+"""Bytes before the words of a message: time stamp 8, block status 2, gap times 2, length 2 [IRIG2015, 10.6.4]."""
+
+RESPONSE_TIME = 80
+"""How long a terminal takes to answer, 0.1 us: within the 4 to 12 us that are allowed [MilStd1978, 4.3.3.8]."""
+
+FIRST_BIT = {"commanded": 0, "measured": 7, "wrench": 14}
+"""Where a message's bits stand in `BusRecord.saturated`."""
+
+
+@cache
+def layout(message: Message) -> np.dtype:
+    """How a whole message lies in the file: intra-packet header, then the words in their sequence on the bus.
+
+    Args:
+        message: The message.
+
+    Returns:
+        A packed little-endian structure.
+    """
+    answer = [("status", "<u2"), ("data", "<u2", (message.count,))]
+    return np.dtype(
+        [
+            ("stamp", "<u8"),
+            ("block_status", "<u2"),
+            ("gap_times", "<u2"),
+            ("length", "<u2"),
+            ("command", "<u2"),
+            *(answer if message.transmits else answer[::-1]),
+        ]
+    )
+
+
+FRAME = np.dtype([(message.name, layout(message)) for message in MESSAGES])
+"""One tick: its messages one after the other."""
+
+
+def pack(record: BusRecord, test: int, start: int) -> tuple[np.ndarray, np.ndarray]:
+    """Make the messages of a test.
+
+    A value that does not fit into its word stands at the end of the range and sets its bit of `saturated`.
+
+    Args:
+        record: The test, at the rate of the bus.
+        test: Its number in the run, from 1.
+        start: Relative time counter at its first tick.
+
+    Returns:
+        The ticks (N,) as `FRAME`, and which messages there are (N, 3): those of which no value is missing.
+    """
+    ticks = np.arange(len(record))
+    frames = np.zeros(len(record), FRAME)
+    sent = np.empty((len(record), len(MESSAGES)), bool)
+    for column, message in enumerate(MESSAGES):
+        values = getattr(record, message.name)
+        known = np.isfinite(values).all(axis=1)
+        known &= np.isfinite(record.status) if message.has_status else True
+        codes = np.rint(np.where(known[:, None], values, 0.0) / np.array(message.steps))
+        over = (codes < LOWEST) | (codes > HIGHEST)
+        before = _flags(record.saturated) >> FIRST_BIT[message.name] & 2 ** len(message.quantities) - 1
+        saturated = over @ (1 << np.arange(over.shape[1])) | before
+        words = np.column_stack(
+            [
+                ticks,
+                np.full(len(ticks), test),
+                np.clip(codes, LOWEST, HIGHEST).astype(np.int64) & 0xFFFF,
+                *([_flags(record.status)] if message.has_status else []),
+                saturated,
+            ]
+        ).astype(np.uint16)
+        part = frames[message.name]
+        part["stamp"] = start + COUNTS_PER_TICK * ticks + message.slot
+        part["gap_times"] = RESPONSE_TIME
+        part["length"] = message.length
+        part["command"] = message.command
+        part["status"] = message.status
+        part["data"] = np.column_stack([words, check_words(words)])
+        sent[:, column] = known
+    return frames, sent
+
+
+def unpack(messages: dict[str, np.ndarray], name: str, axes: tuple[str, ...], length: int, dt: float) -> BusRecord:
+    """Read the values of a test from its good messages; what no message brings is NaN.
+
+    Args:
+        messages: Good messages by name, each as `layout`, no two of the same tick.
+        name: The test.
+        axes: What it excites.
+        length: Its number of ticks.
+        dt: Sampling time, s.
+    """
+    channels = {c: np.full((length, len(names)), np.nan) for c, (names, _) in CHANNELS.items()}
+    flags = np.zeros(length, np.int64)
+    known = np.zeros(length, bool)
+    for message in MESSAGES:
+        data = messages[message.name]["data"]
+        ticks = data[:, 0].astype(np.int64)
+        width = len(message.quantities)
+        codes = data[:, 2 : 2 + width].astype(np.uint16).view(np.int16)
+        channels[message.name][ticks] = np.array(message.steps) * codes
+        if message.has_status:
+            channels["status"][ticks, 0] = data[:, 2 + width]
+        flags[ticks] |= data[:, -3].astype(np.int64) << FIRST_BIT[message.name]
+        known[ticks] = True
+    channels["saturated"][:, 0] = np.where(known, flags, np.nan)
+    return BusRecord(
+        name=name,
+        dt=dt,
+        axes=axes,
+        commanded=channels["commanded"],
+        measured=channels["measured"],
+        wrench=channels["wrench"],
+        status=channels["status"][:, 0],
+        saturated=channels["saturated"][:, 0],
+    )
+
+
+def rounding(record: BusRecord) -> dict[str, float]:
+    """What the words would change.
+
+    Args:
+        record: The record.
+
+    Returns:
+        Largest change by channel, in the channel's units; nothing for channels that pass unchanged.
+    """
+    changed = {}
+    for message in MESSAGES:
+        values, steps = getattr(record, message.name), np.array(message.steps)
+        passed = steps * np.clip(np.rint(values / steps), LOWEST, HIGHEST)
+        largest = np.abs(np.nan_to_num(values - passed)).max(initial=0.0)
+        if largest > 0:
+            changed[message.name] = float(largest)
+    return changed
+
+
+def incomplete(record: BusRecord) -> dict[str, int]:
+    """At how many ticks a message has some of its values and lacks others; the words cannot say so.
+
+    Args:
+        record: The record.
+
+    Returns:
+        The number by channel; nothing for channels of which every tick is whole or lost altogether.
+    """
+    counts = {}
+    for message in MESSAGES:
+        known = np.isfinite(getattr(record, message.name))
+        if message.has_status:
+            known = np.column_stack([known, np.isfinite(record.status)])
+        partly = int((known.any(axis=1) & ~known.all(axis=1)).sum())
+        if partly:
+            counts[message.name] = partly
+    return counts
+
+
+def _flags(values: np.ndarray) -> np.ndarray:
+    return np.nan_to_num(values).astype(np.int64)

@@ -1,0 +1,256 @@
+"""What the bus hands to the analyst: joints and wrench, without what was lost, without what only a simulation knows."""
+
+import warnings
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from hmtb_twin.bus.joint_log import WRENCH, JointLog
+from hmtb_twin.control.modes import joint_index
+from hmtb_twin.parameters.errors import TwinError
+from hmtb_twin.parameters.values import JOINTS
+from sysid import IOData
+
+FORMAT = "hmtb bus record 1"
+"""Marks the NetCDF files of this version."""
+
+CHANNELS = {
+    "commanded": (tuple(f"{joint}_commanded" for joint in JOINTS), ("rad",) * len(JOINTS)),
+    "measured": (tuple(f"{joint}_measured" for joint in JOINTS), ("rad",) * len(JOINTS)),
+    "wrench": (WRENCH, ("N",) * 3 + ("N m",) * 3),
+    "status": (("status",), ("1",)),
+    "saturated": (("saturated",), ("1",)),
+}
+"""Channels in the sequence of their columns: names and units of each."""
+
+COLUMNS = tuple(name for names, _ in CHANNELS.values() for name in names)
+"""Names of all columns behind the time."""
+
+UNITS = tuple(unit for _, units in CHANNELS.values() for unit in units)
+"""Their units."""
+
+
+@dataclass(frozen=True)
+class BusRecord:
+    """One test as it came over the bus, at 50 Hz; NaN where a message was lost.
+
+    Attributes:
+        name: The test.
+        dt: Sampling time, s.
+        axes: What the test excites, as the set-up of the recorder says; empty where it is not known.
+        commanded: Commanded angles (N, 7), rad: the analyst's input.
+        measured: Measured angles (N, 7), rad: the analyst's output.
+        wrench: Wrist force and torque (N, 6), N and N m.
+        status: Flags of the control computer, whole numbers held as floats (N,); NaN where the command was lost.
+        saturated: What was outside the range of its word, bits 0 to 6 commanded, 7 to 13 measured, 14 to 19 wrench;
+            whole numbers held as floats (N,). Bits of lost messages are zero.
+    """
+
+    name: str
+    dt: float
+    axes: tuple[str, ...]
+    commanded: np.ndarray
+    measured: np.ndarray
+    wrench: np.ndarray
+    status: np.ndarray
+    saturated: np.ndarray
+
+    def __post_init__(self) -> None:
+        if not 0 < self.dt < np.inf:
+            raise TwinError(f"a sampling time of {self.dt} s given, expected one above 0 s")
+        length = len(np.atleast_1d(self.commanded))
+        for channel, (names, _) in CHANNELS.items():
+            array = np.array(getattr(self, channel), dtype=float)
+            wanted = (length, len(names)) if len(names) > 1 else (length,)
+            if array.shape != wanted:
+                raise TwinError(f"{channel} of shape {array.shape} given, expected {wanted}")
+            if np.isinf(array).any():
+                raise TwinError(f"{channel} has infinite values; expected numbers, or NaN where one was lost")
+            array.setflags(write=False)
+            object.__setattr__(self, channel, array)
+        for channel, bits in (("status", 16), ("saturated", 20)):
+            flags = getattr(self, channel)[np.isfinite(getattr(self, channel))]
+            if ((flags != np.rint(flags)) | (flags < 0) | (flags >= 2**bits)).any():
+                raise TwinError(f"{channel} holds flags: whole numbers from 0 to {2**bits - 1}")
+
+    def __len__(self) -> int:
+        return len(self.commanded)
+
+    @classmethod
+    def of(cls, log: JointLog) -> "BusRecord":
+        """Take from a log what passes over the bus, before any rounding to words.
+
+        Args:
+            log: The log.
+        """
+        flags = np.zeros(len(log))
+        return cls(log.name, log.dt, tuple(log.axes), log.commanded, log.measured, log.wrench, log.status, flags)
+
+    @classmethod
+    def from_columns(cls, name: str, dt: float, axes: Sequence[str], table: np.ndarray) -> "BusRecord":
+        """Make a record of the columns that `columns` returns.
+
+        Args:
+            name: The test.
+            dt: Sampling time, s.
+            axes: What the test excites.
+            table: One column for each of `COLUMNS` (N, 22).
+        """
+        parts, start = {}, 0
+        for channel, (names, _) in CHANNELS.items():
+            part = table[:, start : start + len(names)]
+            parts[channel] = part if len(names) > 1 else part[:, 0]
+            start += len(names)
+        return cls(name=name, dt=dt, axes=tuple(axes), **parts)
+
+    def columns(self) -> np.ndarray:
+        """All values, one column for each of `COLUMNS` (N, 22)."""
+        return np.column_stack([getattr(self, channel) for channel in CHANNELS])
+
+    @property
+    def time(self) -> np.ndarray:
+        """Sampling instants (N,), s."""
+        return np.arange(len(self)) * self.dt
+
+    @property
+    def lost(self) -> np.ndarray:
+        """Ticks at which anything was lost (N,), bool."""
+        values = np.column_stack([self.commanded, self.measured, self.wrench])
+        return np.asarray(np.isnan(values).any(axis=1))
+
+    def parts(self, joint: str | None = None) -> tuple[IOData, ...]:
+        """One joint's command and measurement, cut where commands were lost.
+
+        An input must be complete, and none is made up. Lost measurements stay in the parts, declared as missing.
+
+        Args:
+            joint: The joint; the excited one by default.
+
+        Returns:
+            Commanded angle as input, measured angle as output, rad; as many records as there are stretches of commands
+            with any measurement beside them.
+
+        Raises:
+            TwinError: Unknown joint, none named where the record does not excite just one, or nothing left.
+        """
+        column = joint_index(self._joint(joint))
+        u, y = self.commanded[:, column], self.measured[:, column]
+        known = np.concatenate(([False], np.isfinite(u), [False]))
+        starts, stops = (np.flatnonzero(np.diff(known.astype(int)) == step) for step in (1, -1))
+        stretches = [(a, b) for a, b in zip(starts, stops, strict=True) if np.isfinite(y[a:b]).any()]
+        if not stretches:
+            raise TwinError(f"{self.name}: no sample of {JOINTS[column]} is left of {len(self)}")
+        return tuple(
+            IOData(
+                u[a:b],
+                y[a:b],
+                self.dt,
+                input_names=(f"{JOINTS[column]} commanded",),
+                output_names=(f"{JOINTS[column]} measured",),
+                input_units=("rad",),
+                output_units=("rad",),
+                missing=bool(np.isnan(y[a:b]).any()),
+            )
+            for a, b in stretches
+        )
+
+    def iodata(self, joint: str | None = None) -> IOData:
+        """Hand one joint's command and measurement to the analyst as one record.
+
+        Args:
+            joint: The joint; the excited one by default.
+
+        Returns:
+            As `parts`, of which there must be one; commands lost at either end are left out.
+
+        Raises:
+            TwinError: As `parts`, or commands were lost in between.
+        """
+        parts = self.parts(joint)
+        if len(parts) > 1:
+            ticks = np.flatnonzero(np.isnan(self.commanded).any(axis=1))
+            raise TwinError(
+                f"{self.name}: {len(ticks)} commands were lost between ticks {ticks[0]} and {ticks[-1]}; an input must "
+                f"be complete: take the {len(parts)} parts"
+            )
+        return parts[0]
+
+    def _joint(self, joint: str | None) -> str:
+        if joint is not None:
+            return joint
+        if len(self.axes) == 1 and self.axes[0] in JOINTS:
+            return self.axes[0]
+        excited = f"excites {', '.join(self.axes)}" if self.axes else "does not say what it excites"
+        raise TwinError(f"{self.name} {excited}: name the joint")
+
+    def save(self, path: str | Path) -> Path:
+        """Write the record as NetCDF4.
+
+        Args:
+            path: The file, written under a temporary name and then renamed.
+
+        Raises:
+            TwinError: The file cannot be written.
+        """
+        import xarray as xr
+
+        path = Path(path)
+        along = {"commanded": "joint", "measured": "joint", "wrench": "component"}
+        variables = {
+            name: (("sample", *([along[name]] if name in along else [])), getattr(self, name), _attributes(units))
+            for name, (_, units) in CHANNELS.items()
+        }
+        coordinates = {"sample": np.arange(len(self)), "joint": list(JOINTS), "component": list(WRENCH)}
+        attributes = {
+            "title": self.name,
+            "format": FORMAT,
+            "sampling_time": self.dt,
+            "intersample": "zoh",
+            "excited": " ".join(self.axes),
+            "missing": "NaN",
+        }
+        partial = path.with_name(path.name + ".partial")
+        try:
+            xr.Dataset(variables, coords=coordinates, attrs=attributes).to_netcdf(partial, engine="h5netcdf")
+            partial.replace(path)
+        except (OSError, ValueError, TypeError) as error:
+            partial.unlink(missing_ok=True)
+            raise TwinError(f"cannot write the record {path}: {error}") from error
+        return path
+
+    @classmethod
+    def load(cls, path: str | Path) -> "BusRecord":
+        """Read a record written by `save`.
+
+        Args:
+            path: The file.
+
+        Raises:
+            TwinError: The file is missing, damaged, or no bus record.
+        """
+        import xarray as xr
+
+        try:
+            with warnings.catch_warnings():
+                warnings.simplefilter("ignore")
+                with xr.open_dataset(path, engine="h5netcdf") as stored:
+                    dataset = stored.load()
+        except (OSError, ValueError, KeyError, TypeError, RuntimeError) as error:
+            raise TwinError(f"{path} is not a NetCDF4 file, or a damaged one") from error
+        if dataset.attrs.get("format") != FORMAT:
+            raise TwinError(f"{path} is no bus record: expected format {FORMAT!r}")
+        try:
+            return cls(
+                name=str(dataset.attrs["title"]),
+                dt=float(dataset.attrs["sampling_time"]),
+                axes=tuple(str(dataset.attrs["excited"]).split()),
+                **{channel: dataset[channel].values for channel in CHANNELS},
+            )
+        except (KeyError, ValueError, TypeError) as error:
+            raise TwinError(f"{path} is a damaged bus record: {error}") from error
+
+
+def _attributes(units: Sequence[str]) -> dict[str, str]:
+    return {"units": ", ".join(dict.fromkeys(units))}

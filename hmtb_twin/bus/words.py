@@ -1,0 +1,230 @@
+"""The interface control table of the bus: which word of which message holds what, in what unit and scale."""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from math import pi
+
+import numpy as np
+
+from hmtb_twin.bus.joint_log import WRENCH
+from hmtb_twin.parameters.values import JOINTS, SAMPLE_RATE
+
+CLOCK = 10_000_000
+"""Rate of the relative time counter, Hz [IRIG2015, 10.6.1]."""
+
+COUNTS_PER_TICK = CLOCK // SAMPLE_RATE
+"""Counts of the relative time counter in one period of the position loop; a whole number, so time is exact."""
+
+BAM = 2.0 * pi / 2**16
+"""Binary angular measurement: a turn in 16 bits, rad. It is also one count of the resolvers."""
+
+FORCE_STEP = 1.0 / 16.0
+"""Scale of the force words, N; their range is 2048 N to either side."""
+
+TORQUE_STEP = 1.0 / 64.0
+"""Scale of the torque words, N m; their range is 512 N m to either side."""
+
+LOWEST, HIGHEST = -(2**15), 2**15 - 1
+"""Range of a word in two's complement."""
+
+
+@dataclass(frozen=True)
+class Word:
+    """One data word.
+
+    Attributes:
+        name: What it holds.
+        unit: Unit of its value.
+        step: Value of its least significant bit, in that unit; None for whole numbers and sets of bits.
+        meaning: One line for the table.
+    """
+
+    name: str
+    unit: str
+    step: float | None
+    meaning: str
+
+
+@dataclass(frozen=True)
+class Message:
+    """One transfer per tick between the bus controller and a remote terminal.
+
+    Attributes:
+        name: What the table calls it; the channel of the record that it carries.
+        terminal: Address of the remote terminal.
+        subaddress: Subaddress within the terminal.
+        transmits: Whether the terminal transmits (RT to BC) or receives (BC to RT).
+        slot: When it starts after the tick, in counts of the relative time counter.
+        quantities: Names of its values in the sequence of their words.
+        unit: Their unit, one each.
+        steps: Their scales, one each.
+        has_status: Whether the control status goes with it.
+    """
+
+    name: str
+    terminal: int
+    subaddress: int
+    transmits: bool
+    slot: int
+    quantities: tuple[str, ...]
+    units: tuple[str, ...]
+    steps: tuple[float, ...]
+    has_status: bool = False
+
+    @property
+    def words(self) -> tuple[Word, ...]:
+        """The data words in their sequence."""
+        values = (
+            Word(name, unit, step, "two's complement")
+            for name, unit, step in zip(self.quantities, self.units, self.steps, strict=True)
+        )
+        status = (Word("status", "1", None, "flags of the control computer"),) if self.has_status else ()
+        return (
+            Word("tick", "20 ms", None, "time tag: ticks since the test began"),
+            Word("test", "1", None, "number of the test in the run, from 1"),
+            *values,
+            *status,
+            Word("saturated", "1", None, f"bit k: {self.quantities[0]}, ... is outside the range of its word"),
+            Word("crc", "1", None, "CRC-16 of the words before it, polynomial 1021, start FFFF"),
+            Word("checksum", "1", None, "rotated exclusive or of the words before it"),
+        )
+
+    @property
+    def count(self) -> int:
+        """Number of data words."""
+        return len(self.words)
+
+    @property
+    def command(self) -> int:
+        """The command word: terminal, transmit bit, subaddress, word count [MilStd1978, 4.3.3.5.1]."""
+        return self.terminal << 11 | self.transmits << 10 | self.subaddress << 5 | self.count % 32
+
+    @property
+    def status(self) -> int:
+        """The status word of a terminal with nothing to report [MilStd1978, 4.3.3.5.3]."""
+        return self.terminal << 11
+
+    @property
+    def length(self) -> int:
+        """Bytes on the bus: command, status and data words."""
+        return 2 * (2 + self.count)
+
+
+MESSAGES = (
+    Message(
+        "measured",
+        terminal=1,
+        subaddress=1,
+        transmits=True,
+        slot=0,
+        quantities=tuple(f"{joint}_measured" for joint in JOINTS),
+        units=("rad",) * len(JOINTS),
+        steps=(BAM,) * len(JOINTS),
+    ),
+    Message(
+        "wrench",
+        terminal=2,
+        subaddress=1,
+        transmits=True,
+        slot=5_000,
+        quantities=WRENCH,
+        units=("N",) * 3 + ("N m",) * 3,
+        steps=(FORCE_STEP,) * 3 + (TORQUE_STEP,) * 3,
+    ),
+    Message(
+        "commanded",
+        terminal=1,
+        subaddress=2,
+        transmits=False,
+        slot=10_000,
+        quantities=tuple(f"{joint}_commanded" for joint in JOINTS),
+        units=("rad",) * len(JOINTS),
+        steps=(BAM,) * len(JOINTS),
+        has_status=True,
+    ),
+)
+"""What passes over the bus in every tick: the joints are read, the sensor is read, the command goes out."""
+
+
+def check_words(words: np.ndarray) -> np.ndarray:
+    """The last two words of messages whose other words are given: cyclic redundancy check, then checksum.
+
+    The check finds up to three wrong bits anywhere, which the checksum, made for slow terminals, does not.
+
+    Args:
+        words: The words before them (N, k), 16 bits each.
+
+    Returns:
+        The two words (N, 2).
+    """
+    cycle = crc(words)
+    return np.column_stack([cycle, checksum(np.column_stack([words, cycle]))])
+
+
+def crc(words: np.ndarray) -> np.ndarray:
+    """Cyclic redundancy check of 16 bits, polynomial x^16 + x^12 + x^5 + 1, start FFFF, high bytes first [Koopman2004].
+
+    Args:
+        words: The words (N, k), 16 bits each.
+
+    Returns:
+        The checks (N,).
+    """
+    rest = np.full(len(words), 0xFFFF, np.uint16)
+    for word in words.T:
+        for octet in (word >> 8, word & 0xFF):
+            rest = (rest << 8) ^ _CRC_TABLE[(rest >> 8) ^ octet]
+    return rest
+
+
+def _crc_table() -> np.ndarray:
+    rest = np.arange(256, dtype=np.uint16) << 8
+    for _ in range(8):
+        rest = np.where(rest & 0x8000, (rest << 1) ^ 0x1021, rest << 1).astype(np.uint16)
+    return rest
+
+
+_CRC_TABLE = _crc_table()
+"""What one more byte does to the check."""
+
+
+def checksum(words: np.ndarray) -> np.ndarray:
+    """The last word of messages whose other words are given.
+
+    Every word, the checksum included, rotated right by the number of words before it, adds up to zero without carries
+    [MilStd2003, app. B]. A single wrong bit never passes, random words pass once in 65536.
+
+    Args:
+        words: The words before it (N, k), 16 bits each.
+
+    Returns:
+        The checksums (N,).
+    """
+    wide = words.astype(np.uint32)
+    shifts = np.arange(words.shape[1], dtype=np.uint32) % 16
+    total = np.bitwise_xor.reduce((wide >> shifts | wide << (16 - shifts)) & 0xFFFF, axis=1)
+    turn = words.shape[1] % 16
+    return ((total << turn | total >> (16 - turn)) & 0xFFFF).astype(np.uint16)
+
+
+def interface_control_table() -> Iterator[str]:
+    """The table as lines of Markdown, one row per data word.
+
+    Yields:
+        The lines, heading first.
+    """
+    yield "| Message | Word | Holds | Unit | LSB | Range | Coding |"
+    yield "|---|---|---|---|---|---|---|"
+    for message in MESSAGES:
+        way = "RT to BC" if message.transmits else "BC to RT"
+        title = (
+            f"**{message.name}**, RT {message.terminal}, SA {message.subaddress}, {way}, command {message.command:04X}"
+        )
+        for number, word in enumerate(message.words, start=1):
+            if word.step is None:
+                scale, span = "1", "0 to 65535"
+            else:
+                scale = f"{word.step:.9g}" + (" (180/32768 deg)" if word.unit == "rad" else "")
+                span = f"{LOWEST * word.step:.7g} to {HIGHEST * word.step:.7g}"
+            yield f"| {title} | {number} | `{word.name}` | {word.unit} | {scale} | {span} | {word.meaning} |"
+            title = ""

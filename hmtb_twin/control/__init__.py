@@ -1,0 +1,3 @@
+"""Control."""
+
+__all__: list[str] = []

@@ -1,0 +1,151 @@
+"""The control station of one experiment: what happens between the stick and the joint command, tick by tick."""
+
+from collections.abc import Callable
+
+import numpy as np
+
+from hmtb_twin.arm.arm import Arm
+from hmtb_twin.control.experiment import Experiment, Motion, View
+from hmtb_twin.control.hand_controller import HandControllerInterface, deflection, pickup
+from hmtb_twin.control.modes import axis_gains, start_mode
+from hmtb_twin.control.status import Status
+from hmtb_twin.parameters.errors import TwinError
+from hmtb_twin.parameters.values import JOINTS, SAMPLE_RATE, SAMPLE_TIME
+
+
+class ControlStation:
+    """Excitation computer or operator, hand controller, control mode and emergency shutdown of one experiment.
+
+    Commands that depend on nothing but the excitation are computed at once; those of an operator, who sees the arm, and
+    of an experiment with an emergency shutdown, after which the command starts where the arm stands, tick by tick.
+    Both take the same steps, to the bit.
+
+    Args:
+        experiment: The experiment.
+        arm: The arm that its controller knows.
+        rng: Source of bias, noise and hum.
+
+    Attributes:
+        ticks: Length N of the experiment.
+        volts: Voltage at the converter (N, n_axes), V.
+        counts: Converter counts after sample and hold (N, n_axes).
+        commands: Joint commands (N, 7), rad.
+        status: What was limited at each tick, bits of `Status` (N,).
+        powered: Whether the servos have power at each tick (N,).
+        operator: Who moves the stick; None where the excitation computer does.
+        live: Whether commands are computed tick by tick.
+        grip: Whether the operator has the end effector closed; None where nobody works it.
+
+    Raises:
+        TwinError: The experiment asks for something that the station does not have.
+    """
+
+    def __init__(self, experiment: Experiment, arm: Arm, rng: np.random.Generator) -> None:
+        self.ticks = _ticks(experiment)
+        self._mode = start_mode(experiment, arm)
+        self._parameters = experiment.hand_controller
+        self._gains = axis_gains(experiment.mode, experiment.axes, self._parameters)
+        self.operator = experiment.operator()
+        if self.operator is not None and not callable(getattr(self.operator, "move", None)):
+            raise TwinError(
+                f"{experiment.name}: operator() gave {type(self.operator).__name__}, expected an object with a method "
+                "move(view), or None"
+            )
+        axes = len(experiment.axes)
+        disturbance = pickup(self.ticks, axes, self._parameters, rng, experiment.chain)
+        self._interface = HandControllerInterface(self._parameters, experiment.chain, disturbance)
+        self.powered = _powered(experiment, self.ticks)
+        self.live = self.operator is not None or not self.powered.all()
+        self.commands = np.empty((self.ticks, len(JOINTS)))
+        self.status = np.zeros(self.ticks, dtype=np.int64)
+        self.grip: bool | None = None
+        if self.operator is None:
+            self._excitation = _excitation(experiment, self.ticks)
+            self.volts, self.counts = self._interface.read(self._excitation)
+        else:
+            self.volts, self.counts = np.empty((2, self.ticks, axes))
+        if not self.live:
+            asked = self._gains * deflection(self.counts, self._parameters)
+            for tick in range(self.ticks):
+                self.commands[tick], self.status[tick] = self._mode.step(asked[tick])
+            self._flag_saturation(slice(None))
+
+    def tick(self, tick: int, reading: np.ndarray, look: Callable[[], View]) -> None:
+        """Compute the command of one tick, of a live station only.
+
+        Args:
+            tick: The tick.
+            reading: Resolver readings at this tick (7,), rad.
+            look: Gives an operator's view.
+
+        Raises:
+            TwinError: The operator does what the stick cannot do.
+        """
+        if self.operator is not None:
+            motion = self.operator.move(look())
+            self.grip = motion.grip if isinstance(motion, Motion) else None
+            self.volts[tick] = self._interface.receive(_checked_volts(motion, self.volts.shape[1])[None], tick)[0]
+            self.counts[tick] = self._interface.convert(self.volts[tick - tick % self._interface.hold])
+        asked = self._gains * deflection(self.counts[tick], self._parameters)
+        if not self.powered[tick]:
+            self.commands[tick], self.status[tick] = self._mode.rebase(reading, asked)
+            self.status[tick] |= Status.SHUT_DOWN
+        elif tick > 0 and not self.powered[tick - 1]:
+            self.commands[tick], self.status[tick] = self._mode.rebase(reading, asked)
+        else:
+            self.commands[tick], self.status[tick] = self._mode.step(asked)
+        self._flag_saturation(slice(tick, tick + 1))
+
+    def _flag_saturation(self, ticks: slice) -> None:
+        counts, limit = self.counts[ticks], self._parameters.adc_limit
+        saturated = ((counts <= -limit) | (counts >= limit - 1)).any(axis=1)
+        self.status[ticks][saturated] |= Status.CONVERTER_SATURATED
+
+
+def _checked_volts(motion: object, axes: int) -> np.ndarray:
+    if not isinstance(motion, Motion):
+        raise TwinError(f"its operator gave {type(motion).__name__}, expected a Motion")
+    try:
+        volts = np.asarray(motion.volts, dtype=float)
+    except (TypeError, ValueError) as error:
+        raise TwinError(f"its operator gave volts {motion.volts!r}, expected {axes} numbers") from error
+    if volts.shape != (axes,) or not np.isfinite(volts).all():
+        raise TwinError(f"its operator gave volts {volts}, expected {axes} finite numbers, one per axis")
+    return volts
+
+
+def _ticks(experiment: Experiment) -> int:
+    ticks = round(experiment.duration * SAMPLE_RATE)
+    if ticks < 1 or abs(ticks - experiment.duration * SAMPLE_RATE) > 1e-9 * ticks:
+        raise TwinError(
+            f"{experiment.name}: duration {experiment.duration:g} s given, expected a positive multiple of "
+            f"{SAMPLE_TIME:g} s"
+        )
+    return ticks
+
+
+def _excitation(experiment: Experiment, ticks: int) -> np.ndarray:
+    volts = np.asarray(experiment.volts(), dtype=float)
+    if volts.shape != (ticks, len(experiment.axes)) or not np.isfinite(volts).all():
+        raise TwinError(
+            f"{experiment.name}: volts of shape {volts.shape} given, expected finite values of shape "
+            f"{(ticks, len(experiment.axes))} for {experiment.duration:g} s at {SAMPLE_RATE} Hz"
+        )
+    return volts
+
+
+def _powered(experiment: Experiment, ticks: int) -> np.ndarray:
+    """Return whether the servos have power at each tick: times in turn switch it off and on."""
+    powered = np.ones(ticks, dtype=bool)
+    times = np.asarray(experiment.shutdown, dtype=float)
+    if times.size == 0:
+        return powered
+    switched = np.rint(times * SAMPLE_RATE) if np.isfinite(times).all() else np.zeros(1)
+    if not (switched[0] >= 1 and (np.diff(switched) > 0).all() and switched[-1] < ticks):
+        raise TwinError(
+            f"{experiment.name}: shutdown {', '.join(f'{time:g}' for time in times)} s given, expected ascending times "
+            f"between 0 and the end at {experiment.duration:g} s, {SAMPLE_TIME:g} s apart: power off, power on, ..."
+        )
+    for index, tick in enumerate(switched.astype(int)):
+        powered[tick:] = index % 2 == 1
+    return powered

@@ -1,0 +1,133 @@
+"""What the laboratory needs to know of an experiment before it can run it."""
+
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+
+from hmtb_twin.control.chain import Chain
+from hmtb_twin.parameters.plant import Plant
+from hmtb_twin.parameters.specimen import Specimen
+from hmtb_twin.parameters.values import HandController
+
+
+@dataclass(frozen=True)
+class UnitView:
+    """The replacement unit as the cameras show it.
+
+    Attributes:
+        position: Its grip, the tool point when it is held, in the world (3,), m.
+        rotation: Its frame, the tool frame when it is held, in the world (3, 3).
+        held: Whether the end effector holds it.
+    """
+
+    position: np.ndarray
+    rotation: np.ndarray
+    held: bool
+
+
+@dataclass(frozen=True)
+class View:
+    """What an operator at the control station sees at a tick: cameras and displays, without his own delay or error.
+
+    Attributes:
+        time: Since the start of the experiment, s.
+        tool_position: Tool point in the world (3,), m.
+        tool_rotation: Tool frame in the world (3, 3).
+        wrench: Wrist force and torque (6,), N and N m.
+        unit: The replacement unit; None in free space.
+    """
+
+    time: float
+    tool_position: np.ndarray
+    tool_rotation: np.ndarray
+    wrench: np.ndarray
+    unit: UnitView | None = None
+
+
+@dataclass(frozen=True)
+class Motion:
+    """What an operator does at a tick.
+
+    Attributes:
+        volts: Stick voltage of each axis of the experiment (n_axes,), V.
+        grip: Whether the end effector is closed; at the worksite, closing about the unit's fitting takes hold of it.
+    """
+
+    volts: np.ndarray
+    grip: bool = True
+
+
+class Operator(Protocol):
+    """Someone at the hand controller. One operator serves one experiment from its first tick to its last."""
+
+    def move(self, view: View) -> Motion:
+        """Look, and move the stick; called at every tick, 50 times a second.
+
+        Args:
+            view: What is seen at this tick, in the world frame.
+
+        Returns:
+            Volts in the sequence of the experiment's axes. Positive moves a joint up its angle, or the tool along or
+            about its own axis, by `axis_gains` per volt: an offset in the position modes, a velocity in the rate modes.
+            `grip` matters at the worksite only.
+        """
+        ...
+
+
+class Experiment(Protocol):
+    """One experiment on the arm; any object with these attributes will do.
+
+    Attributes:
+        name: Name under which its log, or its failure, is reported.
+        variant: Arm variant.
+        payload: What the end effector holds.
+        plant: What the drives run on and rub with.
+        specimen: How this one arm deviates from its variant.
+        pose: Keyframe at which the arm rests before the experiment and about which it is excited.
+        worksite: Whether the arm works at the worksite, with contact, instead of in free space.
+        mode: Control mode, one of `MODES`.
+        axes: What the stick moves: joints in the single-joint modes, directions of the tool in the Cartesian modes.
+        seed: Seed of every random draw of the laboratory.
+        duration: Length, s.
+        chain: Which links of the chain act.
+        hand_controller: The hand-controller interface.
+        shutdown: Emergency shutdowns: times of power off and of power on again in turn, s.
+    """
+
+    @property
+    def name(self) -> str: ...  # noqa: D102
+    @property
+    def variant(self) -> str: ...  # noqa: D102
+    @property
+    def payload(self) -> str: ...  # noqa: D102
+    @property
+    def plant(self) -> Plant: ...  # noqa: D102
+    @property
+    def specimen(self) -> Specimen: ...  # noqa: D102
+    @property
+    def pose(self) -> str: ...  # noqa: D102
+    @property
+    def worksite(self) -> bool: ...  # noqa: D102
+    @property
+    def mode(self) -> str: ...  # noqa: D102
+    @property
+    def axes(self) -> tuple[str, ...]: ...  # noqa: D102
+    @property
+    def seed(self) -> int: ...  # noqa: D102
+    @property
+    def duration(self) -> float: ...  # noqa: D102
+    @property
+    def chain(self) -> Chain: ...  # noqa: D102
+    @property
+    def hand_controller(self) -> HandController: ...  # noqa: D102
+    @property
+    def shutdown(self) -> tuple[float, ...]: ...  # noqa: D102
+
+    def volts(self) -> np.ndarray:
+        """Return the excitation computer's output, (N, n_axes) V at 50 Hz with N = 50 duration."""
+        ...
+
+    def operator(self) -> Operator | None:
+        """Return a new operator who moves the stick in place of the excitation computer, or none."""
+        ...

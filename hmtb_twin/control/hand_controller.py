@@ -1,0 +1,117 @@
+"""The hand-controller interface: noisy volts in, held and quantised counts out."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.signal import lfilter
+
+from hmtb_twin.control.chain import Chain
+from hmtb_twin.parameters.values import SAMPLE_TIME, HandController
+
+
+def quantise(signal: np.ndarray, step: float) -> np.ndarray:
+    """Round a signal to whole converter counts.
+
+    Args:
+        signal: Any shape, in the unit of `step`.
+        step: Size of one count.
+
+    Returns:
+        The counts, integers held as float64, same shape.
+    """
+    return np.rint(signal / step)
+
+
+def pickup(ticks: int, axes: int, parameters: HandController, rng: np.random.Generator, chain: Chain) -> np.ndarray:
+    """Return what bias and wires add to the excitation.
+
+    The noise is white, or a first-order low-pass of white noise where a corner is given, with the same standard
+    deviation; hum is a sinusoid of random phase, which the 50 Hz loop sees at its alias.
+
+    Args:
+        ticks: Length N.
+        axes: Number of axes n.
+        parameters: The interface.
+        rng: Source of bias, noise and phase; the same number of draws is made whatever the chain.
+        chain: Which links act.
+
+    Returns:
+        Disturbance (N, n), V.
+    """
+    bias = (1.0 - parameters.compensation) * parameters.bias * rng.standard_normal(axes)
+    noise = rng.standard_normal((ticks, axes))
+    phase = 2.0 * np.pi * rng.random(axes)
+    if parameters.noise_corner > 0.0:
+        pole = np.exp(-2.0 * np.pi * parameters.noise_corner * SAMPLE_TIME)
+        noise[1:] *= np.sqrt(1.0 - pole**2)
+        noise = lfilter([1.0], [1.0, -pole], noise, axis=0)
+    disturbance = np.zeros((ticks, axes))
+    if chain.bias:
+        disturbance += bias
+    if chain.noise:
+        time = np.arange(ticks)[:, None] * SAMPLE_TIME
+        disturbance += parameters.noise * noise
+        disturbance += parameters.hum * np.sin(2.0 * np.pi * parameters.hum_frequency * time + phase)
+    return disturbance
+
+
+@dataclass(frozen=True)
+class HandControllerInterface:
+    """The interface of one experiment: volts of the excitation computer to stick deflections.
+
+    Bias and noise are picked up, the converter saturates and rounds, its processor holds each sample and keeps small
+    deflections from the arm [Morris1996, III.2A, III.2C and III.4].
+
+    Attributes:
+        parameters: The interface.
+        chain: Which links act.
+        disturbance: What bias and wires add, tick by tick (N, n), V.
+    """
+
+    parameters: HandController
+    chain: Chain
+    disturbance: np.ndarray
+
+    @property
+    def hold(self) -> int:
+        """How many ticks of the position loop each sample lasts."""
+        return self.parameters.hold if self.chain.hold else 1
+
+    def receive(self, volts: np.ndarray, first: int = 0) -> np.ndarray:
+        """Return the voltage at the converter for excitation volts (m, n) from tick `first` on, (m, n) V."""
+        return volts + self.disturbance[first : first + len(volts)]
+
+    def convert(self, received: np.ndarray) -> np.ndarray:
+        """Return converter counts of voltages, same shape; fractions of counts where the converter does not round."""
+        step, limit = self.parameters.adc_step, self.parameters.adc_limit
+        counts = quantise(received, step) if self.chain.adc else received / step
+        return np.clip(counts, -limit, limit - 1)
+
+    def read(self, volts: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Pass a whole record through the interface.
+
+        Args:
+            volts: Output of the excitation computer (N, n), V.
+
+        Returns:
+            Voltage at the converter (N, n), V, and counts after sample and hold (N, n).
+        """
+        received = self.receive(volts)
+        ticks = np.arange(len(volts))
+        return received, self.convert(received[ticks - ticks % self.hold])
+
+
+def deflection(counts: np.ndarray, parameters: HandController) -> np.ndarray:
+    """Return stick deflections in volts at the converter: counts, less the deadband.
+
+    Args:
+        counts: Converter counts, any shape.
+        parameters: The interface. Deflections within its deadband are zero, larger ones start from zero there.
+
+    Returns:
+        Deflections, same shape, V.
+    """
+    volts = parameters.adc_step * counts
+    if parameters.deadband == 0.0:
+        return volts
+    return np.sign(volts) * np.maximum(np.abs(volts) - parameters.deadband, 0.0)

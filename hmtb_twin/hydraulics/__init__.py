@@ -1,0 +1,3 @@
+"""Hydraulics."""
+
+__all__: list[str] = []

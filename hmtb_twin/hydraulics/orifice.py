@@ -1,0 +1,195 @@
+"""The `orifice` actuator: servo valves on one supply as MuJoCo user dynamics, compiled by Numba."""
+
+from collections.abc import Mapping
+from functools import cache
+from typing import Any
+
+import mujoco
+import numpy as np
+
+from hmtb_twin.hydraulics import valve_equations as eq
+from hmtb_twin.hydraulics.struct_offsets import struct_offsets
+from hmtb_twin.parameters.errors import TwinError
+from hmtb_twin.parameters.servo_valve import POWER_UNIT, SERVO_VALVE, PowerUnit, ServoValve
+from hmtb_twin.parameters.values import RATED_PRESSURE, Actuator
+
+STEP = 0.001
+"""Physics step of an arm with orifice actuators, s, by the Runge-Kutta method of fourth order.
+
+By the first-order integrators of MuJoCo the oil's resonance on a light joint needs a tenth of it."""
+
+FASTEST_BRISTLES = 1000.0
+"""Bristles settle no faster, and damp a joint no faster, than at this rate, 1/s; they are no stiffer than its square
+times 2 times the inertia. The step resolves that; it matters for worn seals on the light wrist only."""
+
+
+def add_orifice_actuators(
+    spec: mujoco.MjSpec,
+    actuators: Mapping[str, Actuator],
+    gains: Mapping[str, tuple[float, float]],
+    *,
+    valve: ServoValve = SERVO_VALVE,
+    power_unit: PowerUnit = POWER_UNIT,
+) -> None:
+    """Put servo valves in place of a model's actuators.
+
+    The control vector stays what it is with `dcmotor`: commanded angle and feedforward torque of each joint in turn;
+    the torque is the control of a second, powerless actuator that follows each valve.
+
+    Args:
+        spec: The model; all its actuators are deleted, and it is given the integrator and the step that these need.
+        actuators: Actuator of each joint, by the joint's name.
+        gains: kp (N m/rad) and kd (N m s/rad) of each joint.
+        valve: The servo valve, the same in size-free terms for every joint.
+        power_unit: The supply that they share.
+
+    Raises:
+        TwinError: Numba is not installed, or MuJoCo's structures are not found.
+    """
+    install_valve_equations()
+    rigid = spec.compile()
+    for actuator in list(spec.actuators):
+        spec.delete(actuator)
+    spec.option.integrator, spec.option.timestep = mujoco.mjtIntegrator.mjINT_RK4, STEP
+    for j, (name, actuator) in enumerate(actuators.items()):
+        parameters = valve_parameters(actuator, gains[name], valve, power_unit, joints=len(actuators))
+        inertia = 1.0 / rigid.dof_invweight0[rigid.joint(name).dofadr[0]]
+        for place, largest in (
+            (eq.BRISTLE, 2.0 * FASTEST_BRISTLES**2 * inertia),
+            (eq.BRISTLE_DAMPING, FASTEST_BRISTLES * inertia),
+        ):
+            parameters[place] = min(parameters[place], largest)
+        spec.add_actuator(
+            name=name,
+            target=name,
+            trntype=mujoco.mjtTrn.mjTRN_JOINT,
+            dyntype=mujoco.mjtDyn.mjDYN_USER,
+            dynprm=[eq.MARK] + 9 * [0.0],
+            actdim=eq.STATES + (j == 0),
+            gaintype=mujoco.mjtGain.mjGAIN_FIXED,
+            gainprm=[actuator.displacement] + 9 * [0.0],
+            biastype=mujoco.mjtBias.mjBIAS_USER,
+            userdata=parameters,
+        )
+        spec.add_actuator(
+            name=f"{name}_feedforward",
+            target=name,
+            trntype=mujoco.mjtTrn.mjTRN_JOINT,
+            gaintype=mujoco.mjtGain.mjGAIN_FIXED,
+            gainprm=10 * [0.0],
+        )
+
+
+def valve_parameters(
+    actuator: Actuator,
+    gains: tuple[float, float],
+    valve: ServoValve = SERVO_VALVE,
+    power_unit: PowerUnit = POWER_UNIT,
+    *,
+    joints: int = 1,
+) -> np.ndarray:
+    """Return the parameters of one joint's valve in the order of `valve_equations`.
+
+    Args:
+        actuator: The joint's actuator.
+        gains: kp (N m/rad) and kd (N m s/rad).
+        valve: Its servo valve.
+        power_unit: The supply.
+        joints: Joints of the arm.
+
+    Returns:
+        Parameters (PARAMETERS,), in MPa, cm^3 and s.
+    """
+    oil, friction = actuator.hydraulics, actuator.friction
+    # The valve's size is that of the rating, whatever the supply is at.
+    rated_flow = actuator.displacement * actuator.no_load_speed
+    p = np.zeros(eq.PARAMETERS)
+    p[eq.COUNT] = joints
+    p[eq.DISPLACEMENT] = actuator.displacement
+    p[eq.CHAMBER] = 2.0 * actuator.compliance
+    p[eq.LEAKAGE] = actuator.leakage
+    # The amplifier knows the set pressure: with the flow of the rating a supply above it would feed velocity forward
+    # by more than the joint takes. A supply that sags errs to the safe side.
+    p[eq.RATED] = actuator.rated_flow
+    p[eq.COMPENSATED] = valve.compensated
+    # Two lands in series share the pressure at no load.
+    p[eq.LAND] = rated_flow / eq.root(RATED_PRESSURE / 2.0, valve.transition_pressure)
+    p[eq.FREQUENCY], p[eq.DAMPING] = valve.angular_frequency, valve.damping
+    p[eq.UNDERLAP], p[eq.CLEARANCE], p[eq.TRANSITION] = valve.underlap, valve.clearance, valve.transition_pressure
+    p[eq.STIFFNESS], p[eq.DAMPER] = gains
+    static = valve.static_gain(actuator, gains[1])
+    p[eq.PRESSURE_GAIN] = static * actuator.compliance
+    p[eq.DYNAMIC_GAIN] = (valve.loop_gain - static) * actuator.compliance
+    p[eq.WASHOUT] = valve.washout_time
+    p[eq.OPEN] = actuator.valve_open
+    p[eq.RETURN], p[eq.RELIEF] = oil.return_pressure, valve.relief * oil.supply_pressure
+    p[eq.CHECK] = valve.check_flow * rated_flow
+    p[eq.STRIBECK], p[eq.BRISTLE_RATE] = 1.0, FASTEST_BRISTLES
+    if friction is not None and friction.bristles:
+        p[eq.COULOMB] = actuator.coulomb_torque
+        p[eq.STATIC] = friction.static_ratio * p[eq.COULOMB]
+        p[eq.STRIBECK] = friction.stribeck_velocity
+        p[eq.BRISTLE] = p[eq.COULOMB] / friction.presliding
+        p[eq.BRISTLE_DAMPING] = p[eq.BRISTLE] * friction.bristle_time
+    p[eq.SET], p[eq.DROOP] = oil.supply_pressure, power_unit.droop
+    p[eq.PUMP], p[eq.CAPACITY] = power_unit.largest_flow, power_unit.capacity
+    return p
+
+
+def arm_parameters(model: mujoco.MjModel) -> np.ndarray:
+    """Return the parameters of every valve of a model with orifice actuators (n, PARAMETERS)."""
+    return np.array(model.actuator_user[0::2, : eq.PARAMETERS])
+
+
+def require_compiler() -> None:
+    """Refuse to go on where the equations cannot be compiled.
+
+    Raises:
+        TwinError: Numba is not installed or cannot be loaded.
+    """
+    if not eq.COMPILER:
+        raise TwinError(
+            f'actuator = "orifice" given, but Numba, which compiles its equations, {eq.FAULT}; '
+            "install it with pip install 'hmtb-twin[orifice]', or use actuator = \"linear\""
+        )
+
+
+def install_valve_equations() -> tuple[Any, Any]:
+    """See to it that MuJoCo calls the equations: compiled once per process, handed to it anew where removed.
+
+    Without them MuJoCo runs a model of servo valves all the same, with valves that never move: called wherever an arm
+    is loaded or brought to rest.
+
+    Returns:
+        The compiled functions, kept alive by a cache.
+
+    Raises:
+        TwinError: Numba is not installed or cannot be loaded, MuJoCo's structures are not found, or somebody else's
+            callback is installed.
+    """
+    require_compiler()
+    rates, bias = _compiled()
+    places = (
+        ("mjcb_act_dyn", mujoco.get_mjcb_act_dyn(), mujoco.set_mjcb_act_dyn, rates.ctypes),
+        ("mjcb_act_bias", mujoco.get_mjcb_act_bias(), mujoco.set_mjcb_act_bias, bias.ctypes),
+    )
+    for name, taken, _, ours in places:
+        if taken is not None and taken is not ours:
+            raise TwinError(
+                f"somebody else's callback is installed as MuJoCo's {name}; the orifice valve needs it, and MuJoCo has "
+                "one per process: remove it, or run the orifice valve in a process of its own"
+            )
+    for _, taken, install, ours in places:
+        if taken is None:
+            install(ours)
+    return rates, bias
+
+
+@cache
+def _compiled() -> tuple[Any, Any]:
+    offsets = struct_offsets()
+    try:
+        return eq.compiled_callbacks(offsets)
+    except RuntimeError:
+        # Neither the package's own folder nor the user's can be written.
+        return eq.compiled_callbacks(offsets, cached=False)

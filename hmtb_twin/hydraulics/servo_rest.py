@@ -1,0 +1,116 @@
+"""Where an arm with linear actuators rests whose weight is not what its controller feeds forward."""
+
+from collections.abc import Callable
+from copy import copy
+
+import mujoco
+import numpy as np
+
+from hmtb_twin.hydraulics.rest_newton import newton
+from hmtb_twin.parameters.errors import OverloadError
+from hmtb_twin.parameters.values import INDEXED_JOINTS, JOINTS
+
+LEAN = 1e-8
+"""How far a joint is pushed aside to feel its pin, rad: about as far as it leans."""
+
+
+def scales(model: mujoco.MjModel) -> Callable[[np.ndarray], np.ndarray]:
+    """Return the function that gives the torques (7,) in N m that hold a model in free space at angles (7,) in rad."""
+    data = mujoco.MjData(model)
+
+    def weight(angles: np.ndarray) -> np.ndarray:
+        data.qpos[:] = angles
+        mujoco.mj_kinematics(model, data)
+        mujoco.mj_comPos(model, data)
+        torques = np.empty(model.nv)
+        mujoco.mj_rne(model, data, 0, torques)
+        return torques
+
+    return weight
+
+
+def inertia(model: mujoco.MjModel, angles: np.ndarray) -> np.ndarray:
+    """Return the inertia matrix (7, 7) of a model in free space at joint angles (7,), kg m^2 and rad."""
+    data = mujoco.MjData(model)
+    data.qpos[:] = angles
+    mujoco.mj_forward(model, data)
+    matrix = np.empty((model.nv, model.nv))
+    mujoco.mj_fullM(model, data, matrix)
+    return matrix
+
+
+def drooping(
+    model: mujoco.MjModel,
+    weight: Callable[[np.ndarray], np.ndarray],
+    command: np.ndarray,
+    feedforward: np.ndarray,
+    stiffness: np.ndarray,
+    pressed: Callable[[np.ndarray], np.ndarray],
+) -> tuple[np.ndarray, np.ndarray]:
+    """Find the equilibrium of a servo arm under a constant command, kp (q_cmd - q) + feedforward = weight(q).
+
+    An indexed joint leans on its pin, some 1e-8 rad, until that carries what its servo does not.
+
+    Args:
+        model: The arm in free space.
+        weight: Gives the torques (7,) in N m that hold it at angles (7,) in rad.
+        command: Commanded angles (7,), rad.
+        feedforward: Feedforward torques (7,), N m.
+        stiffness: kp of each joint (7,), N m/rad.
+        pressed: Gives the activations at which the drives exert torques (7,), N m.
+
+    Returns:
+        Joint angles (7,) in rad and torques of the drives (7,) in N m.
+
+    Raises:
+        OverloadError: There is none.
+    """
+    indexed = np.isin(JOINTS, INDEXED_JOINTS)
+
+    def torque(angles: np.ndarray) -> np.ndarray:
+        return stiffness * (command - angles) + feedforward
+
+    def settled(pins: np.ndarray) -> np.ndarray:
+        def imbalance(angles: np.ndarray) -> np.ndarray:
+            return np.where(indexed, angles - pins, (torque(angles) - weight(angles)) / stiffness)
+
+        found = newton(imbalance, command)
+        if not np.abs(imbalance(found)).max() < 1e-9:
+            raise OverloadError("the servos cannot hold the arm at this pose: it weighs more than its controller knows")
+        return found
+
+    smooth = model
+    if model.dof_frictionloss.any():
+        # Dry friction would hide what the pin carries.
+        smooth = copy(model)
+        smooth.dof_frictionloss[:] = 0.0
+
+    def exerting(angles: np.ndarray) -> mujoco.MjData:
+        data = mujoco.MjData(smooth)
+        data.ctrl[0::2], data.ctrl[1::2] = command, feedforward
+        data.qpos[:], data.act[:] = angles, pressed(torque(angles))
+        return data
+
+    data = exerting(settled(command))
+    lean_on_pins(smooth, data)
+    angles = settled(data.qpos.copy())
+    return angles, torque(angles)
+
+
+def lean_on_pins(model: mujoco.MjModel, data: mujoco.MjData) -> None:
+    """Push indexed joints onto their pins, some 1e-8 rad, until these carry what the drives leave.
+
+    Args:
+        model: The arm's model.
+        data: The arm at rest but for the pins; the angles of indexed joints are changed, and all that follows stays
+            for the caller to settle anew.
+    """
+    for name in INDEXED_JOINTS:
+        joint = model.joint(name)
+        angle, speed = joint.qposadr[0], joint.dofadr[0]
+        mujoco.mj_forward(model, data)
+        before = data.qacc[speed]
+        data.qpos[angle] += LEAN
+        mujoco.mj_forward(model, data)
+        # A pin's force is linear in how far it is pushed aside.
+        data.qpos[angle] -= LEAN * (1.0 + before / (data.qacc[speed] - before))

@@ -1,0 +1,3 @@
+"""Parameters."""
+
+__all__: list[str] = []

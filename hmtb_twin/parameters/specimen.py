@@ -1,0 +1,212 @@
+"""One specimen of the arm: how it differs from the variant that it was built as; the table `[specimen]`."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from math import nan
+from numbers import Real
+
+import numpy as np
+
+from hmtb_twin.parameters.electric_drive import Drive, ElectricDrive
+from hmtb_twin.parameters.errors import TwinError
+from hmtb_twin.parameters.values import JOINTS, LINKS, RECORDER, Recorder
+
+LINK_NAMES = tuple(LINKS)
+"""The bodies of an arm, in sequence: the link that each joint moves, and the end effector."""
+
+AXES = 3
+"""Numbers of each body in `stretch`, `shear` and `shift`."""
+
+LARGEST = 100.0
+"""Largest factor; the smallest of those that must not vanish is one over it."""
+
+FARTHEST = 3.0
+"""Largest entry of `stretch`, `shear` and `shift` either way: no such body was ever built."""
+
+MAY_VANISH = ("dry_friction", "drag", "resolver_noise")
+"""Factors that may be 0: what they multiply is then missing."""
+
+OIL = ("bulk_modulus", "leakage")
+"""What electric drives have not."""
+
+DEVIATIONS = ("stretch", "shear", "shift")
+"""What is nominally 0; the rest are factors, nominally 1."""
+
+LENGTHS = {
+    "mass": len(LINK_NAMES),
+    **{name: AXES * len(LINK_NAMES) for name in DEVIATIONS},
+    **{name: len(JOINTS) for name in ("dry_friction", "drag", "kp", "kd")},
+}
+"""How many numbers a quantity has that is not the same for the whole arm."""
+
+
+@dataclass(frozen=True)
+class Specimen:
+    """How one arm deviates from its variant. Its controller knows the variant, not the specimen.
+
+    The pseudo-inertia of a body about its own centre of mass, J = [[S, 0], [0, m]] with S the second moments of its
+    mass, becomes m_f U0 U U^T U0^T: U0 U0^T = J, and U the log-Cholesky matrix of [Rucker2022]
+
+        U = [[exp(d1), s12, s13, t1], [0, exp(d2), s23, t2], [0, 0, exp(d3), t3], [0, 0, 0, 1]].
+
+    Any numbers give a body that can be built, zeros give the variant's, and the mass factor scales mass and inertia
+    alike. The axes are those of the body's frame, x along the link; one unit of a `shift` is the root mean square
+    extent of the variant's body along that axis.
+
+    An empty tuple, the default, stands for nothing that deviates; one that deviates nowhere is stored as such.
+
+    Attributes:
+        mass: Factors of the masses of the bodies in the sequence of `LINK_NAMES` (8,).
+        stretch: d1, d2, d3 of each body in turn (24,).
+        shear: s12, s23, s13 of each body in turn (24,).
+        shift: t1, t2, t3 of each body in turn, how far the centre of mass is moved (24,).
+        payload_mass: Factor of the mass and inertia of what the end effector holds; of nothing it is nothing.
+        dry_friction: Factors of the dry friction of the joints, in the sequence of `JOINTS` (7,).
+        drag: Factors of their viscous friction (7,).
+        kp: Factors of their servo gains for position (7,).
+        kd: Factors of their servo gains for velocity (7,).
+        bulk_modulus: Factor of the oil's stiffness.
+        leakage: Factor of the internal leakage of the drives.
+        resolver_noise: Factor of the standard deviation of the resolvers' noise.
+
+    Raises:
+        TwinError: A number that is not finite or out of its range, or a tuple of another length.
+    """
+
+    mass: tuple[float, ...] = ()
+    stretch: tuple[float, ...] = ()
+    shear: tuple[float, ...] = ()
+    shift: tuple[float, ...] = ()
+    payload_mass: float = 1.0
+    dry_friction: tuple[float, ...] = ()
+    drag: tuple[float, ...] = ()
+    kp: tuple[float, ...] = ()
+    kd: tuple[float, ...] = ()
+    bulk_modulus: float = 1.0
+    leakage: float = 1.0
+    resolver_noise: float = 1.0
+
+    def __post_init__(self) -> None:
+        for name, given in vars(self).items():
+            lower, upper = _range(name)
+            if name not in LENGTHS:
+                object.__setattr__(self, name, _number(name, given, lower, upper))
+                continue
+            if isinstance(given, str) or not isinstance(given, Sequence | np.ndarray):
+                raise TwinError(f"specimen: {name} = {given!r} given, expected a tuple of numbers")
+            if len(given) not in (0, LENGTHS[name]):
+                raise TwinError(
+                    f"specimen: {len(given)} entries of {name} given, expected {LENGTHS[name]}, or none where nothing "
+                    "deviates"
+                )
+            values = tuple(_number(f"{name}[{i}]", value, lower, upper) for i, value in enumerate(given))
+            nominal = 0.0 if name in DEVIATIONS else 1.0
+            # Equal arms are equal records, whichever way they were written.
+            object.__setattr__(self, name, () if all(value == nominal for value in values) else values)
+
+    @property
+    def deviations(self) -> Mapping[str, float | tuple[float, ...]]:
+        """What deviates, by the name of the field."""
+        return {name: value for name, value in vars(self).items() if value != getattr(NOMINAL_SPECIMEN, name)}
+
+    @property
+    def as_designed(self) -> bool:
+        """Whether links and payload are those of the variant."""
+        return not self.deviations.keys() & {"mass", "payload_mass", *DEVIATIONS}
+
+    @property
+    def recorder(self) -> Recorder:
+        """The recorder with the noise of this arm's resolvers."""
+        return replace(RECORDER, noise=self.resolver_noise * RECORDER.noise)
+
+    def applied(self, joint: str, drive: Drive) -> Drive:
+        """Return the drive of a joint as it is on this arm.
+
+        Raises:
+            TwinError: The oil deviates, and the drive is electric.
+        """
+        wrong = [name for name in OIL if getattr(self, name) != 1.0]
+        if isinstance(drive, ElectricDrive):
+            if wrong:
+                raise TwinError(
+                    f"specimen: {wrong[0]} = {getattr(self, wrong[0])!r} given, but the drives of this arm are "
+                    "electric, without oil; expected 1.0 as where there is no choice"
+                )
+        elif wrong:
+            oil = drive.hydraulics
+            oil = replace(oil, bulk_modulus=self.bulk_modulus * oil.bulk_modulus, leakage=self.leakage * oil.leakage)
+            drive = replace(drive, hydraulics=oil)
+        dry, drag = self._of_joint("dry_friction", joint), self._of_joint("drag", joint)
+        if drive.friction is None or dry == drag == 1.0:
+            return drive
+        seals = drive.friction
+        coulomb = dry * seals.coulomb
+        seals = replace(seals, coulomb=coulomb, viscous=drag * seals.viscous, bristles=seals.bristles and coulomb > 0.0)
+        return replace(drive, friction=seals)
+
+    def gains(self, joint: str, tuned: tuple[float, float]) -> tuple[float, float]:
+        """Return kp and kd that the servo of a joint has where it was given the tuned ones."""
+        kp, kd = tuned
+        return self._of_joint("kp", joint) * kp, self._of_joint("kd", joint) * kd
+
+    def bodies(
+        self, masses: np.ndarray, centres: np.ndarray, moments: np.ndarray
+    ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Return the mass properties of the bodies on this arm, in the sequence of `LINK_NAMES`.
+
+        Args:
+            masses: Masses of the variant's bodies (8,), kg.
+            centres: Their centres of mass (8, 3), m.
+            moments: Their moments of inertia about these, principal along the bodies' axes (8, 3), kg m^2.
+
+        Returns:
+            Masses (8,) in kg, centres of mass (8, 3) in m, and inertias about them (8, 3, 3) in kg m^2.
+        """
+        count = len(LINK_NAMES)
+        factors = np.array(self.mass) if self.mass else np.ones(count)
+        stretch, shear, shift = self._shapes
+        # U but for its last row and column.
+        shape = np.zeros((count, AXES, AXES))
+        shape[:, range(AXES), range(AXES)] = np.exp(stretch)
+        shape[:, [0, 1, 0], [1, 2, 2]] = shear
+        # Second moments of the mass per mass, and their roots: the bodies' extents along their axes.
+        extents = np.sqrt((0.5 * moments.sum(axis=1, keepdims=True) - moments) / masses[:, None])
+        half = extents[:, :, None] * shape
+        second = (factors * masses)[:, None, None] * (half @ half.transpose(0, 2, 1))
+        spread = np.trace(second, axis1=1, axis2=2)
+        return factors * masses, centres + extents * shift, spread[:, None, None] * np.eye(AXES) - second
+
+    @property
+    def deviating(self) -> tuple[str, ...]:
+        """The bodies of `LINK_NAMES` that are not those of the variant."""
+        moved = np.any(self._shapes, axis=(0, 2))
+        if self.mass:
+            moved |= np.array(self.mass) != 1.0
+        return tuple(name for name, other in zip(LINK_NAMES, moved, strict=True) if other)
+
+    @property
+    def _shapes(self) -> np.ndarray:
+        """Stretch, shear and shift (3, 8, 3)."""
+        return np.array([getattr(self, name) or [0.0] * LENGTHS[name] for name in DEVIATIONS]).reshape(3, -1, AXES)
+
+    def _of_joint(self, name: str, joint: str) -> float:
+        values = getattr(self, name)
+        return float(values[JOINTS.index(joint)]) if values else 1.0
+
+
+def _range(name: str) -> tuple[float, float]:
+    if name in DEVIATIONS:
+        return -FARTHEST, FARTHEST
+    return (0.0 if name in MAY_VANISH else 1.0 / LARGEST), LARGEST
+
+
+def _number(name: str, given: object, lower: float, upper: float) -> float:
+    # A truth value equals 0 or 1 and would pass for it.
+    number = float(given) if isinstance(given, Real) and not isinstance(given, bool) else nan
+    if not lower <= number <= upper:
+        raise TwinError(f"specimen: {name} = {given!r} given, expected a number from {lower:g} to {upper:g}")
+    return number
+
+
+NOMINAL_SPECIMEN = Specimen()
+"""The arm that is just what its variant says."""

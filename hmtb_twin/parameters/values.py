@@ -1,0 +1,366 @@
+"""Every number of the twin, with unit, tag and source; what follows from others is computed."""
+
+from dataclasses import dataclass, field, replace
+from math import pi, radians, sqrt
+
+from hmtb_twin.parameters.dc_motor import DcMotor
+from hmtb_twin.parameters.errors import TwinError
+from hmtb_twin.parameters.oil import relative_viscosity
+from hmtb_twin.parameters.quantity import quantity
+
+JOINTS = (
+    "shoulder_roll",
+    "shoulder_yaw",
+    "shoulder_pitch",
+    "elbow_pitch",
+    "wrist_pitch",
+    "wrist_yaw",
+    "wrist_roll",
+)
+"""The seven joints from the base outward."""
+
+INDEXED_JOINTS = ("shoulder_roll",)
+"""Joints that a pin holds at an index position [Morris1996, I.2]."""
+
+STUDIED_JOINTS = ("shoulder_yaw", "shoulder_pitch", "elbow_pitch")
+"""The three joints that the thesis identified."""
+
+OPERATING_POSE = "rpcm_holster_out_approach"
+"""Keyframe at which the joints are excited and the servos are tuned."""
+
+SAMPLE_RATE = 50
+"""Rate of the position loop and of the bus record, Hz [Morris1996, II.4]."""
+
+SAMPLE_TIME = 1.0 / SAMPLE_RATE
+"""Period of the position loop, s."""
+
+
+@dataclass(frozen=True)
+class Link:
+    """A link as a uniform solid cylinder along its own x axis."""
+
+    length: float = quantity(0.0, "m", "assumed", "sized to the Atlas 7R hydraulic arm, reach 1.664 m")
+    mass: float = quantity(0.0, "kg", "assumed", "80 kg in all; Atlas 7R 73 kg, Titan 4 100 kg")
+    radius: float = quantity(0.0, "m", "assumed", "outer radius of a hydraulic link of that mass")
+
+    @property
+    def axial_inertia(self) -> float:
+        """Moment of inertia about the link's axis, kg m^2."""
+        return 0.5 * self.mass * self.radius**2
+
+    @property
+    def transverse_inertia(self) -> float:
+        """Moment of inertia about a transverse axis through the centre of mass, kg m^2."""
+        return self.mass * (3.0 * self.radius**2 + self.length**2) / 12.0
+
+
+LINKS = {
+    "shoulder_roll": Link(0.15, 9.0, 0.10),
+    "shoulder_yaw": Link(0.10, 9.0, 0.10),
+    "shoulder_pitch": Link(0.61, 22.0, 0.09),
+    "elbow_pitch": Link(0.56, 14.0, 0.075),
+    "wrist_pitch": Link(0.15, 6.0, 0.06),
+    "wrist_yaw": Link(0.15, 5.0, 0.055),
+    "wrist_roll": Link(0.06, 2.0, 0.05),
+    "end_effector": Link(0.14, 4.0, 0.045),
+}
+"""The link that each joint moves; the end effector is fixed to the wrist roll flange behind the force/torque sensor."""
+
+
+@dataclass(frozen=True)
+class Hydraulics:
+    """The oil and its supply."""
+
+    supply_pressure: float = quantity(20.7, "MPa", "analogue", "Titan 4 manual, 1500-3000 psi")
+    return_pressure: float = quantity(3.4, "MPa", "analogue", "Titan 4 manual, 500 psi")
+    bulk_modulus: float = quantity(700.0, "MPa", "assumed", "other models take 300 (hoses, air) to 1550 (oil)")
+    leakage: float = quantity(
+        0.015, "1", "assumed", "internal leakage at rated pressure and 40 degrees Celsius, part of the rated flow"
+    )
+    oil_temperature: float = quantity(40.0, "degC", "assumed", "temperature at which viscosity grades are stated")
+
+    @property
+    def pressure(self) -> float:
+        """Pressure available across an actuator, MPa."""
+        return self.supply_pressure - self.return_pressure
+
+
+RATED_PRESSURE = Hydraulics().pressure
+"""Pressure across an actuator at which its flow, leakage and friction are stated, MPa."""
+
+
+@dataclass(frozen=True)
+class Friction:
+    """Friction as parts of the rated torque: LuGre [Canudas1995] or, without bristles, Coulomb; and the oil's drag."""
+
+    coulomb: float = quantity(
+        0.01, "1", "derived", "part of maximum torque; published pitch DC gains near one allow little"
+    )
+    static_ratio: float = quantity(1.5, "1", "assumed", "breakaway over Coulomb torque of lip seals")
+    stribeck_velocity: float = quantity(radians(1.5), "rad/s", "assumed", "1 to 2 deg/s")
+    presliding: float = quantity(1e-3, "rad", "assumed", "bristle deflection at Coulomb torque: 30 um at the rack")
+    bristle_time: float = quantity(0.01, "s", "assumed", "bristle damping over bristle stiffness")
+    viscous: float = quantity(
+        0.01, "1", "assumed", "the oil's drag at no-load speed and 40 degrees Celsius, part of maximum torque"
+    )
+    bristles: bool = True
+
+
+@dataclass(frozen=True)
+class Actuator:
+    """A rack-and-pinion actuator with its servo valve, linear between no-load flow and stall.
+
+    In cm^3, MPa and s the load-pressure equation V/(4 beta) dP/dt = Q - (K + C) P - D w has coefficients of order one,
+    and D P is a torque in N m. K is the slope of the straight line from no-load flow at zero load pressure to stall at
+    full pressure [Merritt1967, ch. 5 and 6]; C is the internal leakage.
+    """
+
+    displacement: float = quantity(
+        0.0, "cm3/rad", "assumed", "stall torques near 1000, 430, 170 N m; Titan 4, Atlas 7R wrists 170, 205 N m"
+    )
+    trapped_volume: float = quantity(0.0, "cm3", "assumed", "both chambers and lines")
+    no_load_speed: float = quantity(0.0, "rad/s", "assumed", "rated flow 18 (shoulder), 7.5 (elbow), 4.8 L/min (wrist)")
+    hydraulics: Hydraulics = field(default_factory=Hydraulics)
+    friction: Friction | None = field(default_factory=Friction)
+    valve_open: bool = True
+
+    @property
+    def maximum_torque(self) -> float:
+        """Stall torque at the pressure between supply and return, N m."""
+        return self.displacement * self.hydraulics.pressure
+
+    @property
+    def rated_torque(self) -> float:
+        """Stall torque at the rated pressure, N m; what friction and process noise are parts of."""
+        return self.displacement * RATED_PRESSURE
+
+    @property
+    def coulomb_torque(self) -> float:
+        """Coulomb friction, N m."""
+        return self.friction.coulomb * self.rated_torque if self.friction else 0.0
+
+    @property
+    def drag(self) -> float:
+        """Viscous friction at the oil's temperature, N m s/rad."""
+        if self.friction is None:
+            return 0.0
+        thickness = relative_viscosity(self.hydraulics.oil_temperature)
+        return self.friction.viscous * self.rated_torque / self.no_load_speed * thickness
+
+    @property
+    def rated_flow(self) -> float:
+        """Flow of the fully open valve without load, cm^3/s: the hydraulic velocity limit times the displacement.
+
+        No-load speed is stated at the rated pressure; flow through an orifice goes with the root of pressure.
+        """
+        return self.displacement * self.no_load_speed * sqrt(self.hydraulics.pressure / RATED_PRESSURE)
+
+    @property
+    def leakage(self) -> float:
+        """Internal leakage C, laminar and so the larger the thinner the oil, cm^3/(s MPa)."""
+        at_rating = self.hydraulics.leakage * self.displacement * self.no_load_speed / RATED_PRESSURE
+        return at_rating / relative_viscosity(self.hydraulics.oil_temperature)
+
+    @property
+    def compliance(self) -> float:
+        """Oil compressibility V/(4 beta), cm^3/MPa."""
+        return self.trapped_volume / (4.0 * self.hydraulics.bulk_modulus)
+
+    @property
+    def flow_pressure_gain(self) -> float:
+        """Flow lost per load pressure, cm^3/(s MPa): K + C, or the leakage C alone behind a closed valve."""
+        return self.valve_open * self.rated_flow / self.hydraulics.pressure + self.leakage
+
+    @property
+    def largest_flow(self) -> float:
+        """Largest flow that the servo can ask of the valve, cm^3/s; a closed one passes none that would be seen."""
+        return self.rated_flow if self.valve_open else 1e-12 * self.rated_flow
+
+    @property
+    def pressure_lag(self) -> float:
+        """Time constant from commanded to delivered torque, s."""
+        return self.compliance / self.flow_pressure_gain
+
+    @property
+    def motor(self) -> DcMotor:
+        """The actuator as a `dcmotor`: load pressure for current, flow for voltage."""
+        return DcMotor(
+            constant=self.displacement,
+            resistance=self.flow_pressure_gain,
+            inductance=self.compliance,
+            largest_input=self.largest_flow,
+            maximum_torque=self.maximum_torque,
+        )
+
+    @property
+    def unpowered(self) -> "Actuator":
+        """The actuator after an emergency shutdown: no flow through the valve, the oil trapped but for the leakage."""
+        return replace(self, valve_open=False)
+
+
+_SHOULDER = Actuator(60.0, 100.0, 5.0)
+_ELBOW = Actuator(25.0, 60.0, 5.0)
+_WRIST = Actuator(10.0, 40.0, 8.0)
+
+ACTUATORS = dict(zip(JOINTS, (_SHOULDER,) * 3 + (_ELBOW,) + (_WRIST,) * 3, strict=True))
+"""The actuator of each joint."""
+
+
+@dataclass(frozen=True)
+class Servo:
+    """A joint's position servo: the poles wanted at the operating pose."""
+
+    slow_pole: float = quantity(-6.7, "rad/s", "derived", "published models: poles near -6..-9, bandwidth about 1 Hz")
+    fast_pole: float = quantity(
+        -36.0, "rad/s", "assumed", "published -28..-44; more damping outward, see point 6 above"
+    )
+
+
+SERVOS = {
+    "shoulder_roll": Servo(fast_pole=-36.0),
+    "shoulder_yaw": Servo(fast_pole=-36.0),
+    "shoulder_pitch": Servo(fast_pole=-44.0),
+    "elbow_pitch": Servo(fast_pole=-80.0),
+    "wrist_pitch": Servo(fast_pole=-120.0),
+    "wrist_yaw": Servo(fast_pole=-120.0),
+    "wrist_roll": Servo(fast_pole=-120.0),
+}
+"""The servo of each joint. Outer joints are damped more, so that the coupled arm keeps real dominant poles."""
+
+
+@dataclass(frozen=True)
+class Motion:
+    """A joint's range and the velocity limit of its command."""
+
+    lower: float = quantity(0.0, "rad", "assumed", "range of comparable arms")
+    upper: float = quantity(0.0, "rad", "assumed", "range of comparable arms")
+    velocity_limit: float = quantity(
+        0.0, "rad/s", "assumed", "that limits exist: thesis III.4; 25 and 45 deg/s assumed"
+    )
+
+
+def _motion(lower: float, upper: float, velocity: float) -> Motion:
+    return Motion(radians(lower), radians(upper), radians(velocity))
+
+
+MOTIONS = {
+    "shoulder_roll": _motion(-180.0, 180.0, 25.0),
+    "shoulder_yaw": _motion(-90.0, 90.0, 25.0),
+    "shoulder_pitch": _motion(-90.0, 90.0, 25.0),
+    "elbow_pitch": _motion(0.0, 150.0, 25.0),
+    "wrist_pitch": _motion(-90.0, 90.0, 45.0),
+    "wrist_yaw": _motion(-90.0, 90.0, 45.0),
+    "wrist_roll": _motion(-180.0, 180.0, 45.0),
+}
+"""Range and velocity limit of each joint."""
+
+POSES = {
+    "home": tuple(map(radians, (0.0, 0.0, 70.0, 120.0, 0.0, 0.0, 0.0))),
+    OPERATING_POSE: tuple(map(radians, (0.0, 20.0, 50.0, 90.0, -50.0, 0.0, 0.0))),
+}
+"""Joint angles of the keyframes, rad; assumed. The shoulder roll stands at its index position."""
+
+
+@dataclass(frozen=True)
+class HandController:
+    """The hand-controller interface between the excitation computer and the position loop.
+
+    Attributes:
+        gain: Offset of a joint per volt in the single-joint mode, rad/V.
+        rate_gain: Velocity of a joint per volt in the single-joint rate mode, rad/(s V).
+        translation_gain: Offset of the tool per volt in the Cartesian mode, m/V.
+        translation_rate_gain: Velocity of the tool per volt in the Cartesian rate mode, m/(s V).
+        rotation_gain: Turn of the tool per volt in the Cartesian mode, rad/V.
+        rotation_rate_gain: Angular velocity of the tool per volt in the Cartesian rate mode, rad/(s V).
+        adc_bits: Resolution of the converter.
+        adc_range: Its range, plus and minus, V.
+        hold: Ticks of the position loop for which its processor holds each sample.
+        deadband: Deflection within which nothing is commanded, V; larger ones start from zero at its edge.
+        noise: Standard deviation of the noise that the wires pick up, V.
+        noise_corner: Corner of the first-order low-pass that colours it, Hz; 0 for white noise.
+        hum: Amplitude of mains hum, of random phase, V.
+        hum_frequency: Its frequency, Hz.
+        bias: Standard deviation over experiments of each axis's own constant, drawn from the experiment's seed, V.
+        compensation: Part of the bias that the compensating circuit removes, 0 to 1.
+    """
+
+    gain: float = quantity(
+        0.067, "rad/V", "derived", "OKID matrices (5.8)-(5.10) read as normalised data; 'very small'"
+    )
+    rate_gain: float = quantity(0.05, "rad/(s V)", "assumed", "joint rate mode: full stick a little above the limit")
+    translation_gain: float = quantity(
+        0.03, "m/V", "assumed", "moves the joints about as far as the joint gain: 0.067 rad/V on half the reach"
+    )
+    translation_rate_gain: float = quantity(0.02, "m/(s V)", "assumed", "full stick 0.2 m/s")
+    rotation_gain: float = quantity(0.067, "rad/V", "assumed", "as the joint gain")
+    rotation_rate_gain: float = quantity(0.05, "rad/(s V)", "assumed", "as the joint rate gain")
+    adc_bits: int = quantity(12, "bit", "assumed", "that it quantises: thesis III.2A and III.4")
+    adc_range: float = quantity(10.0, "V", "assumed", "plus and minus, like the excitation computer's converter")
+    hold: int = quantity(1, "samples", "assumed", "that it samples and holds: thesis III.4; at the loop's own rate")
+    deadband: float = quantity(0.0, "V", "assumed", "none is mentioned; an option")
+    noise: float = quantity(0.01, "V", "assumed", "standard deviation; unshielded wires: thesis III.4")
+    noise_corner: float = quantity(0.0, "Hz", "assumed", "corner of the noise's low-pass; 0: white up to 25 Hz")
+    hum: float = quantity(0.0, "V", "assumed", "amplitude of mains hum; an option")
+    hum_frequency: float = quantity(60.0, "Hz", "assumed", "mains; the 50 Hz loop sees it at 10 Hz")
+    bias: float = quantity(
+        0.02, "V", "assumed", "standard deviation over experiments; compensated for MIMO: thesis II.3B"
+    )
+    compensation: float = quantity(
+        0.0, "1", "assumed", "part of the bias that the compensating circuit removes; 0.95 in MIMO tests"
+    )
+
+    def __post_init__(self) -> None:
+        gains = [name for name in vars(self) if name.endswith("gain")]
+        wanted = {
+            **{name: (0.0 < abs(getattr(self, name)) <= 100.0, "up to 100 either way, not 0") for name in gains},
+            "adc_bits": (2 <= self.adc_bits <= 24, "2 to 24"),
+            "adc_range": (0.0 < self.adc_range <= 1000.0, "above 0 V and up to 1000 V"),
+            "hold": (1 <= self.hold <= 10**6, "1 or more"),
+            "deadband": (0.0 <= self.deadband <= 1000.0, "0 V to 1000 V"),
+            "noise": (0.0 <= self.noise <= 1000.0, "0 V to 1000 V"),
+            "noise_corner": (0.0 <= self.noise_corner < SAMPLE_RATE / 2, f"0 to below {SAMPLE_RATE / 2:g} Hz"),
+            "hum": (0.0 <= self.hum <= 1000.0, "0 V to 1000 V"),
+            "hum_frequency": (0.0 < self.hum_frequency <= 1e6, "above 0 Hz and up to 1 MHz"),
+            "bias": (0.0 <= self.bias <= 1000.0, "0 V to 1000 V"),
+            "compensation": (0.0 <= self.compensation <= 1.0, "0 to 1"),
+        }
+        for name, (passes, expected) in wanted.items():
+            if not passes:
+                raise TwinError(f"hand controller: {name} = {getattr(self, name)} given, expected {expected}")
+
+    @property
+    def adc_limit(self) -> int:
+        """Counts on either side of zero."""
+        return 2 ** (self.adc_bits - 1)
+
+    @property
+    def adc_step(self) -> float:
+        """One count of the converter, V."""
+        return 2.0 * self.adc_range / 2**self.adc_bits
+
+
+@dataclass(frozen=True)
+class Recorder:
+    """The joint resolvers and the 1553 record."""
+
+    resolver_bits: int = quantity(16, "bit", "assumed", "over one turn; 12 and 14 bit are the alternatives")
+    noise: float = quantity(1e-4, "rad", "assumed", "standard deviation, about one count of the resolver")
+
+    @property
+    def resolver_step(self) -> float:
+        """One count of the resolver, rad."""
+        return 2.0 * pi / 2**self.resolver_bits
+
+
+@dataclass(frozen=True)
+class BusTerminal:
+    """A joint's terminal on the 1553 bus."""
+
+    delay: int = quantity(1, "samples", "derived", "nk - 1 of the published models (study joints); assumed elsewhere")
+
+
+HAND_CONTROLLER = HandController()
+RECORDER = Recorder()
+
+BUS = {name: BusTerminal(0 if name == "shoulder_pitch" else 1) for name in JOINTS}
+"""How late each measured angle reaches the record. The analyst finds nk = 2 on yaw, 1 on shoulder pitch, 2 on elbow."""

@@ -1,0 +1,191 @@
+"""Experiments on arms of one structure, run as rows of one `mujoco.batch.Batch`, each on a model of its own."""
+
+from collections import defaultdict
+from collections.abc import Callable, Sequence
+from functools import partial
+from time import perf_counter
+
+import mujoco
+import numpy as np
+from mujoco import batch
+
+from hmtb_twin.bus.joint_log import WRENCH
+from hmtb_twin.control.experiment import View
+from hmtb_twin.control.status import Status
+from hmtb_twin.parameters.errors import TwinError
+from hmtb_twin.parameters.values import JOINTS, SAMPLE_RATE, SAMPLE_TIME
+from hmtb_twin.run.engine_warnings import warned_of
+from hmtb_twin.run.experiment_row import STATE, ExperimentRow
+from hmtb_twin.run.recording import BLOCK, Recording
+from hmtb_twin.run.worksite_run import WorksiteRun
+
+
+class BatchRun:
+    """One run of experiments side by side: physics in C, Python once per tick for all of them.
+
+    Which rows stand beside each other, and how many threads there are, changes no bit of any of them.
+
+    Args:
+        rows: The experiments, on arms of one `structure`, with their first states.
+        threads: Threads for the physics; 0 for all processors.
+
+    Attributes:
+        seconds: Wall time spent in the physics, s.
+        ticks: Ticks run, over all rows.
+        substeps: Physics steps of each of these ticks.
+    """
+
+    def __init__(self, rows: Sequence[ExperimentRow], threads: int) -> None:
+        self.seconds, self.ticks = 0.0, 0
+        self._rows = rows
+        # It stands for all: what is read from it here is the same in every arm of its structure.
+        arm = rows[0].arm
+        self.substeps = round(SAMPLE_TIME / arm.model.opt.timestep)
+        self._simulations = simulations = batch.Batch(arm.model, nsim=len(rows), nthread=threads)
+        self._models = [row.arm.model for row in rows]
+        if len(set(map(id, self._models))) > 1:
+            self._set_models()
+        for i, row in enumerate(rows):
+            for name in STATE:
+                simulations.bind(name)[i] = row.start[name]
+        self._control, self._angles, self._act, self._sensors, self._positions, self._rotations = (
+            simulations.bind(name) for name in ("ctrl", "qpos", "act", "sensordata", "site_xpos", "site_xmat")
+        )
+        self._tool = arm.model.site("tool").id
+        self._pressures, self._spools, self._supply = arm.pressure_states, arm.spool_states, arm.supply_state
+        self._site = WorksiteRun(simulations, [row.arm for row in rows]) if arm.worksite else None
+        if self._site:
+            self._models = [self._site.model(i, powered=True) for i in range(len(rows))]
+            self._set_models()
+        self._lengths = np.array([row.ticks for row in rows])
+        self._active = np.arange(len(rows))
+        self._live = [i for i, row in enumerate(rows) if row.station.live]
+        self._switched = _switched(rows)
+        self._ahead = np.zeros((min(BLOCK, self._lengths.max()), len(rows), arm.model.nu))
+
+    def run(self, report: Callable[[int], None]) -> None:
+        """Run the experiments and fill in their records, or why they failed.
+
+        Args:
+            report: Called now and then with the ticks run.
+        """
+        self._simulations.forward()
+        recording = Recording(self._lengths.tolist(), {name: now.shape[1] for name, now in self._channels().items()})
+        if self._site:
+            for i in set(range(len(self._rows))).difference(self._live):
+                self._rows[i].station.status |= self._status(i)
+        tick = 0
+        while len(self._active):
+            recording.write(tick, self._channels())
+            if tick % BLOCK == 0:
+                self._look_ahead(tick)
+            self._operate(tick)
+            if len(self._active):
+                self._step(tick)
+            tick += 1
+            if tick % SAMPLE_RATE == 1 or not len(self._active):
+                report(self.ticks)
+        recording.close(tick)
+        for row, record in zip(self._rows, recording.records, strict=True):
+            row.record = record
+
+    def _set_models(self) -> None:
+        self._simulations.set_models(self._models)
+
+    def _channels(self) -> dict[str, np.ndarray]:
+        """What is recorded at a tick, (rows, width) each."""
+        now = {
+            "true_angles": self._angles[:, : len(JOINTS)],
+            "load_pressure": self._act[:, self._pressures],
+            "wrench": self._sensors[:, : len(WRENCH)],
+        }
+        if self._site:
+            now |= {"unit_pose": self._site.unit_pose, "contact_force": self._site.contact_force}
+        if self._spools is not None:
+            now |= {"spool": self._act[:, self._spools], "supply_pressure": self._act[:, self._supply]}
+        return now
+
+    def _look_ahead(self, tick: int) -> None:
+        """Compute the controls of a block of ticks where they depend on nothing but the excitation."""
+        for i in self._active.tolist():
+            row = self._rows[i]
+            if not row.station.live:
+                block = row.controls(slice(tick, tick + BLOCK))
+                self._ahead[: len(block), i] = block
+
+    def _operate(self, tick: int) -> None:
+        """Let operators act and power go off and on, at a tick."""
+        changed = False
+        for i in self._live:
+            row = self._rows[i]
+            if tick >= row.ticks or row.failure is not None:
+                continue
+            angles = self._angles[i, : len(JOINTS)]
+            try:
+                row.station.tick(tick, row.reading(tick, angles), partial(self._view, tick, i))
+            except TwinError as error:
+                self._fail(i, f"{error}, at {tick * SAMPLE_TIME:.2f} s")
+                continue
+            carrying = None
+            if self._site:
+                if row.station.grip is not None:
+                    changed |= self._site.close(i, row.station.grip)
+                row.station.status[tick] |= self._status(i)
+                carrying = self._site.carrying(i)
+            self._ahead[tick % BLOCK, i] = row.controls(slice(tick, tick + 1), carrying)[0]
+        for i in self._switched.get(tick, ()):
+            powered = bool(self._rows[i].station.powered[tick])
+            arm = self._rows[i].arm
+            self._models[i] = (
+                self._site.model(i, powered=powered) if self._site else arm.model if powered else arm.unpowered
+            )
+            changed = True
+        if changed:
+            self._set_models()
+
+    def _step(self, tick: int) -> None:
+        """Step the physics through a tick, under its controls."""
+        active, simulations = self._active, self._simulations
+        self._control[active] = self._ahead[tick % BLOCK, active]
+        started = perf_counter()
+        try:
+            # The forward pass at the new state makes the wrench that of this very tick, under the command still in
+            # force.
+            simulations.step(ids=active, nstep=self.substeps, stage=mujoco.mjtStage.mjSTAGE_ACC)
+        except batch.SimulationError as error:
+            for i in error.ids:
+                self._fail(i, f"the physics engine stopped at {tick * SAMPLE_TIME:.2f} s: {simulations.error(i)}")
+        self.seconds += perf_counter() - started
+        self.ticks += len(active)
+        for i in active[simulations.warning[active, :, 1].any(axis=1)].tolist():
+            self._fail(
+                i,
+                f"the physics engine warned of {warned_of(simulations.warning[i, :, 1])} at {tick * SAMPLE_TIME:.2f} s",
+            )
+        self._active = self._active[self._lengths[self._active] > tick + 1]
+
+    def _fail(self, i: int, reason: str) -> None:
+        self._rows[i].failure = reason
+        self._active = self._active[self._active != i]
+
+    def _status(self, i: int) -> int:
+        return int(Status.UNIT_HELD) if self._site and self._site.held[i] else 0
+
+    def _view(self, tick: int, i: int) -> View:
+        """What the operator of row i sees."""
+        return View(
+            time=tick * SAMPLE_TIME,
+            tool_position=self._positions[i, self._tool].copy(),
+            tool_rotation=self._rotations[i, self._tool].reshape(3, 3).copy(),
+            wrench=self._sensors[i, : len(WRENCH)].copy(),
+            unit=self._site.look(i) if self._site else None,
+        )
+
+
+def _switched(rows: Sequence[ExperimentRow]) -> dict[int, list[int]]:
+    """Return the rows whose servo power goes off or on at a tick, by tick."""
+    switched: dict[int, list[int]] = defaultdict(list)
+    for i, row in enumerate(rows):
+        for tick in np.flatnonzero(np.diff(row.station.powered)) + 1:
+            switched[int(tick)].append(i)
+    return dict(switched)

@@ -1,0 +1,157 @@
+"""One experiment on its way through a batch: from what is asked to its log."""
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from json import dumps
+
+import mujoco
+import numpy as np
+
+from hmtb_twin.arm.arm import Arm, check_arm
+from hmtb_twin.bus.joint_log import JointLog, software_versions
+from hmtb_twin.bus.recorder import delayed, read_resolvers
+from hmtb_twin.control.control_station import ControlStation
+from hmtb_twin.control.experiment import Experiment, Operator
+from hmtb_twin.parameters.values import SAMPLE_TIME, Recorder
+
+STATE = ("qpos", "qvel", "act", "ctrl", "eq_active")
+"""Fields of MuJoCo's state in which an experiment starts from the arm at rest; all others start at zero."""
+
+_NUMBERS = ("contact_force", "supply_pressure")
+"""Channels with one number at a tick, (N,) in a log."""
+
+
+@dataclass
+class ExperimentRow:
+    """One experiment, a row of a batch.
+
+    Attributes:
+        experiment: What is asked.
+        arm: The arm that does it.
+        station: Who commands it.
+        recorder: The recorder with the noise of the arm's resolvers.
+        resolver_noise: Standard normal numbers for the resolvers (N, 7).
+        drive_noise: Torques that the valve drives add (N, 7), N m; None where they are quiet.
+        start: The fields `STATE` of the arm at rest at the experiment's pose; empty until it is known.
+        record: What was recorded, (N, width) by channel; empty before the run.
+        failure: Why the run failed; None where it did not.
+    """
+
+    experiment: Experiment
+    arm: Arm
+    station: ControlStation
+    recorder: Recorder
+    resolver_noise: np.ndarray
+    drive_noise: np.ndarray | None
+    start: dict[str, np.ndarray] = field(default_factory=dict)
+    record: dict[str, np.ndarray] = field(default_factory=dict)
+    failure: str | None = None
+
+    @property
+    def ticks(self) -> int:
+        """Length N of the experiment."""
+        return self.station.ticks
+
+    def controls(self, ticks: slice, arm: Arm | None = None) -> np.ndarray:
+        """Return the control vectors (n, nu) of ticks whose commands are known.
+
+        Args:
+            ticks: The ticks.
+            arm: The arm as its controller knows it at these ticks; the experiment's own by default.
+        """
+        noise = None if self.drive_noise is None else self.drive_noise[ticks]
+        return (arm or self.arm).controls(self.station.commands[ticks], noise)
+
+    def reading(self, tick: int, angles: np.ndarray) -> np.ndarray:
+        """Return what the controller's own resolvers tell of the angles (7,) at a tick, rad."""
+        return read_resolvers(angles, self.resolver_noise[tick], self.recorder, resolver=self.experiment.chain.resolver)
+
+    def log(self) -> JointLog:
+        """Return the log of the run."""
+        experiment, station = self.experiment, self.station
+        record = {name: values[:, 0] if name in _NUMBERS else values for name, values in self.record.items()}
+        readings = read_resolvers(
+            record["true_angles"], self.resolver_noise, self.recorder, resolver=experiment.chain.resolver
+        )
+        return JointLog(
+            name=experiment.name,
+            seed=experiment.seed,
+            dt=SAMPLE_TIME,
+            axes=tuple(experiment.axes),
+            commanded=station.commands,
+            measured=delayed(readings, self.arm.delays),
+            status=station.status,
+            volts=station.volts,
+            counts=station.counts,
+            **record,
+            provenance={
+                "variant": experiment.variant,
+                "payload": experiment.payload,
+                "drives": self.arm.drives_kind,
+                **{f"plant_{name}": str(value) for name, value in vars(experiment.plant).items()},
+                **{f"specimen_{name}": dumps(value) for name, value in experiment.specimen.deviations.items()},
+                "pose": experiment.pose,
+                "mode": experiment.mode,
+                **{name: str(on).lower() for name, on in vars(experiment.chain).items()},
+                **_recipe(experiment, station.operator),
+                **software_versions(),
+            },
+        )
+
+
+def prepare(experiment: Experiment, load: Callable[..., Arm]) -> ExperimentRow:
+    """Return an experiment with its arm, its station and its noise.
+
+    Args:
+        experiment: The experiment.
+        load: `load_arm`, or what returns its arms.
+
+    Raises:
+        TwinError: The experiment asks for something that the laboratory does not have.
+    """
+    arm = _arm(experiment, load)
+    wires, resolvers, drives = np.random.default_rng(experiment.seed).spawn(3)
+    station = ControlStation(experiment, arm, wires)
+    shape = station.commands.shape
+    torques = arm.process_noise * drives.standard_normal(shape) if arm.process_noise.any() else None
+    noise = resolvers.standard_normal(shape)
+    return ExperimentRow(experiment, arm, station, experiment.specimen.recorder, noise, torques)
+
+
+def at_rest(arm: Arm, pose: str) -> dict[str, np.ndarray]:
+    """Return the fields `STATE` of the arm at rest at a pose.
+
+    Raises:
+        OverloadError: The drives cannot hold the arm there.
+    """
+    # Without the state itself: MuJoCo gives each a working memory a hundred times its size.
+    rest: mujoco.MjData = arm.rest(arm.pose(pose))
+    return {name: np.array(getattr(rest, name)) for name in STATE}
+
+
+def _arm(experiment: Experiment, load: Callable[..., Arm]) -> Arm:
+    # What is no arm at all need not be hashable, as `load` may want it.
+    check_arm(
+        experiment.variant,
+        experiment.payload,
+        experiment.plant,
+        worksite=bool(experiment.worksite),
+        specimen=experiment.specimen,
+    )
+    return load(
+        experiment.variant,
+        experiment.payload,
+        plant=experiment.plant,
+        specimen=experiment.specimen,
+        friction=experiment.chain.friction,
+        worksite=experiment.worksite,
+    )
+
+
+def _recipe(experiment: Experiment, operator: Operator | None) -> dict[str, str]:
+    """Return the text from which the experiment can be run again, where a text tells all of it."""
+    by = {} if operator is None else {"operator": f"{type(operator).__module__}.{type(operator).__qualname__}"}
+    write = getattr(experiment, "to_toml", None)
+    if not callable(write) or getattr(experiment, "has_own_operator", False):
+        return by
+    return {"scenario": write(), **by}

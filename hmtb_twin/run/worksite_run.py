@@ -1,0 +1,120 @@
+"""The replacement unit in simulations side by side: who holds it, where it is, what it touches."""
+
+from collections.abc import Sequence
+from copy import copy
+from dataclasses import replace
+
+import mujoco
+import numpy as np
+from mujoco import batch
+
+from hmtb_twin.arm.arm import Arm
+from hmtb_twin.arm.controller_model import controller_model
+from hmtb_twin.arm.worksite_model import LATCH_WELD, TOUCH_SENSOR, UNIT_BODY
+from hmtb_twin.control.experiment import UnitView
+from hmtb_twin.parameters.payloads import PAYLOADS
+from hmtb_twin.parameters.seats import LATCH
+from hmtb_twin.parameters.values import JOINTS
+
+END_EFFECTOR = "end_effector"
+"""The body whose fingers close about the unit's fitting."""
+
+
+class WorksiteRun:
+    """The latch, the unit and its contacts in every simulation of a batch.
+
+    Fingers that close about the fitting hold the unit as it is between them; closed about nothing they hold nothing
+    until they have been opened. The latch's switch tells the controller what it carries, for its feedforward torque.
+
+    Args:
+        simulations: The batch, in its first state.
+        arms: The arm at the worksite that each of them runs, all of one structure.
+
+    Attributes:
+        held: Whether the end effector holds the unit, per simulation.
+    """
+
+    def __init__(self, simulations: batch.Batch, arms: Sequence[Arm]) -> None:
+        self._arms = arms
+        self.held = np.array([PAYLOADS[arm.payload] is not None for arm in arms])
+        self._closed = self.held.copy()
+        # Each simulation has models of its own: where the unit sits between the fingers is written in them.
+        self._working = [copy(arm.model) for arm in arms]
+        self._shut: list[mujoco.MjModel | None] = [None for _ in self.held]
+        self._angles, self._active, history, self._places, self._turns, self._sites, self._axes = (
+            simulations.bind(name)
+            for name in ("qpos", "eq_active", "history", "xpos", "xmat", "site_xpos", "site_xmat")
+        )
+        model = arms[0].model
+        self._weld = model.equality(LATCH_WELD).id
+        self._unit, self._hand, self._tool = (
+            model.body(UNIT_BODY).id,
+            model.body(END_EFFECTOR).id,
+            model.site("tool").id,
+        )
+        sensor = model.sensor(TOUCH_SENSOR).id
+        samples = model.sensor_history[sensor, 0]
+        # A history is two numbers of its own, the times, the values.
+        first = model.sensor_historyadr[sensor] + 2 + samples
+        self._touch = history[:, first : first + samples]
+
+    @property
+    def unit_pose(self) -> np.ndarray:
+        """Position and quaternion of the unit (n, 7), m and 1."""
+        return self._angles[:, len(JOINTS) :]
+
+    @property
+    def contact_force(self) -> np.ndarray:
+        """Largest sum of normal forces between unit and worksite over the physics steps of the last tick (n, 1), N."""
+        return self._touch.max(axis=1, keepdims=True)
+
+    def look(self, i: int) -> UnitView:
+        """Return what the cameras show of the unit of simulation i."""
+        place, turn = self._where(i)
+        return UnitView(place.copy(), turn.copy(), bool(self.held[i]))
+
+    def close(self, i: int, closed: bool) -> bool:
+        """Open or close the fingers of simulation i; return whether its models have changed."""
+        before, self._closed[i] = self._closed[i], closed
+        if closed == before:
+            return False
+        self.held[i] = closed and self._within_fingers(i)
+        self._active[i, self._weld] = self.held[i]
+        if self.held[i]:
+            for model in filter(None, (self._working[i], self._shut[i])):
+                self._hold(i, model)
+        return bool(self.held[i])
+
+    def model(self, i: int, *, powered: bool) -> mujoco.MjModel:
+        """Return the model that simulation i runs on: with working valves, or with closed ones without power."""
+        return self._working[i] if powered else self._without_power(i)
+
+    def carrying(self, i: int) -> Arm:
+        """Return the arm of simulation i with the controller's model of what the end effector now holds."""
+        arm, payload = self._arms[i], "rpcm" if self.held[i] else "none"
+        return arm if payload == arm.payload else replace(arm, controller=controller_model(payload, arm.variant))
+
+    def _where(self, i: int) -> tuple[np.ndarray, np.ndarray]:
+        return self._places[i, self._unit], self._turns[i, self._unit].reshape(3, 3)
+
+    def _without_power(self, i: int) -> mujoco.MjModel:
+        shut = self._shut[i]
+        if shut is None:
+            shut = self._shut[i] = copy(self._arms[i].unpowered)
+            shut.eq_data[self._weld] = self._working[i].eq_data[self._weld]
+        return shut
+
+    def _within_fingers(self, i: int) -> bool:
+        place, turn = self._where(i)
+        tool = self._axes[i, self._tool].reshape(3, 3)
+        away = np.linalg.norm(place - self._sites[i, self._tool])
+        # The angle of a rotation from its trace.
+        turned = np.arccos(np.clip((np.sum(tool * turn) - 1.0) / 2.0, -1.0, 1.0))
+        return bool(away <= LATCH.reach and turned <= LATCH.turn)
+
+    def _hold(self, i: int, model: mujoco.MjModel) -> None:
+        """Write into a model where the unit sits in the end effector."""
+        place, turn = self._where(i)
+        hand = self._turns[i, self._hand].reshape(3, 3)
+        model.eq_data[self._weld, 3:6] = hand.T @ (place - self._places[i, self._hand])
+        mujoco.mju_mat2Quat(model.eq_data[self._weld, 6:10], (hand.T @ turn).ravel())

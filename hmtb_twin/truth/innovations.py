@@ -1,0 +1,133 @@
+"""The true noise model: from noise in drives and resolvers to the innovations form of whatever is measured."""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from hmtb_twin.parameters.errors import TwinError
+from sysid import StateSpace
+
+RESIDUAL = 1e-9
+"""Largest residual of the Riccati equation that a solution may leave, relative to the solution."""
+
+DOUBLINGS = 50
+"""Doublings after which the Riccati equation counts as without solution: 2^50 ticks of the Kalman recursion."""
+
+
+@dataclass(frozen=True)
+class Disturbances:
+    """What disturbs the small-signal arm, both independent from tick to tick and of each other.
+
+    Attributes:
+        drives: What one standard deviation of the noise of each drive, held over a tick, adds to the state (n, 7).
+        resolvers: Covariance of the noise of the measured angles (7, 7), rad^2. Rounding counts as uniform and
+            independent noise of variance step^2/12: with resolver noise of half a step or more ahead of it, it is that
+            to 3 %, of a whole step, as is nominal, to 1e-8 [Widrow2008, ch. 19].
+    """
+
+    drives: np.ndarray
+    resolvers: np.ndarray
+
+    def __post_init__(self) -> None:
+        for name in ("drives", "resolvers"):
+            locked = np.array(getattr(self, name), dtype=float)
+            locked.setflags(write=False)
+            object.__setattr__(self, name, locked)
+
+
+def innovations_form(model: StateSpace, drives: np.ndarray, resolvers: np.ndarray) -> StateSpace:
+    """Return a model with the noise model that its disturbances make: the steady Kalman predictor.
+
+    The state obeys x+ = A x + B u + G w, the outputs are y = C x + D u + v, with w of unit and v of covariance R. The
+    predictor of least variance has the gain K = A P C' S^-1 and innovations of covariance S = C P C' + R, where the
+    covariance P of the predicted state solves P = A P A' + G G' - K S K' [AndersonMoore1979, sec. 4.4].
+
+    Args:
+        model: The path from commands to outputs.
+        drives: G (n, nw).
+        resolvers: R (ny, ny), rad^2, positive definite.
+
+    Returns:
+        The model with K and innovation covariance; without noise in the drives K is None, the covariance R.
+
+    Raises:
+        TwinError: The Riccati equation has no solution to working precision, or its predictor is not stable.
+    """
+    if not drives.any():
+        return replace(model, K=None, innovation_covariance=resolvers)
+    A, C = model.A, model.C
+    P = _predicted_covariance(model, drives, resolvers)
+    S = C @ P @ C.T + resolvers
+    K = np.linalg.solve(S, C @ P @ A.T).T
+    residual = np.abs(A @ P @ A.T + drives @ drives.T - K @ S @ K.T - P).max() / np.abs(P).max()
+    radius = np.abs(np.linalg.eigvals(A - K @ C)).max()
+    if not (residual <= RESIDUAL and radius < 1.0):
+        raise TwinError(
+            f"the Riccati equation of the noise is solved to {residual:.1e} with a predictor of spectral radius "
+            f"{radius:.6g}; expected {RESIDUAL:g} and below 1"
+        )
+    return replace(model, K=K, innovation_covariance=_symmetric(S))
+
+
+def _predicted_covariance(model: StateSpace, drives: np.ndarray, resolvers: np.ndarray) -> np.ndarray:
+    """Solve the Riccati equation by the doubling algorithm [AndersonMoore1979, sec. 6.7].
+
+    The k-th doubling gives the covariance after 2^k ticks of the Kalman recursion from a known state. All that it adds
+    up is positive semidefinite, so that noise far below that of the resolvers costs no digits, as it does in the
+    eigenvectors of the symplectic pencil; measurements count in standard deviations of their noise.
+
+    Returns:
+        P (n, n), symmetric.
+    """
+    try:
+        C = np.linalg.solve(np.linalg.cholesky(resolvers), model.C)
+    except np.linalg.LinAlgError as error:
+        raise TwinError(f"resolver noise given whose covariance is not positive definite: {error}") from error
+    transition, information, covariance = model.A.T, C.T @ C, drives @ drives.T
+    # Where the noise grows without bound it overflows; that is found and said below.
+    with np.errstate(all="ignore"):
+        for _ in range(DOUBLINGS):
+            try:
+                weight = np.linalg.inv(np.eye(model.order) + information @ covariance)
+            except np.linalg.LinAlgError:
+                break
+            shared = transition @ weight
+            added = transition.T @ covariance @ weight @ transition
+            information = _symmetric(information + shared @ information @ transition.T)
+            transition, covariance = shared @ transition, _symmetric(covariance + added)
+            if not np.isfinite(covariance).all():
+                break
+            if np.abs(added).max() <= np.finfo(float).eps * np.abs(covariance).max():
+                return covariance
+    raise TwinError(
+        f"the Riccati equation of the noise has no solution: the covariance does not settle within 2^{DOUBLINGS} ticks "
+        "(the measurements do not tell of a state that grows)"
+    )
+
+
+def _symmetric(matrix: np.ndarray) -> np.ndarray:
+    return 0.5 * (matrix + matrix.T)
+
+
+def minimal_innovations_form(model: StateSpace, tolerance: float) -> StateSpace:
+    """Drop the states that neither command nor innovation shares with the outputs, by balanced truncation.
+
+    Args:
+        model: A model in innovations form.
+        tolerance: States with a Hankel singular value below `tolerance` times the largest are dropped; command and
+            innovation count alike, both are angles.
+
+    Returns:
+        The smaller model, with its noise model.
+    """
+    if not np.any(model.gain):
+        return model.minimal(tolerance)
+    both = StateSpace(
+        model.A,
+        np.hstack([model.B, model.gain]),
+        model.C,
+        np.hstack([model.D, np.eye(model.ny)]),
+        None,
+        model.dt,
+    ).minimal(tolerance)
+    return replace(model, A=both.A, B=both.B[:, : model.nu], C=both.C, K=both.B[:, model.nu :])

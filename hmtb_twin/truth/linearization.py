@@ -1,0 +1,229 @@
+"""The truth from the physics: finite differences of the physics step, lifted to the position loop's rate."""
+
+from collections.abc import Sequence
+from copy import copy
+from numbers import Real
+
+import mujoco
+import numpy as np
+from scipy.linalg import block_diag
+
+from hmtb_twin.arm.arm import Arm, load_arm
+from hmtb_twin.bus.joint_log import software_versions
+from hmtb_twin.parameters.errors import OverloadError, TwinError
+from hmtb_twin.parameters.values import JOINTS, OPERATING_POSE, SAMPLE_TIME, STUDIED_JOINTS
+from hmtb_twin.truth.innovations import Disturbances, innovations_form
+from hmtb_twin.truth.joint_range import check_range, clear_of_stops
+from hmtb_twin.truth.sample_map import sample_map
+from hmtb_twin.truth.truth import Truth
+from sysid import StateSpace
+
+AMPLITUDES = (1e-5, 1e-4, 1e-3, 1e-2)
+"""Command amplitudes at which the linear model is tried against simulation, rad."""
+
+LARGEST_AMPLITUDE = 2.0 * np.pi
+"""A whole turn: no command of the arm is larger, and few are as small signals."""
+
+STEP = 1e-4
+"""Step of the centred finite differences: below it rounding shows in the trial at 10 µrad, above it truncation will."""
+
+METHODS = {
+    "linear": "mjd_transitionFD, centred, zero-order hold to 50 Hz",
+    "orifice": "centred differences of the 50 Hz map",
+}
+"""How each form of the actuator is linearised."""
+
+
+def linearize(arm: Arm, pose: str | np.ndarray = OPERATING_POSE, *, amplitudes: Sequence[float] = AMPLITUDES) -> Truth:
+    """Linearise the arm at rest and lift the result to 50 Hz.
+
+    One physics step is x+ = f(x, u) with x joint angles, velocities and load pressures and u commanded angle and
+    feedforward torque of each joint. Its Jacobians, held over the steps of a tick, give the 50 Hz map; the feedforward
+    of the controller's own model folds the torques into the commanded angles, and the bus delays follow the outputs.
+    An arm with servo valves runs by another integrator: there the 50 Hz map itself is differentiated, at rest with the
+    oil settled. Dry friction is off: at rest it would show the stuck arm, not the moving one. The oil's drag stays.
+    Noise of the valve drives is torque held over a tick as the feedforward is, so that it enters by the same columns
+    of the map.
+
+    Args:
+        arm: The arm, with friction or without, in free space or at the worksite: the truth is the same.
+        pose: Operating point, by name or as joint angles (7,), rad.
+        amplitudes: Command amplitudes at which the truth is tried against simulation, rad. None of them makes it
+            hundreds of times faster: milliseconds, for maps of many poses.
+
+    Returns:
+        The truth, with its error against simulation. The arm may be unstable there: `Truth.spectral_radius`.
+
+    Raises:
+        TwinError: An amplitude is not above 0 and up to `LARGEST_AMPLITUDE`, there is no such pose, the angles are not
+            seven finite numbers, a joint is out of its range or less than `joint_range.CLEARANCE` from a stop, or an
+            indexed joint is not at its index: there the stop or the pin would be linearised with the servo.
+        OverloadError: The drives cannot hold the arm there, or servo valves under load let a joint sink onto its stop.
+    """
+    if isinstance(amplitudes, str) or not isinstance(amplitudes, Sequence | np.ndarray):
+        raise TwinError(f"amplitudes = {amplitudes!r} given, expected a sequence of numbers in rad")
+    smooth = sliding(arm)
+    angles = smooth.pose(pose) if isinstance(pose, str) else _angles(pose)
+    check_range(angles)
+    path, disturbances = _sampled_model(smooth, angles)
+    model = innovations_form(path, disturbances.drives, disturbances.resolvers)
+    errors = {amplitude: small_signal_error(smooth, model, angles, amplitude) for amplitude in amplitudes}
+    return Truth(
+        model=model,
+        disturbances=disturbances,
+        variant=arm.variant,
+        payload=arm.payload,
+        plant=arm.plant,
+        specimen=arm.specimen,
+        pose=pose if isinstance(pose, str) else "given angles",
+        angles=angles,
+        small_signal_error=errors,
+        provenance={"method": METHODS[arm.plant.actuator], **software_versions()},
+    )
+
+
+def sliding(arm: Arm) -> Arm:
+    """Return the arm in free space without dry friction: the moving arm of small signals."""
+    if not arm.worksite and not arm.friction:
+        # It may have other valves or another step than `load_arm` gives.
+        return arm
+    return load_arm(arm.variant, arm.payload, plant=arm.plant, specimen=arm.specimen, friction=False)
+
+
+def _angles(pose: np.ndarray) -> np.ndarray:
+    try:
+        given = np.asarray(pose)
+    except ValueError:  # rows of unequal length
+        given = np.empty(0, dtype=object)
+    angles = given.astype(float) if given.dtype.kind in "iuf" else np.empty(0)
+    if angles.shape != (len(JOINTS),) or not np.isfinite(angles).all():
+        raise TwinError(f"pose {pose!r} given, expected a name or {len(JOINTS)} finite joint angles in rad")
+    return angles
+
+
+def _sampled_model(arm: Arm, angles: np.ndarray) -> tuple[StateSpace, Disturbances]:
+    data = arm.rest(angles)
+    for name, angle in zip(JOINTS, data.qpos, strict=True):
+        if not clear_of_stops(name, float(angle)):
+            raise OverloadError(
+                f"at {arm.plant.supply_pressure:g} MPa the drives let the {name.replace('_', ' ')} sink onto its stop, "
+                f"to {np.degrees(angle):g} deg"
+            )
+    # MuJoCo differentiates its own single-step integrators, not the Runge-Kutta method.
+    single = arm.model.opt.integrator != mujoco.mjtIntegrator.mjINT_RK4
+    A, B = _lifted(arm.model, data) if single else sample_map(arm.model, data)
+    states = len(A)
+    torques = B[:, 1::2]
+    B = B[:, 0::2] + torques @ arm.controller.gravity_gradient(angles)
+    path = _delayed(A, B, np.eye(len(JOINTS), states), arm.delays)
+    drives = np.zeros((path.order, len(JOINTS)))
+    drives[:states] = torques * arm.process_noise
+    # Readings reach the record as late as the angles; white noise delayed is white noise.
+    recorder = arm.specimen.recorder
+    resolvers = (recorder.noise**2 + recorder.resolver_step**2 / 12.0) * np.eye(len(JOINTS))
+    return path, Disturbances(drives, resolvers)
+
+
+def _lifted(original: mujoco.MjModel, data: mujoco.MjData) -> tuple[np.ndarray, np.ndarray]:
+    """The map over a tick from the Jacobians of one physics step."""
+    model = copy(original)
+    # The pin of the shoulder roll is a constraint: solved only to the default tolerance it would blur the differences.
+    model.opt.tolerance = 0.0
+    states = 2 * model.nv + model.na
+    A, B = np.empty((states, states)), np.empty((states, model.nu))
+    mujoco.mjd_transitionFD(model, data, STEP, True, A, B, None, None)
+    # Zero-order hold over the tick: x+ = A^n x + (I + A + ... + A^(n-1)) B u, by the powers of an augmented matrix.
+    held = np.block([[A, B], [np.zeros((model.nu, states)), np.eye(model.nu)]])
+    tick = np.linalg.matrix_power(held, round(SAMPLE_TIME / model.opt.timestep))[:states]
+    return tick[:, :states], tick[:, states:]
+
+
+def _delayed(A: np.ndarray, B: np.ndarray, C: np.ndarray, delays: np.ndarray) -> StateSpace:
+    """Append to each output the shift register of its bus delay."""
+    registers = [np.eye(d, k=-1) for d in delays]
+    shift = block_diag(*registers) if delays.any() else np.zeros((0, 0))
+    feed, read, direct = np.zeros((len(shift), len(C))), np.zeros((len(C), len(shift))), C.copy()
+    last = 0
+    for output, delay in enumerate(delays):
+        if delay:
+            feed[last, output] = 1.0
+            last += delay
+            read[output, last - 1] = 1.0
+            direct[output] = 0.0
+    whole = np.block([[A, np.zeros((len(A), len(shift)))], [feed @ C, shift]])
+    inputs = np.vstack([B, np.zeros((len(shift), B.shape[1]))])
+    outputs = np.hstack([direct, read])
+    return StateSpace(
+        whole,
+        inputs,
+        outputs,
+        np.zeros((len(C), B.shape[1])),
+        None,
+        SAMPLE_TIME,
+        input_names=tuple(f"{name} commanded" for name in JOINTS),
+        output_names=tuple(f"{name} measured" for name in JOINTS),
+        input_units=("rad",) * len(JOINTS),
+        output_units=("rad",) * len(JOINTS),
+    )
+
+
+def small_signal_error(arm: Arm, model: StateSpace, angles: np.ndarray, amplitude: float) -> float:
+    """Compare the linear model with simulation from the same commands.
+
+    Args:
+        arm: The arm, without friction.
+        model: Its linear model.
+        angles: Operating point (7,), rad.
+        amplitude: Amplitude of a pseudo-random binary command, rad.
+
+    Returns:
+        Root mean square of the difference over that of the response, largest over the studied joints, each excited
+        alone for 4 s. NaN where there is nothing to compare: the linear model is unstable, or either response is none
+        or not finite.
+
+    Raises:
+        TwinError: The amplitude is not a number above 0 and up to `LARGEST_AMPLITUDE`.
+    """
+    number = isinstance(amplitude, Real) and not isinstance(amplitude, bool)
+    if not (number and 0.0 < amplitude <= LARGEST_AMPLITUDE):
+        raise TwinError(f"amplitude {amplitude!r} given, expected above 0 and up to {LARGEST_AMPLITUDE:.4g} rad")
+    if model.order and not np.abs(np.linalg.eigvals(model.A)).max() < 1.0:
+        return np.nan
+    bits = np.random.default_rng(0).choice([-amplitude, amplitude], 40)
+    offsets = np.repeat(bits, 5)
+    worst = 0.0
+    for name in STUDIED_JOINTS:
+        j = JOINTS.index(name)
+        command = np.tile(angles, (len(offsets), 1))
+        command[:, j] += offsets
+        response = linear(model, command - angles)[:, j]
+        difference = simulated(arm, angles, command)[:, j] - response
+        with np.errstate(invalid="ignore", divide="ignore"):
+            error = np.linalg.norm(difference) / np.linalg.norm(response)
+        if not np.isfinite(error):
+            return np.nan
+        worst = max(worst, float(error))
+    return worst
+
+
+def simulated(arm: Arm, angles: np.ndarray, command: np.ndarray) -> np.ndarray:
+    """Return the deviations of the delayed joint angles (N, 7) from rest at a pose under commands (N, 7), rad."""
+    data = arm.rest(angles)
+    start = data.qpos.copy()
+    substeps = round(SAMPLE_TIME / arm.model.opt.timestep)
+    read = np.empty_like(command)
+    for k, control in enumerate(arm.controls(command)):
+        read[k] = data.qpos
+        data.ctrl[:] = control
+        mujoco.mj_step(arm.model, data, nstep=substeps)
+    ticks = np.maximum(np.arange(len(read))[:, None] - arm.delays, 0)
+    return np.take_along_axis(read, ticks, axis=0) - start
+
+
+def linear(model: StateSpace, offsets: np.ndarray) -> np.ndarray:
+    """Return the linear model's response (N, 7) from rest to command offsets (N, 7), rad."""
+    state, response = np.zeros(model.order), np.empty((len(offsets), model.ny))
+    for k, offset in enumerate(offsets):
+        response[k] = model.C @ state + model.D @ offset
+        state = model.A @ state + model.B @ offset
+    return response

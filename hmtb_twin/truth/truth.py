@@ -1,0 +1,208 @@
+"""What is true of the arm: the linear model at 50 Hz that its physics implies."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from types import MappingProxyType
+
+import numpy as np
+
+from hmtb_twin.control.modes import joint_index
+from hmtb_twin.parameters.errors import TwinError
+from hmtb_twin.parameters.plant import Plant
+from hmtb_twin.parameters.specimen import Specimen
+from hmtb_twin.parameters.values import INDEXED_JOINTS, JOINTS
+from hmtb_twin.truth.innovations import Disturbances, innovations_form, minimal_innovations_form
+from hmtb_twin.truth.modal import modal
+from sysid import StateSpace
+
+MINIMAL = 1e-9
+"""Hankel singular values below this part of the largest are numerical dust of the finite differences."""
+
+DELAY = 1e-9
+"""A Markov parameter below this part of the largest counts as zero."""
+
+
+@dataclass(frozen=True)
+class JointTruth:
+    """The truth about one joint: commanded to measured angle while the others servo.
+
+    Attributes:
+        name: The joint.
+        model: Minimal single-input single-output model; with process noise in innovations form, with the states that
+            only noise moves beside those that the command moves.
+        bandwidth_hz: First frequency at which the gain is 3.01 dB below its value at 0 Hz, Hz; NaN if it never is,
+            and for an indexed joint, which a pin holds.
+        dc_gain: Gain at 0 Hz.
+        poles: Poles of the path from command to measurement in the z plane, largest modulus first: modes of the whole
+            arm, and zero for every sample of delay beyond one.
+        shares: Part of the gain at 0 Hz that each pole carries, as a modulus; 0 for delays.
+        zeros: Zeros of that path in the z plane.
+        delay_samples: Samples from a command to the first measurement that shows it; the analyst's nk.
+    """
+
+    name: str
+    model: StateSpace
+    bandwidth_hz: float
+    dc_gain: float
+    poles: np.ndarray
+    shares: np.ndarray
+    zeros: np.ndarray
+    delay_samples: int
+
+    @property
+    def natural_poles(self) -> np.ndarray:
+        """Poles in the s plane that the sampled ones are images of, rad/s; bus delays, which have none, left out."""
+        moving = self.poles[np.abs(self.poles) > 1e-6]
+        return np.log(moving.astype(complex)) / self.model.dt
+
+    @property
+    def dominant_poles(self) -> np.ndarray:
+        """Poles in the s plane that carry more than 5 % of the gain at 0 Hz each, rad/s, slowest first.
+
+        Those that fall below a twentieth within a sample are left out: they stand so close together that their shares,
+        large and of opposite sign, say nothing.
+        """
+        dominant = self.poles[(self.shares > 0.05) & (np.abs(self.poles) > 0.05)].astype(complex)
+        natural = np.log(dominant) / self.model.dt
+        return natural[np.argsort(-natural.real, kind="stable")]
+
+
+@dataclass(frozen=True)
+class Truth:
+    """The true small-signal dynamics of the arm at one operating point, dry friction off.
+
+    Attributes:
+        model: Seven commanded angles to seven measured angles at 50 Hz, rad, in innovations form: K and the innovation
+            covariance of the best linear predictor from all seven measurements. Without process noise K is None and the
+            covariance that of resolver noise and rounding.
+        disturbances: The noise that this follows from.
+        variant: Arm variant.
+        payload: What the end effector holds.
+        plant: What the drives run on and rub with.
+        specimen: How the arm deviates from its variant.
+        pose: Operating point, by name.
+        angles: Operating point (7,), rad.
+        small_signal_error: By amplitude in rad, the relative error of the linear model against simulation: root mean
+            square of the difference over that of the response, largest over the studied joints; NaN where the arm is
+            unstable.
+        provenance: How it was obtained and with which software.
+    """
+
+    model: StateSpace
+    disturbances: Disturbances
+    variant: str
+    payload: str
+    plant: Plant
+    specimen: Specimen
+    pose: str
+    angles: np.ndarray
+    small_signal_error: Mapping[float, float]
+    provenance: Mapping[str, str]
+
+    def __post_init__(self) -> None:
+        angles = np.array(self.angles, dtype=float)
+        angles.setflags(write=False)
+        object.__setattr__(self, "angles", angles)
+        object.__setattr__(self, "small_signal_error", MappingProxyType(dict(self.small_signal_error)))
+        object.__setattr__(self, "provenance", MappingProxyType(dict(self.provenance)))
+
+    @property
+    def dt(self) -> float:
+        """Sampling time, s."""
+        return self.model.dt
+
+    @property
+    def spectral_radius(self) -> float:
+        """Largest modulus of the poles in the z plane; the arm is stable where it is below 1."""
+        return float(np.abs(np.linalg.eigvals(self.model.A)).max())
+
+    def joint(self, name: str) -> JointTruth:
+        """Return the truth about one joint.
+
+        Args:
+            name: The joint.
+
+        Returns:
+            Its single-input single-output model, poles, zeros, gain, bandwidth and delay.
+
+        Raises:
+            TwinError: There is no such joint, or the arm is unstable: it has no gain at 0 Hz, and no bandwidth.
+        """
+        whole = self.channel(name, name)
+        if not self.spectral_radius < 1.0:
+            conditions = ", ".join(f"{key} = {value!r}" for key, value in vars(self.plant).items())
+            raise TwinError(
+                f"the arm is unstable at {self.pose} under {conditions}: spectral radius {self.spectral_radius:.6g} at "
+                f"{1.0 / self.dt:g} Hz, expected below 1"
+            )
+        commanded = replace(whole, K=None)
+        path, modes = commanded.minimal(MINIMAL), modal(commanded)
+        pulse = np.abs(path.markov(100)[:, 0, 0])
+        delay = int(np.argmax(pulse > DELAY * pulse.max()))
+        late = np.zeros(max(0, delay - len(modes.poles) + len(modes.zeros)))
+        return JointTruth(
+            name=name,
+            model=minimal_innovations_form(whole, MINIMAL),
+            bandwidth_hz=np.nan if name in INDEXED_JOINTS else float(path.bandwidth()[0, 0]),
+            dc_gain=float(path.dc_gain()[0, 0]),
+            poles=np.concatenate([modes.poles, late]),
+            shares=np.concatenate([modes.shares, late]),
+            zeros=modes.zeros,
+            delay_samples=delay,
+        )
+
+    def channel(self, commanded: str, measured: str) -> StateSpace:
+        """Return the model from one joint's command to one joint's measurement, all states kept.
+
+        Args:
+            commanded: The joint that is commanded.
+            measured: The joint that is measured.
+
+        Returns:
+            A single-input single-output model; see `subset`.
+
+        Raises:
+            TwinError: There is no such joint.
+        """
+        return self.subset((commanded,), (measured,))
+
+    def subset(self, commanded: Sequence[str], measured: Sequence[str]) -> StateSpace:
+        """Return the model from some commands to some measurements, all states kept.
+
+        Its noise model is that of the subset seen alone: the innovations are what the named measurements do not tell
+        beforehand, while the noise of all drives acts and the other commands stand still. It is no part of the K and
+        the covariance of the whole, whose predictor knows all seven measurements.
+
+        Args:
+            commanded: The joints that are commanded, one or more, each once.
+            measured: The joints that are measured, likewise.
+
+        Returns:
+            A model with those inputs and outputs in the sequence given.
+
+        Raises:
+            TwinError: No joint, one twice, or one that there is not.
+        """
+        for role, names in (("commanded", commanded), ("measured", measured)):
+            if isinstance(names, str) or not isinstance(names, Sequence) or not names:
+                raise TwinError(f"{role} = {names!r} given, expected one or more joints, each once")
+        inputs = [joint_index(name) for name in commanded]
+        outputs = [joint_index(name) for name in measured]
+        for role, joints in (("commanded", inputs), ("measured", outputs)):
+            if len(set(joints)) != len(joints):
+                names = tuple(JOINTS[j] for j in joints)
+                raise TwinError(f"{role} = {names!r} given, expected one or more joints, each once")
+        model, disturbances = self.model, self.disturbances
+        path = StateSpace(
+            model.A,
+            model.B[:, inputs],
+            model.C[outputs],
+            model.D[np.ix_(outputs, inputs)],
+            None,
+            model.dt,
+            input_names=tuple(f"{JOINTS[j]} commanded" for j in inputs),
+            output_names=tuple(f"{JOINTS[i]} measured" for i in outputs),
+            input_units=("rad",) * len(inputs),
+            output_units=("rad",) * len(outputs),
+        )
+        return innovations_form(path, disturbances.drives, disturbances.resolvers[np.ix_(outputs, outputs)])

@@ -1,0 +1,3 @@
+"""Bench."""
+
+__all__: list[str] = []

@@ -1,0 +1,156 @@
+"""What would be measured of a perfect estimator, and of one with a single known fault: to check the figures with.
+
+No record is drawn: the errors come from the Cramér-Rao bound itself.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from scenarios.bench.measured import Measured
+from scenarios.bench.perfect_records import bound_for
+from scenarios.bench.response_statistics import TWO_SIDED_95
+from scenarios.estimators.outcome import MODEL
+from scenarios.problems.bound import response_covariance
+from scenarios.problems.problem import Bound
+from scenarios.problems.registry import problem
+from scenarios.problems.trial import Trial
+from sysid.models.delta_method import standard_directions
+from sysid.records.arrays import ComplexArray, FloatArray
+
+
+@dataclass(frozen=True)
+class Fault:
+    """What is wrong with an estimator that is perfect otherwise.
+
+    Attributes:
+        gain: Factor on the response.
+        delay: Samples by which the response comes too late.
+        variance: Factor on the variance, which the estimator knows and claims.
+        claimed: Factor on the claimed covariance alone.
+        failing: Share of the requests that give no model.
+        claimed_share: Share of the records of which it claims anything.
+    """
+
+    gain: float = 1.0
+    delay: int = 0
+    variance: float = 1.0
+    claimed: float = 1.0
+    failing: float = 0.0
+    claimed_share: float = 1.0
+
+
+FAULTS = {
+    "perfect": Fault(),
+    "claimed covariance twice too large": Fault(claimed=2.0),
+    "claimed covariance half as large": Fault(claimed=0.5),
+    "gain 2 % too high": Fault(gain=1.02),
+    "one sample too late": Fault(delay=1),
+    "variance 1.5 times the bound": Fault(variance=1.5),
+    "variance 1.05 times the bound": Fault(variance=1.05),
+    "no model for 1 of 50": Fault(failing=0.02),
+    "claims nothing": Fault(claimed_share=0.0),
+    "claims 70 of 100": Fault(claimed_share=0.7),
+    "claims 99 of 100": Fault(claimed_share=0.99),
+    "claimed covariance 1e12 times too large": Fault(claimed=1e12),
+    "claimed covariance infinite": Fault(claimed=np.inf),
+}
+"""Faults by name."""
+
+ACCURATE = frozenset({"noise_free_recovery", "consistency", "efficiency"})
+HONEST = frozenset({"coverage", "normalised_error", "frequency_response"})
+
+FOUND_BY = {
+    "perfect": frozenset[str](),
+    "claimed covariance twice too large": HONEST,
+    "claimed covariance half as large": HONEST,
+    "gain 2 % too high": ACCURATE | HONEST,
+    "one sample too late": ACCURATE | HONEST,
+    "variance 1.5 times the bound": frozenset({"efficiency"}),
+    "variance 1.05 times the bound": frozenset[str](),
+    "no model for 1 of 50": frozenset[str](),
+    "claims nothing": frozenset[str](),
+    "claims 70 of 100": HONEST,
+    "claims 99 of 100": frozenset[str](),
+    "claimed covariance 1e12 times too large": HONEST,
+    "claimed covariance infinite": HONEST,
+}
+"""Figures of accuracy that each fault fails, and no others: a test holds them to it."""
+
+
+def simulated(trials: Sequence[Trial], fault: Fault, rng: np.random.Generator) -> list[Measured]:
+    """Measure an estimator that is perfect but for a fault.
+
+    Args:
+        trials: Synthetic problems with a bound, or without noise.
+        fault: What is wrong.
+        rng: Source of the draws.
+
+    Returns:
+        What is measured of each trial.
+    """
+    return [_one(trial, fault, rng) for trial in trials]
+
+
+def _one(trial: Trial, fault: Fault, rng: np.random.Generator) -> Measured:
+    if fault.failing > 0.0 and rng.random() < fault.failing:
+        return Measured(trial, "unstable", "a pole outside the unit circle")
+    here = problem(trial.problem)
+    if trial.problem.startswith("quiet-"):
+        true = here.truth.frequency_response(here.frequencies)
+        return Measured(trial, MODEL, response=_wrong(true, here.frequencies, here.truth.dt, fault))
+    bound = bound_for(trial.problem, None)
+    if bound is None:
+        raise AssertionError(f"{trial.problem}: no bound to simulate from")
+    steps = rng.standard_normal(len(bound.response_directions)) * np.sqrt(fault.variance)
+    parts = np.tensordot(steps, bound.response_directions, axes=1)
+    response = _wrong(bound.response + parts[..., 0] + 1j * parts[..., 1], bound.frequencies, here.truth.dt, fault)
+    if fault.claimed_share < 1.0 and rng.random() >= fault.claimed_share:
+        return Measured(trial, MODEL, response=response)
+    scale = fault.variance * fault.claimed
+    deviation = bound.bandwidth_deviation * np.sqrt(scale) * TWO_SIDED_95
+    bandwidth = bound.bandwidth_hz * np.exp(
+        bound.bandwidth_deviation * rng.standard_normal(bound.bandwidth_hz.shape) * np.sqrt(fault.variance)
+    )
+    normalised, covered, count = _parameters(bound, fault, scale, rng)
+    with np.errstate(over="ignore"):
+        ends = np.stack((bandwidth * np.exp(-deviation), bandwidth * np.exp(deviation)))
+    return Measured(
+        trial,
+        MODEL,
+        response=response,
+        response_covariance=_times(scale, response_covariance(bound)),
+        normalised_error=normalised,
+        parameters=count,
+        covered=covered,
+        bandwidth_hz=bandwidth,
+        bandwidth_ci95=ends,
+    )
+
+
+def _times(scale: float, covariance: FloatArray) -> FloatArray:
+    """A covariance times a factor, also an infinite one."""
+    return scale * covariance if np.isfinite(scale) else np.where(covariance == 0.0, 0.0, scale)
+
+
+def _wrong(response: ComplexArray, frequencies: np.ndarray, dt: float, fault: Fault) -> ComplexArray:
+    late = np.exp(-2j * np.pi * frequencies * dt * fault.delay)
+    return np.asarray(fault.gain * late[:, None, None] * response)
+
+
+def _parameters(bound: Bound, fault: Fault, scale: float, rng: np.random.Generator) -> tuple[float, int, int]:
+    """Normalised error, covered and number of the parameters; none of a state space, nor of a model with a delay."""
+    p = len(bound.parameters)
+    if fault.delay or bound.polynomials is None:
+        return (float("nan"), -1, p)
+    directions = standard_directions(bound.covariance)
+    errors = directions @ rng.standard_normal(p) * np.sqrt(fault.variance)
+    # a gain is one of B, which comes after A
+    first = len(np.atleast_1d(bound.polynomials.A)) - 1
+    lags = np.atleast_2d(bound.polynomials.B)
+    count = int(np.count_nonzero(lags))
+    errors[first : first + count] += (fault.gain - 1.0) * bound.parameters[first : first + count]
+    whitened = np.linalg.lstsq(directions, errors, rcond=None)[0]
+    within = np.abs(errors) <= TWO_SIDED_95 * np.sqrt(scale * np.diag(bound.covariance))
+    return (float(whitened @ whitened) / scale, int(np.count_nonzero(within)), p)

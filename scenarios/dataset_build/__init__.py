@@ -1,3 +1,0 @@
-"""A data set on its way to the disk: chunks, stages, manifest, resumption, one machine or many."""
-
-__all__: list[str] = []

@@ -1,3 +1,0 @@
-"""What is said of a data set: datasheet, licence, citation and the catalogues' metadata."""
-
-__all__: list[str] = []

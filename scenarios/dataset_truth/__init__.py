@@ -1,3 +1,0 @@
-"""What is true of a data set: its arms, their best linear approximations, the least error attainable."""
-
-__all__: list[str] = []

@@ -1,0 +1,127 @@
+"""A chunk of a plan: experiments that run side by side, and the files that come of them."""
+
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+from hmtb_twin import TwinError, simulate
+from hmtb_twin.parameters.values import SAMPLE_RATE
+from hmtb_twin.run.simulation import Progress
+from scenarios.datasets.experiment_file import data_contents, signal_contents
+from scenarios.datasets.plan import Entry, Plan
+from scenarios.datasets.stages import ARM_TRUTH
+from scenarios.files.errors import ScenarioError
+from scenarios.files.netcdf import Contents
+
+MOST_SAMPLES = 400_000
+"""Samples of a chunk's records together: what is in memory at a time."""
+
+MOST_ROWS = 256
+"""Experiments of a chunk."""
+
+
+@dataclass(frozen=True)
+class Made:
+    """What came of an experiment.
+
+    Attributes:
+        number: Its place in the plan.
+        about: What the index says of it beside hashes: name, part, block, arm, twin, joints, file, seed, conditions.
+        files: Content of its files, by their place in the folder.
+        arrays: Hash of each array, by file.
+        failed: Why there is no record; empty where there is one.
+        missing: Why a file of the truth could not be made, by its place.
+    """
+
+    number: int
+    about: Mapping[str, Any]
+    files: Mapping[str, bytes] = field(default_factory=dict)
+    arrays: Mapping[str, Mapping[str, str]] = field(default_factory=dict)
+    failed: str = ""
+    missing: Mapping[str, str] = field(default_factory=dict)
+
+
+def chunks(plan: Plan, left: Iterable[int], *, rows: int = MOST_ROWS) -> Iterator[tuple[int, ...]]:
+    """Part what is left of a plan into chunks, in order.
+
+    Args:
+        plan: The plan.
+        left: Places in the plan that are still to do.
+        rows: Experiments of a chunk at most.
+    """
+    chunk: list[int] = []
+    samples = 0
+    for number in left:
+        length = round(SAMPLE_RATE * plan.duration(number))
+        if chunk and (len(chunk) >= rows or samples + length > MOST_SAMPLES):
+            yield tuple(chunk)
+            chunk, samples = [], 0
+        chunk.append(number)
+        samples += length
+    if chunk:
+        yield tuple(chunk)
+
+
+def run_chunk(
+    plan: Plan, numbers: Sequence[int], *, threads: int | None = None, progress: Progress | None = None
+) -> Iterator[Made]:
+    """Run experiments of a plan side by side.
+
+    Args:
+        plan: The plan.
+        numbers: Their places in it.
+        threads: Threads for the physics; the bits do not depend on it, nor on what else is in the chunk.
+        progress: Told of the ticks done and of those there are.
+
+    Yields:
+        What came of each, in the order of the numbers. An experiment that cannot be run is one that failed.
+    """
+    entries = {number: plan[number] for number in numbers}
+    experiments = [entry.experiment for entry in entries.values()]
+    result = simulate(experiments, threads=threads, progress=progress, keep_going=True)
+    failed, logs = result.failed, {log.name: log for log in result.logs}
+    del result, experiments
+    for number, entry in entries.items():
+        contents: dict[str, Contents] = {}
+        if log := logs.pop(entry.name, None):
+            contents[entry.data] = data_contents(plan.spec, entry, log)
+            contents[entry.signals] = signal_contents(plan.spec, entry, log)
+        missing = _add_truth(plan, entry, contents) if plan.brings_arm(number) else {}
+        yield Made(
+            number,
+            about(entry),
+            files={path: one.to_bytes() for path, one in contents.items()},
+            arrays={path: one.array_hashes() for path, one in contents.items()},
+            failed=failed.get(entry.name, ""),
+            missing=missing,
+        )
+
+
+def about(entry: Entry) -> dict[str, Any]:
+    """What the index says of an experiment, but for its hashes."""
+    experiment = entry.experiment
+    return {
+        "name": entry.name,
+        "part": entry.part,
+        "block": entry.block,
+        "arm": entry.arm,
+        "twin": entry.twin,
+        "joints": list(entry.joints),
+        "file": entry.data,
+        "seed": experiment.seed,
+        "variant": experiment.variant,
+        "payload": experiment.payload,
+        "pose": experiment.pose,
+        **{key: getattr(experiment.plant, key) for key in ("actuator", "friction", "process_noise")},
+    }
+
+
+def _add_truth(plan: Plan, entry: Entry, contents: dict[str, Contents]) -> dict[str, str]:
+    """Add the files of the truth about an arm, and say which could not be made."""
+    missing: dict[str, str] = {}
+    for truth in ARM_TRUTH:
+        try:
+            contents.update(truth(plan, entry))
+        except (TwinError, ScenarioError) as error:
+            missing[entry.arm_truth] = str(error)
+    return missing

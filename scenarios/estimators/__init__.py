@@ -1,0 +1,3 @@
+"""Estimators."""
+
+__all__: list[str] = []

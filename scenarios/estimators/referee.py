@@ -1,0 +1,216 @@
+"""A second implementation of prediction-error identification, which shares nothing with the toolbox's search.
+
+Residuals by SciPy's filters, a Jacobian by differences, SciPy's own trust-region search, simple starts: slow and plain,
+so that an error in one of the two shows in their difference.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.optimize import OptimizeResult, least_squares
+from scipy.signal import lfilter
+
+from scenarios.estimators.answer import Answer
+from scenarios.estimators.contestant import Contestant
+from scenarios.estimators.task import Task
+from sysid import IOData, Polynomials, innovations_form
+from sysid.records.arrays import FloatArray
+
+REFEREE = Contestant(
+    "referee",
+    "scenarios.estimators.referee:referee",
+    method="pem",
+    settings="two starts, from a short and from a long ARX model; Jacobian by differences",
+)
+"""As a contestant of any structure."""
+
+LONG = 30
+"""Order of the long ARX model that starts are made of, where the record allows it."""
+
+EDGE = 0.9999
+"""Roots of C and F stay within this radius."""
+
+SHORT_SEARCH = 8
+"""Evaluations by which starts are compared."""
+
+MOST_EVALUATIONS = 200
+TOLERANCE = 1e-11
+
+
+@dataclass(frozen=True)
+class Degrees:
+    """Numbers of coefficients of A y = B/F u + C/D e."""
+
+    na: int
+    nb: int
+    nc: int
+    nd: int
+    nf: int
+    nk: int
+
+    @classmethod
+    def of(cls, structure: str, orders: Mapping[str, int]) -> "Degrees":
+        """Of a structure; a state space of n states as ARMAX of n."""
+        if structure == "ss":
+            n = orders["order"]
+            return cls(n, n, n, 0, 0, 1)
+        return cls(**{name: orders.get(name, 0) for name in ("na", "nb", "nc", "nd", "nf", "nk")})
+
+    def split(self, theta: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray, FloatArray]:
+        """A, B, C, D, F of parameters in this sequence."""
+        a, b, c, d, f = np.split(theta, np.cumsum((self.na, self.nb, self.nc, self.nd)))
+        return _monic(a), np.concatenate((np.zeros(self.nk), b)), _monic(c), _monic(d), _monic(f)
+
+
+def referee(data: IOData, task: Task) -> Answer:
+    """Fit by minimising the sum of squared one-step prediction errors [Ljung1999, sec. 3.2 and 10.2].
+
+    Initial conditions are free: the responses of C and F to what was before are projected out of the errors, and the
+    first samples, whose past is not known, are no errors.
+
+    Args:
+        data: One input, one output.
+        task: With orders.
+
+    Returns:
+        The model, its polynomials and the covariance of their parameters from the curvature at the minimum.
+
+    Raises:
+        NotImplementedError: Several inputs or outputs, or orders to be chosen.
+        ValueError: No start led anywhere.
+    """
+    if data.nu != 1 or data.ny != 1:
+        raise NotImplementedError(f"{data.nu} inputs and {data.ny} outputs given, this method takes one of each")
+    if task.chooses:
+        raise NotImplementedError("no orders given, this method does not choose them")
+    degrees = Degrees.of(task.structure, task.orders)
+    u, y = data.u[:, 0], data.y[:, 0]
+    drafts = [_search(u, y, degrees, start, SHORT_SEARCH) for start in _starts(u, y, degrees)]
+    found = [draft for draft in drafts if draft is not None]
+    if not found:
+        raise ValueError("no start has finite prediction errors")
+    best = _search(u, y, degrees, min(found, key=lambda draft: float(draft.cost)).x, MOST_EVALUATIONS)
+    if best is None or best.status == 0:
+        raise ValueError(f"the search did not end within {MOST_EVALUATIONS} evaluations")
+    variance = 2.0 * float(best.cost) / (len(best.fun) - len(best.x))
+    triangle = np.linalg.qr(best.jac, mode="r")
+    inverse = np.linalg.inv(triangle)
+    polynomials = Polynomials(*degrees.split(best.x))
+    return Answer(innovations_form(polynomials, data.dt, variance), polynomials, variance * inverse @ inverse.T)
+
+
+def errors(u: FloatArray, y: FloatArray, degrees: Degrees, theta: FloatArray) -> FloatArray:
+    """Prediction errors e = D/C (A y - B/F u), free initial conditions projected out.
+
+    Args:
+        u: Input (N,).
+        y: Output (N,).
+        degrees: Of the polynomials.
+        theta: Parameters.
+
+    Returns:
+        (N - s,), s the samples whose past the record does not hold; infinite where C or F is unstable.
+    """
+    A, B, C, D, F = degrees.split(theta)
+    first = max(len(A), len(B)) - 1
+    lost = first + len(D) - 1
+    if not (_stable(C) and _stable(F)):
+        return np.full(len(y) - lost, np.inf)
+    disturbance = lfilter(A, [1.0], y)[first:] - lfilter([1.0], F, lfilter(B, [1.0], u)[first:])
+    whitened = lfilter([1.0], C, lfilter(D, [1.0], disturbance)[len(D) - 1 :])
+    pulse = np.zeros(len(disturbance))
+    pulse[0] = 1.0
+    columns = []
+    if degrees.nf:
+        after_f = lfilter(D, [1.0], lfilter([1.0], F, pulse))
+        columns += [lfilter([1.0], C, _delayed(after_f, k)[len(D) - 1 :]) for k in range(degrees.nf)]
+    if degrees.nc:
+        after_c = lfilter([1.0], C, pulse[: len(whitened)])
+        columns += [_delayed(after_c, k) for k in range(degrees.nc)]
+    if columns:
+        table = np.array(columns).T
+        whitened = whitened - table @ np.linalg.lstsq(table, whitened, rcond=1e-12)[0]
+    return np.asarray(whitened)
+
+
+def _search(
+    u: FloatArray, y: FloatArray, degrees: Degrees, start: FloatArray, evaluations: int
+) -> OptimizeResult | None:
+    if not np.isfinite(errors(u, y, degrees, start)).all():
+        return None
+    return least_squares(
+        lambda theta: errors(u, y, degrees, theta),
+        start,
+        method="trf",
+        x_scale="jac",
+        ftol=TOLERANCE,
+        xtol=TOLERANCE,
+        gtol=TOLERANCE,
+        max_nfev=evaluations,
+    )
+
+
+def _starts(u: FloatArray, y: FloatArray, degrees: Degrees) -> list[FloatArray]:
+    """From an ARX model of the structure's own orders, and from a long one [HannanRissanen1982]."""
+    poles = max(degrees.na, degrees.nf)
+    simple = _regression(y, [(y, range(1, poles + 1)), (u, range(degrees.nk, degrees.nk + degrees.nb))])
+    n = max(min(LONG, len(y) // 20), poles)
+    long = _regression(y, [(y, range(1, n + 1)), (u, range(1, n + 1))])
+    a_long, b_long = _monic(-long[:n]), np.concatenate(([0.0], long[n:]))
+    e = lfilter(a_long, [1.0], y) - lfilter(b_long, [1.0], u)
+    e[:n] = 0.0
+    clean = lfilter(b_long, _reflected(a_long), u)
+    lags = range(degrees.nk, degrees.nk + degrees.nb)
+    if degrees.nf or not degrees.nc:
+        reduced = _regression(clean, [(clean, range(1, poles + 1)), (u, lags)])
+    else:
+        reduced = _regression(y, [(y, range(1, poles + 1)), (u, lags), (e, range(1, degrees.nc + 1))])
+    out = []
+    for fit in (simple, reduced):
+        dynamics, b = _monic(-fit[:poles]), fit[poles : poles + degrees.nb]
+        c, d = np.zeros(degrees.nc), np.zeros(degrees.nd)
+        if degrees.nf:
+            f = _reflected(dynamics)
+            v = y - lfilter(np.concatenate((np.zeros(degrees.nk), b)), f, u)
+            if degrees.nc or degrees.nd:
+                noise = _regression(v, [(v, range(1, degrees.nd + 1)), (e, range(1, degrees.nc + 1))])
+                d, c = -noise[: degrees.nd], noise[degrees.nd :]
+            c = _reflected(_monic(c))[1:]
+            out.append(np.concatenate((np.zeros(degrees.na), b, c, d, f[1:])))
+        else:
+            c = fit[poles + degrees.nb :] if len(fit) > poles + degrees.nb else c
+            out.append(np.concatenate((dynamics[1:], b, _reflected(_monic(c))[1:], d)))
+    return out
+
+
+def _regression(target: FloatArray, given: list[tuple[FloatArray, range]]) -> FloatArray:
+    """Least squares of a signal on lags of others, where all of them are known."""
+    first = max((lag for _, lags in given for lag in lags), default=0)
+    columns = [signal[first - lag : len(signal) - lag] for signal, lags in given for lag in lags]
+    if not columns:
+        return np.zeros(0)
+    return np.asarray(np.linalg.lstsq(np.array(columns).T, target[first:], rcond=None)[0])
+
+
+def _monic(coefficients: FloatArray) -> FloatArray:
+    return np.concatenate(([1.0], coefficients))
+
+
+def _delayed(signal: FloatArray, lag: int) -> FloatArray:
+    return np.concatenate((np.zeros(lag), signal[: len(signal) - lag]))
+
+
+def _stable(polynomial: FloatArray) -> bool:
+    return bool((np.abs(np.roots(polynomial)) < EDGE).all())
+
+
+def _reflected(polynomial: FloatArray) -> FloatArray:
+    """Roots outside the unit circle mirrored into it, those near it drawn in."""
+    roots = np.roots(polynomial).astype(complex)
+    outside = np.abs(roots) > 1.0
+    roots[outside] = 1.0 / roots[outside].conj()
+    near = np.abs(roots) > 0.99
+    roots[near] *= 0.99 / np.abs(roots[near])
+    short = np.atleast_1d(np.poly(roots).real)
+    return np.concatenate((short, np.zeros(len(polynomial) - len(short))))

@@ -1,0 +1,3 @@
+"""Experiments."""
+
+__all__: list[str] = []

@@ -1,0 +1,204 @@
+"""The excitation computer: plays 100-point files periodically through the converter of its data acquisition board.
+
+The thesis used an AT-MIO-16 [Morris1996, sec. II.3]; the numbers here are those of its successor, the AT-MIO-16D.
+"""
+
+import inspect
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from types import MappingProxyType
+from typing import get_type_hints
+
+import numpy as np
+
+from hmtb_twin.parameters.quantity import quantity
+from scenarios.experiments.excitation import KINDS
+from scenarios.experiments.waveform import KIND as FILE
+from scenarios.experiments.waveform import POINTS, RATE, Parameter, Waveform, read_points
+from scenarios.files.errors import ScenarioError, unknown
+from scenarios.files.toml_values import typed, written
+
+FASTEST = 1000.0
+"""Most repetitions of a file per second, Hz: the board converts a hundred thousand points per second."""
+
+
+MISSES_POINTS = (
+    f"a file is played faster than {RATE:g} points per second: the position loop misses points, and tones alias"
+)
+"""What to say of an excitation that `Excitation.misses_points`."""
+
+
+@dataclass(frozen=True)
+class Board:
+    """The analogue outputs of the data acquisition board."""
+
+    outputs: int = quantity(2, "1", "analogue", "AT-MIO-16D: two analogue outputs")
+    dac_bits: int = quantity(12, "bit", "analogue", "AT-MIO-16D: 12-bit converters")
+    dac_range: float = quantity(10.0, "V", "analogue", "AT-MIO-16D with its internal 10 V reference, bipolar")
+
+    @property
+    def dac_step(self) -> float:
+        """One count of the converter, V."""
+        return 2.0 * self.dac_range / 2**self.dac_bits
+
+    def convert(self, volts: np.ndarray, *, rounds: bool = True) -> np.ndarray:
+        """Return what the converter puts out: whole counts from -range to range less one count.
+
+        Args:
+            volts: What the file asks for, any shape, V.
+            rounds: Whether it rounds; it saturates always.
+
+        Returns:
+            Output, same shape, V.
+        """
+        counts = volts / self.dac_step
+        limit = 2 ** (self.dac_bits - 1)
+        return self.dac_step * np.clip(np.rint(counts) if rounds else counts, -limit, limit - 1)
+
+    def beyond(self, volts: np.ndarray) -> np.ndarray:
+        """Return which samples ask for more than the range, beyond half a count; truth values of the same shape."""
+        return (volts < -self.dac_range - self.dac_step / 2) | (volts >= self.dac_range - self.dac_step / 2)
+
+
+BOARD = Board()
+
+
+@dataclass(frozen=True)
+class Excitation:
+    """What the excitation computer plays on an axis.
+
+    Attributes:
+        kind: Name of the excitation, one of `KINDS`.
+        parameters: Its arguments by name; those left out keep their defaults.
+        repeat_frequency: How often the file repeats per second, Hz; by default as the excitation was meant: 0.5 Hz, or
+            0.25 Hz for `two_sines` whose lower tone needs 4 s. It scales every frequency of the file.
+        iterations: How often the file is played, then 0 V; until the end by default.
+    """
+
+    kind: str
+    parameters: Mapping[str, Parameter] = field(default_factory=dict)
+    repeat_frequency: float | None = None
+    iterations: int | None = None
+
+    def __post_init__(self) -> None:
+        if self.kind not in KINDS:
+            raise ScenarioError(unknown("excitation", self.kind, KINDS))
+        object.__setattr__(self, "parameters", MappingProxyType(_checked(self.kind, self.parameters)))
+        if self.repeat_frequency is not None and not 0.0 < self.repeat_frequency <= FASTEST:
+            raise ScenarioError(
+                f"excitation {self.kind!r}: repeat_frequency must be above 0 and up to {FASTEST:g} Hz, "
+                f"given {self.repeat_frequency}"
+            )
+        if self.iterations is not None and not 1 <= self.iterations < 2**31:
+            raise ScenarioError(f"excitation {self.kind!r}: iterations must be 1 or more, given {self.iterations}")
+        self.waveform()  # a bad value speaks here, not in the middle of a campaign
+
+    def __hash__(self) -> int:
+        return hash((self.kind, tuple(sorted(self.parameters.items())), self.repeat_frequency, self.iterations))
+
+    def __reduce__(self) -> tuple[type["Excitation"], tuple[object, ...]]:
+        return (Excitation, (self.kind, dict(self.parameters), self.repeat_frequency, self.iterations))
+
+    def waveform(self) -> Waveform:
+        """The 100-point file, with the update rate at which it is played."""
+        made = KINDS[self.kind](**self.parameters)
+        return made if self.repeat_frequency is None else replace(made, update_rate=POINTS * self.repeat_frequency)
+
+    def asked(self, duration: float) -> np.ndarray:
+        """What the file asks of the converter `(N, 1)`, V, at 50 Hz."""
+        return self.waveform().play(duration, iterations=self.iterations)
+
+    @property
+    def misses_points(self) -> bool:
+        """Whether the file is played faster than the position loop reads: it then misses points, and tones alias."""
+        return self.waveform().update_rate > RATE * (1.0 + 1e-9)
+
+    def to_toml(self) -> str:
+        """Write the excitation as entries of a TOML table."""
+        entries: dict[str, object] = {"kind": self.kind}
+        entries |= {name: getattr(self, name) for name in SETTINGS if getattr(self, name) is not None}
+        return "\n".join(f"{name} = {written(value)}" for name, value in {**entries, **self.parameters}.items())
+
+    @classmethod
+    def from_table(cls, table: object, folder: Path = Path()) -> "Excitation":
+        """Build an excitation from parsed TOML; the points of a file that it names are taken over.
+
+        Args:
+            table: The parsed table.
+            folder: Where the path of a waveform file starts.
+
+        Raises:
+            ScenarioError: No table, no kind, or anything wrong in it.
+        """
+        if not isinstance(table, Mapping) or not isinstance(table.get("kind"), str):
+            kinds = ", ".join((*KINDS, FILE))
+            raise ScenarioError(f"excitation must be a table with a kind, given {table!r}; kinds: {kinds}")
+        kind = str(table["kind"])
+        types: Mapping[str, type] = {"repeat_frequency": float, "iterations": int}
+        settings = {name: typed(name, table[name], types[name]) for name in SETTINGS if name in table}
+        parameters = {key: entry for key, entry in table.items() if key != "kind" and key not in SETTINGS}
+        if kind == FILE:
+            if set(parameters) != {"path"} or not isinstance(parameters["path"], str):
+                raise ScenarioError(
+                    f"excitation {FILE!r} takes a path and {', '.join(SETTINGS)}; "
+                    f"given {', '.join(parameters) or 'none of them'}"
+                )
+            kind, parameters = "points", {"points": read_points(folder / parameters["path"])}
+        return cls(kind, parameters, **settings)
+
+
+SETTINGS = ("repeat_frequency", "iterations")
+"""What is set on the excitation computer, not in the file."""
+
+
+def played(excitations: Sequence[Excitation], axes: int, duration: float, *, rounds: bool = True) -> np.ndarray:
+    """Play excitations through the converter.
+
+    Args:
+        excitations: One for all axes, or one per axis.
+        axes: How many axes.
+        duration: Length, s.
+        rounds: Whether the converter rounds.
+
+    Returns:
+        Volts `(N, axes)` at 50 Hz.
+    """
+    columns = [BOARD.convert(entry.asked(duration), rounds=rounds) for entry in excitations]
+    return np.hstack(columns * axes if len(columns) == 1 else columns)
+
+
+def check_outputs(excitations: Sequence[Excitation], axes: Sequence[str], independent_channels: bool) -> None:
+    """Refuse what the board cannot play.
+
+    Raises:
+        ScenarioError: Neither one excitation for all axes nor one per axis, or more different ones than outputs.
+    """
+    if len(excitations) not in (1, len(axes)):
+        raise ScenarioError(
+            f"{len(excitations)} excitations for {len(axes)} axes; expected one for all, or one per axis"
+        )
+    different = len(set(excitations))
+    if different > BOARD.outputs and not independent_channels:
+        raise ScenarioError(
+            f"{different} different excitations for the axes {', '.join(axes)}; the excitation computer has "
+            f"{BOARD.outputs} analogue outputs: expected at most so many different ones, or independent_channels = true"
+        )
+
+
+def _checked(kind: str, parameters: Mapping[str, object]) -> dict[str, Parameter]:
+    """All arguments of an excitation, defaults filled in, of the right types."""
+    signature: Mapping[str, inspect.Parameter] = inspect.signature(KINDS[kind]).parameters
+    for key in parameters:
+        if key not in signature:
+            raise ScenarioError(f"excitation {kind!r}: {unknown('parameter', key, signature)}")
+    hints = get_type_hints(KINDS[kind])
+    values: dict[str, Parameter] = {}
+    for key, parameter in signature.items():
+        if key in parameters:
+            values[key] = typed(f"{kind}.{key}", parameters[key], hints[key])
+        elif parameter.default is not inspect.Parameter.empty:
+            values[key] = parameter.default
+        else:
+            raise ScenarioError(f"excitation {kind!r} needs {key}; it takes {', '.join(signature)}")
+    return values

@@ -1,0 +1,88 @@
+"""Where a log left the linear range: saturation of the converters, velocity limit, emergency shutdown."""
+
+from dataclasses import dataclass
+from math import degrees
+
+import numpy as np
+
+from hmtb_twin import JOINTS, JointLog, Status
+from scenarios.experiments.excitation_computer import BOARD
+from scenarios.experiments.preparation import settled
+from scenarios.experiments.scenario import Scenario
+
+
+def clipped_share(log: JointLog, scenario: Scenario) -> float:
+    """Share of the samples in which a converter clips, between 0 and 1.
+
+    Args:
+        log: The log of an experiment: counts of the hand controller at an end of its converter.
+        scenario: The experiment: files that ask for more than the excitation computer's converter gives.
+    """
+    clipped = (log.status & Status.CONVERTER_SATURATED) != 0
+    for entry in scenario.excitation:
+        clipped |= BOARD.beyond(entry.asked(scenario.duration)[:, 0])
+    return float(np.mean(clipped))
+
+
+def velocity_limited_share(log: JointLog) -> float:
+    """Share of the samples in which a joint's command moves as fast as its limit allows, between 0 and 1."""
+    return _share(log, Status.VELOCITY_LIMITED)
+
+
+def _share(log: JointLog, flag: Status) -> float:
+    return float(np.mean((log.status & flag) != 0))
+
+
+def swing(log: JointLog, joint: str) -> float:
+    """Half of the distance between the largest and the smallest command over the settled part, rad."""
+    return float(np.ptp(settled(log, joint).u[:, 0]) / 2)
+
+
+@dataclass(frozen=True)
+class PowerOff:
+    """One stretch without power.
+
+    Attributes:
+        start: First time without power, s.
+        end: First time with power again, or the end of the record, s.
+        ends: Whether power came back in the record.
+        joint: Which joint moved furthest from where it stood.
+        sank: How far, rad.
+    """
+
+    start: float
+    end: float
+    ends: bool
+    joint: str
+    sank: float
+
+    def __str__(self) -> str:
+        until = f"{self.end:g} s" if self.ends else f"the end at {self.end:g} s"
+        return (
+            f"shut down {self.start:g} to {until}: sank up to {degrees(self.sank):.1f} deg "
+            f"({self.joint.replace('_', ' ')})"
+        )
+
+    def summary(self) -> dict[str, object]:
+        """What JSON holds of it."""
+        return {"start_s": self.start, "end_s": self.end, "ends": self.ends, "joint": self.joint, "sank_rad": self.sank}
+
+
+def power_off(log: JointLog) -> tuple[PowerOff, ...]:
+    """Find the stretches without power in a log.
+
+    Args:
+        log: The log of an experiment.
+
+    Returns:
+        Each of them in turn; none where the servos had power throughout.
+    """
+    off = np.concatenate(([0], (log.status & Status.SHUT_DOWN) != 0, [0])).astype(int)
+    edges = np.diff(off)
+    found = []
+    for first, last in zip(np.flatnonzero(edges == 1), np.flatnonzero(edges == -1), strict=True):
+        way = np.abs(log.true_angles[first : last + 1] - log.true_angles[first]).max(axis=0)
+        joint = int(way.argmax())
+        ends = bool(last < len(log))
+        found.append(PowerOff(first * log.dt, last * log.dt, ends, JOINTS[joint], float(way[joint])))
+    return tuple(found)

@@ -1,0 +1,231 @@
+"""A scripted operator at the hand controller, who moves the stick in discrete movements and watches the forces."""
+
+from collections import deque
+from dataclasses import dataclass
+from math import radians
+
+import numpy as np
+import pinocchio as pin
+
+from hmtb_twin import Motion, View
+from hmtb_twin.parameters.seats import UNIT
+from hmtb_twin.parameters.values import LINKS, SAMPLE_TIME
+
+PEAK = 1.875
+"""Peak speed of a minimum-jerk movement over its mean speed [FlashHogan1985]."""
+
+
+@dataclass(frozen=True)
+class Submovement:
+    """A minimum-jerk movement, `v(t) = d / T 30 s^2 (1 - s)^2` with `s = t / T` [FlashHogan1985, eq. 5].
+
+    Attributes:
+        distance: How far it goes along each direction (n,), m or rad.
+        start: When it starts, s.
+        duration: How long it takes, s.
+    """
+
+    distance: np.ndarray
+    start: float
+    duration: float
+
+    def velocity(self, time: float) -> np.ndarray:
+        """Return the velocity at a time (n,), m/s or rad/s; zero before and after the movement."""
+        s = min(max((time - self.start) / self.duration, 0.0), 1.0)
+        return self.distance * (30.0 * s * s * (1.0 - s) * (1.0 - s) / self.duration)
+
+    @property
+    def end(self) -> float:
+        """When it ends, s."""
+        return self.start + self.duration
+
+
+GRAVITY = 9.81
+"""m/s^2."""
+
+Pose = tuple[np.ndarray, np.ndarray]
+"""Position (3,), m, and rotation (3, 3) in the world."""
+
+
+@dataclass(frozen=True)
+class Step:
+    """One step of a script.
+
+    Attributes:
+        name: Of the phase it belongs to.
+        target: Where to bring the tool, or the unit where it is carried; None: onto the unit, wherever it is.
+        carry: Whether the unit is watched instead of the tool.
+        near: Distance at which the target counts as reached, m.
+        aside: Distance across the tool's axis at which it does, m; as `near` where none is given.
+        turn: Angle at which it does, rad.
+        speed: Peak speed, m/s.
+        stride: Longest submovement, m.
+        touching: Whether contact is expected: the force display is watched, the stick gives way sideways and backs off
+            from too much, and resistance near the target is taken for the target.
+        closed: Whether the end effector is to be closed.
+        pause: How long to wait once the target is reached, s.
+    """
+
+    name: str
+    target: Pose | None
+    carry: bool = False
+    near: float = 0.004
+    aside: float | None = None
+    turn: float = radians(4.0)
+    speed: float = 0.10
+    stride: float = 1.0
+    touching: bool = False
+    closed: bool = False
+    pause: float = 0.3
+
+
+@dataclass(frozen=True)
+class Skill:
+    """How well the operator sees and moves; assumed, within what is measured of people.
+
+    Attributes:
+        reaction: Time from seeing to moving, s.
+        blur: Standard deviation of a seen distance close up, m.
+        tilt: Standard deviation of a seen angle, rad.
+        weber: Further standard deviation, part of what is seen.
+        spread: Standard deviation of a movement's length, part of its length.
+        stray: Standard deviation of its sideways miss, part of its length.
+        quickest: Shortest movement, s.
+        turning: Peak angular speed, rad/s.
+        yields_at: Force beyond which the operator stops and backs off, N.
+        resistance: Force that tells, near the target, that something stands in its seat, N.
+        stiffness: What the operator takes for the arm's stiffness, N/m: so far the stick gives way to a force.
+        recoil: How far beyond that it backs off along the tool, m.
+    """
+
+    reaction: float = 0.25
+    blur: float = 0.001
+    tilt: float = radians(0.6)
+    weber: float = 0.03
+    spread: float = 0.06
+    stray: float = 0.03
+    quickest: float = 0.5
+    turning: float = 0.15
+    yields_at: float = 30.0
+    resistance: float = 15.0
+    stiffness: float = 8000.0
+    recoil: float = 0.004
+
+
+class ScriptedOperator:
+    """Works through a script with six axes of the hand controller in Cartesian rate mode.
+
+    Args:
+        script: The steps, in order.
+        gains: Velocity per volt of the six axes, m/(s V) and rad/(s V).
+        seed: Of blur and misses.
+        skill: How well the operator sees and moves.
+    """
+
+    def __init__(self, script: tuple[Step, ...], gains: np.ndarray, seed: int, skill: Skill | None = None) -> None:
+        self._script = script
+        self._gains = gains
+        self._skill = skill = skill or Skill()
+        self._rng = np.random.default_rng(np.random.SeedSequence(seed, spawn_key=(6,)))
+        self._seen: deque[View] = deque(maxlen=1 + round(skill.reaction / SAMPLE_TIME))
+        self._index = 0
+        self._movement: Submovement | None = None
+        self._look_at = skill.reaction
+        self._reached: float | None = None
+        self._eased = self._yielding = False
+        self._grip = script[0].closed
+
+    @property
+    def phase(self) -> str:
+        """Name of the step at hand."""
+        return self._script[min(self._index, len(self._script) - 1)].name
+
+    def move(self, view: View) -> Motion:
+        """Look, and move the stick; called once per tick."""
+        self._seen.append(view)
+        seen, time = self._seen[0], view.time
+        if self._index >= len(self._script):
+            return Motion(np.zeros(6), self._grip)
+        step = self._script[self._index]
+        if self._movement is not None:
+            if step.touching and not self._yielding and np.linalg.norm(self._force(seen)) > self._skill.yields_at:
+                self._back_off(step, seen, time)
+            if time >= self._movement.end:
+                self._movement = None
+                self._look_at = time + self._skill.reaction * self._rng.uniform(1.0, 1.6)
+        elif time >= self._look_at:
+            self._decide(step, seen, time)
+        velocity = self._movement.velocity(time) if self._movement else np.zeros(6)
+        return Motion(np.clip(velocity / self._gains, -9.9, 9.9), self._grip)
+
+    def _decide(self, step: Step, seen: View, time: float) -> None:
+        skill = self._skill
+        if self._reached is not None:
+            if step.closed and seen.unit is not None and not seen.unit.held:
+                # The fingers closed about nothing: open, look again.
+                self._grip, self._reached, self._look_at = False, None, time + 2.0 * skill.reaction
+            elif time >= self._reached + step.pause:
+                self._index, self._reached = self._index + 1, None
+            return
+        offset, turn = self._error(step, seen)
+        force = self._force(seen) if step.touching else np.zeros(3)
+        aside = step.near if step.aside is None else step.aside
+        stands = abs(offset[0]) < 2.0 * step.near and np.linalg.norm(force) > skill.resistance
+        if stands and not self._eased:
+            # Against its stop: first the load is taken off.
+            self._eased = True
+            self._start(force / skill.stiffness, np.zeros(3), step, time)
+            self._yielding = True
+            return
+        there = abs(offset[0]) <= step.near and np.abs(offset[1:]).max() <= aside and np.abs(turn).max() <= step.turn
+        if self._eased or there:
+            self._reached, self._grip, self._eased = time, step.closed, False
+            # The eyes must have seen what the fingers did.
+            self._look_at = time + 1.5 * skill.reaction
+            return
+        turn = np.where(np.abs(turn) > 0.5 * step.turn, turn, 0.0)
+        if step.touching:
+            # Sideways the stick gives way to what pushes, and leaves a little to the guides.
+            seen_aside = np.where(np.abs(offset[1:]) > 0.5 * aside, offset[1:], 0.0)
+            pushed = np.abs(force[1:]) > 0.3 * skill.resistance
+            offset[1:] = np.where(pushed, force[1:] / skill.stiffness, seen_aside)
+        self._start(offset, turn, step, time)
+
+    def _start(self, offset: np.ndarray, turn: np.ndarray, step: Step, time: float) -> None:
+        skill, length = self._skill, float(np.linalg.norm(offset))
+        offset = offset * min(1.0, step.stride / max(length, 1e-9))
+        length = float(np.linalg.norm(offset))
+        angle = float(np.linalg.norm(turn))
+        duration = max(skill.quickest, PEAK * length / step.speed, PEAK * angle / skill.turning)
+        offset = offset * (1.0 + skill.spread * self._rng.standard_normal())
+        offset = offset + skill.stray * length * self._rng.standard_normal(3)
+        turn = turn * (1.0 + skill.spread * self._rng.standard_normal())
+        turn = turn + skill.stray * angle * self._rng.standard_normal(3)
+        self._movement = Submovement(np.concatenate([offset, turn]), time, duration)
+        self._yielding = False
+
+    def _back_off(self, step: Step, seen: View, time: float) -> None:
+        """Give way to what pushes, whichever way, and a little more along the tool."""
+        away = self._force(seen) / self._skill.stiffness
+        away[0] += np.copysign(self._skill.recoil, away[0])
+        self._start(away, np.zeros(3), step, time)
+        self._yielding = True
+
+    def _force(self, seen: View) -> np.ndarray:
+        """What pushes against the tool, in its frame (3,), N: the display leaves out the weight that it knows."""
+        mass = LINKS["end_effector"].mass + (UNIT.mass if seen.unit and seen.unit.held else 0.0)
+        return np.asarray(mass * GRAVITY * seen.tool_rotation[2] - seen.wrench[:3])
+
+    def _error(self, step: Step, seen: View) -> tuple[np.ndarray, np.ndarray]:
+        """Way and turn that seem to be left, in the tool frame (3,), m, and (3,), rad."""
+        unit = seen.unit
+        place, frame = (
+            (unit.position, unit.rotation) if step.carry and unit else (seen.tool_position, seen.tool_rotation)
+        )
+        target = step.target or ((unit.position, unit.rotation) if unit else (place, frame))
+        offset = seen.tool_rotation.T @ (target[0] - place)
+        turn = pin.log3(frame.T @ target[1])
+        skill = self._skill
+        offset = offset + (skill.blur + skill.weber * np.linalg.norm(offset)) * self._rng.standard_normal(3)
+        turn = turn + (skill.tilt + skill.weber * np.linalg.norm(turn)) * self._rng.standard_normal(3)
+        return offset, turn

@@ -1,0 +1,108 @@
+"""Figures of waveforms and of previewed commands."""
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from hmtb_twin import JOINTS
+from hmtb_twin.parameters.values import SAMPLE_TIME
+from scenarios.experiments.preview import Preview
+from scenarios.experiments.waveform import Waveform
+from sysid.plots.palette import BOUND, GRID, INK, PALETTE
+
+
+def waveform_figure(waveform: Waveform) -> Figure:
+    """The 100 points over time and the power of each spectral line [Morris1996, fig. 11 to 16].
+
+    Args:
+        waveform: The file.
+
+    Returns:
+        The figure.
+    """
+    figure = Figure(figsize=(7.0, 4.6), layout="constrained")
+    upper, lower = figure.subplots(2, 1)
+    time = np.arange(len(waveform.points) + 1) / waveform.update_rate
+    colour = PALETTE["armax"].colour
+    upper.step(time, np.append(waveform.points, waveform.points[0]), where="post", color=colour, lw=1.2)
+    upper.set(xlabel="time / s", ylabel="voltage / V", xlim=(0, waveform.period))
+    psd = waveform.psd()
+    shown = psd.density > 1e-12 * psd.density.max()
+    floor = 0.3 * psd.density[shown].min()
+    lower.vlines(psd.frequency[shown], floor, psd.density[shown], color=colour, lw=1.6)
+    lower.plot(psd.frequency[shown], psd.density[shown], "o", ms=3, color=colour)
+    lower.set(yscale="log", xlabel="frequency / Hz", ylabel="density / (V²/Hz)")
+    lower.set_xlim(-0.01 * waveform.update_rate, 0.51 * waveform.update_rate)
+    for axes in (upper, lower):
+        axes.grid(True, color=GRID, lw=0.6)
+        axes.set_axisbelow(True)
+        for side in ("top", "right"):
+            axes.spines[side].set_visible(False)
+    title = f"{waveform.kind.replace('_', ' ')}: one period, order of excitation {waveform.order_of_excitation()}"
+    figure.suptitle(title, x=0.01, ha="left", fontsize=11)
+    return figure
+
+
+COLOURS = ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e69f00", "#56b4e9", "#000000")
+"""Okabe and Ito's palette, one for each joint or axis."""
+
+LINES = ("-", "--", "-.", ":", (0, (3, 1, 1, 1)), (0, (1, 1)), "-")
+"""So that a print in grey tells the lines apart."""
+
+WINDOW = 8.0
+"""What the screen shows, s: four repetitions of a file."""
+
+
+def preview_figure(preview: Preview) -> Figure:
+    """Draw the first seconds of what an experiment will command.
+
+    Args:
+        preview: The preview.
+
+    Returns:
+        The figure.
+    """
+    count = min(len(preview.commands), round(WINDOW / SAMPLE_TIME))
+    time = np.arange(count) * SAMPLE_TIME
+    moving = preview.moving
+    figure = Figure(figsize=(8.0, 9.0), layout="constrained")
+    volts, angles, rates, tool = figure.subplots(4, 1, sharex=True)
+    for number, axis in enumerate(preview.scenario.axes):
+        _line(volts, time, preview.volts[:count, number], number, axis)
+    volts.set(ylabel="at the converter / V")
+    shown = np.degrees(preview.commands[:count] - preview.commands[0])
+    speeds = np.degrees(preview.rates[:count])
+    for number, joint in enumerate(moving):
+        column = JOINTS.index(joint)
+        _line(angles, time, shown[:, column], number, joint.replace("_", " "))
+        _line(rates, time[: len(speeds)], speeds[:, column], number, joint.replace("_", " "))
+    for limit in sorted({float(np.degrees(preview.velocity_limits[JOINTS.index(joint)])) for joint in moving}):
+        for sign in (-1.0, 1.0):
+            rates.axhline(sign * limit, color=BOUND.colour, ls=BOUND.line, lw=BOUND.width)
+    angles.set(ylabel="command / deg")
+    rates.set(ylabel="its rate / (deg/s)")
+    for number, axis in enumerate("xyz"):
+        _line(tool, time, 1000.0 * preview.tool[:count, number], number, axis)
+    tool.set(ylabel="tool, own frame / mm", xlabel="time / s", xlim=(0.0, max(time[-1], SAMPLE_TIME)))
+    for axes in (volts, angles, rates, tool):
+        axes.grid(True, color=GRID, lw=0.6)
+        axes.set_axisbelow(True)
+        axes.tick_params(labelsize=8, colors=INK)
+        for side in ("top", "right"):
+            axes.spines[side].set_visible(False)
+        if axes.get_legend_handles_labels()[0] and axes is not rates:
+            axes.legend(loc="center left", bbox_to_anchor=(1.0, 0.5), fontsize=8, frameon=False)
+    rates.annotate("dashed: limit", (1.01, 0.5), xycoords="axes fraction", fontsize=8, color=BOUND.colour, va="center")
+    limited = 100.0 * preview.velocity_limited
+    figure.suptitle(
+        f"{preview.scenario.name}: what will be commanded, first {count * SAMPLE_TIME:g} s; {limited:.3g} % at the "
+        "velocity limit",
+        x=0.01,
+        ha="left",
+        fontsize=11,
+    )
+    return figure
+
+
+def _line(axes: Axes, time: np.ndarray, values: np.ndarray, number: int, label: str) -> None:
+    axes.step(time, values, where="post", color=COLOURS[number], ls=LINES[number], lw=1.2, label=label)

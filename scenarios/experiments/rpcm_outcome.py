@@ -1,0 +1,235 @@
+"""Tasks of an operator, and the outcome of the exchange of the replacement unit."""
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from math import acos
+from types import MappingProxyType
+
+import mujoco
+import numpy as np
+
+from hmtb_twin import HandController, JointLog, Operator, Status
+from hmtb_twin.control.modes import TOOL_AXES, axis_gains
+from hmtb_twin.parameters.seats import SEATS, UNIT, Seat
+from scenarios.experiments.operator import ScriptedOperator, Step
+from scenarios.experiments.rpcm_exchange import approach_point, rpcm_script, unloaded_script
+from scenarios.files.errors import ScenarioError, unknown
+
+HOLSTER, RECEPTACLE = SEATS["holster"], SEATS["receptacle"]
+
+DEPTH = 0.002
+"""A unit that stands no further than this above the floor of its seat is inserted, m."""
+
+TILT = 0.04
+"""And leans or is turned by no more than this, rad: a little over what the clearance allows."""
+
+HARD = 200.0
+"""A contact force above it is worth a word wherever it arises, N."""
+
+ASIDE = 0.02
+"""Over a seat, or at the approach point: no further from it than this, m."""
+
+PHASES = ("approach", "draw out", "hold", "transfer", "align", "insert", "release", "extract", "return")
+"""The phases of the exchange, in order."""
+
+
+@dataclass(frozen=True)
+class RpcmOutcome:
+    """Outcome of one exchange.
+
+    Attributes:
+        inserted: Whether the unit stood in the receptacle, released, until the end effector took hold of it again.
+        returned: Whether the end effector brought it back to the holster-out approach point.
+        phases: Start and end of every phase that came to its end, s.
+        height: Of the released unit above the floor of its seat, m; NaN if it was never released.
+        aside: Its distance from the middle of the seat, m.
+        tilt: Its angle to the seat, rad.
+        peak_contact_force: Largest sum of normal forces between unit and worksite from its entry between the
+            receptacle's guides to its release, N.
+        largest_contact_force: The largest of the whole record, taking hold and letting go included, N.
+    """
+
+    inserted: bool
+    returned: bool
+    phases: Mapping[str, tuple[float, float]]
+    height: float
+    aside: float
+    tilt: float
+    peak_contact_force: float
+    largest_contact_force: float
+
+    def __str__(self) -> str:
+        if "insert" not in self.phases:
+            return f"not inserted, the unit was not released; {', '.join(self.phases) or 'nothing'} done"
+        verdict = "inserted" if self.inserted else "not inserted"
+        stands = f"{_millimetres(self.height)} mm above its seat, {_millimetres(self.aside)} mm aside"
+        back = f"back at {self.phases['return'][1]:.1f} s" if self.returned else "not brought back"
+        return (
+            f"{verdict}, released at {self.phases['insert'][1]:.1f} s, {stands}; "
+            f"contact force up to {self.peak_contact_force:.0f} N while inserting, "
+            f"{self.largest_contact_force:.0f} N in all; {back}"
+        )
+
+    def warning(self) -> str | None:
+        """One line where a large contact force arose elsewhere than at the insertion, else None."""
+        if self.largest_contact_force <= max(HARD, self.peak_contact_force):
+            return None
+        return (
+            f"the largest contact force, {self.largest_contact_force:.0f} N, arose outside the insertion: "
+            "taking hold, drawing out, letting go or a collision"
+        )
+
+    def summary(self) -> dict[str, object]:
+        """Return the outcome as what JSON holds."""
+        return {**vars(self), "phases": {name: list(times) for name, times in self.phases.items()}}
+
+
+def rpcm_outcome(log: JointLog) -> RpcmOutcome:
+    """Judge an exchange of the replacement unit.
+
+    A phase ends where the log shows it: *approach* when the end effector takes hold of the unit, *draw out* when the
+    unit is clear of the holster, *hold* when it leaves the approach point, *transfer* over the receptacle, *align*
+    between its guides, *insert* at its release, *release* when it is taken hold of again, *extract* when it is clear of
+    the guides, *return* at the approach point.
+
+    Args:
+        log: A record at the worksite.
+
+    Returns:
+        The outcome.
+
+    Raises:
+        ScenarioError: The record is not of the worksite.
+    """
+    if log.unit_pose is None or log.contact_force is None:
+        raise ScenarioError(f"{log.name}: no replacement unit in this log; expected an experiment at the worksite")
+    position, force = log.unit_pose[:, :3], log.contact_force
+    ends = _in_turn(*_events(log, position))
+    times = [0.0, *(end * log.dt for end in ends)]
+    height, aside, tilt, peak = np.nan, np.nan, np.nan, 0.0
+    if len(ends) >= PHASES.index("insert"):
+        entered, released = ends[PHASES.index("align")], ends[PHASES.index("insert") :][:1]
+        # The force of a tick is that since the tick before: at the release it is still that of the insertion.
+        peak = float(force[entered : released[0] + 1 if released else None].max())
+    if len(ends) > PHASES.index("insert"):
+        taken = ends[PHASES.index("release") :][:1]
+        last = taken[0] - 1 if taken else len(log) - 1
+        height, tilt = float(_above(position, RECEPTACLE)[last]), _angle(log.unit_pose[last, 3:], RECEPTACLE)
+        aside = float(_away(position, RECEPTACLE)[last])
+    return RpcmOutcome(
+        inserted=bool(height <= DEPTH and aside <= 2.0 * RECEPTACLE.clearance and tilt <= TILT),
+        returned=len(ends) == len(PHASES),
+        phases=MappingProxyType({name: (times[i], times[i + 1]) for i, name in enumerate(PHASES[: len(ends)])}),
+        height=height,
+        aside=aside,
+        tilt=tilt,
+        peak_contact_force=peak,
+        largest_contact_force=float(force.max()),
+    )
+
+
+def _millimetres(value: float) -> str:
+    """A length in m as mm with one digit, without the sign of a zero."""
+    return f"{round(1e3 * value, 1) + 0.0:.1f}"
+
+
+def _events(log: JointLog, position: np.ndarray) -> tuple[np.ndarray, ...]:
+    """Whether each phase's end can be seen at each tick, phase by phase, (N,) each."""
+    held = (log.status & Status.UNIT_HELD) > 0
+    beside = np.linalg.norm(position - approach_point()[0], axis=1) > ASIDE
+    over = _away(position, RECEPTACLE) <= ASIDE
+    above = _above(position, RECEPTACLE)
+    return (
+        held,
+        held & (_above(position, HOLSTER) > HOLSTER.mouth),
+        held & beside & (np.cumsum(held & ~beside) > 0),
+        held & over,
+        held & over & (above < RECEPTACLE.mouth),
+        ~held,
+        held,
+        held & (above > RECEPTACLE.mouth),
+        held & ~beside,
+    )
+
+
+def _away(position: np.ndarray, seat: Seat) -> np.ndarray:
+    """Distance of the unit from the middle of a seat, across it (N,), m."""
+    return np.linalg.norm((position - seat.seated[0])[:, :2], axis=1)
+
+
+def _above(position: np.ndarray, seat: Seat) -> np.ndarray:
+    """Height of the unit's lower end above the floor of a seat (N,), m."""
+    return np.asarray(position[:, 2] - UNIT.size[0] - seat.position[2])
+
+
+def _in_turn(*events: np.ndarray) -> list[int]:
+    """First ticks at which conditions (N,) hold one after the other, as far as they do."""
+    ticks: list[int] = []
+    for event in events:
+        start = ticks[-1] if ticks else 0
+        found = np.flatnonzero(event[start:])
+        if not len(found):
+            break
+        ticks.append(start + int(found[0]))
+    return ticks
+
+
+def _angle(quaternion: np.ndarray, seat: Seat) -> float:
+    """Angle between the unit and a seat, rad."""
+    wanted = np.empty(4)
+    mujoco.mju_mat2Quat(wanted, seat.seated[1].ravel())
+    return 2.0 * acos(min(1.0, abs(float(wanted @ quaternion))))
+
+
+TASKS: dict[str, Callable[[], tuple[Step, ...]]] = {"rpcm": rpcm_script, "rpcm-unloaded": unloaded_script}
+"""The script of each task."""
+
+MODE = "cartesian_rate"
+"""The mode in which the operator works."""
+
+
+def judged(log: JointLog, task: str) -> RpcmOutcome | None:
+    """Return what became of the unit where a task was to insert it."""
+    return rpcm_outcome(log) if task == "rpcm" else None
+
+
+def check_task(task: str, *, mode: str, axes: tuple[str, ...], worksite: bool, payload: str, excited: bool) -> None:
+    """Raise unless a scenario gives its operator what the task needs.
+
+    Args:
+        task: The task.
+        mode: Control mode.
+        axes: Axes of the stick.
+        worksite: Whether the arm is at the worksite.
+        payload: What the end effector holds at first.
+        excited: Whether the excitation computer is to play something.
+
+    Raises:
+        ScenarioError: Unknown task, or something else than what it needs.
+    """
+    if task not in TASKS:
+        raise ScenarioError(unknown("task", task, TASKS))
+    wrong = [
+        text
+        for fails, text in (
+            (mode != MODE, f'mode = "{MODE}"'),
+            (axes != TOOL_AXES, f"axes = {', '.join(TOOL_AXES)}"),
+            (not worksite, "worksite = true"),
+            (payload != "none", 'payload = "none", the unit in its holster'),
+            (excited, "no excitation"),
+        )
+        if fails
+    ]
+    if wrong:
+        raise ScenarioError(f"task {task!r} expects {'; '.join(wrong)}")
+
+
+def task_operator(task: str, seed: int, hand_controller: HandController) -> Operator:
+    """Return an operator for a task.
+
+    Args:
+        task: One of `TASKS`.
+        seed: Of what the operator misses and misjudges.
+        hand_controller: The interface whose gains the operator is used to.
+    """
+    return ScriptedOperator(TASKS[task](), axis_gains(MODE, TOOL_AXES, hand_controller), seed)

@@ -1,0 +1,239 @@
+"""One experiment: a frozen record that is a TOML file."""
+
+import re
+import tomllib
+from collections.abc import Mapping
+from dataclasses import dataclass, fields, replace
+from pathlib import Path
+from typing import Any, get_type_hints
+from zlib import crc32
+
+import numpy as np
+
+from hmtb_twin import (
+    MODES,
+    NOMINAL_PLANT,
+    NOMINAL_SPECIMEN,
+    PAYLOADS,
+    POSES,
+    VARIANTS,
+    Chain,
+    HandController,
+    Operator,
+    Plant,
+    Specimen,
+    TwinError,
+    axis_names,
+)
+from hmtb_twin.arm.arm import check_arm
+from hmtb_twin.parameters.values import HAND_CONTROLLER
+from scenarios.experiments.excitation_computer import Excitation, check_outputs, played
+from scenarios.experiments.rpcm_outcome import check_task, task_operator
+from scenarios.experiments.waveform import LONGEST, RATE, check_seed
+from scenarios.files.errors import ScenarioError, unknown
+from scenarios.files.toml_values import record, typed, written
+
+NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9._+-]{0,99}")
+"""What a scenario may be called."""
+
+
+@dataclass(frozen=True)
+class Scenario:
+    """Everything one experiment needs.
+
+    Attributes:
+        name: Unique name.
+        axes: What the stick moves: joints, or directions of the tool in the Cartesian modes; all else is held.
+        excitation: One entry, played on every axis, or one per axis; none where an operator has a task.
+        duration: Length of the record, s.
+        seed: Draws the noise of the hand controller and of the sensors.
+        variant: Which arm, e.g. ``"nominal"``.
+        payload: What the end effector holds, e.g. ``"rpcm"``.
+        pose: Keyframe of the operating point.
+        mode: Control mode, e.g. ``"single_joint"``.
+        worksite: At the worksite, with contact, instead of in free space.
+        task: What an operator does in place of the excitation computer, e.g. ``"rpcm"``; empty: no operator.
+        shutdown: Emergency shutdowns: times of power off and of power on again in turn, s.
+        independent_channels: As many different excitations as axes, beyond the two outputs of the excitation computer.
+        plant: What the drives run on and rub with; a TOML table of what differs from the nominal plant.
+        specimen: How this one arm deviates from its variant; a TOML table of what does.
+        chain: Which links of the chain act; a TOML table of truth values.
+        hand_controller: The hand-controller interface; a TOML table of what differs from the nominal one.
+        description: One line for the list.
+        tags: Words to find it by.
+    """
+
+    name: str
+    axes: tuple[str, ...]
+    excitation: tuple[Excitation, ...]
+    duration: float = 240.0
+    seed: int = 0
+    variant: str = "nominal"
+    payload: str = "rpcm"
+    pose: str = "rpcm_holster_out_approach"
+    mode: str = "single_joint"
+    worksite: bool = False
+    task: str = ""
+    shutdown: tuple[float, ...] = ()
+    independent_channels: bool = False
+    plant: Plant = NOMINAL_PLANT
+    specimen: Specimen = NOMINAL_SPECIMEN
+    chain: Chain = Chain()  # noqa: RUF009
+    hand_controller: HandController = HAND_CONTROLLER
+    description: str = ""
+    tags: tuple[str, ...] = ()
+
+    def __post_init__(self) -> None:
+        if not NAME.fullmatch(self.name):
+            raise ScenarioError(
+                f"scenario name {self.name!r}: expected 1 to 100 letters, digits, '.', '_', '-' or '+', the first a "
+                "letter or digit, because files are named after it"
+            )
+        for attribute, known in _choices().items():
+            if getattr(self, attribute) not in known:
+                raise ScenarioError(f"scenario {self.name!r}: {unknown(attribute, getattr(self, attribute), known)}")
+        known = axis_names(self.mode)
+        for name in self.axes:
+            if name not in known:
+                raise ScenarioError(f"scenario {self.name!r}, mode {self.mode}: {unknown('axis', name, known)}")
+        if not self.axes or len(set(self.axes)) != len(self.axes):
+            raise ScenarioError(
+                f"scenario {self.name!r}: expected one or more different entries in axes, given {self.axes}"
+            )
+        try:
+            if self.task:
+                check_task(
+                    self.task,
+                    mode=self.mode,
+                    axes=self.axes,
+                    worksite=self.worksite,
+                    payload=self.payload,
+                    excited=bool(self.excitation),
+                )
+            elif self.excitation or not self.has_own_operator:
+                check_outputs(self.excitation, self.axes, self.independent_channels)
+        except ScenarioError as error:
+            raise ScenarioError(f"scenario {self.name!r}: {error}") from error
+        if not 1.0 / RATE <= self.duration <= LONGEST:
+            raise ScenarioError(
+                f"scenario {self.name!r}: expected a duration of {1 / RATE} to {LONGEST:g} s, given {self.duration}"
+            )
+        check_seed(self.seed)
+        try:
+            check_arm(self.variant, self.payload, self.plant, worksite=self.worksite, specimen=self.specimen)
+        except TwinError as error:
+            raise ScenarioError(f"scenario {self.name!r}: {error}") from error
+
+    def volts(self) -> np.ndarray:
+        """Play the excitation through the excitation computer's converter.
+
+        Returns:
+            Volts `(N, len(axes))` at 50 Hz, `N = round(50 * duration)`, before noise and bias; zero where an operator
+            moves the stick.
+        """
+        if not self.excitation:
+            return np.zeros((round(RATE * self.duration), len(self.axes)))
+        return played(self.excitation, len(self.axes), self.duration, rounds=self.chain.dac)
+
+    def operator(self) -> Operator | None:
+        """A new operator for the task; none where the excitation computer moves the stick."""
+        return task_operator(self.task, self.seed, self.hand_controller) if self.task else None
+
+    @property
+    def has_own_operator(self) -> bool:
+        """Whether a subclass brings an operator of its own, which no TOML file tells of."""
+        return type(self).operator is not Scenario.operator
+
+    def reseeded(self, seed: int) -> "Scenario":
+        """The same experiment with other noise: a seed of its own, drawn from `seed` and the name.
+
+        The excitation keeps its own seed: one replays the same file.
+        """
+        if seed < 0:
+            raise ScenarioError(f"expected a seed of 0 or more, given {seed}")
+        drawn = np.random.SeedSequence([seed, crc32(self.name.encode())]).generate_state(1)
+        return replace(self, seed=int(drawn[0]))
+
+    def to_toml(self) -> str:
+        """Write every field as TOML, such that `from_toml` gives an equal scenario back."""
+        tables = {
+            "plant": NOMINAL_PLANT,
+            "specimen": NOMINAL_SPECIMEN,
+            "chain": Chain(),
+            "hand_controller": HAND_CONTROLLER,
+        }
+        lines = [
+            f"{entry.name} = {written(getattr(self, entry.name))}"
+            for entry in fields(self)
+            if entry.name not in ("excitation", *tables)
+        ]
+        for name, nominal in tables.items():
+            changed = {key: value for key, value in vars(getattr(self, name)).items() if value != getattr(nominal, key)}
+            if changed:
+                lines += ["", f"[{name}]", *(f"{key} = {written(value)}" for key, value in changed.items())]
+        for entry in self.excitation:
+            lines += ["", "[[excitation]]", entry.to_toml()]
+        return "\n".join(lines) + "\n"
+
+    @classmethod
+    def from_toml(cls, text: str, *, source: str = "TOML text", folder: Path = Path()) -> "Scenario":
+        """Read a scenario, strictly.
+
+        Args:
+            text: The TOML text.
+            source: Where it came from, for messages.
+            folder: Where the paths of waveform files start.
+
+        Returns:
+            The scenario.
+
+        Raises:
+            ScenarioError: The text is not TOML, or a key, a type or a name is wrong.
+        """
+        try:
+            table = tomllib.loads(text)
+        except tomllib.TOMLDecodeError as error:
+            raise ScenarioError(f"{source}: not a TOML file ({error})") from error
+        try:
+            return cls.from_table(table, folder=folder)
+        except ScenarioError as error:
+            raise ScenarioError(f"{source}: {error}") from error
+
+    @classmethod
+    def from_table(cls, table: Mapping[str, Any], *, folder: Path = Path()) -> "Scenario":
+        """Build a scenario from parsed TOML; see `from_toml`."""
+        hints = get_type_hints(cls)
+        values: dict[str, Any] = {}
+        for key, value in table.items():
+            if key not in hints:
+                raise ScenarioError(unknown("key", key, hints))
+            if key == "excitation":
+                entries = value if isinstance(value, list) else [value]
+                values[key] = tuple(Excitation.from_table(entry, folder) for entry in entries)
+            elif key in ("plant", "specimen", "chain", "hand_controller"):
+                try:
+                    values[key] = record(hints[key], key, value)
+                except TwinError as error:
+                    raise ScenarioError(str(error)) from error
+            else:
+                values[key] = typed(key, value, hints[key])
+        if values.get("task"):
+            values.setdefault("excitation", ())
+        missing = [key for key in ("name", "axes", "excitation") if key not in values]
+        if missing:
+            raise ScenarioError(f"missing {', '.join(missing)}; a scenario needs name, axes and excitation")
+        return cls(**values)
+
+    @classmethod
+    def read(cls, path: str | Path) -> "Scenario":
+        """Read a scenario from a TOML file; see `from_toml`."""
+        try:
+            text = Path(path).read_text(encoding="utf-8")
+        except (OSError, UnicodeDecodeError) as error:
+            raise ScenarioError(f"cannot read scenario file {str(path)!r}: {error}") from error
+        return cls.from_toml(text, source=str(path), folder=Path(path).parent)
+
+
+def _choices() -> dict[str, tuple[str, ...]]:
+    """What the laboratory offers, by field."""
+    return {"variant": tuple(VARIANTS), "payload": tuple(PAYLOADS), "pose": tuple(POSES), "mode": MODES}

@@ -1,0 +1,207 @@
+"""One period of an excitation as 100 points, V: as a record and as a file."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from types import MappingProxyType
+
+import numpy as np
+
+from scenarios.files.errors import ScenarioError
+
+Parameter = float | int | bool | tuple[float, ...]
+"""What an excitation is made from."""
+
+POINTS = 100
+"""Points in one file; they hold one period [Morris1996, sec. II.2B]."""
+
+RATE = 50.0
+"""Rate of the position loop and of the record, Hz [Morris1996, sec. II.4]."""
+
+LONGEST = 86_400.0
+"""Longest experiment, s: a day. The recorder of the arm held twenty minutes [Morris1996, sec. II.4]."""
+
+LOUDEST = 1000.0
+"""Largest voltage that a file may hold, V; the converters saturate at 10 V."""
+
+WINDOW = POINTS / RATE
+"""Length of one period at the default update rate, s."""
+
+
+@dataclass(frozen=True)
+class PowerSpectrum:
+    """One-sided power spectral density of a periodic waveform.
+
+    Attributes:
+        frequency: Frequencies `(n,)`, Hz.
+        density: Power spectral density `(n,)`, V^2/Hz.
+    """
+
+    frequency: np.ndarray
+    density: np.ndarray
+
+
+@dataclass(frozen=True, eq=False)
+class Waveform:
+    """One period of an excitation.
+
+    Attributes:
+        points: Samples of one period `(100,)`, V.
+        kind: Name of the excitation, e.g. ``"prbs"``.
+        parameters: What it was made from, by name (amplitude in V, frequencies in Hz, times in s).
+        update_rate: Rate at which the converter steps through the points, Hz.
+    """
+
+    points: np.ndarray
+    kind: str
+    parameters: Mapping[str, Parameter] = field(default_factory=dict)
+    update_rate: float = RATE
+
+    def __post_init__(self) -> None:
+        points = np.array(self.points, dtype=float)
+        if points.shape != (POINTS,) or not np.all(np.isfinite(points)):
+            raise ScenarioError(f"a waveform file holds {POINTS} finite points; given an array of shape {points.shape}")
+        if np.abs(points).max() > LOUDEST:
+            raise ScenarioError(
+                f"{self.kind}: points up to {np.abs(points).max():g} V given, expected at most {LOUDEST:g} V"
+            )
+        if not self.update_rate > 0:
+            raise ScenarioError(f"update rate must be above 0 Hz, given {self.update_rate}")
+        points.setflags(write=False)
+        object.__setattr__(self, "points", points)
+        object.__setattr__(self, "parameters", MappingProxyType(dict(self.parameters)))
+
+    @property
+    def period(self) -> float:
+        """Length of one period, s."""
+        return POINTS / self.update_rate
+
+    def play(self, duration: float, *, iterations: int | None = None) -> np.ndarray:
+        """Repeat the file for a time, holding each point until the next.
+
+        At an update rate above 50 Hz the position loop, which reads 50 times per second, misses points.
+
+        Args:
+            duration: Time to play, s.
+            iterations: How often to play the file, then 0 V; until the end by default.
+
+        Returns:
+            Volts at 50 Hz `(N, 1)` with `N = round(50 * duration)`.
+
+        Raises:
+            ScenarioError: The duration is shorter than a sample or longer than `LONGEST`.
+        """
+        if not 1.0 / RATE <= duration <= LONGEST:
+            raise ScenarioError(f"duration must be {1 / RATE} s (one sample) to {LONGEST:g} s, given {duration} s")
+        count = round(RATE * duration)
+        # The small shift keeps k * update_rate / RATE from rounding down onto the point before.
+        passed = np.floor(np.arange(count) * (self.update_rate / RATE) + 1e-9).astype(np.int64)
+        volts = self.points[passed % POINTS]
+        if iterations is not None:
+            volts[passed >= iterations * POINTS] = 0.0
+        return volts[:, None]
+
+    def order_of_excitation(self) -> int:
+        """Count the lines of the two-sided spectrum that are not zero [Soderstrom1989, sec. 5.4].
+
+        A sum of m sinusoids has order 2m; a file of 100 points at most 100. Lines of a millionth of the strongest are
+        none: a file written with nine digits has them everywhere.
+        """
+        power = np.abs(np.fft.fft(self.points)) ** 2
+        # Rounding of the parts that cancel, not of what is left, is a floor: a sine sampled at its zeros has order 0.
+        amplitude = self.parameters.get("amplitude", 0.0)
+        cancelled = POINTS * amplitude if isinstance(amplitude, float | int) else 0.0
+        floor = max(1e-12 * float(power.max()), 1e-20 * cancelled**2)
+        return int(np.count_nonzero(power > floor))
+
+    def psd(self) -> PowerSpectrum:
+        """Power spectral density of one period, mean included; its integral is the mean square."""
+        lines = np.fft.rfft(self.points) / POINTS
+        power = np.abs(lines) ** 2
+        power[1:-1] *= 2.0  # the mirror images; zero and the Nyquist frequency have none
+        frequency = np.fft.rfftfreq(POINTS, 1.0 / self.update_rate)
+        return PowerSpectrum(frequency, power * self.period)
+
+
+def check_seed(seed: int) -> None:
+    """Refuse a seed that a random generator, or the file that records it, cannot hold.
+
+    Raises:
+        ScenarioError: The seed is negative or above 2^63 - 1.
+    """
+    if not isinstance(seed, int | np.integer) or not 0 <= seed < 2**63:
+        raise ScenarioError(f"a seed is a whole number from 0 to 2^63 - 1, given {seed}")
+
+
+KIND = "file"
+"""What a scenario file calls an excitation that stands in a file of its own."""
+
+
+def points(*, points: tuple[float, ...]) -> Waveform:
+    """A waveform of one's own, point by point.
+
+    Args:
+        points: One period (100,), V.
+
+    Returns:
+        The 100-point file.
+
+    Raises:
+        ScenarioError: Not 100 finite points, or one beyond reason.
+    """
+    if len(points) != POINTS:
+        raise ScenarioError(f"a waveform file holds {POINTS} points, one period; given {len(points)}")
+    return Waveform(np.array(points, dtype=float), "points", {"points": tuple(float(value) for value in points)})
+
+
+def read_points(path: str | Path) -> tuple[float, ...]:
+    """Read a 100-point file: numbers apart by spaces, commas or lines; what follows a # is a remark.
+
+    Args:
+        path: The file.
+
+    Returns:
+        Its points (100,), V.
+
+    Raises:
+        ScenarioError: The file cannot be read, holds something else than numbers, or another number of them.
+    """
+    path = Path(path)
+    try:
+        lines = path.read_text(encoding="utf-8-sig").splitlines()
+    except (OSError, ValueError) as error:
+        why = error.strerror if isinstance(error, OSError) else "it is no text, or no path"
+        raise ScenarioError(
+            f"cannot read waveform file {str(path)!r}: {why}; expected {POINTS} numbers in V, one per line"
+        ) from error
+    values: list[float] = []
+    for number, line in enumerate(lines, start=1):
+        for word in line.partition("#")[0].replace(",", " ").split():
+            try:
+                values.append(float(word))
+            except ValueError:
+                raise ScenarioError(
+                    f"waveform file {str(path)!r}, line {number}: expected a number in V, given {word!r}"
+                ) from None
+            if not np.isfinite(values[-1]):
+                raise ScenarioError(
+                    f"waveform file {str(path)!r}, line {number}: expected a finite number in V, given {word!r}"
+                )
+    try:
+        return tuple(float(value) for value in points(points=tuple(values)).points)
+    except ScenarioError as error:
+        raise ScenarioError(f"waveform file {str(path)!r}: {error}") from error
+
+
+def write_points(values: Sequence[float], path: Path) -> Path:
+    """Write a 100-point file that reads back equal to the last bit.
+
+    Args:
+        values: The points (100,), V.
+        path: The file.
+
+    Returns:
+        The path.
+    """
+    path.write_text("".join(f"{float(value)!r}\n" for value in values), encoding="utf-8")
+    return path

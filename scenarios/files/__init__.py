@@ -1,0 +1,3 @@
+"""Files."""
+
+__all__: list[str] = []

@@ -1,0 +1,263 @@
+"""Data files for the analyst: our own records and logs, tables and .mat files from anywhere."""
+
+import os
+import warnings
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+import sysid
+from scenarios.files.errors import ScenarioError, unknown
+from scenarios.files.record_file import ENDINGS, is_record, netcdf_format, read_records, write_record
+from sysid import IOData
+
+if TYPE_CHECKING:
+    from hmtb_twin import JointLog
+
+SAME_INTERVAL = 1e-3
+"""Two sampling intervals that differ by less than this part are one, written with few digits."""
+
+KINDS = ".nc, .csv, .mat, .asc, .ch10 or a table as text (.txt, .dat, ...)"
+"""Kinds of data files, for messages."""
+
+Names = str | Sequence[str]
+"""One column or several."""
+
+
+def write_log(log: "JointLog", path: Path) -> Path:
+    """Write a log as NetCDF4 (`.nc`, everything), or what the bus recorded of it as CSV, ASCII or .mat.
+
+    Args:
+        log: The log.
+        path: File to write; its ending chooses the format.
+
+    Returns:
+        The path.
+
+    Raises:
+        ScenarioError: Another ending, or the file cannot be written.
+    """
+    if path.is_dir():
+        raise ScenarioError(f"cannot write {str(path)!r}: it is a folder; expected a file or nothing of that name")
+    if path.suffix != ".nc":
+        from hmtb_twin.bus.record import BusRecord
+
+        if path.suffix not in ENDINGS.values():
+            raise ScenarioError(f"unknown format {path.suffix!r}; there are: {', '.join(ENDINGS.values())}")
+        return write_record(BusRecord.of(log), path)
+    try:
+        return log.save(path)
+    except ValueError as error:
+        # The text of the NetCDF library's own errors is for its programmers; the system's number is enough.
+        number = getattr(error.__cause__, "errno", None)
+        why = os.strerror(number) if number else "the file system refuses"
+        raise ScenarioError(f"cannot write {str(path)!r}: {why}") from error
+
+
+def read_data(
+    path: str | Path,
+    *,
+    joint: str | None = None,
+    input: Names = "u",
+    output: Names = "y",
+    dt: float | None = None,
+    test: str | None = None,
+    missing: bool = False,
+) -> IOData:
+    """Read inputs and outputs from a file.
+
+    Args:
+        path: `.nc` (a joint log, a bus record, or any variables over time), `.mat` (version 7.2 or older), `.ch10` (a
+            1553 record), `.asc` (our ASCII records), or any table as text, with a header or bare columns.
+        joint: Joint of a log or record, or of a CSV written from one.
+        input: Names of the input columns or variables.
+        output: Names of the output columns or variables.
+        dt: Sampling interval, s. Needed where the file says none; must agree with it where it does.
+        test: Which test of a 1553 record, by name or number, where it holds several.
+        missing: Whether outputs of a table may be missing (NaN or empty); those of our own records always may.
+
+    Returns:
+        The record; lost output samples are declared as missing.
+
+    Raises:
+        ScenarioError: The file is missing, foreign, or lacks what is asked for; no sampling interval, or two that
+            contradict each other; inputs were lost.
+        TwinError: Likewise, of our own logs and records.
+    """
+    parts = read_parts(path, joint=joint, input=input, output=output, dt=dt, test=test, missing=missing)
+    if len(parts) > 1:
+        raise ScenarioError(
+            f"{Path(path).name}: commands were lost in between; an input must be complete: read its {len(parts)} parts"
+        )
+    return parts[0]
+
+
+def read_parts(
+    path: str | Path,
+    *,
+    joint: str | None = None,
+    input: Names = "u",
+    output: Names = "y",
+    dt: float | None = None,
+    test: str | None = None,
+    missing: bool = False,
+) -> tuple[IOData, ...]:
+    """Read inputs and outputs from a file, cut where inputs were lost.
+
+    Args:
+        path: As in `read_data`, like all others.
+        joint: Joint.
+        input: Input columns.
+        output: Output columns.
+        dt: Sampling interval, s.
+        test: Test of a run.
+        missing: Whether outputs may be missing.
+
+    Returns:
+        One record, or as many as there are stretches of inputs; lost outputs are declared as missing. A damaged 1553
+        record gives all that is good in it and a `TwinWarning` on the rest.
+
+    Raises:
+        ScenarioError: As `read_data`, but for lost inputs.
+        TwinError: Likewise.
+    """
+    path = Path(path)
+    inputs, outputs = ((names,) if isinstance(names, str) else tuple(names) for names in (input, output))
+    if not path.is_file():
+        raise ScenarioError(f"no data file {str(path)!r}; expected {KINDS}")
+    if dt is not None and not 0 < dt < np.inf:
+        raise ScenarioError(f"dt must be above 0 s, given {dt}")
+    # A table may be read by its columns or by joint; a .csv does not say what it excites.
+    ours = (path.suffix != ".csv" or joint is not None) and is_record(path)
+    if test is not None and not (ours and path.suffix != ".csv"):
+        raise ScenarioError(f"{path.name} holds one test; --test is for 1553 records")
+    log = path.suffix == ".nc" and _is_log(path)
+    if (ours or log) and (inputs, outputs) != (("u",), ("y",)):
+        raise ScenarioError(
+            f"{path.name} is a record of joints: choose one by --joint; --input and --output are for tables"
+        )
+    if ours:
+        contents = read_records(path)
+        if contents.message:
+            from hmtb_twin import TwinWarning
+
+            warnings.warn(contents.message, TwinWarning, stacklevel=2)
+        return _agreeing(contents.choose(test, path).parts(joint), dt, path)
+    if log:
+        from hmtb_twin import JointLog
+
+        found = JointLog.load(path)
+        check_complete(found, found.axes if joint is None else (joint,), path.name)
+        return _agreeing((found.iodata(joint),), dt, path)
+    if joint is not None:
+        from hmtb_twin import JOINTS
+
+        if joint not in JOINTS:
+            raise ScenarioError(unknown("joint", joint, JOINTS))
+        inputs, outputs = (f"{joint}_commanded",), (f"{joint}_measured",)
+    read = {".mat": sysid.read_mat, ".nc": sysid.read_netcdf}.get(path.suffix, sysid.read_csv)
+    try:
+        return (read(path, inputs=inputs, outputs=outputs, dt=dt, missing=missing),)
+    except sysid.SysidError as error:
+        raise ScenarioError(_for_users(str(error), path, inputs, outputs)) from error
+
+
+def check_complete(log: "JointLog", joints: Sequence[str], name: str) -> None:
+    """Refuse a log in which something is missing: a simulation loses nothing, so it was spoilt since.
+
+    Args:
+        log: The log.
+        joints: The joints to look at; names of others are ignored.
+        name: What the message calls it.
+
+    Raises:
+        ScenarioError: An angle is no number.
+    """
+    from hmtb_twin import JOINTS
+
+    columns = [JOINTS.index(joint) for joint in joints if joint in JOINTS]
+    for what, angles in (("commanded", log.commanded[:, columns]), ("measured", log.measured[:, columns])):
+        bad = ~np.isfinite(angles)
+        if bad.any():
+            sample, column = map(int, np.argwhere(bad)[0])
+            raise ScenarioError(
+                f"{name}: {int(bad.sum())} {what} angles are no numbers, the first that of {JOINTS[columns[column]]} "
+                f"at sample {sample}; expected a log as hmtb simulate writes it, complete"
+            )
+
+
+def _for_users(text: str, path: Path, inputs: Sequence[str], outputs: Sequence[str]) -> str:
+    """The analyst's message in words of the command line."""
+    for analyst, user in (
+        ("dt as given", "--dt"),
+        ("or dt in s", "or --dt SECONDS"),
+        ("give dt where", "give --dt where"),
+        ("missing=True takes NaN", "--missing takes NaN or empty cells among outputs"),
+    ):
+        text = text.replace(analyst, user)
+    if "without a header" in text:
+        count = len(inputs) + len(outputs)
+        return f"{text} in this sequence, {count} in all; --input and --output name them, inputs first"
+    if "not a text file" in text and path.suffix not in (".csv", ".txt", ".asc", ".dat"):
+        return f"{str(path)!r}: unknown kind of data file; expected {KINDS}"
+    for option, names in (("input", inputs), ("output", outputs)):
+        if any(f"column {name!r};" in text for name in names):
+            if path.suffix == ".csv" and is_record(path):
+                return f"{text}; it is a record of joints: choose one by --joint, e.g. --joint elbow_pitch"
+            return f"{text}; choose by --{option}"
+    return text
+
+
+def _is_log(path: Path) -> bool:
+    from hmtb_twin.bus.joint_log import FORMAT
+
+    return netcdf_format(path) == FORMAT
+
+
+def excited(path: Path, test: str | None = None) -> tuple[str, ...]:
+    """What the experiment of a log or record excites; nothing for files that do not say."""
+    if is_record(path):
+        return read_records(path).choose(test, path).axes
+    if path.suffix != ".nc" or not _is_log(path):
+        return ()
+    from hmtb_twin import JointLog
+
+    return JointLog.load(path).axes
+
+
+def of_joint(record: IOData) -> str | None:
+    """Which joint a record from one of our own files is of; None for records from elsewhere."""
+    from hmtb_twin import JOINTS
+
+    name, mark, _ = (record.input_names or ("",))[0].partition(" commanded")
+    return name if mark and name in JOINTS else None
+
+
+def joints_of(record: IOData) -> tuple[str, ...]:
+    """Which joints a record from one of our own files is of, input by input; none for records from elsewhere."""
+    from hmtb_twin import JOINTS
+
+    named = [name.partition(" commanded") for name in record.input_names or ()]
+    joints = tuple(name for name, mark, _ in named if mark and name in JOINTS)
+    return joints if len(joints) == record.nu else ()
+
+
+def log_of(path: Path) -> "JointLog | None":
+    """The log in a file of `hmtb simulate`; None for all other files."""
+    if path.suffix != ".nc" or not _is_log(path):
+        return None
+    from hmtb_twin import JointLog
+
+    return JointLog.load(path)
+
+
+def _agreeing(parts: tuple[IOData, ...], dt: float | None, path: Path) -> tuple[IOData, ...]:
+    """The records of one of our files, unless --dt contradicts it."""
+    if dt is not None and abs(dt - parts[0].dt) > SAME_INTERVAL * parts[0].dt:
+        raise ScenarioError(
+            f"{path.name}: --dt says a sampling interval of {dt:.6g} s, the log of {parts[0].dt:.6g} s; "
+            "expected one (leave out --dt)"
+        )
+    return parts

@@ -1,0 +1,37 @@
+"""The errors that scenarios raise, with the nearest known name where a name is unknown."""
+
+import difflib
+from collections.abc import Iterable
+
+
+class ScenarioError(ValueError):
+    """Something given to the study is wrong; the message says what was given, expected and available."""
+
+
+class MissingRecordError(ScenarioError):
+    """What is asked for needs a record that is not there."""
+
+
+def unknown(what: str, given: object, available: Iterable[str], *, listing: str | None = None) -> str:
+    """Compose the one line for an unknown name.
+
+    Args:
+        what: The kind of thing that was looked for, e.g. ``"joint"``.
+        given: The name that was given.
+        available: The names that exist.
+        listing: Command that lists them, where they are too many for the line.
+
+    Returns:
+        ``unknown joint 'elbow': did you mean 'elbow_pitch'? There are: ...``, or without a near name
+        ``unknown joint 'hip'; there are: ...``
+    """
+    names = list(available)
+    close = difflib.get_close_matches(str(given), names, n=3 if listing else 1, cutoff=0.5)
+    if listing is not None:
+        there_are = f"there are {len(names)}, listed by: {listing}"
+    else:
+        there_are = f"there are: {', '.join(names[:24])}" + (f", ... ({len(names)} in all)" if len(names) > 24 else "")
+    if not close:
+        return f"unknown {what} {given!r}; {there_are}"
+    meant = " or ".join(map(repr, close))
+    return f"unknown {what} {given!r}: did you mean {meant}? {there_are[0].upper()}{there_are[1:]}"

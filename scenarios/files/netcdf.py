@@ -1,0 +1,317 @@
+"""NetCDF4 files whose bytes depend on their content alone."""
+
+from collections.abc import Collection, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import BinaryIO, Protocol
+
+import h5py
+import numpy as np
+from h5py import h5a, h5d, h5ds, h5f, h5p, h5s, h5t
+
+from scenarios.files.errors import ScenarioError
+from scenarios.files.hashes import array_hash
+
+Attribute = str | int | float | np.ndarray
+"""Types of an attribute."""
+
+MOST_BYTES = 2**31
+"""Arrays of one file together; more is no record of an experiment."""
+
+
+BOOKKEEPING = frozenset(
+    {
+        *("CLASS", "NAME", "DIMENSION_LIST", "REFERENCE_LIST", "DIMENSION_LABELS"),
+        *("_NCProperties", "_Netcdf4Dimid", "_Netcdf4Coordinates", "_nc3_strict"),
+    }
+)
+"""Attributes by which NetCDF4 is laid upon HDF5."""
+
+
+@dataclass(frozen=True)
+class Variable:
+    """An array of a file.
+
+    Attributes:
+        dims: Names of its dimensions, one per axis.
+        values: Numbers, or texts.
+        attributes: Unit, meaning, role.
+    """
+
+    dims: tuple[str, ...]
+    values: np.ndarray
+    attributes: Mapping[str, Attribute]
+
+
+@dataclass(frozen=True)
+class Contents:
+    """What a file holds.
+
+    Attributes:
+        variables: By name.
+        attributes: Of the whole.
+    """
+
+    variables: Mapping[str, Variable]
+    attributes: Mapping[str, Attribute]
+
+    def array_hashes(self) -> dict[str, str]:
+        """Hash of every array of numbers, by name; names of channels are no numbers."""
+        return {name: array_hash(v.values) for name, v in self.variables.items() if v.values.dtype.kind in "biufc"}
+
+    def to_bytes(self) -> bytes:
+        """The file.
+
+        Raises:
+            ScenarioError: Two variables disagree about a dimension, or a variable is no NetCDF variable.
+        """
+        sizes: dict[str, int] = {}
+        for name, variable in self.variables.items():
+            if variable.values.dtype.kind not in "iufU":
+                raise ScenarioError(f"{name} is of type {variable.values.dtype}, expected real numbers or texts")
+            for dim, size in zip(variable.dims, variable.values.shape, strict=True):
+                if sizes.setdefault(dim, size) != size:
+                    raise ScenarioError(f"{name} has {size} along {dim}, others have {sizes[dim]}")
+        for name in sizes.keys() & self.variables.keys():
+            if self.variables[name].dims != (name,):
+                raise ScenarioError(f"{name} is a dimension, expected its variable to run along itself alone")
+        return netcdf_bytes(sizes, self.variables, self.attributes)
+
+
+def read_netcdf(path: Path | BinaryIO, *, only: Collection[str] | None = None) -> Contents:
+    """Read a file, and nothing but that file.
+
+    Args:
+        path: The file, or its bytes as a stream.
+        only: Names of the variables that are read; all by default.
+
+    Raises:
+        ScenarioError: It is missing, or no NetCDF4 file, or a damaged one, or one that refers to other files or claims
+            to hold more than `MOST_BYTES`.
+    """
+    if isinstance(path, Path) and path.exists() and not path.is_file():
+        # From a pipe nothing would ever come.
+        raise ScenarioError(f"{path} is no ordinary file, expected NetCDF4")
+    try:
+        # Through h5netcdf it takes five times as long, mostly for attributes.
+        with h5py.File(path, "r") as raw:
+            _check(raw, path)
+            variables = {
+                name: Variable(_dimensions(raw, name, entry), _values(entry), _attributes(entry))
+                for name, entry in raw.items()
+                if (only is None or name in only) and not _is_dimension(entry)
+            }
+            return Contents(variables, _attributes(raw))
+    except FileNotFoundError:
+        raise ScenarioError(f"no file {path}: expected NetCDF4") from None
+    except ScenarioError:
+        raise
+    except (OSError, KeyError, ValueError, TypeError, RuntimeError) as error:
+        raise ScenarioError(f"{path} is not a NetCDF4 file, or a damaged one") from error
+
+
+def read_array(path: Path, name: str) -> np.ndarray:
+    """Read one array of a file, and nothing else: where there are thousands of files, most of each would be in vain.
+
+    Args:
+        path: The file.
+        name: The array.
+
+    Raises:
+        ScenarioError: As `read_netcdf`, or there is no such array.
+    """
+    try:
+        with h5py.File(path, "r") as raw:
+            if not isinstance(raw.get(name, getlink=True), h5py.HardLink):
+                raise ScenarioError(f"{path} has no array {name!r}")
+            entry = raw[name]
+            if not isinstance(entry, h5py.Dataset) or entry.external or entry.is_virtual or entry.nbytes > MOST_BYTES:
+                raise ScenarioError(f"{path}: {name!r} is no array that stands in the file itself")
+            return _values(entry)
+    except FileNotFoundError:
+        raise ScenarioError(f"no file {path}: expected NetCDF4") from None
+    except ScenarioError:
+        raise
+    except (OSError, KeyError, ValueError, TypeError, RuntimeError) as error:
+        raise ScenarioError(f"{path} is not a NetCDF4 file, or a damaged one") from error
+
+
+def _check(raw: h5py.File, path: Path | BinaryIO) -> None:
+    """Refuse a file where reading it would read others or fill the memory: HDF5 knows links, and packs zeros well."""
+    size = 0
+    for name in raw:
+        if not isinstance(raw.get(name, getlink=True), h5py.HardLink):
+            raise ScenarioError(f"{path}: {name!r} is a link; expected arrays that stand in the file itself")
+        entry = raw[name]
+        if not isinstance(entry, h5py.Dataset) or entry.external or entry.is_virtual:
+            raise ScenarioError(f"{path}: {name!r} is no array that stands in the file itself")
+        size += entry.nbytes
+    if size > MOST_BYTES:
+        raise ScenarioError(f"{path}: arrays of {size} bytes given, expected at most {MOST_BYTES}")
+
+
+def _is_dimension(entry: h5py.Dataset) -> bool:
+    """Whether an array only tells the length of a dimension that has no variable of its own."""
+    return _text(entry.attrs.get("NAME", "")).startswith("This is a netCDF dimension but not a netCDF variable")
+
+
+def _dimensions(raw: h5py.File, name: str, entry: h5py.Dataset) -> tuple[str, ...]:
+    """Names of the dimensions that a variable runs along: HDF5 refers to their arrays."""
+    if "DIMENSION_LIST" in entry.attrs:
+        return tuple(str(raw[scales[0]].name).removeprefix("/") for scales in entry.attrs["DIMENSION_LIST"])
+    if entry.ndim > 1:
+        raise ValueError(f"{name} has {entry.ndim} axes without names")
+    return (name,) if entry.ndim else ()
+
+
+def _attributes(entry: h5py.HLObject) -> dict[str, Attribute]:
+    """What users wrote; the rest is bookkeeping of the format."""
+    return {key: _plain(value) for key, value in entry.attrs.items() if key not in BOOKKEEPING}
+
+
+def _values(entry: h5py.Dataset) -> np.ndarray:
+    values = np.asarray(entry[...])
+    return values if values.dtype.kind != "O" else np.array([_text(v) for v in values.ravel()]).reshape(values.shape)
+
+
+def _text(value: object) -> str:
+    return value.decode() if isinstance(value, bytes) else str(value)
+
+
+def _plain(value: object) -> Attribute:
+    if isinstance(value, np.ndarray):
+        return _plain(value.ravel()[0]) if value.size == 1 else value
+    if isinstance(value, np.integer):
+        return int(value)
+    return float(value) if isinstance(value, float | np.floating) else _text(value)
+
+
+PACKED = 64
+"""Arrays of more numbers are compressed."""
+
+LEVEL = 2
+"""Of the compression: the noise in the low bits is what costs, and no level packs it."""
+
+CHUNK = 1 << 20
+"""Bytes of an array that are compressed at a time, at most: most records are read whole."""
+
+TEXT = h5py.string_dtype()
+"""Texts of any length, UTF-8."""
+
+IN_FILE, IN_MEMORY = h5t.py_create(TEXT, logical=True), h5t.py_create(TEXT)
+"""How HDF5 has them in a file, and in an array of Python's own."""
+
+NO_VARIABLE = "This is a netCDF dimension but not a netCDF variable."
+"""Beginning of the name that NetCDF4 gives a dimension scale without a variable."""
+
+
+class Array(Protocol):
+    """A variable: names of its dimensions, numbers or texts, attributes."""
+
+    @property
+    def dims(self) -> Sequence[str]:
+        """Names of its dimensions."""
+
+    @property
+    def values(self) -> np.ndarray:
+        """Numbers, or texts."""
+
+    @property
+    def attributes(self) -> Mapping[str, Attribute]:
+        """Unit, meaning, role."""
+
+
+def netcdf_bytes(
+    sizes: Mapping[str, int], variables: Mapping[str, Array], attributes: Mapping[str, Attribute]
+) -> bytes:
+    """Make a file.
+
+    Args:
+        sizes: Of all dimensions, by name; one of size 0 is unlimited, as NetCDF has it.
+        variables: By name, real or whole numbers or texts; one named like a dimension has that dimension alone.
+        attributes: Of the whole.
+    """
+    creation = h5p.create(h5p.FILE_CREATE)
+    _bare(creation)
+    creation.set_link_creation_order(h5p.CRT_ORDER_TRACKED | h5p.CRT_ORDER_INDEXED)
+    access = h5p.create(h5p.FILE_ACCESS)
+    access.set_fapl_core(CHUNK, False)
+    access.set_libver_bounds(h5f.LIBVER_V18, h5f.LIBVER_V18)
+    access.set_fclose_degree(h5f.CLOSE_STRONG)
+    file = h5f.create(b"in memory", h5f.ACC_TRUNC, creation, access)
+    try:
+        made_by = f"version=2,h5py={h5py.__version__},hdf5={h5py.version.hdf5_version}"
+        _attribute(file, "_NCProperties", np.array(made_by.encode()))
+        for name, value in attributes.items():
+            _attribute(file, name, value)
+        scales = {
+            name: _scale(file, name, size, number, variables) for number, (name, size) in enumerate(sizes.items())
+        }
+        for name, variable in variables.items():
+            stored = scales[name] if name in scales else _dataset(file, name, variable)
+            if name not in scales:
+                for axis, dim in enumerate(variable.dims):
+                    h5ds.attach_scale(stored, scales[dim], axis)
+            for key, value in variable.attributes.items():
+                _attribute(stored, key, value)
+        h5f.flush(file)
+        return bytes(file.get_file_image())
+    finally:
+        file.close()
+
+
+def _scale(file: h5f.FileID, name: str, size: int, number: int, variables: Mapping[str, Array]) -> h5d.DatasetID:
+    """A dimension, as its variable or as an empty array."""
+    if name in variables:
+        stored = _dataset(file, name, variables[name])
+        h5ds.set_scale(stored, name.encode())
+    else:
+        properties = _properties((size,), 4)
+        space = h5s.create_simple((size,), (size or h5s.UNLIMITED,))
+        stored = h5d.create(file, name.encode(), h5t.IEEE_F32BE, space, properties)
+        h5ds.set_scale(stored, f"{NO_VARIABLE}{size:10}".encode())
+    _attribute(stored, "_Netcdf4Dimid", np.array(number, np.int32))
+    return stored
+
+
+def _dataset(file: h5f.FileID, name: str, variable: Array) -> h5d.DatasetID:
+    text = variable.values.dtype.kind == "U"
+    values = variable.values.astype(TEXT) if text else np.asarray(variable.values, order="C")
+    shape = values.shape
+    space = h5s.create_simple(shape, tuple(n or h5s.UNLIMITED for n in shape)) if shape else h5s.create(h5s.SCALAR)
+    properties = _properties(shape, 0 if text else values.itemsize)
+    stored = h5d.create(file, name.encode(), IN_FILE if text else h5t.py_create(values.dtype), space, properties)
+    if values.size:
+        stored.write(h5s.ALL, h5s.ALL, values, mtype=IN_MEMORY if text else None)
+    return stored
+
+
+def _properties(shape: Sequence[int], itemsize: int) -> h5p.PropDCID:
+    properties = h5p.create(h5p.DATASET_CREATE)
+    _bare(properties)
+    size = int(np.prod(shape))
+    if shape and 0 in shape:
+        properties.set_chunk(tuple(max(n, 1) for n in shape))
+    elif size > PACKED and itemsize:
+        rows = max(1, CHUNK // (itemsize * size // shape[0]))
+        properties.set_chunk((min(rows, shape[0]), *shape[1:]))
+        properties.set_shuffle()
+        properties.set_deflate(LEVEL)
+    return properties
+
+
+def _bare(properties: h5p.PropOCID) -> None:
+    """Attributes in the order in which they are made, and no times."""
+    properties.set_obj_track_times(False)
+    properties.set_attr_creation_order(h5p.CRT_ORDER_TRACKED | h5p.CRT_ORDER_INDEXED)
+
+
+def _attribute(place: "h5f.FileID | h5d.DatasetID", name: str, value: Attribute) -> None:
+    if isinstance(value, str):
+        space = h5s.create(h5s.SCALAR)
+        h5a.create(place, name.encode(), IN_FILE, space).write(np.array(value, dtype=TEXT), mtype=IN_MEMORY)
+        return
+    array = np.asarray(value)
+    array = array if array.ndim or array.dtype.kind == "S" else array.reshape(1)
+    space = h5s.create_simple(array.shape) if array.ndim else h5s.create(h5s.SCALAR)
+    h5a.create(place, name.encode(), h5t.py_create(array.dtype), space).write(array)

@@ -1,0 +1,49 @@
+"""Versions of what a result was made with."""
+
+import platform
+import tomllib
+from functools import cache
+from hashlib import sha256
+from importlib import resources
+from importlib.metadata import PackageNotFoundError, version
+from pathlib import Path
+
+from hmtb_twin.parameters.resources import models_directory
+
+OURS = "hmtb-twin"
+PACKAGES = (OURS, "mujoco", "numpy", "scipy", "control", "pin", "matplotlib", "xarray")
+ROOMS = ("hmtb_twin", "sysid", "scenarios")
+KINDS = (".py", ".toml", ".xml")
+
+
+def versions() -> dict[str, str]:
+    """Versions of Python and of every package that a result depends on."""
+    found = {"python": platform.python_version(), "machine": platform.machine()}
+    for name in PACKAGES:
+        try:
+            found[name] = version(name)
+        except PackageNotFoundError:
+            found[name] = _of_source() if name == OURS else "not installed as a package"
+    return found
+
+
+def _of_source() -> str:
+    """Our version where the source runs without having been installed; it stands in the project's own file."""
+    project = Path(str(resources.files("hmtb_twin"))).parent / "pyproject.toml"
+    try:
+        number = tomllib.loads(project.read_text(encoding="utf-8"))["project"]["version"]
+    except (OSError, tomllib.TOMLDecodeError, KeyError):
+        return "not installed as a package"
+    return f"{number} from source"
+
+
+@cache
+def fingerprint() -> str:
+    """Hash of everything of ours that a result depends on: source text, experiments and models."""
+    digest = sha256()
+    for room in (*(Path(str(resources.files(name))) for name in ROOMS), models_directory()):
+        for path in sorted(room.rglob("*")):
+            if path.suffix in KINDS:
+                digest.update(f"{room.name}/{path.relative_to(room).as_posix()}\0".encode())
+                digest.update(path.read_bytes())
+    return digest.hexdigest()

@@ -1,0 +1,244 @@
+"""Files of what the bus recorded, in every format that holds it: 1553, ASCII, CSV, NetCDF, MATLAB."""
+
+import os
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from types import MappingProxyType
+from typing import TYPE_CHECKING
+
+from scenarios.files.errors import ScenarioError, unknown
+
+if TYPE_CHECKING:
+    from hmtb_twin.bus.record import BusRecord
+
+ENDINGS: Mapping[str, str] = MappingProxyType(
+    {"nc": ".nc", "csv": ".csv", "mat": ".mat", "1553": ".ch10", "ascii": ".asc"}
+)
+"""Ending of the files of each format."""
+
+FORMATS: Mapping[str, str] = MappingProxyType(
+    {**{ending: name for name, ending in ENDINGS.items()}, ".c10": "1553", ".txt": "ascii"}
+)
+"""Format of the files with each ending."""
+
+
+@dataclass(frozen=True)
+class Contents:
+    """What a file holds.
+
+    Attributes:
+        records: Its tests.
+        message: Empty, or one line on what is missing.
+        hidden: Channels that no other format holds: of our joint logs, what only a simulation knows.
+    """
+
+    records: tuple["BusRecord", ...]
+    message: str = ""
+    hidden: tuple[str, ...] = ()
+
+    def choose(self, test: str | None, path: Path) -> "BusRecord":
+        """One of the tests.
+
+        Args:
+            test: Its name or its number in the run, from 1; not needed where there is one.
+            path: The file, for the message.
+
+        Raises:
+            ScenarioError: No such test, or none named where there are several.
+        """
+        names = [record.name for record in self.records]
+        if test is None:
+            if len(names) > 1:
+                raise ScenarioError(f"{path.name} holds {len(names)} tests: {', '.join(names)}; choose one by --test")
+            return self.records[0]
+        if test in names:
+            return self.records[names.index(test)]
+        if test.isdecimal() and 1 <= int(test) <= len(names):
+            return self.records[int(test) - 1]
+        raise ScenarioError(unknown("test", test, names))
+
+
+def format_of(path: Path) -> str:
+    """Name of a file's format, by its ending.
+
+    Raises:
+        ScenarioError: Another ending.
+    """
+    if path.suffix not in FORMATS:
+        raise ScenarioError(f"{str(path)!r}: unknown kind of file {path.suffix!r}; there are: {', '.join(FORMATS)}")
+    return FORMATS[path.suffix]
+
+
+def netcdf_format(path: Path) -> str:
+    """What a NetCDF4 file says of its own format; empty if it says nothing or is none."""
+    import h5py
+
+    try:
+        with h5py.File(path) as file:
+            return str(file.attrs.get("format", ""))
+    except (OSError, RuntimeError, TypeError, ValueError, KeyError):
+        return ""
+
+
+def is_record(path: Path) -> bool:
+    """Whether a file is one of ours that holds bus records, other than by the ending alone."""
+    kind = FORMATS.get(path.suffix)
+    if kind == "nc":
+        from hmtb_twin.bus.record import FORMAT
+
+        return netcdf_format(path) == FORMAT
+    if kind == "mat":
+        from scenarios.files.mat_file import is_ours
+
+        return is_ours(path)
+    if kind == "ascii":
+        from scenarios.files.flat_file import FLAT
+
+        with path.open("rb") as file:
+            return file.readline(80).decode("ascii", errors="replace").strip() == f"% {FLAT}"
+    if kind == "csv":
+        from scenarios.files.flat_file import CSV_HEADER, FLAT
+
+        with path.open("rb") as file:
+            return file.readline(len(CSV_HEADER) + 4).decode("ascii", errors="replace").strip() == CSV_HEADER
+    return kind == "1553"
+
+
+def read_records(path: Path) -> Contents:
+    """Read a file of any of our formats.
+
+    Args:
+        path: `.ch10` or `.c10` (1553), `.asc` or `.txt` (ASCII), `.csv`, `.nc` (bus record or joint log), `.mat`.
+
+    Returns:
+        Its tests, and what is to be said of them.
+
+    Raises:
+        ScenarioError: The file is missing or of another kind.
+        TwinError: It is damaged beyond use.
+    """
+    from scenarios.files import flat_file, mat_file
+
+    if not path.is_file():
+        raise ScenarioError(f"no file {str(path)!r}; expected one of {', '.join(FORMATS)}")
+    kind = format_of(path)
+    if kind == "1553":
+        from hmtb_twin.bus.recorder_run import read_run
+
+        run = read_run(path)
+        return Contents(run.tests, run.message)
+    if kind == "nc":
+        from hmtb_twin import JointLog
+        from hmtb_twin.bus.record import FORMAT, BusRecord
+
+        if netcdf_format(path) == FORMAT:
+            return Contents((BusRecord.load(path),))
+        return Contents((BusRecord.of(JointLog.load(path)),), hidden=_hidden(path))
+    if kind == "mat" and not mat_file.is_ours(path):
+        raise ScenarioError(f"{path.name} is no MATLAB record of ours: it lacks a variable 'format' that says so")
+    readers = {"mat": mat_file.read_mat, "ascii": flat_file.read_flat, "csv": flat_file.read_csv}
+    return Contents((readers[kind](path),))
+
+
+def write_record(record: "BusRecord", path: Path) -> Path:
+    """Write one test; the ending chooses the format.
+
+    Args:
+        record: The test.
+        path: The file, any ending but that of 1553 records, which hold runs.
+
+    Returns:
+        The path.
+
+    Raises:
+        ScenarioError: Another ending, or the file cannot be written.
+    """
+    from scenarios.files import flat_file, mat_file
+
+    if path.is_dir():
+        raise ScenarioError(f"cannot write {str(path)!r}: it is a folder; expected a file or nothing of that name")
+    kind = format_of(path)
+    writers = {"mat": mat_file.write_mat, "ascii": flat_file.write_flat, "csv": flat_file.write_csv}
+    if kind in writers:
+        return writers[kind](record, path)
+    if kind != "nc":
+        raise ScenarioError(f"{path.name}: 1553 records are written by the run")
+    try:
+        return record.save(path)
+    except ValueError as error:
+        number = getattr(error.__cause__, "errno", None)
+        why = os.strerror(number) if number else "the file system refuses"
+        raise ScenarioError(f"cannot write {str(path)!r}: {why}") from error
+
+
+def losses(contents: Sequence[Contents], kind: str) -> list[str]:
+    """What a format cannot hold of records.
+
+    Args:
+        contents: The records, as read.
+        kind: Name of the format to write.
+
+    Returns:
+        One text for each thing that would be lost.
+    """
+    lost = []
+    hidden = sorted({channel for entry in contents for channel in entry.hidden})
+    if hidden:
+        lost.append(f"what only a simulation knows ({', '.join(hidden)})")
+    if kind != "1553":
+        return lost
+    from hmtb_twin.bus.messages import incomplete, rounding
+    from hmtb_twin.bus.recorder_run import MEMORY, TESTS_PER_RUN
+
+    records = [record for entry in contents for record in entry.records]
+    for record in records:
+        units = {"commanded": "rad", "measured": "rad", "wrench": "N or N m"}
+        lost += [
+            f"{record.name}: digits of the {channel} values, up to {change:.3g} {units[channel]}"
+            for channel, change in rounding(record).items()
+        ]
+        lost += [
+            f"{record.name}: {channel} values at {count} ticks at which others of the same message are missing"
+            for channel, count in incomplete(record).items()
+        ]
+    if len(records) > TESTS_PER_RUN:
+        raise ScenarioError(f"{len(records)} tests given; a run of the recorder holds {TESTS_PER_RUN}")
+    ticks = sum(map(len, records))
+    if ticks > MEMORY:
+        lost.append(f"{ticks - MEMORY} of {ticks} ticks: the recorder's memory holds {MEMORY}, twenty minutes")
+    return lost
+
+
+def unsaid(records: Sequence["BusRecord"], kind: str, names: Sequence[str]) -> list[str]:
+    """What a format has no place for beside the channels: a CSV names no test and no axes.
+
+    Args:
+        records: The records.
+        kind: Name of the format to write.
+        names: Under which names the files will be read again, one for each record.
+
+    Returns:
+        One text for each record of which something is not said.
+    """
+    if kind != "csv":
+        return []
+    texts = []
+    for record, name in zip(records, names, strict=True):
+        what = [f"that the test is {record.name}"] if name != record.name else []
+        what += [f"that it excites {', '.join(record.axes)}"] if record.axes else []
+        if what:
+            texts.append(f"{name}.csv does not say {' nor '.join(what)}")
+    return texts
+
+
+def _hidden(path: Path) -> tuple[str, ...]:
+    """Variables and provenance of a joint log that are no channels of the bus."""
+    import h5py
+
+    from hmtb_twin.bus.record import CHANNELS
+
+    with h5py.File(path) as file:
+        coordinates = {"sample", "joint", "component", "axis"}
+        variables = tuple(str(name) for name in file if name not in CHANNELS and name not in coordinates)
+        return (*variables, "seed", "provenance") if variables else ()

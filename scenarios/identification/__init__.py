@@ -1,0 +1,3 @@
+"""Identification."""
+
+__all__: list[str] = []

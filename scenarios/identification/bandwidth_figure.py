@@ -1,0 +1,184 @@
+"""The figure of the 1 Hz finding: what was recovered, by joint, method and test, beside what is true and printed."""
+
+from collections.abc import Sequence
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
+from matplotlib.patches import Patch
+
+from scenarios.identification.bandwidth_study import BandwidthStudy
+from scenarios.identification.one_hertz import ABOUT_1_HZ, METHODS
+from scenarios.identification.recovered_bandwidth import RecoveredBandwidth
+from scenarios.report.figure_style import HIGH, NOT_EXCITED, dress, short
+from scenarios.truth.published import published
+from sysid.plots import BOUND, INK, PALETTE, Style
+
+WIDTH = 7.0
+"""Width, inch."""
+
+ROW = 0.27
+"""Height of a row, inch."""
+
+REACH = (0.5, 2.0)
+"""Bandwidths beyond this are told by a number at the edge, so that those about 1 Hz are told apart, Hz."""
+
+SPARE = 0.06
+"""Room on either side of the outermost value, Hz."""
+
+BEST_LINEAR = "#6baed6"
+"""Band of the best linear approximation."""
+
+
+def bandwidth_figure(study: BandwidthStudy) -> Figure:
+    """Draw the bandwidths: a panel for a joint, a row for a method and test.
+
+    Seeds are light dots, the middle one of them a mark with its 95 % interval; a cross on the left edge stands for rows
+    of which nothing can be claimed. On the right: how many intervals hold the small-signal truth, of how many.
+
+    Args:
+        study: The bandwidths.
+    """
+    groups = [(joint, _groups(study, joint)) for joint in study.joints]
+    heights = [len(rows) + len(published(joint)) + 1.4 for joint, rows in groups]
+    figure = Figure(figsize=(WIDTH, ROW * sum(heights) + 1.5), layout="constrained")
+    panels = figure.subplots(len(groups), 1, sharex=True, squeeze=False, height_ratios=heights)[:, 0]
+    limits = _limits(study)
+    for axes, (joint, rows) in zip(panels, groups, strict=True):
+        axes.set_xlim(*limits)
+        _panel(axes, study, joint, rows)
+    panels[-1].set_xlabel("bandwidth / Hz")
+    figure.suptitle(f"Bandwidths on the arm {study.condition}", fontsize=10, x=0.01, ha="left")
+    figure.legend(handles=_legend(study), loc="outside lower center", ncols=3, fontsize=8, frameon=False)
+    return figure
+
+
+def _panel(axes: Axes, study: BandwidthStudy, joint: str, rows: Sequence[Sequence[RecoveredBandwidth]]) -> None:
+    labels: list[str] = []
+    several = len({row.test for row in study.rows}) > 1
+    for found in rows:
+        _draw(axes, found, len(labels))
+        held = sum(row.covers for row in found)
+        axes.annotate(
+            f"{held} of {len(found)}",
+            (1.01, len(labels)),
+            xycoords=("axes fraction", "data"),
+            va="center",
+            fontsize=8,
+            annotation_clip=False,
+        )
+        labels.append(METHODS[found[0].method] + (f", test {found[0].test}" if several else ""))
+        bla = found[0].best_linear
+        if bla is not None and np.isfinite(bla).all():
+            y = len(labels) - 1
+            axes.fill_betweenx([y - 0.5, y + 0.5], bla[1], bla[2], color=BEST_LINEAR, lw=0.6, zorder=1)
+    star = PALETTE["published"]
+    for printed in published(joint):
+        _mark(axes, printed.bandwidth_hz, len(labels), star, 8)
+        labels.append(f"published {printed.label}")
+    truth = study.truth.joint(joint).bandwidth_hz
+    axes.axvspan(*ABOUT_1_HZ, color=NOT_EXCITED, lw=0, zorder=0)
+    axes.axvline(truth, color=PALETTE["truth"].colour, lw=1.6, zorder=2)
+    axes.axvline(1.0, color=BOUND.colour, ls=":", lw=1.2, zorder=2)
+    axes.set_yticks(range(len(labels)), labels, fontsize=8)
+    axes.set_ylim(len(labels) - 0.4, -0.6)
+    axes.set_title(f"{short(joint)}: truth {truth:.3f} Hz", loc="left", fontsize=9)
+    axes.annotate("interval\nholds truth", (1.01, 1.0), xycoords="axes fraction", va="bottom", fontsize=7)
+    dress([axes])
+
+
+def _draw(axes: Axes, found: Sequence[RecoveredBandwidth], y: int) -> None:
+    style = _style(found[0].method)
+    claimed = sorted((row for row in found if np.isfinite(row.hz)), key=lambda row: row.hz)
+    if len(claimed) < len(found):
+        axes.plot(
+            0.012,
+            y,
+            "x",
+            color=style.colour,
+            ms=6,
+            mew=1.6,
+            transform=axes.get_yaxis_transform(),
+            clip_on=False,
+            zorder=4,
+        )
+    levels = [row.half_power_hz for row in found if np.isfinite(row.half_power_hz)]
+    if levels:
+        axes.plot(np.median(levels), y, "|", color=style.colour, ms=11, mew=1.8, zorder=5)
+    if not claimed:
+        return
+    middle = claimed[(len(claimed) - 1) // 2]
+    if len(claimed) > 1:
+        spread = np.linspace(-0.28, 0.28, len(claimed))[np.random.default_rng(0).permutation(len(claimed))]
+        axes.plot([row.hz for row in claimed], y + spread, "o", color=style.colour, ms=3, alpha=0.35, mew=0, zorder=3)
+    if np.isfinite(middle.ci95).all():
+        axes.plot(middle.ci95, [y, y], "-", color=style.colour, lw=1.6, zorder=5)
+    _mark(axes, middle.hz, y, style, 5.5)
+
+
+def _mark(axes: Axes, hz: float, y: int, style: Style, size: float) -> None:
+    """A mark at a bandwidth, or at the edge with its number where the panel does not reach it."""
+    low, high = axes.get_xlim()
+    if low <= hz <= high:
+        axes.plot(hz, y, style.marker, color=style.colour, ms=size, ls="none", zorder=6)
+        return
+    left = hz < low
+    axes.annotate(
+        f"{hz:.2f} Hz",
+        (0.0 if left else 1.0, y),
+        (0.05 if left else 0.95, y),
+        xycoords=axes.get_yaxis_transform(),
+        va="center",
+        ha="left" if left else "right",
+        fontsize=8,
+        color=INK,
+        arrowprops={"arrowstyle": "-|>", "color": style.colour, "lw": 1.6},
+    )
+
+
+def _style(method: str) -> Style:
+    return HIGH if method == "oe_high" else PALETTE[method]
+
+
+def _groups(study: BandwidthStudy, joint: str) -> list[list[RecoveredBandwidth]]:
+    """Rows of one joint by method and test, methods together."""
+    groups: dict[tuple[str, str], list[RecoveredBandwidth]] = {}
+    for row in study.rows:
+        if row.joint == joint:
+            groups.setdefault((row.method, row.test), []).append(row)
+    methods = list(dict.fromkeys(method for method, _ in groups))
+    return [groups[key] for key in sorted(groups, key=lambda key: methods.index(key[0]))]
+
+
+def _limits(study: BandwidthStudy) -> tuple[float, float]:
+    values = [value for row in study.rows for value in (row.hz, row.true_hz) if np.isfinite(value)]
+    values += [one.bandwidth_hz for joint in study.joints for one in published(joint)]
+    seen = [value for value in values if REACH[0] <= value <= REACH[1]]
+    return min(*seen, ABOUT_1_HZ[0]) - SPARE, max(*seen, ABOUT_1_HZ[1]) + SPARE
+
+
+def _legend(study: BandwidthStudy) -> list[Line2D | Patch]:
+    star, grey = PALETTE["published"], "#555555"
+    several = any(len(rows) > 1 for joint in study.joints for rows in _groups(study, joint))
+    handles: list[Line2D | Patch] = [
+        Line2D([], [], color=PALETTE["truth"].colour, lw=1.6, label="small-signal truth"),
+        Line2D([], [], color=BOUND.colour, ls=":", lw=1.2, label="1 Hz"),
+        Patch(color=NOT_EXCITED, label=f"about 1 Hz: {ABOUT_1_HZ[0]:g} to {ABOUT_1_HZ[1]:g} Hz"),
+    ]
+    if study.best_linear:
+        handles.append(Patch(color=BEST_LINEAR, label="best linear truth, 95 %"))
+    mark = "middle seed with 95 % interval" if several else "recovered with 95 % interval"
+    handles.append(Line2D([], [], color=grey, marker="o", ms=5.5, lw=1.6, label=mark))
+    if several:
+        handles.append(Line2D([], [], color=grey, marker="o", ms=3, alpha=0.35, ls="none", label="each seed"))
+    handles.append(
+        Line2D([], [], color=grey, marker="|", ms=11, mew=1.8, ls="none", label="gain 0.707" + ", middle" * several)
+    )
+    if any(published(joint) for joint in study.joints):
+        handles.append(
+            Line2D([], [], color=star.colour, marker=star.marker, ms=8, ls="none", label="printed in the thesis")
+        )
+    if any(row.refused for row in study.rows):
+        handles.append(Line2D([], [], color=grey, marker="x", ms=6, ls="none", label="not claimed: record bears none"))
+    return handles

@@ -1,0 +1,337 @@
+"""Models of any origin on one record: printed ones, the truth, and estimates; the work of `hmtb compare`."""
+
+import re
+import warnings
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+import sysid
+from scenarios.files.data_file import joints_of, log_of
+from scenarios.files.errors import ScenarioError, unknown
+from scenarios.identification.estimators import ESTIMATORS
+from scenarios.identification.identification import identified, usable
+from scenarios.truth.published import BY_NAME, DT, PublishedModel, published, published_model
+from sysid import IOData, ModelFit, StateSpace
+from sysid.polynomial.fit_with_offset import about_means, constant
+
+FORMS = "truth, published, published:NAME (4.7 ... 5.10, sysid, okid, hybrid), METHOD:ORDERS (oe:2/2/1)"
+"""What a model may be called, for messages."""
+
+
+DIGITS = 4
+"""An order of more digits is a slip."""
+
+ORDER = re.compile(rf"[0-9]{{1,{DIGITS}}}")
+"""An order of an estimator."""
+
+SAME = 1e-6
+"""Samples that differ by less than this part of their range were written with few digits, but are the same."""
+
+
+@dataclass(frozen=True)
+class Wanted:
+    """A model as it was asked for.
+
+    Attributes:
+        text: The words.
+        kind: `truth`, `published` or the method of an estimator.
+        name: Name of a printed model; empty for all of the joint, and for others.
+        orders: Orders of an estimator.
+    """
+
+    text: str
+    kind: str
+    name: str = ""
+    orders: tuple[int, ...] = ()
+
+
+@dataclass(frozen=True, eq=False)
+class Compared:
+    """A model on a record.
+
+    Attributes:
+        label: Text for tables and legends.
+        kind: `truth`, `published` or the method of an estimator.
+        model: The model.
+        fit: Its fits, about its own operating point.
+        level: Constant on every output between the mean and that operating point (ny,).
+        bandwidth_hz: Bandwidth of every path (ny, nu), Hz; NaN where there is none, or none that can be claimed.
+        ci95: Ends of their 95 % intervals (ny, nu, 2), Hz; NaN where they are not known.
+        remarks: What is to be said of it.
+    """
+
+    label: str
+    kind: str
+    model: StateSpace
+    fit: ModelFit
+    level: NDArray[np.float64]
+    bandwidth_hz: NDArray[np.float64]
+    ci95: NDArray[np.float64]
+    remarks: tuple[str, ...]
+
+
+@dataclass(frozen=True, eq=False)
+class ComparedModels:
+    """Models on a record.
+
+    Attributes:
+        parts: The record about its means, or as it is.
+        models: The models, in the sequence asked for.
+    """
+
+    parts: tuple[IOData, ...]
+    models: tuple[Compared, ...]
+
+
+def parsed(text: str) -> Wanted:
+    """Understand the name of a model.
+
+    Args:
+        text: `truth`, `published`, `published:4.7`, or a method with its orders: `oe:2/2/1`.
+
+    Raises:
+        ScenarioError: It names no model.
+    """
+    kind, colon, rest = text.partition(":")
+    if text in ("truth", "published"):
+        return Wanted(text, kind)
+    if kind == "published":
+        published_model(rest)
+        return Wanted(text, kind, name=rest)
+    if kind == "truth":
+        raise ScenarioError(f"model {text!r}: the truth has no name or orders; expected truth alone")
+    if kind not in ESTIMATORS:
+        if text in BY_NAME:
+            raise ScenarioError(f"unknown model {text!r}: did you mean 'published:{text}'? There are: {FORMS}")
+        raise ScenarioError(unknown("model", kind, ("truth", "published", *ESTIMATORS)) + f"; written {FORMS}")
+    words = rest.replace(",", "/").split("/") if colon else []
+    if not all(ORDER.fullmatch(word.strip()) for word in words):
+        raise ScenarioError(
+            f"model {text!r}: expected whole orders apart by slashes, of {DIGITS} digits at most, as in oe:2/2/1"
+        )
+    orders = tuple(int(word) for word in words)
+    ESTIMATORS[kind].complete(kind, orders)
+    return Wanted(text, kind, orders=orders)
+
+
+def same_samples(records: Sequence[IOData], others: Sequence[IOData]) -> bool:
+    """Whether two files hold one record: the same samples, or those of its beginning.
+
+    Args:
+        records: One file, as read.
+        others: The other.
+    """
+    return any(_same(one, other) for one in records for other in others)
+
+
+def _same(one: IOData, other: IOData) -> bool:
+    common = min(len(one), len(other))
+    return (one.nu, one.ny) == (other.nu, other.ny) and all(
+        _close(a[:common], b[:common]) for a, b in ((one.u, other.u), (one.y, other.y))
+    )
+
+
+def _close(a: NDArray[np.float64], b: NDArray[np.float64]) -> bool:
+    known = ~np.isnan(a)
+    if not np.array_equal(known, ~np.isnan(b)):
+        return False
+    ranges = np.nanmax(a, axis=0, initial=-np.inf) - np.nanmin(a, axis=0, initial=np.inf)
+    return bool((np.abs(a - b) <= SAME * ranges)[known].all())
+
+
+def compared(
+    wanted: Sequence[Wanted],
+    records: Sequence[IOData],
+    path: Path,
+    *,
+    estimation: Sequence[IOData] | None = None,
+    estimation_path: Path | None = None,
+    skip: float = 0.0,
+    keep_mean: bool = False,
+    steps: int = 1,
+    test: str | None = None,
+) -> ComparedModels:
+    """Judge models on a record, each about its own operating point.
+
+    Args:
+        wanted: The models.
+        records: What they are judged on, as read.
+        path: Where it comes from: the truth is of the arm that the log tells of.
+        estimation: What estimators identify from; the same records when None.
+        estimation_path: Where that comes from.
+        skip: How much of the start is left out of both, s.
+        keep_mean: Whether models are of the values as they are, without an operating point.
+        steps: Horizon of the further prediction, samples.
+        test: Which test of the file, for messages.
+
+    Returns:
+        The models with their fits.
+
+    Raises:
+        ScenarioError: A model does not go with the record: other joints, another sampling interval, no truth known.
+        SysidError: What an estimator refuses.
+    """
+    parts = usable(records, skip, "", path, test)
+    shown = tuple(parts) if keep_mean else about_means(parts)[0]
+    entries: list[Compared] = []
+    for one in wanted:
+        if one.kind in ESTIMATORS:
+            own = usable(estimation or records, skip, one.kind, estimation_path or path, test)
+            entries.append(_estimated(one, own, parts, shown, keep_mean, steps))
+            continue
+        for label, model, remarks in _known(one, parts[0], path):
+            entries.append(_judged(label, one.kind, model, shown, keep_mean, steps, remarks))
+    return ComparedModels(shown, tuple(entries))
+
+
+def _known(one: Wanted, record: IOData, path: Path) -> list[tuple[str, StateSpace, tuple[str, ...]]]:
+    """Models that need no estimation: label, model, remarks."""
+    joints = joints_of(record)
+    if one.kind == "truth":
+        return [("truth", _truth(path, joints), ())]
+    if not one.name and len(joints) != 1:
+        what = f"{len(joints)} joints" if joints else "no joint that is known"
+        raise ScenarioError(
+            f"{path.name} holds {what}; 'published' takes all printed models of one: name one, as published:4.7"
+            + (" or published:sysid" if joints else "")
+        )
+    asked = [published_model(one.name)] if one.name else list(published(joints[0]))
+    if not asked:
+        have = ", ".join(dict.fromkeys(entry.joint for entry in BY_NAME.values() if isinstance(entry, PublishedModel)))
+        raise ScenarioError(f"the thesis prints no model of {joints[0]}; it does of {have}")
+    if abs(record.dt - DT) > 1e-6:
+        raise ScenarioError(
+            f"{path.name} is sampled every {record.dt:g} s; the printed models hold at {DT:g} s only: "
+            "resample the record"
+        )
+    found = []
+    for entry in asked:
+        parts = (entry,) if isinstance(entry, PublishedModel) else entry.parts
+        chosen = [part for part in parts if part.joint in joints] if joints and len(parts) > 1 else list(parts)
+        if joints and [part.joint for part in chosen] != list(joints):
+            raise ScenarioError(
+                f"published:{entry.name} is of {', '.join(entry.joints)}; {path.name} was read for {', '.join(joints)}"
+            )
+        if len(chosen) != record.nu:
+            raise ScenarioError(
+                f"published:{entry.name} takes {len(chosen)} input(s), {path.name} was read with {record.nu}"
+            )
+        labels = [part.label for part in chosen]
+        label = entry.label if len(chosen) == len(parts) else f"{entry.label}, {labels[0]}"
+        model = sysid.block_diagonal([part.model for part in chosen])
+        found.append((f"published {label}", model, tuple(f"{part.label}: {part.doubts}" for part in chosen)))
+    return found
+
+
+def _truth(path: Path, joints: tuple[str, ...]) -> StateSpace:
+    """The small-signal truth of the arm of a log, of the joints that were read."""
+    from hmtb_twin import linearize
+    from scenarios.experiments.logged_arm import logged_arm
+
+    log = log_of(path)
+    if log is None or not joints:
+        raise ScenarioError(f"{path.name} tells of no arm; the truth is known of logs of hmtb simulate only (.nc)")
+    truth = linearize(logged_arm(log), log.provenance["pose"], amplitudes=())
+    if len(joints) == 1:
+        return truth.joint(joints[0]).model
+    columns = [list(truth.model.input_names or ()).index(f"{joint} commanded") for joint in joints]
+    return replace(
+        truth.model,
+        B=truth.model.B[:, columns],
+        C=truth.model.C[columns],
+        D=truth.model.D[np.ix_(columns, columns)],
+        K=None,
+        innovation_covariance=None,
+        input_names=tuple(f"{joint} commanded" for joint in joints),
+        output_names=tuple(f"{joint} measured" for joint in joints),
+        input_units=None,
+        output_units=None,
+    )
+
+
+def _judged(
+    label: str,
+    kind: str,
+    model: StateSpace,
+    shown: Sequence[IOData],
+    keep_mean: bool,
+    steps: int,
+    remarks: tuple[str, ...],
+) -> Compared:
+    level = np.zeros(model.ny) if keep_mean else constant(model, shown)[0]
+    own = shown if keep_mean else [part.subtract(y=level) for part in shown]
+    (fit,) = sysid.compare({label: model}, own, steps=steps)
+    band = model.bandwidth()
+    return Compared(label, kind, model, fit, level, band, np.full((*band.shape, 2), np.nan), remarks)
+
+
+def _estimated(
+    one: Wanted,
+    estimation: Sequence[IOData],
+    parts: Sequence[IOData],
+    shown: Sequence[IOData],
+    keep_mean: bool,
+    steps: int,
+) -> Compared:
+    found = identified(estimation, one.kind, one.orders, keep_mean=keep_mean, steps=steps, check=parts)
+    label = f"{one.kind.upper()} {'/'.join(map(str, found.orders.values()))}"
+    # The same samples twice, about their means and about the model's own operating point.
+    moved = np.concatenate([part.y - own.y for part, own in zip(shown, found.checked, strict=True)])
+    claims = found.claims
+    return Compared(
+        label,
+        one.kind,
+        found.estimate.model,
+        replace(found.fit, name=label),
+        np.nanmean(moved, axis=0),
+        np.array([[claim.hz for claim in row] for row in claims]),
+        np.array([[[claim.low, claim.high] for claim in row] for row in claims]),
+        found.warnings,
+    )
+
+
+def read_joints(
+    path: Path, joints: Sequence[str], *, dt: float | None = None, test: str | None = None, missing: bool = False
+) -> tuple[IOData, ...]:
+    """Read several joints of one of our logs or records together.
+
+    Args:
+        path: The file.
+        joints: The joints, in the order of inputs and outputs.
+        dt: Sampling interval that the caller expects, s.
+        test: Which test of a 1553 record.
+        missing: Whether outputs of a table may be missing.
+
+    Returns:
+        One record with an input and an output for each joint.
+
+    Raises:
+        ScenarioError: A joint is named twice, or commands were lost in between.
+    """
+    from scenarios.files.data_file import read_parts
+
+    if len(set(joints)) < len(joints):
+        raise ScenarioError(f"--joint {' '.join(joints)} given, expected each joint once")
+    each = [read_parts(path, joint=joint, dt=dt, test=test, missing=missing) for joint in joints]
+    if any(len(one) > 1 for one in each):
+        raise ScenarioError(f"{path.name}: commands were lost in between; read one joint at a time")
+    records = [one[0] for one in each]
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        return (
+            IOData(
+                np.hstack([record.u for record in records]),
+                np.hstack([record.y for record in records]),
+                records[0].dt,
+                input_names=tuple(name for record in records for name in record.input_names or ()),
+                output_names=tuple(name for record in records for name in record.output_names or ()),
+                input_units=tuple(unit for record in records for unit in record.input_units or ()),
+                output_units=tuple(unit for record in records for unit in record.output_units or ()),
+                missing=not all(record.complete for record in records),
+                name=records[0].name,
+            ),
+        )

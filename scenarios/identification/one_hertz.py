@@ -1,0 +1,286 @@
+"""Does the 1 Hz finding hold? For the arm, for recovered models and for the printed ones."""
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from scenarios.truth.published import published
+from sysid.models.gain_crossing import half_power_hz
+
+ABOUT_1_HZ = (0.8, 1.25)
+"""What counts as about 1 Hz, Hz."""
+
+
+def near_1_hz(hz: float) -> bool:
+    """Whether a bandwidth is about 1 Hz."""
+    low, high = ABOUT_1_HZ
+    return low <= hz <= high
+
+
+METHODS = {
+    "arx": "ARX",
+    "armax": "ARMAX",
+    "iv4": "IV4",
+    "oe": "OE",
+    "okid": "OKID",
+    "oe_high": "OE of higher order",
+    "spa": "spectral analysis",
+    "etfe": "empirical transfer function",
+}
+"""Names of the methods in sentences."""
+
+Interval = tuple[float, float, float]
+"""A bandwidth and the ends of its 95 % interval, Hz."""
+
+
+@dataclass(frozen=True)
+class Recovered:
+    """One bandwidth that a method found, beside what is true of the joint.
+
+    Attributes:
+        joint: The joint.
+        method: Key of the method.
+        test: What it was identified from.
+        seed: What the record's noise and waveform were drawn from; None for the scenarios' own.
+        hz: Bandwidth, Hz; NaN where none can be claimed.
+        ci95: Its 95 % interval, Hz.
+        true_hz: Small-signal truth, Hz.
+        half_power_hz: Where the gain is 0.707, whatever it is at 0 Hz, Hz; NaN where it never is.
+        best_linear: Best linear approximation under a command as strong as the test's; None where it was not measured.
+    """
+
+    joint: str
+    method: str
+    test: str
+    seed: int | None
+    hz: float
+    ci95: tuple[float, float]
+    true_hz: float
+    half_power_hz: float = float("nan")
+    best_linear: Interval | None = None
+
+    @property
+    def near(self) -> bool:
+        """Whether it is about 1 Hz; never where none can be claimed."""
+        return near_1_hz(self.hz)
+
+    @property
+    def covers(self) -> bool:
+        """Whether the interval holds the small-signal truth."""
+        return self.ci95[0] <= self.true_hz <= self.ci95[1]
+
+    @property
+    def covers_best_linear(self) -> bool | None:
+        """Whether it differs from the best linear bandwidth by no more than both intervals together allow.
+
+        Both are estimates with errors of their own: half-widths on the logarithmic scale, of the ends that face each
+        other, add as squares. None where there is no best linear bandwidth to compare with.
+        """
+        if self.best_linear is None or not np.isfinite(self.best_linear).all():
+            return None
+        if not np.isfinite([self.hz, *self.ci95]).all():
+            return False
+        (low, high), (hz, bla_low, bla_high) = self.ci95, self.best_linear
+        facing = (high / self.hz, hz / bla_low) if hz > self.hz else (self.hz / low, bla_high / hz)
+        return bool(abs(np.log(self.hz / hz)) <= np.hypot(*np.log(facing)))
+
+
+def verdict(rows: Sequence[Recovered]) -> str:
+    """The answer in one sentence: for the arm, by method, for the printed models.
+
+    Args:
+        rows: Everything recovered.
+    """
+    truths = true_bandwidths(rows)
+    stands = all(map(near_1_hz, truths.values()))
+    arm = "stands for the arm itself" if stands else f"does not stand for the arm itself: {_outside(truths)}"
+    kept, partly, none = list[str](), list[str](), list[str]()
+    for method, found in by_method(rows).items():
+        near = sum(row.near for row in found)
+        if near == len(found):
+            kept.append(METHODS[method])
+        elif any(np.isfinite(row.hz) for row in found):
+            partly.append(f"{METHODS[method]} ({near} of {len(found)})")
+        else:
+            none.append(METHODS[method])
+    said = [f"The 1 Hz finding, read as {ABOUT_1_HZ[0]:g} to {ABOUT_1_HZ[1]:g} Hz, {arm}"]
+    said += [f"every bandwidth recovered by {joined(kept)} keeps to it"] if kept else []
+    said += [f"not every bandwidth recovered by {joined(partly)} does"] if partly else []
+    said += [f"{joined(none)} can claim none"] if none else []
+    printed = {joint: published(joint) for joint in truths if published(joint)}
+    counts = [
+        f"{sum(near_1_hz(one.bandwidth_hz) for one in models)} of {len(models)} ({joint.replace('_', ' ')})"
+        for joint, models in printed.items()
+    ]
+    said += [f"of the models that the thesis prints {joined(counts)} keep to it"] if counts else []
+    return "; ".join(said) + "."
+
+
+def truth_in_words(truths: Mapping[str, float]) -> str:
+    """What is true as amplitudes go to nothing.
+
+    Args:
+        truths: Small-signal bandwidths by joint, Hz.
+    """
+    near = sum(map(near_1_hz, truths.values()))
+    return (
+        f"Truth: the small-signal bandwidths are {_of_joints(truths)}; {near} of {len(truths)} "
+        f"{'is' if len(truths) == 1 else 'are'} about 1 Hz."
+    )
+
+
+def best_linear_in_words(rows: Sequence[Recovered]) -> str:
+    """What is true of the joint when it moves as much as in the test, friction and all; nothing where not measured."""
+    found = {(row.joint, row.test): row for row in rows if row.best_linear is not None}
+    if not found:
+        return ""
+    shown, near, shifts = [], 0, []
+    for (joint, test), row in found.items():
+        hz, low, high = row.best_linear or (np.nan,) * 3
+        name = joint.replace("_", " ") + (f", test {test}" if len({test for _, test in found}) > 1 else "")
+        shown.append(f"{hz:.2f} ({low:.2f} to {high:.2f}, {name})" if np.isfinite(hz) else f"none shows ({name})")
+        near += near_1_hz(hz)
+        shifts.append(100.0 * (hz / row.true_hz - 1.0))
+    moved = [shift for shift in shifts if np.isfinite(shift)]
+    return (
+        "Best linear: commands as strong as the tests', with all that the arm is not linear in, make it "
+        f"{', '.join(shown)} Hz; {near} of {len(found)} {'is' if len(found) == 1 else 'are'} about 1 Hz"
+        + (f", {min(moved):+.1f} to {max(moved):+.1f} % from the small-signal ones." if moved else ".")
+    )
+
+
+def recovered_in_words(rows: Sequence[Recovered]) -> str:
+    """How many recovered bandwidths are about 1 Hz, by method and test, with frequencies over the seeds."""
+    parts = []
+    for method, found in by_method(rows).items():
+        values = [row.hz for row in found if np.isfinite(row.hz)]
+        text = f"{METHODS[method]} {sum(row.near for row in found)} of {len(found)}"
+        notes = [f"{between(values)} Hz" if values else "none claimed"]
+        if values and not all(row.near for row in found):
+            notes += _where(found)
+        parts.append(f"{text} ({'; '.join(notes)})")
+    near = sum(row.near for row in rows)
+    levels = [row.half_power_hz for row in rows]
+    known = [level for level in levels if np.isfinite(level)]
+    return (
+        f"Recovered: {near} of {len(rows)} bandwidths are about 1 Hz: {', '.join(parts)}. "
+        f"By where the gain is 0.707, whatever it is at 0 Hz, which is how spectra are read, it is "
+        f"{sum(map(near_1_hz, levels))} of {len(levels)}" + (f" ({between(known)} Hz)." if known else ".")
+    )
+
+
+def _where(found: Sequence[Recovered]) -> list[str]:
+    """In which tests and joints, and in how many seeds, the bandwidths of one method are about 1 Hz."""
+    notes = []
+    for of, prefix in (("test", "test "), ("joint", "")):
+        groups: dict[str, list[Recovered]] = {}
+        for row in found:
+            groups.setdefault(getattr(row, of), []).append(row)
+        if len(groups) > 1:
+            counts = [
+                f"{prefix}{name.replace('_', ' ')} {sum(row.near for row in group)} of {len(group)}"
+                for name, group in groups.items()
+            ]
+            notes.append(", ".join(counts))
+    together: dict[int | None, list[bool]] = {}
+    for row in found:
+        together.setdefault(row.seed, []).append(row.near)
+    if len(together) > 1 and max(map(len, together.values())) > 1:
+        notes.append(f"all of a seed in {sum(map(all, together.values()))} of {len(together)} seeds")
+    return notes
+
+
+def coverage_in_words(rows: Sequence[Recovered]) -> str:
+    """How many intervals hold what is true: another question than being near 1 Hz."""
+    total, refused = len(rows), sum(not np.isfinite(row.hz) for row in rows)
+    measured = [row for row in rows if row.covers_best_linear is not None]
+    text = (
+        "Near 1 Hz is not the same as right: "
+        f"{held_in_words(sum(row.covers for row in rows), total)} the small-signal truth"
+    )
+    if measured:
+        agree = sum(bool(row.covers_best_linear) for row in measured)
+        text += f", and {agree} of {len(measured)} agree with the best linear bandwidth within both intervals"
+    by = [
+        f"{METHODS[method]} {sum(row.covers for row in found)}"
+        + (f" and {sum(bool(row.covers_best_linear) for row in found)}" if measured else "")
+        + f" of {len(found)}"
+        for method, found in by_method(rows).items()
+    ]
+    text += f" ({', '.join(by)})."
+    wrong = sum(row.near and not row.covers for row in rows)
+    if wrong:
+        text += f" {wrong} of those near 1 Hz are too sure of themselves: their intervals miss the small-signal truth."
+    if refused:
+        text += f" {refused} of {total} are not claimed, because the record does not bear them; they count as misses."
+    return text
+
+
+def published_in_words(joints: Iterable[str]) -> str:
+    """Whether the thesis' printed models keep to its own finding; nothing where it prints none of these joints.
+
+    Args:
+        joints: The joints.
+    """
+    printed = {joint: published(joint) for joint in joints if published(joint)}
+    every = [one for models in printed.values() for one in models]
+    if not every:
+        return ""
+    by_bandwidth = sum(near_1_hz(one.bandwidth_hz) for one in every)
+    by_level = sum(near_1_hz(half_power_hz(one.model)) for one in every)
+    text = (
+        f"of the thesis' own {len(every)} printed models {by_bandwidth} are near 1 Hz by their bandwidth and "
+        f"{by_level} by the gain 0.707"
+    )
+    yaw = printed.get("shoulder_yaw", ())
+    if not yaw:
+        return text + "."
+    levels = {one.label: half_power_hz(one.model) for one in yaw}
+    reached = [f"{label} reaches 0.707 at {level:.2f} Hz" for label, level in levels.items() if near_1_hz(level)]
+    return (
+        f"{text}; the yaw models have bandwidths of {between([one.bandwidth_hz for one in yaw])} Hz, and "
+        f"{f'only {joined(reached)}' if reached else 'none reaches 0.707 near 1 Hz'}."
+    )
+
+
+def held_in_words(held: int, total: int) -> str:
+    """How many intervals hold something, up to the name of what they hold."""
+    return f"{held} of {total} intervals at 95 % hold"
+
+
+def look(duration: float) -> str:
+    """What is said of shortened records, s."""
+    return f"This is a look, not a result: the records are {duration:g} s long instead of 240 s"
+
+
+def true_bandwidths(rows: Sequence[Recovered]) -> dict[str, float]:
+    """Small-signal truths by joint, in the order of the rows, Hz."""
+    return {row.joint: row.true_hz for row in rows}
+
+
+def by_method(rows: Sequence[Recovered]) -> dict[str, list[Recovered]]:
+    """The rows of each method, in the order in which methods come first."""
+    found: dict[str, list[Recovered]] = {}
+    for row in rows:
+        found.setdefault(row.method, []).append(row)
+    return found
+
+
+def between(values: Sequence[float]) -> str:
+    """Smallest and largest value with two decimals, or the one that there is."""
+    low, high = f"{min(values):.2f}", f"{max(values):.2f}"
+    return low if low == high else f"{low} to {high}"
+
+
+def joined(parts: Sequence[str]) -> str:
+    """A list in words."""
+    return " and ".join(filter(None, (", ".join(parts[:-1]), parts[-1])))
+
+
+def _of_joints(values: Mapping[str, float]) -> str:
+    return ", ".join(f"{hz:.2f} Hz ({joint.replace('_', ' ')})" for joint, hz in values.items())
+
+
+def _outside(values: Mapping[str, float]) -> str:
+    return _of_joints({joint: hz for joint, hz in values.items() if not near_1_hz(hz)})

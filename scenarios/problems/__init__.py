@@ -1,0 +1,3 @@
+"""Problems."""
+
+__all__: list[str] = []

@@ -1,0 +1,114 @@
+"""Two inputs that share their waveform, as the joints of the thesis did when they moved at once [Morris1996]."""
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from scenarios.estimators.task import Task
+from scenarios.problems.linear_problem import BURN_IN, LinearProblem
+from scenarios.problems.problem import Bound
+from scenarios.problems.textbook import DT, binary_sequence, noise_variance
+from sysid import IOData, Polynomials, StateSpace, oe
+from sysid.records.arrays import ComplexArray, FloatArray, Locked
+
+SAMPLES = 2000
+HOLD = 3
+OWN = 0.3
+"""What the second input has of its own, as a part of the first: enough to tell the paths apart, with errors that
+are three to four times those of inputs without anything in common."""
+
+OTHER_BITS = 11
+SIGNAL_TO_NOISE_DB = 26.0
+F = np.array([1.0, -1.35, 0.425])
+B1 = np.array([0.0, 0.03, 0.045])
+B2 = np.array([0.0, 0.04, 0.02])
+"""The second path has the poles of the first, so that what one input alone shows is a system of the same order."""
+
+SHARED = {
+    "shared": "two inputs, the second the first's waveform and three tenths of its own: both are given",
+    "shared-alone": "the same records, the first input alone: every estimate takes in the other path, nearly all of it",
+}
+"""Names, with what they are."""
+
+
+@dataclass(frozen=True, eq=False)
+class SharedAlone(Locked):
+    """Records of which only the first input is given, and the truth is its path.
+
+    Attributes:
+        name: By which the registry finds it.
+        both: The problem with both inputs.
+        first: The problem of the first path alone, which says what is asked.
+    """
+
+    name: str
+    both: LinearProblem
+    first: LinearProblem
+
+    @property
+    def truth(self) -> StateSpace:
+        """Path from the first input."""
+        return self.first.truth
+
+    @property
+    def frequencies(self) -> FloatArray:
+        """(nf,), Hz."""
+        return self.first.frequencies
+
+    def draw(self, seed: int) -> IOData:
+        """The record of `both`, without the second input."""
+        record = self.both.draw(seed)
+        return IOData(record.u[:, :1], record.y, record.dt)
+
+    def task(self, structure: str | None, ask: str = "fit") -> Task | None:
+        """What is asked where the other input does not move."""
+        return self.first.task(structure, ask)
+
+    def bound(self, structure: str | None) -> Bound | None:
+        """None: the record does not tell the path from what comes with the other input."""
+        del structure
+        return None
+
+    @cached_property
+    def limit(self) -> StateSpace:
+        """What output error tends to: its fit to the record without noise.
+
+        Nearly the sum of both paths, and more than it: the second input's own sequence has little in common with the
+        first's at lag 0, but something at others, and these two sequences are the same in each record. Structures with
+        a model of the disturbance weigh frequencies otherwise and tend to something close by.
+        """
+        signals = self.both.respond(self.both.reference, np.zeros(len(self.both.reference)))
+        record = IOData(signals.u[BURN_IN:, :1], signals.y[BURN_IN:], self.both.dt)
+        b, f = self.first.polynomials.channel(0)
+        delay = int(np.argmax(b != 0.0))
+        return oe(record, len(b) - delay, len(f) - 1, delay).model
+
+    def expected_bias(self) -> ComplexArray:
+        """Of the response (nf, 1, 1): of `limit` less the truth."""
+        return self.limit.frequency_response(self.frequencies) - self.truth.frequency_response(self.frequencies)
+
+
+def shared(plain: str, name: str, samples: int | None) -> LinearProblem | SharedAlone:
+    """One of `SHARED`.
+
+    Args:
+        plain: Its name there.
+        name: The problem's name.
+        samples: Of a record; None: `SAMPLES`.
+    """
+    truth = Polynomials(B=np.stack((B1, B2)), F=np.stack((F, F)))
+    variance = noise_variance(truth, _inputs(SAMPLES), SIGNAL_TO_NOISE_DB)
+    inputs = _inputs(samples or SAMPLES)
+    both = LinearProblem(name, truth, inputs, variance, DT)
+    if plain == "shared":
+        return both
+    first = LinearProblem(name, Polynomials(B=B1, F=F), inputs[:, :1], variance, DT)
+    return SharedAlone(name, both, first)
+
+
+def _inputs(samples: int) -> FloatArray:
+    """(BURN_IN + samples, 2)."""
+    common = binary_sequence(samples + BURN_IN, HOLD)
+    own = binary_sequence(samples + BURN_IN, HOLD, OTHER_BITS)
+    return np.stack((common, common + OWN * own), axis=1)

@@ -1,0 +1,171 @@
+"""Three inputs, three outputs, ten states: sharp resonances that all inputs reach and all outputs show."""
+
+from dataclasses import dataclass, field
+from functools import cached_property
+
+import numpy as np
+import scipy.linalg
+from scipy.signal import max_len_seq
+
+from scenarios.estimators.task import Task
+from scenarios.files.errors import ScenarioError
+from scenarios.problems.comparison import comparison_frequencies
+from scenarios.problems.problem import Bound
+from scenarios.problems.state_space_bound import Coordinates, coordinates, state_space_bound
+from scenarios.problems.textbook import BITS, DT
+from sysid import IOData, StateSpace
+from sysid.models.recursion import state_trajectory
+from sysid.records.arrays import FloatArray, Locked, lock
+
+SAMPLES = 12_000
+BURN_IN = 500
+HOLD = 5
+CHANNELS = 3
+SEED = 7
+"""Of the system."""
+
+RESONANCES_HZ = (0.7, 1.9, 4.2, 7.5)
+DAMPING = (0.25, 0.12, 0.08, 0.06)
+REAL_HZ = (0.35, 3.0)
+SIGNAL_TO_NOISE_DB = 20.0
+COLOUR = 0.9
+"""Pole of the coloured noise."""
+
+MORE_ORDERS = 3
+
+MIMO = {
+    "mimo": "3 x 3, order 10, white noise at the outputs",
+    "mimo-coloured": "the same with noise of first order at each output: order 13 with it",
+}
+"""Names, with what they are."""
+
+
+@dataclass(frozen=True, eq=False)
+class MimoProblem(Locked):
+    """A state-space model in innovation form, with inputs that are the same in each record.
+
+    Attributes:
+        name: By which the registry finds it.
+        truth: With the covariance of the innovation.
+        inputs: The burn-in in front (BURN_IN + N, nu).
+        order: States from input to output.
+    """
+
+    name: str
+    truth: StateSpace
+    inputs: FloatArray
+    order: int
+    _bounds: list[Bound] = field(default_factory=list, init=False, repr=False)
+
+    def __post_init__(self) -> None:
+        """Lock: problems are shared by all who ask for them."""
+        object.__setattr__(self, "inputs", lock(self.inputs))
+
+    @cached_property
+    def frequencies(self) -> FloatArray:
+        """See `comparison_frequencies` (nf,), Hz."""
+        return comparison_frequencies(self.truth)
+
+    @cached_property
+    def noise_free(self) -> FloatArray:
+        """Output without noise, the burn-in in front (BURN_IN + N, ny)."""
+        m = self.truth
+        return state_trajectory(m.A, self.inputs @ m.B.T, np.zeros(m.order)) @ m.C.T
+
+    def draw(self, seed: int) -> IOData:
+        """One record: the noise depends on the seed."""
+        m = self.truth
+        root = np.linalg.cholesky(_covariance(m))
+        e = np.random.default_rng(seed).standard_normal((len(self.inputs), m.ny)) @ root.T
+        y = self.noise_free + e + state_trajectory(m.A, e @ m.gain.T, np.zeros(m.order)) @ m.C.T
+        return IOData(self.inputs[BURN_IN:], y[BURN_IN:], m.dt)
+
+    def task(self, structure: str | None, ask: str = "fit") -> Task | None:
+        """See `Problem.task`; None where the structure is not `ss`, or None."""
+        if structure not in (None, "ss"):
+            return None
+        order = {"fit": self.truth.order, "underfit": self.order - 1, "select": 0}[ask]
+        return Task("ss", {"order": order} if order else {}, self.truth.order + MORE_ORDERS, self.frequencies)
+
+    def bound(self, structure: str | None) -> Bound | None:
+        """See `Problem.bound`; parameters are local coordinates at the truth."""
+        if structure not in (None, "ss"):
+            return None
+        if not self._bounds:
+            self._bounds.append(state_space_bound(self._coordinates, self.draw, self.frequencies))
+        return self._bounds[0]
+
+    def efficient(self, structure: str, seed: int) -> FloatArray:
+        """See `LinearProblem.efficient`."""
+        bound = self.bound(structure)
+        if bound is None:
+            raise ScenarioError(f"{self.name} is no {structure} model: nothing is efficient there")
+        return bound.parameters + bound.covariance @ self._coordinates.score(self.draw(seed))
+
+    def realise(self, structure: str, theta: FloatArray) -> tuple[StateSpace, None]:
+        """The model with the local coordinates of the bound (q,)."""
+        del structure
+        return self._coordinates.model(theta), None
+
+    @cached_property
+    def _coordinates(self) -> Coordinates:
+        return coordinates(self.truth, self.draw(0))
+
+
+def mimo(plain: str, name: str, samples: int | None) -> MimoProblem:
+    """One of `MIMO`.
+
+    Args:
+        plain: Its name there.
+        name: The problem's name.
+        samples: Of a record; None: `SAMPLES`.
+    """
+    A, B, C = _system()
+    n = len(A)
+    full = state_trajectory(A, _inputs(SAMPLES) @ B.T, np.zeros(n)) @ C.T
+    variances = np.var(full[BURN_IN:], axis=0) / 10.0 ** (SIGNAL_TO_NOISE_DB / 10.0)
+    K = np.zeros((n, CHANNELS))
+    if plain == "mimo-coloured":
+        # v(t+1) = 0.9 v(t) + w(t), the innovation at t + 1; its output 1/(1 - 0.9/z) e = e + 0.9/(z - 0.9) e
+        A = scipy.linalg.block_diag(A, COLOUR * np.eye(CHANNELS))
+        B = np.vstack((B, np.zeros((CHANNELS, CHANNELS))))
+        C = np.hstack((C, np.eye(CHANNELS)))
+        K = np.vstack((K, COLOUR * np.eye(CHANNELS)))
+        variances = variances * (1.0 - COLOUR**2)
+    truth = StateSpace(A, B, C, np.zeros((CHANNELS, CHANNELS)), K, DT, np.diag(variances))
+    return MimoProblem(name, truth, _inputs(samples or SAMPLES), n)
+
+
+def _covariance(model: StateSpace) -> FloatArray:
+    if model.innovation_covariance is None:
+        raise ScenarioError("a truth without covariance of the innovation given")
+    return model.innovation_covariance
+
+
+def _system() -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Modes side by side, B and C random, the modes reached about alike."""
+    rng = np.random.default_rng(SEED)
+    blocks = []
+    for f, damping in zip(RESONANCES_HZ, DAMPING, strict=True):
+        w = 2.0 * np.pi * f
+        q = np.exp((-damping + 1j * np.sqrt(1.0 - damping**2)) * w * DT)
+        blocks.append(np.array([[q.real, q.imag], [-q.imag, q.real]]))
+    blocks += [np.array([[np.exp(-2.0 * np.pi * f * DT)]]) for f in REAL_HZ]
+    A = np.asarray(scipy.linalg.block_diag(*blocks), dtype=np.float64)
+    B, C = rng.standard_normal((len(A), CHANNELS)), rng.standard_normal((CHANNELS, len(A)))
+    moduli = np.concatenate([np.full(len(block), np.linalg.norm(block, 2)) for block in blocks])
+    return A, B * np.sqrt(1.0 - np.minimum(0.999, moduli**2))[:, None], C
+
+
+def _inputs(samples: int) -> FloatArray:
+    """One binary sequence, a third of its period apart in the three inputs (BURN_IN + samples, 3)."""
+    n = samples + BURN_IN
+    period = 2**BITS - 1
+    first = np.concatenate(([1], np.zeros(BITS - 1)))
+    sequence = max_len_seq(BITS, state=first, length=-(-n // HOLD))[0] * 2.0 - 1.0
+    shifted = np.repeat(max_len_seq(BITS, length=period)[0] * 2.0 - 1.0, HOLD)
+    rows = [np.repeat(sequence, HOLD)[:n]]
+    for i in range(1, CHANNELS):
+        rolled = np.roll(shifted, i * (period // CHANNELS) * HOLD)
+        rows.append(np.resize(rolled, n))
+    return np.stack(rows, axis=1)

@@ -1,0 +1,106 @@
+"""Random stable systems without noise, of given order and delay: what is left of an error is the estimator's own."""
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from scipy.signal import lfilter
+
+from scenarios.estimators.task import Task
+from scenarios.problems.comparison import comparison_frequencies
+from scenarios.problems.embedding import Embedding, embedding, underfit
+from scenarios.problems.problem import Bound
+from scenarios.problems.seeding import chance
+from scenarios.problems.textbook import DT
+from sysid import IOData, Polynomials, StateSpace, hankel_singular_values, innovations_form
+from sysid.records.arrays import FloatArray, Locked
+
+ORDERS = (1, 2, 3, 4, 5, 6)
+DELAYS = (1, 2, 3)
+SAMPLES = 1000
+BURN_IN = 300
+MORE_ORDERS = 3
+
+WEAKEST = 3e-3
+"""Least Hankel singular value that a system has, as a part of its largest, the delay left out: below, a system of lower
+order would do, and digits are lost to the condition instead of to the estimator."""
+
+
+@dataclass(frozen=True, eq=False)
+class QuietProblem(Locked):
+    """A y = B u under white noise as the input, another one in each record.
+
+    Attributes:
+        name: By which the registry finds it.
+        polynomials: The truth.
+        samples: Of a record.
+    """
+
+    name: str
+    polynomials: Polynomials
+    samples: int
+
+    @cached_property
+    def truth(self) -> StateSpace:
+        """Without a model of the noise: there is none."""
+        return innovations_form(self.polynomials, DT).input_path()
+
+    @cached_property
+    def frequencies(self) -> FloatArray:
+        """See `comparison_frequencies` (nf,), Hz."""
+        return comparison_frequencies(self.truth)
+
+    def draw(self, seed: int) -> IOData:
+        """One record, in the middle of what goes on: the input depends on the seed."""
+        u = np.random.default_rng(seed).standard_normal(self.samples + BURN_IN)
+        y = lfilter(self.polynomials.B, self.polynomials.A, u)
+        return IOData(u[BURN_IN:], y[BURN_IN:], DT)
+
+    def task(self, structure: str | None, ask: str = "fit") -> Task | None:
+        """See `Problem.task`; None becomes `oe`.
+
+        Polynomials of the noise have orders too, of which the record says nothing: C of ARMAX that of A, C and D of
+        Box-Jenkins 1.
+        """
+        embedded = embedding(self.polynomials, structure or "oe")
+        if embedded is None:
+            return None
+        free = {"armax": {"nc": embedded.orders.get("na", 0)}, "bj": {"nc": 1, "nd": 1}}.get(embedded.structure, {})
+        embedded = Embedding(embedded.structure, {**embedded.orders, **free}, None)
+        orders = {"fit": dict(embedded.orders), "underfit": underfit(embedded), "select": {}}[ask]
+        if orders is None:
+            return None
+        return Task(embedded.structure, orders, self.truth.order + MORE_ORDERS, self.frequencies)
+
+    def bound(self, structure: str | None) -> Bound | None:
+        """None: there is no noise."""
+        del structure
+        return None
+
+
+def quiet(order: int, delay: int, name: str, samples: int | None) -> QuietProblem:
+    """The system of an order and a delay.
+
+    Poles are real or in pairs, of modulus up to 0.95; B is random.
+
+    Args:
+        order: Number of poles.
+        delay: nk.
+        name: The problem's name.
+        samples: Of a record; None: `SAMPLES`.
+    """
+    rng = chance(f"quiet-{order}-{delay}")
+    while True:
+        poles: list[complex] = []
+        while len(poles) < order:
+            if order - len(poles) >= 2 and rng.random() < 0.6:
+                pole = rng.uniform(0.3, 0.95) * np.exp(1j * rng.uniform(0.1, 2.5))
+                poles += [pole, pole.conjugate()]
+            else:
+                poles.append(rng.uniform(-0.5, 0.95))
+        a = np.atleast_1d(np.poly(poles).real)
+        b = rng.standard_normal(order)
+        bare = innovations_form(Polynomials(a, np.concatenate(([0.0], b))), DT).input_path()
+        values = hankel_singular_values(bare)
+        if len(values) == order and values[-1] >= WEAKEST * values[0]:
+            return QuietProblem(name, Polynomials(a, np.concatenate((np.zeros(delay), b))), samples or SAMPLES)

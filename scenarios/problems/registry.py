@@ -1,0 +1,70 @@
+"""Problems by name."""
+
+import re
+from functools import lru_cache
+
+from scenarios.files.errors import ScenarioError, unknown
+from scenarios.problems.common_waveform import SHARED, shared
+from scenarios.problems.feedback import FEEDBACK, feedback
+from scenarios.problems.mimo import MIMO, mimo
+from scenarios.problems.noise_free import DELAYS, ORDERS, quiet
+from scenarios.problems.problem import Problem
+from scenarios.problems.published_problems import SINGLE, published_problem
+from scenarios.problems.random_problems import DIFFICULTIES, random_problem
+from scenarios.problems.textbook import TEXTBOOK, textbook
+
+FEWEST = 200
+"""Samples that a record has at least."""
+
+LISTED = 3
+
+
+@lru_cache(maxsize=256)
+def problem(name: str) -> Problem:
+    """A problem, the same in any process.
+
+    Args:
+        name: One of `names`, or another of its family; of synthetic problems `@SAMPLES` may end it: `p2@2000`.
+
+    Raises:
+        ScenarioError: There is none of that name.
+    """
+    if name.startswith("twin-"):
+        # it loads the physics
+        from scenarios.problems.twin_problem import twin_problem
+
+        return twin_problem(name)
+    plain, at, length = name.partition("@")
+    if at and not (re.fullmatch(r"[1-9]\d{0,6}", length) and int(length) >= FEWEST):
+        raise ScenarioError(f"{name!r}: expected a whole number of samples from {FEWEST} on behind @, got {length!r}")
+    samples = int(length) if at else None
+    if plain in TEXTBOOK:
+        return textbook(plain, name, samples)
+    if plain in FEEDBACK:
+        return feedback(plain, name, samples)
+    if plain in SHARED:
+        return shared(plain, name, samples)
+    if plain in MIMO:
+        return mimo(plain, name, samples)
+    if plain in SINGLE:
+        return published_problem(plain, name, samples)
+    if found := re.fullmatch(r"quiet-(\d)-(\d)", plain):
+        order, delay = int(found[1]), int(found[2])
+        if order in ORDERS and delay in DELAYS:
+            return quiet(order, delay, name, samples)
+    if found := re.fullmatch(rf"random-({'|'.join(DIFFICULTIES)})-([1-9]\d{{0,3}})", plain):
+        return random_problem(found[1], int(found[2]), name, samples)
+    raise ScenarioError(unknown("problem", plain, [entry for family in names().values() for entry in family]))
+
+
+def names() -> dict[str, tuple[str, ...]]:
+    """Problems but those of the arm, by family; of random ones the first few of 9999."""
+    return {
+        "textbook": tuple(TEXTBOOK),
+        "quiet": tuple(f"quiet-{order}-{delay}" for order in ORDERS for delay in DELAYS),
+        "published": tuple(SINGLE),
+        "random": tuple(f"random-{name}-{number}" for name in DIFFICULTIES for number in range(1, LISTED + 1)),
+        "feedback": tuple(FEEDBACK),
+        "shared": tuple(SHARED),
+        "mimo": tuple(MIMO),
+    }

@@ -1,0 +1,136 @@
+"""The arm as a family of problems: joints, excitations and amplitudes, with noise, friction and limits."""
+
+from dataclasses import dataclass
+from functools import lru_cache
+
+import numpy as np
+
+from hmtb_twin import JointTruth, load_arm
+from hmtb_twin.parameters.values import OPERATING_POSE
+from scenarios.datasets.arm_truth import arm_truth
+from scenarios.estimators.task import STRUCTURES, Task
+from scenarios.problems.problem import Bound
+from scenarios.problems.twin_best_linear import BestLinear, twin_best_linear
+from scenarios.problems.twin_experiment import frequencies
+from scenarios.problems.twin_name import TwinName, twin_name
+from scenarios.problems.twin_records import RECORDS
+from scenarios.problems.twin_scatter import scattered_model
+from sysid import IOData, StateSpace
+from sysid.records.arrays import ComplexArray, FloatArray
+
+ORDER = 3
+"""Order that is asked for.
+
+The commanded joint's true small-signal model has seven or eight states, of which three or four, with real poles in 0.57
+to 0.89, carry its gain. Three follow it up to 5 Hz to a fraction of a percent; four or more meet the edge of stability
+on records of some hundred samples, because nothing in these tells them apart.
+"""
+
+NOISE_ORDER = 2
+"""Order of the model of the noise where a structure has one of its own: what friction leaves is slow and coloured."""
+
+MOST_ORDER = 10
+
+
+@dataclass(frozen=True)
+class TwinProblem:
+    """One joint of the arm under one excitation: commanded to measured angle about the operating point, 50 Hz.
+
+    A draw is another record: noise anew, and another waveform unless the name says which (`-w3`). Draws of one name
+    with a waveform are repeats of it: their scatter is noise alone, the scatter of names noise and nonlinear
+    distortion. Records begin at rest, with an initialisation window, and go on for whole periods.
+
+    Two truths: `truth` is that of small signals, exact and without friction; `best_linear` is the linear system nearest
+    to the arm under this excitation at this amplitude, measured, which estimates tend to. Many records cost a tenth
+    when `twin_records.prepare` simulates them side by side before.
+
+    Attributes:
+        parsed: The name, read.
+    """
+
+    parsed: TwinName
+
+    @property
+    def name(self) -> str:
+        """By which `problem` finds it again."""
+        return str(self.parsed)
+
+    @property
+    def joint_truth(self) -> JointTruth:
+        """Small-signal truth of the joint: model, bandwidth, poles, delay."""
+        return _joint_truth(self.parsed.variant, self.parsed.joint)
+
+    @property
+    def truth(self) -> StateSpace:
+        """The small-signal truth, with its noise."""
+        return self.joint_truth.model
+
+    @property
+    def best_linear(self) -> BestLinear:
+        """The best linear truth of the excitation class."""
+        return twin_best_linear(self.parsed)
+
+    @property
+    def frequencies(self) -> FloatArray:
+        """Lines of the excitation up to 5 Hz (nf,), Hz."""
+        return frequencies(self.parsed)
+
+    def draw(self, seed: int) -> IOData:
+        """One record; see `twin_records.prepare` for how to have many at once."""
+        return RECORDS.draw(self.parsed, seed)
+
+    def task(self, structure: str | None, ask: str = "fit") -> Task | None:
+        """See `Problem.task`.
+
+        None becomes `armax`: friction and the torques of the drives disturb the joint where the command does, so that
+        input and disturbance have their poles in common; the residuals of `armax` are white where those of `oe` are
+        far from it. For the orders see `ORDER`.
+        """
+        structure = structure or "armax"
+        delay = self.joint_truth.delay_samples
+        order = {"fit": ORDER, "underfit": ORDER - 1, "select": 0}[ask]
+        values = {"na": order, "nb": order, "nf": order, "nk": delay, "order": order + delay - 1}
+        values |= {"nc": order if structure == "armax" else NOISE_ORDER, "nd": NOISE_ORDER}
+        orders = {name: values[name] for name in STRUCTURES[structure]} if order else {}
+        return Task(structure, orders, MOST_ORDER, self.frequencies)
+
+    def bound(self, structure: str | None) -> Bound | None:
+        """None: no linear model is the truth of an arm with friction."""
+        del structure
+        return None
+
+    def nonparametric(self, record: IOData) -> ComplexArray:
+        """The response that a record shows without any model: output over input, line by line (nf, 1, 1).
+
+        Over whole periods of a periodic record this is free of leakage; its mean over waveforms is the best linear
+        approximation [Pintelon2012, sec. 4.3].
+
+        Args:
+            record: One that was drawn from this problem.
+        """
+        part = record.scored
+        lines = np.arange(1, len(self.frequencies) + 1) * (len(part) // self.parsed.period)
+        u, y = (np.fft.rfft(signal, axis=0)[lines, 0] for signal in (part.u, part.y))
+        return (y / u)[:, None, None]
+
+    def scattered(self, seed: int) -> StateSpace:
+        """An estimate as good as any: the best linear truth with the scatter of a measured response.
+
+        Args:
+            seed: Of the draw.
+        """
+        return scattered_model(self.parsed, self.truth, self.best_linear, seed)
+
+
+def twin_problem(name: str) -> TwinProblem:
+    """The problem of a name; see `twin_name`.
+
+    Raises:
+        ScenarioError: It is none.
+    """
+    return TwinProblem(twin_name(name))
+
+
+@lru_cache(maxsize=32)
+def _joint_truth(variant: str, joint: str) -> JointTruth:
+    return arm_truth(load_arm(variant), OPERATING_POSE).joint(joint)

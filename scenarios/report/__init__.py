@@ -1,0 +1,3 @@
+"""Report."""
+
+__all__: list[str] = []

@@ -1,0 +1,3 @@
+"""Truth."""
+
+__all__: list[str] = []

@@ -1,0 +1,213 @@
+"""The best linear approximation that records of a test are held against: a multisine like the test's command."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from hmtb_twin import Arm, Experiment, linearize
+from hmtb_twin.control.control_station import ControlStation
+from hmtb_twin.control.modes import joint_index
+from scenarios.experiments.excitation_computer import BOARD
+from scenarios.experiments.multisines import MultisineExperiment, Multisines, multisine_experiments
+from scenarios.truth.bandwidth_caution import cautions
+from scenarios.truth.best_linear import best_linear
+from sysid import FrequencyResponse, IOData
+from sysid.models.gain_crossing import HALF_POWER, crossing
+
+SHARE = 0.95
+"""Share of the command's power that the multisine's band holds."""
+
+REALISATIONS = 8
+"""Realisations of the multisine: some four seconds of one core for a joint, intervals of one or two percent."""
+
+CLOSE = 0.01
+"""How close the multisine's command comes to the test's, as a part of its root mean square."""
+
+ROUNDS = 12
+"""Amplitudes tried at most."""
+
+ROOM = 0.98
+"""Part of the converter's range that the multisine may fill."""
+
+
+@dataclass(frozen=True)
+class BestLinearOfTest:
+    """The bandwidth that a joint has, in the mean, when it is commanded as strongly as in a test.
+
+    Attributes:
+        joint: The joint.
+        test: The test.
+        hz: Half-power bandwidth relative to the gain extrapolated to 0 Hz, Hz; NaN where none shows.
+        ci95: Its 95 % interval, Hz.
+        half_power_hz: Where the gain is 0.707, whatever it is at 0 Hz, Hz.
+        wanted_rms: Root mean square of the test's command, rad.
+        command_rms: That of the multisine's, as logged, rad.
+        f_max: Upper end of the multisine's band, Hz.
+        f_min: Its lowest line, Hz.
+        realisations: Of the multisine.
+        slewing: Share of samples in which the multisine's command moved at its velocity limit.
+        distortion_percent: Nonlinear distortion, percent of the linear part.
+        physics_s: What it cost in the physics, s.
+        cautions: Why it says little, in words; nothing where it may be relied upon.
+    """
+
+    joint: str
+    test: str
+    hz: float
+    ci95: tuple[float, float]
+    half_power_hz: float
+    wanted_rms: float
+    command_rms: float
+    f_max: float
+    f_min: float
+    realisations: int
+    slewing: float
+    distortion_percent: float
+    physics_s: float
+    cautions: tuple[str, ...]
+
+    @property
+    def described(self) -> str:
+        """The class of excitation in words."""
+        return (
+            f"random-phase multisine of {self.realisations} realisations, equal lines from {self.f_min:.2g} to "
+            f"{self.f_max:.2g} Hz, command of {1000 * self.command_rms:.1f} mrad rms as logged (test: "
+            f"{1000 * self.wanted_rms:.1f})"
+        )
+
+
+def best_linear_of_test(
+    setting: Experiment, arm: Arm, records: Sequence[IOData], *, test: str, seed: int = 0, threads: int | None = None
+) -> BestLinearOfTest:
+    """Measure the best linear approximation under a multisine like a test's command, friction and noise included.
+
+    Like it in two numbers: the root mean square of the command *as logged*, behind the velocity limit, and the
+    frequency below which lies 95 % of its power. The lines begin at 0.1 Hz all the same, because a bandwidth is
+    relative to the gain at 0 Hz, and a file of 2 s excites nothing below 0.5 Hz. The distribution of amplitudes is
+    another one than a binary sequence's, and with it what friction does: by one or two percent of the gain.
+
+    Args:
+        setting: Any experiment of the joint on the arm: its conditions are taken.
+        arm: The arm of the experiment.
+        records: Settled records of the test without means, of one seed or more, rad.
+        test: Name of the test.
+        seed: Draws phases and noise.
+        threads: Threads for the physics.
+
+    Returns:
+        The bandwidth with its interval.
+
+    Raises:
+        ScenarioError: See `scenarios.truth.best_linear.best_linear`.
+    """
+    base, multisines, wanted = multisine_like(setting, arm, records, seed=seed)
+    found = best_linear(base, multisines, threads=threads)
+    band, response = found.bandwidth, found.servo.response
+    return BestLinearOfTest(
+        joint=base.name,
+        test=test,
+        hz=float(band.hz[0, 0]),
+        ci95=(float(band.ci95[0][0, 0]), float(band.ci95[1][0, 0])),
+        half_power_hz=crossing(_single(response), HALF_POWER),
+        wanted_rms=wanted,
+        command_rms=float(found.command_rms[0]),
+        f_max=multisines.f_max,
+        f_min=float(response.frequencies[0]),
+        realisations=REALISATIONS,
+        slewing=found.slewing,
+        distortion_percent=float(found.distortion_percent[0]),
+        physics_s=found.physics_seconds,
+        cautions=cautions(found, linearize(arm, setting.pose, amplitudes=())),
+    )
+
+
+def multisine_like(
+    setting: Experiment, arm: Arm, records: Sequence[IOData], *, seed: int = 0, realisations: int = REALISATIONS
+) -> tuple[MultisineExperiment, Multisines, float]:
+    """Choose the multisine that is like a test's command; see `best_linear_of_test`.
+
+    Args:
+        setting: Any experiment of the joint on the arm: its conditions are taken.
+        arm: The arm of the experiment.
+        records: Records of the test without means, of one seed or more, rad.
+        seed: Draws phases and noise.
+        realisations: Of the multisine.
+
+    Returns:
+        The setting for `scenarios.truth.best_linear.best_linear`, the multisine, and the root mean square of the test's
+        command, rad.
+
+    Raises:
+        ScenarioError: The multisine cannot be played.
+    """
+    rms = float(np.sqrt(np.mean([np.var(part.u) for part in records])))
+    (joint,) = setting.axes
+    base = MultisineExperiment(
+        joint,
+        (joint,),
+        variant=setting.variant,
+        payload=setting.payload,
+        plant=setting.plant,
+        specimen=setting.specimen,
+        pose=setting.pose,
+        chain=setting.chain,
+        hand_controller=setting.hand_controller,
+        seed=seed,
+    )
+    wanted = Multisines(rms=rms, f_max=_band(records), realisations=realisations, seed=seed)
+    return base, _matched(base, arm, wanted), rms
+
+
+def _single(response: FrequencyResponse) -> FrequencyResponse:
+    return FrequencyResponse(response.frequencies, response.response[:, :1, :1], response.dt, response.method)
+
+
+def _band(records: Sequence[IOData]) -> float:
+    """Frequency below which `SHARE` of the command's power lies, Hz, the mean over the records."""
+    ends = []
+    for part in records:
+        power = np.abs(np.fft.rfft(part.u[:, 0])) ** 2
+        line = int(np.searchsorted(np.cumsum(power), SHARE * power.sum()))
+        ends.append(line / (len(part) * part.dt))
+    return float(np.mean(ends))
+
+
+def _matched(base: MultisineExperiment, arm: Arm, wanted: Multisines) -> Multisines:
+    """The multisine whose command, behind converters and velocity limit, has the root mean square that is wanted.
+
+    A command that is limited grows less than what is asked for: a secant on logarithmic scales finds what to ask. Where
+    the converter ends first, it is the largest that it gives.
+    """
+    asked, power = wanted.rms, 1.0
+    tried: list[tuple[float, float]] = []
+    for _ in range(ROUNDS):
+        current = replace(wanted, rms=asked)
+        most = _largest(base, current)
+        if asked > most:
+            asked, current = most, replace(wanted, rms=most)
+        got = _command_rms(base, arm, current)
+        if abs(got / wanted.rms - 1.0) < CLOSE or (asked == most and got < wanted.rms):
+            return current
+        tried.append((float(np.log(asked)), float(np.log(got))))
+        if len(tried) > 1 and tried[-1][0] != tried[-2][0]:
+            power = (tried[-1][1] - tried[-2][1]) / (tried[-1][0] - tried[-2][0])
+        asked *= float((wanted.rms / got) ** (1.0 / max(power, 0.1)))
+    return current
+
+
+def _largest(base: MultisineExperiment, multisines: Multisines) -> float:
+    """Largest root mean square that the converter plays without clipping, rad."""
+    peak = max(float(np.abs(multisines.offsets(r)).max()) for r in range(multisines.realisations))
+    return ROOM * multisines.rms * BOARD.dac_range * base.hand_controller.gain / peak
+
+
+def _command_rms(base: MultisineExperiment, arm: Arm, multisines: Multisines) -> float:
+    """Root mean square of the commands of all realisations over their steady periods, without physics."""
+    steady = multisines.settling * multisines.samples
+    (joint,) = base.axes
+    spreads = []
+    for one in multisine_experiments(base, multisines):
+        station = ControlStation(one, arm, np.random.default_rng(one.seed).spawn(2)[0])
+        spreads.append(float(np.var(station.commands[steady:, joint_index(joint)])))
+    return float(np.sqrt(np.mean(spreads)))

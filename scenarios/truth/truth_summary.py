@@ -1,0 +1,274 @@
+"""Everything that is true of an arm at an operating point, gathered for the screen and for JSON."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from hmtb_twin import JOINTS, NOMINAL_PLANT, STUDIED_JOINTS, Arm, JointLog, JointTruth, Truth
+from hmtb_twin.parameters.values import Actuator
+from hmtb_twin.parameters.variants import variant_named
+from hmtb_twin.truth.analytic_hydraulics import LinearHydraulics, linear_hydraulics
+from scenarios.experiments.multisines import MultisineExperiment, Multisines
+from scenarios.files.errors import ScenarioError
+from scenarios.truth.attainable import Attainable, attainable
+from scenarios.truth.bandwidth_caution import cautions
+from scenarios.truth.best_linear import BestLinearTruth, best_linear
+from scenarios.truth.local_dynamics import Progress
+
+LOCKED = 1e-2
+"""Gain at 0 Hz below which a joint does not follow its command."""
+
+LOCKED_NOTE = "locked: the joint is indexed and does not follow a command, so it has no bandwidth"
+
+REALISATIONS = 8
+"""Realisations of the multisine behind a best linear approximation: some seconds for the three studied joints."""
+
+
+@dataclass(frozen=True, eq=False)
+class TruthSummary:
+    """The truth about an arm, of whichever kinds were asked for.
+
+    Attributes:
+        arm: The arm.
+        truth: Its small-signal truth.
+        joints: The same, joint by joint.
+        hydraulics: Each joint's actuator on the inertia that it sees, the others held; empty for electric drives
+            and for servo valves with orifices, which have no linear flow law.
+        best_linear: Best linear approximation of each studied joint, where it was asked for.
+        attainable: What could be achieved at best on a record, joint by joint, where one was given.
+    """
+
+    arm: Arm
+    truth: Truth
+    joints: Mapping[str, JointTruth]
+    hydraulics: Mapping[str, LinearHydraulics]
+    best_linear: Mapping[str, BestLinearTruth] = field(default_factory=dict)
+    attainable: Mapping[str, Attainable] = field(default_factory=dict)
+
+    @property
+    def locked(self) -> frozenset[str]:
+        """Joints that do not follow their commands."""
+        return frozenset(name for name, entry in self.joints.items() if abs(entry.dc_gain) < LOCKED)
+
+    def record(self) -> dict[str, object]:
+        """Return what `hmtb truth --json` prints."""
+        truth = self.truth
+        found: dict[str, object] = {
+            "dt": truth.dt,
+            "variant": truth.variant,
+            "payload": truth.payload,
+            "pose": truth.pose,
+            "angles_rad": truth.angles,
+            "plant": vars(truth.plant),
+            "specimen": truth.specimen.deviations,
+            "joints": {name: self._joint(name) for name in self.joints},
+            "small_signal_error": truth.small_signal_error,
+            "provenance": truth.provenance,
+        }
+        if truth.plant.process_noise:
+            found["noise"] = {
+                "drive_torque_nm": self.arm.process_noise,
+                "resolver_covariance_rad2": truth.disturbances.resolvers,
+                "K": truth.model.K,
+                "innovation_covariance_rad2": truth.model.innovation_covariance,
+            }
+        if self.best_linear:
+            found["best_linear"] = {name: _best_linear(one, truth) for name, one in self.best_linear.items()}
+        if self.attainable:
+            found["attainable"] = {name: _attainable(one) for name, one in self.attainable.items()}
+        return found
+
+    def _joint(self, name: str) -> dict[str, object]:
+        entry, locked = self.joints[name], name in self.locked
+        found: dict[str, object] = {
+            "bandwidth_hz": None if locked else entry.bandwidth_hz,
+            "dc_gain": entry.dc_gain,
+            "poles": np.asarray(entry.poles, dtype=complex),
+            "zeros": np.asarray(entry.zeros, dtype=complex),
+            "delay_samples": entry.delay_samples,
+            "dominant": [] if locked else [_natural(pole) for pole in entry.dominant_poles],
+            "note": LOCKED_NOTE if locked else None,
+        }
+        if self.truth.plant.process_noise and entry.model.innovation_covariance is not None:
+            found["innovation_sd_rad"] = float(np.sqrt(entry.model.innovation_covariance[0, 0]))
+        if name in self.hydraulics:
+            oil = self.hydraulics[name]
+            found["hydraulics"] = {
+                "inertia_kgm2": oil.inertia,
+                "resonance_hz": oil.natural_frequency / (2.0 * np.pi),
+                "damping_ratio": oil.damping_ratio,
+                "stall_torque_nm": oil.stall_torque,
+                "no_load_speed_rad_s": oil.no_load_speed,
+            }
+        return found
+
+
+def truth_summary(arm: Arm, truth: Truth) -> TruthSummary:
+    """Gather the small-signal truth about an arm.
+
+    Args:
+        arm: The arm.
+        truth: Its truth.
+    """
+    joints = {name: truth.joint(name) for name in JOINTS}
+    return TruthSummary(arm, truth, joints, _hydraulics(arm, truth.angles))
+
+
+def measured_best_linear(
+    arm: Arm,
+    pose: str,
+    amplitude: float,
+    *,
+    seed: int = 0,
+    threads: int | None = None,
+    progress: Progress | None = None,
+) -> dict[str, BestLinearTruth]:
+    """Measure the best linear approximation of each studied joint, excited alone, as the laboratory records it.
+
+    Args:
+        arm: The arm.
+        pose: Keyframe about which it moves.
+        amplitude: Root mean square of the angle asked for at the stick, rad.
+        seed: Of the phases and of the noise.
+        threads: Threads for the physics; all processors by default.
+        progress: Called with the joints done and those in all.
+
+    Raises:
+        ScenarioError: See `best_linear`.
+    """
+    multisines = Multisines(rms=amplitude, realisations=REALISATIONS, seed=seed)
+    found = {}
+    for joint in STUDIED_JOINTS:
+        setting = MultisineExperiment(
+            joint,
+            (joint,),
+            variant=arm.variant,
+            payload=arm.payload,
+            plant=arm.plant,
+            specimen=arm.specimen,
+            pose=pose,
+            seed=seed,
+        )
+        found[joint] = best_linear(setting, multisines, threads=threads)
+        if progress is not None:
+            progress(len(found), len(STUDIED_JOINTS))
+    return found
+
+
+def attainable_on(log: JointLog, truth: Truth) -> dict[str, Attainable]:
+    """Return the floors of every joint that a log excites.
+
+    Raises:
+        ScenarioError: The log excites directions of the tool, or see `attainable`.
+    """
+    joints = [axis for axis in log.axes if axis in JOINTS]
+    if not joints:
+        raise ScenarioError(
+            f"{log.name} excites {', '.join(log.axes)}, directions of the tool; expected a log that excites joints"
+        )
+    return {joint: attainable(log, joint, truth=truth) for joint in joints}
+
+
+def _hydraulics(arm: Arm, angles: np.ndarray) -> dict[str, LinearHydraulics]:
+    if not hydraulic(arm) or arm.plant.actuator != "linear":
+        return {}
+    inertia = np.diag(arm.inertia(angles))
+    return {
+        name: linear_hydraulics(arm.actuators[name], float(seen)) for name, seen in zip(JOINTS, inertia, strict=True)
+    }
+
+
+def hydraulic(arm: Arm) -> bool:
+    """Whether all drives of the arm are hydraulic."""
+    return all(isinstance(drive, Actuator) for drive in variant_named(arm.variant).actuators.values())
+
+
+def conditions_in_words(arm: Arm) -> str:
+    """Return what the arm's drives run on and rub with, in words and with units; of oil only where there is some."""
+    plant = arm.plant
+    said = [f"{plant.actuator} actuators" if hydraulic(arm) else "electric drives", f"friction {plant.friction}"]
+    if arm.friction and plant.friction_level != 1.0:
+        said.append(f"dry friction {plant.friction_level:g} times the arm's")
+    if hydraulic(arm):
+        said += [f"supply pressure {plant.supply_pressure:g} MPa", f"oil at {plant.oil_temperature:g} °C"]
+    if plant.process_noise:
+        said.append(f"process noise {plant.process_noise:g} of the rated torque")
+    return ", ".join([*said, *_deviations(arm)])
+
+
+def departures_in_words(arm: Arm) -> str:
+    """Return in words and with units what of the arm's conditions is not nominal; nothing where all are."""
+    plant, nominal = arm.plant, NOMINAL_PLANT
+    said = []
+    if plant.actuator != nominal.actuator:
+        said.append(f"{plant.actuator} actuators")
+    if plant.friction != nominal.friction:
+        said.append(f"friction {plant.friction}")
+    if arm.friction and plant.friction_level != nominal.friction_level:
+        said.append(f"dry friction {plant.friction_level:g} times the arm's")
+    if plant.supply_pressure != nominal.supply_pressure:
+        said.append(f"supply pressure {plant.supply_pressure:g} MPa")
+    if plant.oil_temperature != nominal.oil_temperature:
+        said.append(f"oil at {plant.oil_temperature:g} °C")
+    if plant.process_noise != nominal.process_noise:
+        said.append(f"process noise {plant.process_noise:g} of the rated torque")
+    return ", ".join([*said, *_deviations(arm)])
+
+
+def _deviations(arm: Arm) -> list[str]:
+    """What of the arm is not its variant's, by name: a value for each body would fill the page."""
+    names = [name.replace("_", " ") for name in arm.specimen.deviations]
+    return [f"a specimen whose {', '.join(names)} deviate"] if names else []
+
+
+def pose_in_words(truth: Truth) -> str:
+    """Return the pose's name, or its angles in degrees."""
+    if truth.pose != "given angles":
+        return truth.pose
+    return ",".join(f"{angle:g}" for angle in np.round(np.degrees(truth.angles), 6)) + " deg"
+
+
+def damping_ratio(pole: complex) -> float:
+    """Return the damping ratio of a pole in the s plane: 1 where it is real and stable."""
+    return float(-pole.real / abs(pole)) if abs(pole.imag) > 1e-9 * abs(pole) else float(np.sign(-pole.real))
+
+
+def _natural(pole: complex) -> dict[str, float]:
+    return {
+        "re": float(pole.real),
+        "im": float(pole.imag),
+        "hz": float(abs(pole) / (2.0 * np.pi)),
+        "damping_ratio": damping_ratio(pole),
+    }
+
+
+def _best_linear(found: BestLinearTruth, truth: Truth) -> dict[str, object]:
+    band = found.bandwidth
+    return {
+        "amplitude_rad": found.multisines.rms,
+        "bandwidth_hz": float(band.hz[0, 0]),
+        "ci95": [float(band.ci95[0][0, 0]), float(band.ci95[1][0, 0])],
+        "distortion_percent": float(found.distortion_percent[0]),
+        "velocity_limited_share": found.slewing,
+        "cautions": list(cautions(found, truth)),
+        "frequency_hz": found.servo.response.frequencies,
+        "response": found.servo.response.response[:, 0, 0],
+        "standard_error": np.sqrt(found.servo.total_variance[:, 0, 0]),
+    }
+
+
+def _attainable(found: Attainable) -> dict[str, object]:
+    def horizon(which: str) -> dict[str, object]:
+        one = getattr(found, which)
+        return {name: vars(getattr(one, name)) for name in ("any_model", "best_linear", "small_signal")}
+
+    return {
+        "samples": found.samples,
+        "chance_takes_off": 1.0 - found.by_chance(1.0),
+        "spread_rad": found.spread,
+        "mean_error_rad": found.mean_error,
+        "simulation": {**horizon("simulation"), "right_order": vars(found.right_order)},
+        "one_step": horizon("one_step"),
+        "order": found.order,
+    }

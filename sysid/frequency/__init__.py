@@ -1,0 +1,3 @@
+"""Frequency."""
+
+__all__: list[str] = []

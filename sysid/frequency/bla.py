@@ -1,0 +1,210 @@
+"""The best linear approximation from periodic data: response, noise and nonlinear distortion apart."""
+
+import warnings
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+from scipy.fft import rfft
+from scipy.stats import f as f_distribution
+
+from sysid.models.frequency_response import FrequencyResponse
+from sysid.records.arguments import real_number, whole_number
+from sysid.records.arrays import ComplexArray, FloatArray, Locked, lock
+from sysid.records.data import IOData, as_experiments
+from sysid.records.errors import SysidError, SysidWarning
+
+SAME_PERIODS = 1e-3  # difference of periods, as a part of the standard deviation, that rounding may make
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class BestLinearApproximation(Locked):
+    """What a system does in the mean over inputs of one spectrum, and how far single inputs are from it.
+
+    Attributes:
+        response: The mean response; its covariance is that of noise and distortion together where there are several
+            realisations, else that of the noise.
+        noise_variance: Variance of the mean response by noise, from the scatter over periods (nf, ny, nu).
+        total_variance: Variance of the mean response by noise and distortion, from the scatter over realisations
+            (nf, ny, nu); NaN with a single realisation.
+        distortion_variance: Variance of the response in one realisation by nonlinear distortion (nf, ny, nu): R times
+            total less noise, not below zero; NaN with a single realisation.
+        distortion_p: p-value per line of "no distortion", an F test of total against noise variance (nf, ny, nu);
+            uniform for a linear system; NaN with a single realisation.
+        lines: Multiples of 1 / (period dt) that the response is given at (nf,).
+        realisations: R.
+        periods: P, per record.
+    """
+
+    response: FrequencyResponse
+    noise_variance: FloatArray
+    total_variance: FloatArray
+    distortion_variance: FloatArray
+    distortion_p: FloatArray
+    lines: NDArray[np.int_]
+    realisations: int
+    periods: tuple[int, ...]
+
+    def __post_init__(self) -> None:
+        """Lock."""
+        for attribute, value in list(self.__dict__.items()):
+            if isinstance(value, np.ndarray):
+                object.__setattr__(self, attribute, lock(value))
+
+
+def bla(
+    data: IOData | Sequence[IOData], period: int, *, lines: ArrayLike | None = None, audible: float = 1e-4
+) -> BestLinearApproximation:
+    """Best linear approximation by the robust method [Pintelon2012, sec. 4.3].
+
+    R realisations of a periodic random-phase input, P steady periods of each. With one input every record is a
+    realisation: G_r = Y_r / U_r from means over its periods; the scatter of Y_p - G_r U_p over periods is noise, that
+    of G_r over realisations is noise and nonlinear distortion. With nu inputs every nu consecutive records
+    make one realisation, and their input spectra must be linearly independent (orthogonal phases are best):
+    G_r = Y_r U_r^-1. Transients belong into the initialisation window; of what follows the last whole periods are used.
+
+    Args:
+        data: The records, nu for each realisation.
+        period: Length of a period in samples.
+        lines: Multiples of 1 / (period dt) to estimate at (nf,); by default those the input excites, without 0 and
+            the Nyquist frequency.
+        audible: Part of the strongest line's power that counts as excited.
+
+    Returns:
+        The mean response with the variances of noise and distortion.
+
+    Raises:
+        SysidError: Fewer than two whole periods in a record, a number of records that nu does not divide, a line
+            without power, inputs that are not independent.
+
+    Warns:
+        SysidWarning: Periods of an input that are not alike.
+    """
+    experiments = tuple(e.scored for e in as_experiments(data))
+    first = experiments[0]
+    nu, ny = first.nu, first.ny
+    period = whole_number("period", period, 4)
+    audible = real_number("audible", audible, "lie between 0 and 1", lambda part: 0.0 < part < 1.0)
+    counts = [len(e) // period for e in experiments]
+    if min(counts) < 2:
+        shortest = min(range(len(experiments)), key=lambda k: counts[k])
+        raise SysidError(
+            f"experiment {shortest} has {len(experiments[shortest])} samples behind its initialisation window, "
+            f"fewer than two periods of {period}"
+        )
+    if len(experiments) % nu:
+        raise SysidError(f"with {nu} inputs a realisation takes {nu} records, got {len(experiments)} records in all")
+    spectra = [_spectra(e, int(period), count) for e, count in zip(experiments, counts, strict=True)]
+    _check_period(experiments, period, counts)
+    power = np.sum([np.abs(u.mean(axis=0)) ** 2 for u, _ in spectra], axis=(0, 2))
+    chosen = _lines(lines, power, int(period), audible)
+
+    responses, by_noise, freedom = [], [], 0
+    for r in range(0, len(experiments), nu):
+        group = [(u[:, chosen], y[:, chosen]) for u, y in spectra[r : r + nu]]
+        inputs = np.stack([u.mean(axis=0) for u, _ in group], axis=2)
+        outputs = np.stack([y.mean(axis=0) for _, y in group], axis=2)
+        values = np.linalg.svd(inputs, compute_uv=False)
+        if (values[:, -1] <= 1e-6 * values[:, 0]).any():
+            worst = int(chosen[np.argmin(values[:, -1] / np.maximum(values[:, 0], np.finfo(float).tiny))])
+            raise SysidError(
+                f"realisation {r // nu}: the {nu} inputs are linearly dependent over its records at line {worst}; "
+                "expected independent ones, e.g. with orthogonal phases"
+            )
+        inverse = np.linalg.inv(inputs)
+        g = outputs @ inverse
+        variance = np.zeros((len(chosen), ny, nu))
+        for k, (u, y) in enumerate(group):
+            errors = y - np.einsum("fij,pfj->pfi", g, u)
+            errors = errors - errors.mean(axis=0)
+            p = len(errors)
+            of_mean = np.sum(np.abs(errors) ** 2, axis=0) / (p * (p - 1))
+            variance += of_mean[:, :, None] * np.abs(inverse[:, [k], :]) ** 2
+            freedom += 2 * (p - 1)
+        responses.append(g)
+        by_noise.append(variance)
+    return _combined(experiments, np.array(responses), np.array(by_noise), chosen, int(period), counts, freedom)
+
+
+def _combined(
+    experiments: Sequence[IOData],
+    responses: ComplexArray,
+    by_noise: FloatArray,
+    lines: NDArray[np.int_],
+    period: int,
+    counts: Sequence[int],
+    freedom: int,
+) -> BestLinearApproximation:
+    first = experiments[0]
+    r = len(responses)
+    mean = responses.mean(axis=0)
+    noise = by_noise.sum(axis=0) / r**2
+    unknown = np.full(noise.shape, np.nan)
+    total = np.sum(np.abs(responses - mean) ** 2, axis=0) / (r * (r - 1)) if r > 1 else unknown
+    p_value = unknown
+    if r > 1:
+        safe = np.where(noise > 0.0, noise, 1.0)
+        ratio = np.where(noise > 0.0, total / safe, np.where(total > 0.0, np.inf, 1.0))
+        p_value = f_distribution.sf(ratio, 2 * (r - 1), freedom)
+    certain = total if r > 1 else noise
+    return BestLinearApproximation(
+        response=FrequencyResponse(
+            frequencies=lines / (period * first.dt),
+            response=mean,
+            dt=first.dt,
+            method="bla",
+            covariance=0.5 * certain[:, :, :, None, None] * np.eye(2),
+            degrees_of_freedom=2.0 * (r - 1) if r > 1 else float(freedom),
+            input_names=first.input_names or (),
+            output_names=first.output_names or (),
+        ),
+        noise_variance=noise,
+        total_variance=total,
+        distortion_variance=r * np.maximum(total - noise, 0.0),
+        distortion_p=p_value,
+        lines=lines,
+        realisations=r,
+        periods=tuple(counts),
+    )
+
+
+def _check_period(experiments: Sequence[IOData], period: int, counts: Sequence[int]) -> None:
+    """Warn where the periods of an input are not alike."""
+    worst, where = 0.0, ""
+    for k, (e, count) in enumerate(zip(experiments, counts, strict=True)):
+        periods = e.u[len(e) - count * period :].reshape(count, period, -1)
+        spread = np.sqrt(np.mean((periods - periods.mean(axis=0)) ** 2, axis=(0, 1)))
+        size = np.maximum(periods.std(axis=(0, 1)), np.finfo(float).tiny)
+        j = int(np.argmax(spread / size))
+        if spread[j] / size[j] > worst:
+            worst, where = float(spread[j] / size[j]), f"input {(e.input_names or ())[j]} of experiment {k}"
+    if worst > SAME_PERIODS:
+        warnings.warn(
+            f"{where} is not periodic with {period} samples: its periods differ by {100.0 * worst:.3g} % of its "
+            "standard deviation; where the input was not measured, the period is wrong",
+            SysidWarning,
+            stacklevel=3,
+        )
+
+
+def _spectra(e: IOData, period: int, count: int) -> tuple[ComplexArray, ComplexArray]:
+    """Transforms of the last `count` periods: (count, lines, nu) and (count, lines, ny)."""
+    u, y = (part[len(part) - count * period :].reshape(count, period, -1) for part in (e.u, e.y))
+    return rfft(u, axis=1), rfft(y, axis=1)
+
+
+def _lines(given: ArrayLike | None, power: FloatArray, period: int, audible: float) -> NDArray[np.int_]:
+    last = (period - 1) // 2
+    if given is None:
+        inner = power[1 : last + 1]
+        if inner.max(initial=0.0) <= 0.0:
+            raise SysidError("the input is constant over a period: nothing is excited")
+        return np.asarray(1 + np.flatnonzero(inner > audible * inner.max()))
+    lines = np.atleast_1d(np.asarray(given))
+    if lines.dtype.kind not in "iu" or lines.ndim != 1 or lines.size == 0 or lines.min() < 1 or lines.max() > last:
+        raise SysidError(f"lines must be whole numbers from 1 to {last}, got {given!r}")
+    silent = lines[power[lines] <= 1e-20 * power.max()]
+    if len(silent):
+        raise SysidError(f"the input has no power at the line(s) {', '.join(map(str, silent[:5]))}")
+    return lines.astype(int)

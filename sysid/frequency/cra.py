@@ -1,0 +1,168 @@
+"""Correlation analysis: the impulse response from correlations with a whitened input."""
+
+import warnings
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.signal import lfilter
+from scipy.stats import norm
+
+from sysid.frequency.prewhitening import prewhitened
+from sysid.polynomial.autoregression import autoregression
+from sysid.polynomial.excitation import check_excitation
+from sysid.polynomial.least_squares import solve
+from sysid.polynomial.regressors import lagged
+from sysid.records.arguments import confidence_level, whole_number
+from sysid.records.arrays import FloatArray, Locked, lock
+from sysid.records.data import IOData, as_experiments
+from sysid.records.errors import SysidError, SysidWarning
+
+RESOLVED = 1e-6  # share of the neighbours in a value beyond which it is not determined
+COLOUR = 20  # coefficients of the autoregressive model of what the response does not explain
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class ImpulseResponse(Locked):
+    """An impulse response without a model, with what is known of it.
+
+    Attributes:
+        lags: 0, 1, ..., in samples (lags + 1,).
+        response: Response to a unit pulse in each input (lags + 1, ny, nu), output units per input unit.
+        deviation: Standard deviation of it (lags + 1, ny, nu); infinite where the inputs do not determine it.
+        level: Confidence level.
+        dt: Sampling interval in s.
+        input_names: One name per input.
+        output_names: One name per output.
+    """
+
+    lags: NDArray[np.int_]
+    response: FloatArray
+    deviation: FloatArray
+    level: float
+    dt: float
+    input_names: tuple[str, ...] = field(default=(), kw_only=True)
+    output_names: tuple[str, ...] = field(default=(), kw_only=True)
+
+    def __post_init__(self) -> None:
+        """Lock."""
+        for attribute in ("lags", "response", "deviation"):
+            object.__setattr__(self, attribute, lock(getattr(self, attribute)))
+
+    @property
+    def time(self) -> FloatArray:
+        """Lags in s (lags + 1,)."""
+        return self.lags.astype(np.float64) * self.dt
+
+    @property
+    def step_response(self) -> FloatArray:
+        """Running sum of the response (lags + 1, ny, nu)."""
+        return np.asarray(np.cumsum(self.response, axis=0), dtype=np.float64)
+
+    @property
+    def bound(self) -> FloatArray:
+        """What a response that is zero stays within at the level, lag by lag (lags + 1, ny, nu)."""
+        return float(norm.ppf(0.5 + 0.5 * self.level)) * self.deviation
+
+    def interval(self) -> tuple[FloatArray, FloatArray]:
+        """Interval of the response at the level, lag by lag (lags + 1, ny, nu) each."""
+        return self.response - self.bound, self.response + self.bound
+
+
+def cra(
+    data: IOData | Sequence[IOData], *, lags: int = 20, whitening: int = 10, level: float = 0.99
+) -> ImpulseResponse:
+    """Impulse response by correlation analysis with a prewhitened input [Ljung1999, sec. 6.1].
+
+    All signals are filtered by the inverse of an autoregressive model of the input; then the equations
+    R_yu(tau) = sum_k h(k) R_u(tau - k), tau = 0..lags, are solved with sample correlations. Whitening keeps the part of
+    the response beyond the last lag from leaking into the others. Several inputs are whitened in turn and solved for
+    together, so that they may correlate. The deviations account for the colour of what is left over. Means are removed
+    first.
+
+    Args:
+        data: One experiment, or several that share the response.
+        lags: Largest lag.
+        whitening: Order of the autoregressive model of each input; 0 for an input that is white.
+        level: Confidence level of bound and interval, between 0 and 1.
+
+    Returns:
+        The response with deviations.
+
+    Raises:
+        SysidError: Constant input; lags, whitening or level out of range; too little data.
+
+    Warns:
+        SysidWarning: The input excites too little for so many lags.
+    """
+    experiments = tuple(e.detrend() for e in as_experiments(data))
+    first = experiments[0]
+    lags, whitening = whole_number("lags", lags, 1), whole_number("whitening", whitening, 0)
+    level = confidence_level(level)
+    texts = check_excitation(experiments, [lags + 1] * first.nu)
+    width = first.nu * (lags + 1)
+    rows = sum(max(len(e) - max(whitening + lags, e.window), 0) for e in experiments)
+    if rows <= 2 * width or any(len(e) <= max(whitening + lags, e.window) for e in experiments):
+        raise SysidError(
+            f"too little data: lags = {lags} give {width} unknowns per output, "
+            f"{rows} usable samples in {len(experiments)} experiment(s), at least twice as many are needed"
+        )
+    for text in texts:
+        warnings.warn(text, SysidWarning, stacklevel=2)
+    response, deviation = np.empty((2, lags + 1, first.ny, first.nu))
+    lost = 0
+    for j in range(first.nu):
+        parts = prewhitened(experiments, j, int(whitening))
+        starts = [max(whitening + lags, e.window) for e in experiments]
+        # a level per experiment: the means of the record are not those behind its first lags
+        levels = np.eye(len(parts))
+        phi = [_lags(u, lags, start, level_of) for (u, _), start, level_of in zip(parts, starts, levels, strict=True)]
+        y = np.vstack([y[start:] for (_, y), start in zip(parts, starts, strict=True)])
+        stacked = np.vstack(phi)
+        fit = solve(stacked, y)
+        own = slice(j * (lags + 1), (j + 1) * (lags + 1))
+        response[:, :, j] = fit.solution[own]
+        left_over = y - stacked @ fit.solution
+        # the solution of least norm is one of many: what it takes a lag to be is no knowledge of it
+        determined = np.ones(stacked.shape[1], dtype=bool)
+        if fit.rank < stacked.shape[1]:
+            determined = np.abs(np.einsum("ij,ij->i", fit.inverse_gram, stacked.T @ stacked) - 1.0) < RESOLVED
+            lost = max(lost, stacked.shape[1] - fit.rank)
+        for i in range(first.ny):
+            deviation[:, i, j] = np.where(
+                determined[own], _deviation(phi, fit.inverse_gram, left_over[:, i])[own], np.inf
+            )
+    if lost and not texts:
+        text = f"the lagged inputs have rank {width - lost} for {width} values of the response: some are not determined"
+        warnings.warn(text, SysidWarning, stacklevel=2)
+    return ImpulseResponse(
+        lags=np.arange(lags + 1),
+        response=response,
+        deviation=deviation,
+        level=level,
+        dt=first.dt,
+        input_names=first.input_names or (),
+        output_names=first.output_names or (),
+    )
+
+
+def _lags(u: FloatArray, lags: int, start: int, level_of: FloatArray) -> FloatArray:
+    columns = [lagged(u[:, j], range(lags + 1), start) for j in range(u.shape[1])]
+    return np.hstack([*columns, np.broadcast_to(level_of, (len(u) - start, len(level_of)))])
+
+
+def _deviation(phi: Sequence[FloatArray], inverse_gram: FloatArray, errors: FloatArray) -> FloatArray:
+    """Standard deviations of least squares with errors that are not white [Ljung1999, ch. 9]."""
+    rows, width = sum(len(part) for part in phi), len(inverse_gram)
+    scale = float(np.abs(errors).max())
+    if scale <= np.finfo(float).tiny:
+        return np.zeros(width)
+    whitener, _ = autoregression(errors / scale, COLOUR)
+    variance = float(np.mean(lfilter(whitener, [1.0], errors) ** 2)) * rows / (rows - width)
+    total = np.zeros((width, width))
+    for part in phi:
+        filtered = lfilter([1.0], whitener, part, axis=0)
+        total += filtered.T @ filtered
+    squares = np.maximum(np.diagonal(inverse_gram @ total @ inverse_gram), 0.0)
+    return np.asarray(np.sqrt(variance * squares), dtype=np.float64)

@@ -1,0 +1,101 @@
+"""The empirical transfer function estimate."""
+
+from collections.abc import Sequence
+
+import numpy as np
+from scipy.fft import fft, rfftfreq
+from scipy.ndimage import convolve1d
+
+from sysid.frequency.spectra import response_of_spectra
+from sysid.models.frequency_response import FrequencyResponse
+from sysid.polynomial.excitation import check_excitation
+from sysid.records.arguments import whole_number
+from sysid.records.arrays import ComplexArray, FloatArray
+from sysid.records.data import IOData, as_experiments
+from sysid.records.errors import SysidError
+
+SILENT = 1e-20
+
+
+def etfe(data: IOData | Sequence[IOData], *, smoothing: int = 0) -> FrequencyResponse:
+    """Ratio of Fourier transforms Y(f) / U(f), smoothed over neighbours on request [Ljung1999, sec. 6.3].
+
+    Without smoothing it is unbiased apart from transients, but its variance does not fall with N: it is for looking,
+    and for periodic inputs, where it is exact in the limit. Several experiments of equal length give
+    sum(Y conj U) / sum |U|^2, and from two on a covariance. With smoothing the sums run over 2 smoothing + 1
+    neighbouring frequencies too, with weights that fall off as a Hann window; one experiment then gives a covariance.
+    Detrend first. Initialisation windows are left out.
+
+    Args:
+        data: One experiment with one input, or several of equal length.
+        smoothing: Neighbours on either side, in steps of 1 / (N dt).
+
+    Returns:
+        Response at the frequencies k / (N dt), k >= 1, at which the input has power; with smoothing the spectra too.
+
+    Raises:
+        SysidError: Several inputs, constant input, experiments of different length, more neighbours than frequencies.
+    """
+    experiments = tuple(e.scored for e in as_experiments(data))
+    first = experiments[0]
+    if first.nu != 1:
+        raise SysidError(f"etfe takes one input, got {first.nu}: use spa, or data.select(inputs=[...])")
+    if len({len(e) for e in experiments}) > 1:
+        raise SysidError(f"etfe needs experiments of equal length, got {[len(e) for e in experiments]} samples")
+    n = len(first)
+    if n < 2:
+        raise SysidError(f"too few samples: {n} behind the initialisation window, at least 2 are needed")
+    smoothing = whole_number("smoothing", smoothing, 0, n // 2 - 1)
+    check_excitation(experiments, [0])
+    # (experiments, N, channels), both signs of the frequency: neighbours of the ends are found across 0 and Nyquist
+    u = np.array([fft(e.u, axis=0) for e in experiments])
+    y = np.array([fft(e.y, axis=0) for e in experiments])
+    f = rfftfreq(n, first.dt)[1:]
+    if smoothing:
+        return _smoothed(experiments, u, y, f, smoothing)
+    u, y = u[:, 1 : len(f) + 1], y[:, 1 : len(f) + 1]
+    power = np.sum(np.abs(u) ** 2, axis=0)
+    heard = power[:, 0] > SILENT * power.max()
+    response = np.sum(y * u.conj(), axis=0)[heard] / power[heard]
+    covariance = None
+    r = len(experiments)
+    if r > 1:
+        errors = y[:, heard] - response * u[:, heard]
+        variance = np.sum(np.abs(errors) ** 2, axis=0) / (r - 1) / power[heard]
+        covariance = 0.5 * variance[:, :, None, None, None] * np.eye(2)
+    return FrequencyResponse(
+        frequencies=f[heard],
+        response=response[:, :, None],
+        dt=first.dt,
+        method="etfe",
+        covariance=covariance,
+        degrees_of_freedom=2.0 * (r - 1) if r > 1 else None,
+        input_names=first.input_names or (),
+        output_names=first.output_names or (),
+    )
+
+
+def _smoothed(
+    experiments: Sequence[IOData], u: ComplexArray, y: ComplexArray, f: FloatArray, smoothing: int
+) -> FrequencyResponse:
+    weights = np.hanning(2 * smoothing + 3)[1:-1]
+    weights /= weights.sum()
+    n = u.shape[1]
+
+    def over_neighbours(products: ComplexArray, w: FloatArray) -> ComplexArray:
+        total = products.sum(axis=0)
+        real, imaginary = (convolve1d(part, w, axis=0, mode="wrap") for part in (total.real, total.imag))
+        return np.asarray(real + 1j * imaginary)[1 : len(f) + 1]
+
+    scale = experiments[0].dt / (n * len(experiments))
+    uu = u[:, :, :, None] * u[:, :, None, :].conj()
+    phi_u = scale * over_neighbours(uu, weights)
+    phi_y = scale * over_neighbours(y[:, :, :, None] * y[:, :, None, :].conj(), weights)
+    phi_yu = scale * over_neighbours(y[:, :, :, None] * u[:, :, None, :].conj(), weights)
+    averages = len(experiments) / float(np.sum(weights**2))
+    # where the lines of the input are of unequal strength, fewer of them carry the estimate
+    strength, squares = phi_u[:, 0, 0].real, scale * over_neighbours(uu, weights**2)[:, 0, 0].real
+    effective = len(experiments) * strength / np.where(squares > 0.0, squares, 1.0)
+    return response_of_spectra(
+        "etfe", experiments, f, phi_u, phi_y, phi_yu, averages=averages, weights=np.maximum(effective, 1e-12)
+    )

@@ -1,0 +1,91 @@
+"""Spectra, coherence and frequency response by averaging over overlapping segments."""
+
+import warnings
+from collections.abc import Callable, Sequence
+
+import numpy as np
+from scipy.fft import rfft, rfftfreq
+
+from sysid.frequency.spectra import response_of_spectra
+from sysid.models.frequency_response import FrequencyResponse
+from sysid.polynomial.excitation import check_excitation
+from sysid.polynomial.operating_point import large_means
+from sysid.records.arguments import real_number, whole_number, window_values
+from sysid.records.arrays import ComplexArray, FloatArray
+from sysid.records.data import IOData, as_experiments
+from sysid.records.errors import SysidError, SysidWarning
+
+
+def welch(
+    data: IOData | Sequence[IOData],
+    *,
+    segment: int | None = None,
+    overlap: float = 0.5,
+    window: Callable[[int], FloatArray] = np.hanning,
+) -> FrequencyResponse:
+    """Average periodograms of windowed segments [Welch1967].
+
+    Phi_xz(f) = dt / sum(w^2) * mean over segments of X conj(Z), X the transform of w x. Response, disturbance and
+    coherence follow as in `spa`. Detrend first. Initialisation windows are left out; segments never reach over the
+    boundary of an experiment.
+
+    Args:
+        data: One experiment, or several; any numbers of inputs and outputs.
+        segment: Length of a segment; by default an eighth of the shortest experiment.
+        overlap: Part of a segment that the next one shares, 0 <= overlap < 1.
+        window: Data window: `segment` values, e.g. `np.hanning`, `np.ones`.
+
+    Returns:
+        Response with covariance, coherence, and the four spectra (two-sided, unit^2/Hz) at k / (segment dt), k >= 1.
+        The covariance accounts for what overlapping segments share.
+
+    Warns:
+        SysidWarning: Means that dominate, inputs that depend on each other, or no frequency at which they have power.
+
+    Raises:
+        SysidError: Constant input, segment or overlap out of range, a window that is none, not more segments than
+            inputs.
+    """
+    experiments = tuple(e.scored for e in as_experiments(data))
+    for text in check_excitation(experiments, [0] * experiments[0].nu) + large_means(experiments):
+        warnings.warn(text, SysidWarning, stacklevel=2)
+    shortest = min(len(e) for e in experiments)
+    if shortest < 4:
+        raise SysidError(f"too few samples: {shortest} behind the initialisation window, at least 4 are needed")
+    length = whole_number("segment", max(shortest // 8, 4) if segment is None else segment, 4, shortest)
+    overlap = real_number("overlap", overlap, "be at least 0 and less than 1", lambda part: 0.0 <= part < 1.0)
+    w = window_values(window, length)
+    if not w.any():
+        raise SysidError(f"window({length}) must not be zero throughout")
+    hop = max(1, round(length * (1.0 - overlap)))
+    nu, ny = experiments[0].nu, experiments[0].ny
+    count = length // 2
+    phi: ComplexArray = np.zeros((count, nu + ny, nu + ny), dtype=complex)
+    counts = [(len(e) - length) // hop + 1 for e in experiments]
+    for e, segments in zip(experiments, counts, strict=True):
+        v = np.hstack((e.u, e.y))
+        for k in range(segments):
+            transform = rfft(w[:, None] * v[k * hop : k * hop + length], axis=0)[1 : count + 1]
+            phi += transform[:, :, None] * transform[:, None, :].conj()
+    dt = experiments[0].dt
+    phi *= dt / float(w @ w) / sum(counts)
+    return response_of_spectra(
+        "welch",
+        experiments,
+        rfftfreq(length, dt)[1:],
+        phi[:, :nu, :nu],
+        phi[:, nu:, nu:],
+        phi[:, nu:, :nu],
+        averages=sum(_independent(w, hop, segments) for segments in counts),
+    )
+
+
+def _independent(w: FloatArray, hop: int, segments: int) -> float:
+    """Number of independent segments with the same variance [Welch1967]."""
+    share = 1.0
+    for j in range(1, segments):
+        if j * hop >= len(w):
+            break
+        common = float(w[j * hop :] @ w[: len(w) - j * hop]) / float(w @ w)
+        share += 2.0 * (1.0 - j / segments) * common**2
+    return segments / share

@@ -1,0 +1,82 @@
+"""Reduction of models to a lower order."""
+
+from dataclasses import replace
+
+import numpy as np
+
+from sysid.models.balanced_truncation import balanced_truncation
+from sysid.models.estimate import Estimate
+from sysid.models.simulate import as_model
+from sysid.models.state_space import StateSpace
+from sysid.records.arguments import whole_number
+from sysid.records.arrays import FloatArray
+
+MINIMAL = 1e-12
+
+
+def balred(model: StateSpace | Estimate, order: int, *, match_dc: bool = False) -> StateSpace:
+    """Keep the states that matter most from u and e to y, by balanced truncation [Moore1981].
+
+    The response from [u, e / sigma] changes by at most twice the sum of the dropped Hankel singular values, at any
+    frequency; sigma are the standard deviations of the innovations where they are known, else 1.
+
+    Args:
+        model: A stable model, or an estimate of one.
+        order: Number of states to keep.
+        match_dc: Whether the dropped states follow the others at once instead of vanishing, so that the response at
+            0 Hz is kept exactly.
+
+    Returns:
+        The reduced model, balanced; of lower order still where the model is not minimal.
+
+    Raises:
+        SysidError: The model is not stable, or has fewer states than `order`.
+    """
+    model = as_model(model)
+    order = whole_number("order", order, 0, model.order)
+    sigma = _deviations(model)
+    A, B, C, _ = balanced_truncation(model.A, np.hstack((model.B, model.gain * sigma)), model.C, MINIMAL)
+    D = np.hstack((model.D, np.diag(sigma)))
+    kept, dropped = slice(0, order), slice(order, len(A))
+    if match_dc and len(A) > order:
+        still = np.linalg.inv(np.eye(len(A) - order) - A[dropped, dropped])
+        into, out = still @ A[dropped, kept], still @ B[dropped]
+        B = B[kept] + A[kept, dropped] @ out
+        D = D + C[:, dropped] @ out
+        A, C = A[kept, kept] + A[kept, dropped] @ into, C[:, kept] + C[:, dropped] @ into
+    else:
+        A, B, C = A[kept, kept], B[kept], C[:, kept]
+    nu = model.nu
+    K, direct = B[:, nu:] / sigma, D[:, nu:] / sigma
+    covariance = model.innovation_covariance
+    if match_dc:
+        # e enters the output through `direct` now; the innovation is what does so by the identity
+        K = K @ np.linalg.inv(direct)
+        covariance = None if covariance is None else direct @ covariance @ direct.T
+    gain = K if np.any(model.gain) else None
+    return replace(model, A=A, B=B[:, :nu], C=C, D=D[:, :nu], K=gain, innovation_covariance=covariance)
+
+
+def hankel_singular_values(model: StateSpace | Estimate) -> FloatArray:
+    """Of the path from [u, e / sigma] to y as in `balred` [Moore1981].
+
+    Args:
+        model: A stable model, or an estimate of one.
+
+    Returns:
+        Singular values, largest first (n,).
+
+    Raises:
+        SysidError: The model is not stable.
+    """
+    model = as_model(model)
+    B = np.hstack((model.B, model.gain * _deviations(model)))
+    return balanced_truncation(model.A, B, model.C, 0.0)[3]
+
+
+def _deviations(model: StateSpace) -> FloatArray:
+    covariance = model.innovation_covariance
+    if covariance is None:
+        return np.ones(model.ny)
+    sigma = np.sqrt(np.maximum(np.diag(covariance), 0.0))
+    return np.where(sigma > 0.0, sigma, 1.0)

@@ -1,0 +1,188 @@
+"""Between discrete and continuous time."""
+
+from itertools import chain
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import scipy.linalg
+
+from sysid.models.estimate import Estimate
+from sysid.models.simulate import as_model
+from sysid.models.state_space import StateSpace
+from sysid.models.zero_pole_gain import ZeroPoleGain, zero_pole_gain
+from sysid.records.arguments import sampling_interval
+from sysid.records.arrays import ComplexArray
+from sysid.records.errors import SysidError
+
+if TYPE_CHECKING:
+    import control
+
+AT_ZERO = 1e-9  # modulus of a pole below which it is a sample of delay
+AT_INFINITY = 30.0  # modulus of a zero, times dt, beyond which exp(s dt) is none within the digits of the machine
+AT_ONE = 1e-9  # distance from z = 1 below which a pole integrates
+
+
+def d2c(model: StateSpace | Estimate) -> "control.StateSpace":
+    """The continuous-time system that gives `model` when its input is held between samples.
+
+    exp([F G; 0 0] dt) = [A B; 0 I], by the principal logarithm: frequencies are taken to lie below Nyquist.
+
+    Args:
+        model: A model or estimate; its noise model has no part in this, and its input is taken as held whatever
+            the record of an estimate says.
+
+    Returns:
+        A continuous-time python-control system with the names of `model`.
+
+    Raises:
+        SysidError: A pole at zero or on the negative real axis (a delay, or an oscillation at Nyquist): no real
+            system of this order has it.
+    """
+    import control
+
+    model = as_model(model).input_path()
+    poles = model.poles()
+    without = poles[_without_match(poles)]
+    if len(without):
+        raise SysidError(
+            f"the model has {len(without)} pole(s) at zero or on the negative real axis, {_list(without)}, which no "
+            "continuous-time system of the same order has; take delays out by split_delay, or fit a lower order"
+        )
+    n, nu = model.B.shape
+    held = np.block([[model.A, model.B], [np.zeros((nu, n)), np.eye(nu)]])
+    rates = np.real(scipy.linalg.logm(held)) / model.dt
+    return control.ss(
+        rates[:n, :n],
+        rates[:n, n:],
+        model.C,
+        model.D,
+        0,
+        inputs=list(model.input_names or ()),
+        outputs=list(model.output_names or ()),
+    )
+
+
+def c2d(system: "control.LTI", dt: float) -> StateSpace:
+    """Sample a continuous-time system whose input is held between samples.
+
+    Args:
+        system: A continuous-time python-control system.
+        dt: Sampling interval in s.
+
+    Returns:
+        The discrete-time model, without noise model.
+
+    Raises:
+        SysidError: The system is not continuous, has more zeros than poles, or dt is not positive.
+    """
+    import control
+
+    dt = sampling_interval(dt)
+    system = _continuous(system)
+    if isinstance(system, control.TransferFunction):
+        for numerator, denominator in zip(chain(*system.num), chain(*system.den), strict=True):
+            _check_proper(len(np.trim_zeros(numerator, "f")) - 1, len(np.trim_zeros(denominator, "f")) - 1)
+    held = control.ss(system)
+    if not held.nstates:
+        # python-control samples nothing without a state
+        return StateSpace(np.zeros((0, 0)), np.zeros((0, held.ninputs)), np.zeros((held.noutputs, 0)), held.D, None, dt)
+    return StateSpace.from_control(control.sample_system(held, dt, method="zoh"))
+
+
+def d2c_matched(model: StateSpace | Estimate) -> "control.TransferFunction":
+    """The continuous-time system whose poles and zeros s map to those of `model` by z = exp(s dt).
+
+    Zeros at zero and on the negative real axis, which sampling makes [Astrom1984], belong to infinite frequency and are
+    left out. The gain is matched at 0 Hz, or where that is zero or infinite at a tenth of the Nyquist frequency.
+
+    Args:
+        model: A model or estimate with one input and one output; its noise model has no part in this.
+
+    Returns:
+        A continuous-time python-control transfer function.
+
+    Raises:
+        SysidError: Several channels, or poles at zero or on the negative real axis.
+    """
+    import control
+
+    model = as_model(model).input_path()
+    z = zero_pole_gain(model)
+    # several at -1 come out as a small circle round it
+    finite = z.zeros[~_without_match(z.zeros) & (np.abs(z.zeros + 1.0) > 1e-6)]
+    lost = z.poles[_without_match(z.poles)]
+    if len(lost):
+        raise SysidError(
+            f"poles at zero or on the negative real axis, {_list(lost)}, match none in continuous time; take delays "
+            "out by split_delay, or fit a lower order"
+        )
+    zeros, poles = np.log(finite) / model.dt, np.log(z.poles) / model.dt
+    unscaled = control.zpk(zeros, poles, 1.0)
+    f = 0.0 if _regular_at_zero(z) else 0.05 / model.dt
+    target = model.frequency_response([f])[0, 0, 0]
+    gain = target / complex(unscaled(2j * np.pi * f))
+    # at 0 Hz both are real; elsewhere only the magnitude can be matched, the sign by the nearer phase
+    return control.zpk(zeros, poles, float(np.copysign(abs(gain), gain.real)))
+
+
+def c2d_matched(system: "control.LTI", dt: float) -> StateSpace:
+    """The discrete-time system whose poles and zeros are z = exp(s dt) of those of a continuous one.
+
+    Zeros at infinity, all but one, go to z = -1, so that the output follows a sample later. The gain is matched at
+    0 Hz, or where that is zero or infinite at a tenth of the Nyquist frequency.
+
+    Args:
+        system: A continuous-time python-control system with one input and one output.
+        dt: Sampling interval in s.
+
+    Returns:
+        The discrete-time model, without noise model.
+
+    Raises:
+        SysidError: Several channels, not continuous, dt not positive, more zeros than poles.
+    """
+    dt = sampling_interval(dt)
+    system = _continuous(system)
+    if system.ninputs != 1 or system.noutputs != 1:
+        raise SysidError(f"matching takes one input and one output, got {system.ninputs} and {system.noutputs}")
+    poles, zeros = np.asarray(system.poles(), complex), np.asarray(system.zeros(), complex)
+    # what rounding made of a leading coefficient is a zero far beyond anything that samples know of
+    zeros = zeros[np.abs(zeros) * dt < AT_INFINITY]
+    _check_proper(len(zeros), len(poles))
+    extra = max(len(poles) - len(zeros) - 1, 0)
+    unscaled = ZeroPoleGain(np.concatenate((np.exp(zeros * dt), -np.ones(extra))), np.exp(poles * dt), 1.0, dt)
+    f = 0.0 if _regular_at_zero(unscaled) else 0.05 / dt
+    gain = complex(system(2j * np.pi * f)) / unscaled.frequency_response([f])[0]
+    scaled = float(np.copysign(abs(gain), gain.real))
+    return ZeroPoleGain(unscaled.zeros, unscaled.poles, scaled, dt).to_state_space()
+
+
+def _continuous(system: "control.LTI") -> "control.LTI":
+    import control
+
+    if not isinstance(system, control.StateSpace | control.TransferFunction):
+        raise SysidError(f"expected a continuous-time python-control system, got {type(system).__name__}")
+    # a gain alone has no time of either kind
+    static = system.dt is None and not len(system.poles())
+    if not static and not system.isctime(strict=True):
+        raise SysidError(f"expected a continuous-time python-control system, got one with dt = {system.dt!r}")
+    return system
+
+
+def _check_proper(zeros: int, poles: int) -> None:
+    if zeros > poles:
+        raise SysidError(f"the system has {zeros} zeros and only {poles} poles: its response grows with frequency")
+
+
+def _without_match(roots: ComplexArray) -> np.ndarray[Any, np.dtype[np.bool_]]:
+    """Which of the roots z are exp(s dt) of no s on the principal branch: at zero, or on the negative real axis."""
+    on_axis = np.abs(roots.imag) <= 1e-9 * np.abs(roots)
+    return (np.abs(roots) < AT_ZERO) | ((roots.real < 0.0) & on_axis)
+
+
+def _regular_at_zero(z: ZeroPoleGain) -> bool:
+    return bool((np.abs(np.concatenate((z.zeros, z.poles)) - 1.0) > AT_ONE).all())
+
+
+def _list(values: ComplexArray) -> str:
+    return ", ".join(f"{value.real:.4g}" for value in values)

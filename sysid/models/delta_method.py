@@ -1,0 +1,53 @@
+"""First-order propagation of parameter covariance through any function of the parameters."""
+
+from collections.abc import Callable
+
+import numpy as np
+
+from sysid.records.arrays import FloatArray
+
+# a fraction of one standard deviation: small against curvature, large against rounding
+STEP = 0.01
+
+
+def standard_directions(covariance: FloatArray) -> FloatArray:
+    """Columns L with L L' = covariance: independent steps of one standard deviation each.
+
+    Stepping along them instead of along single parameters keeps a badly conditioned model (whose parameters are known
+    only jointly) inside its own confidence region.
+
+    Args:
+        covariance: Symmetric, positive semidefinite (p, p).
+
+    Returns:
+        Directions (p, p).
+    """
+    scale = np.sqrt(np.maximum(np.diag(covariance), 0.0))
+    scale[scale == 0.0] = 1.0
+    values, vectors = np.linalg.eigh(covariance / np.outer(scale, scale))
+    return scale[:, None] * vectors * np.sqrt(np.maximum(values, 0.0))
+
+
+def spread(function: Callable[[FloatArray], FloatArray], parameters: FloatArray, covariance: FloatArray) -> FloatArray:
+    """Change of `function` per standard direction, by central differences.
+
+    The sum over the first axis of the products of two entries is their covariance [Ljung1999, ch. 9].
+
+    Args:
+        function: From parameters (p,) to a real array of any shape.
+        parameters: Where to differentiate (p,).
+        covariance: Covariance of the parameters (p, p); NaN where it is not known, and then the result is NaN too.
+
+    Returns:
+        Derivatives (p, *shape of the function's value).
+    """
+    if not np.isfinite(covariance).all():
+        # how well the parameters are known is not known
+        return np.full((1, *np.shape(function(parameters))), np.nan)
+    directions = standard_directions(covariance)
+    return np.array(
+        [
+            (function(parameters + STEP * step) - function(parameters - STEP * step)) / (2.0 * STEP)
+            for step in directions.T
+        ]
+    )

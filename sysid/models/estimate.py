@@ -1,0 +1,323 @@
+"""What every parametric estimator returns."""
+
+import math
+import warnings
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from sysid.models.delta_method import spread
+from sysid.models.frequency_response import NORMAL_95, FrequencyResponse
+from sysid.models.polynomials import Polynomials
+from sysid.models.state_space import StateSpace
+from sysid.records.arrays import ComplexArray, FloatArray, Locked, lock, locked_within, real_array
+from sysid.records.data import IOData
+from sysid.records.errors import SysidError, SysidWarning
+
+VAGUE = 3.5
+"""Standard deviation of a bandwidth's logarithm beyond which its interval says nothing: a factor of a thousand."""
+
+LISTED = 16
+"""Parameters that a printed estimate lists one by one."""
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Bandwidth(Locked):
+    """Half-power bandwidths with 95 % intervals.
+
+    Attributes:
+        hz: First frequency 3.01 dB below the gain at 0 Hz (ny, nu); NaN where there is none below Nyquist.
+        ci95: Lower and upper end (ny, nu) each, symmetric on a logarithmic scale as far as the Nyquist frequency; NaN
+            where `hz` is.
+    """
+
+    hz: FloatArray
+    ci95: tuple[FloatArray, FloatArray]
+
+    def __post_init__(self) -> None:
+        """Lock."""
+        object.__setattr__(self, "hz", lock(self.hz))
+        object.__setattr__(self, "ci95", (lock(self.ci95[0]), lock(self.ci95[1])))
+
+    def covers(self, hz: ArrayLike) -> np.ndarray[Any, np.dtype[np.bool_]]:
+        """Whether the interval holds `hz`, entry by entry (ny, nu); never where there is no bandwidth."""
+        value = np.asarray(hz, dtype=float)
+        return (self.ci95[0] <= value) & (value <= self.ci95[1])
+
+
+@dataclass(frozen=True)
+class DataSummary:
+    """What an estimate remembers of its data.
+
+    Attributes:
+        samples: Length of each experiment.
+        dt: Sampling interval in s.
+        input_names: One name per input.
+        output_names: One name per output.
+        input_units: One unit per input.
+        output_units: One unit per output.
+        names: Name of each experiment.
+    """
+
+    samples: tuple[int, ...]
+    dt: float
+    input_names: tuple[str, ...]
+    output_names: tuple[str, ...]
+    input_units: tuple[str, ...]
+    output_units: tuple[str, ...]
+    names: tuple[str, ...]
+
+    @staticmethod
+    def of(experiments: Sequence[IOData]) -> "DataSummary":
+        """Describe a data set."""
+        first = experiments[0]
+        return DataSummary(
+            samples=tuple(len(e) for e in experiments),
+            dt=first.dt,
+            input_names=first.input_names or (),
+            output_names=first.output_names or (),
+            input_units=first.input_units or (),
+            output_units=first.output_units or (),
+            names=tuple(e.name for e in experiments),
+        )
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Estimate(Locked):
+    """A model, how it was found and how well it is known.
+
+    Attributes:
+        model: Innovation form.
+        polynomials: A, B, C, D, F; None for state-space methods.
+        parameters: Estimated parameters (p,).
+        parameter_names: One name per parameter.
+        covariance: Of the parameters (p, p); NaN where the method does not know it (`n4sid`).
+        noise_variance: Unbiased covariance of the innovation (ny, ny).
+        residuals: One-step prediction errors of `model` on its own data, the initial state fitted, (N, ny); experiments
+            one after the other.
+        method: Name of the estimator.
+        orders: What it was asked for.
+        diagnostics: Condition number, iterations, convergence, starts, `warnings` (a tuple of texts), and more that
+            belongs to the method.
+        data: What the data were.
+        realise: Pure function from parameters to the model; the delta method differentiates it.
+    """
+
+    model: StateSpace
+    polynomials: Polynomials | None
+    parameters: FloatArray
+    parameter_names: tuple[str, ...]
+    covariance: FloatArray
+    noise_variance: FloatArray
+    residuals: FloatArray
+    method: str
+    orders: Mapping[str, Any]
+    diagnostics: Mapping[str, Any]
+    data: DataSummary
+    realise: Callable[[FloatArray], StateSpace]
+
+    def __post_init__(self) -> None:
+        """Lock arrays and copies of the mappings."""
+        p = len(self.parameters)
+        if self.covariance.shape != (p, p) or len(self.parameter_names) != p:
+            raise SysidError(
+                f"{p} parameters need {p} names and a {p} x {p} covariance, got {len(self.parameter_names)} and "
+                f"{self.covariance.shape}"
+            )
+        for attribute in ("parameters", "covariance", "noise_variance", "residuals"):
+            object.__setattr__(self, attribute, lock(getattr(self, attribute)))
+        for attribute in ("orders", "diagnostics"):
+            copied = {name: _copied(value) for name, value in getattr(self, attribute).items()}
+            object.__setattr__(self, attribute, locked_within(copied))
+
+    def __repr__(self) -> str:
+        """One short line: the first of the text."""
+        return f"<Estimate: {self._heading()}>"
+
+    def _heading(self) -> str:
+        orders = ", ".join(f"{name} {value}" for name, value in self.orders.items())
+        return f"{self.method.upper()} ({orders}) from {sum(self.data.samples)} samples every {self.data.dt:g} s"
+
+    def __str__(self) -> str:
+        """A few lines: method and orders, parameters with standard deviations, poles, warnings."""
+        lines = [self._heading()]
+        if len(self.parameters) <= LISTED:
+            spreads = np.sqrt(np.maximum(np.diag(self.covariance), 0.0))
+            lines += [
+                f"  {name} = {value:.6g}" + (f" ± {one:.2g}" if np.isfinite(one) else "")
+                for name, value, one in zip(self.parameter_names, self.parameters, spreads, strict=True)
+            ]
+        else:
+            lines.append(f"  {len(self.parameters)} parameters")
+        poles = (f"{p.real:.4f}" + (f"{p.imag:+.4f}j" if abs(p.imag) > 1e-9 else "") for p in self.poles())
+        lines.append(f"  poles from input to output (z plane): {', '.join(poles) or 'none'}")
+        lines.append(f"  innovation variance: {', '.join(f'{v:.4g}' for v in np.diag(self.noise_variance))}")
+        lines.append(f"  final prediction error: {self.fpe:.4g}, AIC {self.aic:.6g}, BIC {self.bic:.6g}")
+        lines += [f"  warning: {text}" for text in self.diagnostics.get("warnings", ())]
+        return "\n".join(lines)
+
+    def poles(self) -> ComplexArray:
+        """Poles of the path from input to output, largest modulus first; `poles_band` tells how well they are known."""
+        return self.model.input_path().poles()
+
+    def zeros(self) -> ComplexArray:
+        """Transmission zeros of the path from input to output, largest modulus first; see `zeros_band`."""
+        return self.model.input_path().zeros()
+
+    def dc_gain(self) -> FloatArray:
+        """Gain at 0 Hz (ny, nu); see `band`."""
+        return self.model.dc_gain()
+
+    def step_response(self, n: int) -> FloatArray:
+        """Response to a unit step in each input (n, ny, nu); see `band`."""
+        return self.model.step_response(n)
+
+    @property
+    def loss(self) -> float:
+        """Mean square of the residuals; with several outputs the ny-th root of the determinant of their covariance."""
+        known = self.residuals[np.isfinite(self.residuals).all(axis=1)]
+        return float(np.linalg.det(known.T @ known / len(known)) ** (1.0 / known.shape[1]))
+
+    @property
+    def fpe(self) -> float:
+        """Akaike's final prediction error, loss (1 + p/N) / (1 - p/N) [Ljung1999, ch. 16]; infinite for p >= N."""
+        share = self._parameters_per_sample
+        return self.loss * (1.0 + share) / (1.0 - share) if share < 1.0 else np.inf
+
+    @property
+    def aic(self) -> float:
+        """Akaike's information criterion, log(loss) + 2 p/N; comparable on the same data."""
+        return float(np.log(self.loss) + 2.0 * self._parameters_per_sample) if self.loss else -np.inf
+
+    @property
+    def bic(self) -> float:
+        """Schwarz's criterion, log(loss) + p log(N)/N; comparable on the same data."""
+        samples = sum(self.data.samples)
+        return float(np.log(self.loss) + np.log(samples) * self._parameters_per_sample) if self.loss else -np.inf
+
+    @property
+    def _parameters_per_sample(self) -> float:
+        return len(self.parameters) / sum(self.data.samples)
+
+    def bandwidth(self) -> Bandwidth:
+        """Half-power bandwidth with its 95 % interval, by the delta method on its logarithm.
+
+        The crossing moves by d(log f) = -d(log ratio) / (d log ratio / d log f), ratio = |G(f)|^2 / |G(0)|^2, so that
+        the crossing is solved for only once [Ljung1999, ch. 9]. No end lies beyond the Nyquist frequency.
+
+        Warns:
+            SysidWarning: A bandwidth known to less than a factor of a thousand, as of a model that all but integrates.
+        """
+        hz = self.model.bandwidth()
+        _, moves = self._moves(np.zeros(0), hz)
+        return self._bandwidth(hz, moves)
+
+    def frequency_response(self, f_hz: ArrayLike) -> FrequencyResponse:
+        """Response, its covariance by the delta method, and the disturbance spectrum of the noise model.
+
+        Args:
+            f_hz: Frequencies in Hz (nf,).
+        """
+        f = np.atleast_1d(real_array("f_hz", f_hz))
+        moves, _ = self._moves(f, np.full((self.model.ny, self.model.nu), np.nan))
+        return self._frequency_response(f, moves)
+
+    def response_and_bandwidth(self, f_hz: ArrayLike) -> tuple[FrequencyResponse, Bandwidth]:
+        """`frequency_response` and `bandwidth` at once: half the time, where models take long to realise.
+
+        Args:
+            f_hz: Frequencies in Hz (nf,).
+
+        Warns:
+            SysidWarning: As `bandwidth` does.
+        """
+        f, hz = np.atleast_1d(real_array("f_hz", f_hz)), self.model.bandwidth()
+        of_response, of_ratios = self._moves(f, hz)
+        return self._frequency_response(f, of_response), self._bandwidth(hz, of_ratios)
+
+    def _moves(self, f: FloatArray, hz: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Changes per standard direction, each model realised once.
+
+        Args:
+            f: Frequencies in Hz (nf,).
+            hz: Bandwidths (ny, nu), NaN where there is none.
+
+        Returns:
+            Those of real and imaginary part of the response at `f` (p, nf, ny, nu, 2), and those of
+            log(|G(hz)|^2 / |G(0)|^2) (p, m), one for each bandwidth that there is.
+        """
+        shape = (len(f), self.model.ny, self.model.nu, 2)
+        i, j = np.nonzero(np.isfinite(hz))
+        at = np.concatenate((f, hz[i, j], np.zeros(min(len(i), 1))))
+
+        def parts(theta: FloatArray) -> FloatArray:
+            g = self.realise(theta).frequency_response(at)
+            ratios = _log_ratio(g[len(f) + np.arange(len(i)), i, j], g[-1, i, j]) if len(i) else np.zeros(0)
+            return np.concatenate((np.stack((g.real, g.imag), axis=-1)[: len(f)].ravel(), ratios))
+
+        moves = spread(parts, self.parameters, self.covariance)
+        moves = moves.reshape(len(moves), math.prod(shape) + len(i))
+        return moves[:, : math.prod(shape)].reshape(len(moves), *shape), moves[:, math.prod(shape) :]
+
+    def _bandwidth(self, hz: FloatArray, moves: FloatArray) -> Bandwidth:
+        deviation = np.full(hz.shape, np.nan)
+        nyquist = 0.5 / self.model.dt
+        for (i, j), move in zip(np.argwhere(np.isfinite(hz)), moves.T, strict=True):
+            h = 1e-4
+            ends = min(hz[i, j] * (1 + h), nyquist), hz[i, j] * (1 - h)
+            up, down, dc = self.model.frequency_response([*ends, 0.0])[:, i, j]
+            slope = (_log_ratio(up, dc) - _log_ratio(down, dc)) / np.log(ends[0] / ends[1])
+            deviation[i, j] = np.linalg.norm(move) / abs(slope) if slope else np.inf
+        vague = deviation > VAGUE
+        if vague.any():
+            warnings.warn(
+                f"the bandwidth is not determined: the standard deviation of its logarithm is "
+                f"{np.nanmax(deviation):.3g}, where the model hardly differs from an integrator; its interval is 0 to "
+                "Nyquist",
+                SysidWarning,
+                stacklevel=3,
+            )
+        factor = np.exp(NORMAL_95 * np.minimum(deviation, VAGUE))
+        low, high = np.where(vague, 0.0, hz / factor), np.where(vague, nyquist, np.minimum(hz * factor, nyquist))
+        return Bandwidth(hz, (low, np.where(np.isnan(hz), np.nan, high)))
+
+    def _frequency_response(self, f: FloatArray, moves: FloatArray) -> FrequencyResponse:
+        h = self.model.noise_response(f)
+        return FrequencyResponse(
+            frequencies=f,
+            response=self.model.frequency_response(f),
+            dt=self.model.dt,
+            method=self.method,
+            covariance=np.einsum("k...i,k...j->...ij", moves, moves) if np.isfinite(self.covariance).all() else None,
+            noise_spectrum=self.model.dt * h @ self.noise_variance @ h.conj().transpose(0, 2, 1),
+            input_names=self.data.input_names,
+            output_names=self.data.output_names,
+        )
+
+
+def _copied(value: Any) -> Any:
+    """Arrays belong to the caller, who may go on with them."""
+    if isinstance(value, np.ndarray):
+        return value.copy()
+    return tuple(_copied(part) for part in value) if type(value) is tuple else value
+
+
+def as_estimate(estimate: Estimate) -> Estimate:
+    """Return the estimate, where it is one.
+
+    Raises:
+        SysidError: Something else was given: a model alone knows nothing of its uncertainty.
+    """
+    if not isinstance(estimate, Estimate):
+        raise SysidError(
+            f"expected an Estimate, got {type(estimate).__name__}: intervals rest on the covariance of its parameters"
+        )
+    return estimate
+
+
+def _log_ratio(g: ComplexArray, dc: ComplexArray) -> FloatArray:
+    """Logarithm of |G|^2 / |G(0)|^2."""
+    return np.asarray(2.0 * np.log(np.abs(g) / np.abs(dc)))

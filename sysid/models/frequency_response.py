@@ -1,0 +1,184 @@
+"""Frequency responses with their uncertainty, from any method."""
+
+from dataclasses import dataclass, field
+
+import numpy as np
+from scipy.special import chndtrinc
+from scipy.stats import chi2, t
+
+from sysid.records.arrays import ComplexArray, FloatArray, Locked, lock
+from sysid.records.errors import SysidError
+
+NORMAL_95 = 1.959963984540054
+FAR = 20.0  # standard deviations from zero beyond which the modulus is normal
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class FrequencyResponse(Locked):
+    """A response over frequency, and the spectra that came with it.
+
+    Spectra are two-sided densities: the sum over -Nyquist..Nyquist times the spacing in Hz is the variance.
+
+    Attributes:
+        frequencies: Hz, ascending (nf,).
+        response: Complex response (nf, ny, nu); NaN where the data say nothing.
+        dt: Sampling interval in s.
+        method: What made it.
+        covariance: Of (real part, imaginary part) of every entry (nf, ny, nu, 2, 2), NaN where the data say nothing;
+            None where the method has none.
+        coherence: |Phi_yu|^2 / (Phi_y Phi_u) per pair (nf, ny, nu), 0..1; None where the method has none.
+        noise_spectrum: Spectrum of the disturbance (nf, ny, ny), unit^2/Hz.
+        input_spectrum: Phi_u (nf, nu, nu), unit^2/Hz.
+        output_spectrum: Phi_y (nf, ny, ny), unit^2/Hz.
+        cross_spectrum: Phi_yu (nf, ny, nu).
+        degrees_of_freedom: Of the variance that `covariance` and `noise_spectrum` rest on; None where that is no matter
+            (a parametric model): intervals are then those of the normal distribution.
+        input_names: One name per input.
+        output_names: One name per output.
+    """
+
+    frequencies: FloatArray
+    response: ComplexArray
+    dt: float
+    method: str
+    covariance: FloatArray | None = None
+    coherence: FloatArray | None = None
+    noise_spectrum: ComplexArray | None = None
+    input_spectrum: ComplexArray | None = None
+    output_spectrum: ComplexArray | None = None
+    cross_spectrum: ComplexArray | None = None
+    degrees_of_freedom: float | None = None
+    input_names: tuple[str, ...] = field(default=(), kw_only=True)
+    output_names: tuple[str, ...] = field(default=(), kw_only=True)
+
+    def __post_init__(self) -> None:
+        """Check shapes and lock."""
+        nf = len(self.frequencies)
+        if self.response.ndim != 3 or len(self.response) != nf:
+            raise SysidError(f"response: expected shape ({nf}, ny, nu), got {self.response.shape}")
+        _, ny, nu = self.response.shape
+        shapes = {
+            "covariance": (nf, ny, nu, 2, 2),
+            "coherence": (nf, ny, nu),
+            "noise_spectrum": (nf, ny, ny),
+            "input_spectrum": (nf, nu, nu),
+            "output_spectrum": (nf, ny, ny),
+            "cross_spectrum": (nf, ny, nu),
+        }
+        for attribute, shape in shapes.items():
+            value = getattr(self, attribute)
+            if value is None:
+                continue
+            if value.shape != shape:
+                raise SysidError(f"{attribute}: expected shape {shape}, got {value.shape}")
+            object.__setattr__(self, attribute, lock(value))
+        object.__setattr__(self, "frequencies", lock(np.asarray(self.frequencies, dtype=float)))
+        object.__setattr__(self, "response", lock(np.asarray(self.response, dtype=complex)))
+
+    @property
+    def magnitude(self) -> FloatArray:
+        """Modulus of the response (nf, ny, nu)."""
+        return np.abs(self.response)
+
+    @property
+    def phase(self) -> FloatArray:
+        """Phase in rad, unwrapped along frequency (nf, ny, nu); NaN where the response is."""
+        out = np.full(self.response.shape, np.nan)
+        for i, j in np.ndindex(out.shape[1:]):
+            known = np.isfinite(self.response[:, i, j])
+            out[known, i, j] = np.unwrap(np.angle(self.response[known, i, j]))
+        return out
+
+    def magnitude_deviation(self) -> FloatArray:
+        """Standard deviation of the magnitude to first order (nf, ny, nu).
+
+        Raises:
+            SysidError: The method gave no covariance.
+        """
+        return self._along(self._direction())
+
+    def phase_deviation(self) -> FloatArray:
+        """Standard deviation of the phase in rad to first order (nf, ny, nu).
+
+        Raises:
+            SysidError: The method gave no covariance.
+        """
+        return self._along(1j * self._direction()) / np.maximum(self.magnitude, np.finfo(float).tiny)
+
+    def magnitude_ci95(self) -> tuple[FloatArray, FloatArray]:
+        """95 % interval of the magnitude, never below zero, (nf, ny, nu) each.
+
+        The modulus of a normal complex error has a Rice distribution [Rice1945]: its noncentrality is inverted where
+        the error is not small against the response, so that a response lost in noise is not claimed to be above zero.
+
+        Raises:
+            SysidError: The method gave no covariance.
+        """
+        size = self.magnitude
+        # Student's quantile for the normal one stands for an error whose variance is itself estimated.
+        deviation = self.magnitude_deviation() * (self.quantile_95 / NORMAL_95)
+        low, high = size - NORMAL_95 * deviation, size + NORMAL_95 * deviation
+        real = self._along(1j * self._direction()) <= 1e-6 * deviation
+        with np.errstate(divide="ignore", invalid="ignore"):
+            ratio = size / deviation
+        for entries, dimensions in ((real, 1), (~real, 2)):
+            near = entries & (ratio < FAR)
+            edges = _rice_interval(ratio[near], dimensions)
+            low[near], high[near] = deviation[near] * edges[0], deviation[near] * edges[1]
+        return low, high
+
+    def phase_ci95(self) -> tuple[FloatArray, FloatArray]:
+        """95 % interval of the phase in rad round the unwrapped phase, (nf, ny, nu) each.
+
+        Raises:
+            SysidError: The method gave no covariance.
+        """
+        reach = self.quantile_95 * self.phase_deviation()
+        return self.phase - reach, self.phase + reach
+
+    def noise_ci95(self) -> tuple[FloatArray, FloatArray]:
+        """95 % interval of the disturbance's spectrum per output, by the chi-square distribution (nf, ny) each.
+
+        The spectrum is short of what the response has fitted, so that the interval is not centred on it. At 0 Hz and at
+        the Nyquist frequency it holds half the degrees of freedom and the interval is too narrow.
+
+        Raises:
+            SysidError: The method gave no disturbance spectrum, or one of unknown degrees of freedom.
+        """
+        if self.noise_spectrum is None or self.degrees_of_freedom is None:
+            raise SysidError(f"{self.method} gives no disturbance spectrum with degrees of freedom")
+        freedom = self.degrees_of_freedom
+        total = np.einsum("fii->fi", self.noise_spectrum).real * (freedom + 2.0 * self.response.shape[2])
+        total = np.maximum(total, 0.0)
+        return total / chi2.ppf(0.975, freedom), total / chi2.ppf(0.025, freedom)
+
+    @property
+    def quantile_95(self) -> float:
+        """Half-width of a 95 % interval in standard deviations: Student's, or normal without degrees of freedom."""
+        return NORMAL_95 if self.degrees_of_freedom is None else float(t.ppf(0.975, self.degrees_of_freedom))
+
+    def _direction(self) -> ComplexArray:
+        # NaN stays NaN, without a complaint of numpy
+        with np.errstate(invalid="ignore"):
+            return np.asarray(self.response / np.maximum(self.magnitude, np.finfo(float).tiny))
+
+    def _along(self, direction: ComplexArray) -> FloatArray:
+        if self.covariance is None:
+            raise SysidError(f"{self.method} gives no covariance of its frequency response")
+        d = np.stack((direction.real, direction.imag), axis=-1)
+        return np.sqrt(np.maximum(np.einsum("...i,...ij,...j->...", d, self.covariance, d), 0.0))
+
+
+def _rice_interval(ratio: FloatArray, dimensions: int) -> tuple[FloatArray, FloatArray]:
+    """95 % interval of the length of a vector from a measured one, both in standard deviations of its error.
+
+    Args:
+        ratio: Measured lengths (n,).
+        dimensions: Of the vector: 2, or 1 where the response is real.
+    """
+    # A length that is small by chance bounds the true one no closer than one standard deviation does.
+    low, high = (
+        np.sqrt(chndtrinc(np.maximum(ratio, least) ** 2, dimensions, probability))
+        for least, probability in ((0.1, 0.975), (1.0, 0.025))
+    )
+    return low, high

@@ -1,0 +1,167 @@
+"""The polynomials of a prediction-error model, and their state space in innovation form."""
+
+from dataclasses import dataclass, field
+
+import numpy as np
+import scipy.linalg
+from numpy.typing import ArrayLike
+
+from sysid.models.state_space import StateSpace
+from sysid.records.arguments import real_number
+from sysid.records.arrays import FloatArray, Locked, lock, real_array
+from sysid.records.errors import SysidError
+
+ONE = np.ones(1)
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Polynomials(Locked):
+    """A(q) y = B(q)/F(q) u + C(q)/D(q) e, coefficients of falling powers q^0, q^-1, ... [Ljung1999, eq. 4.33].
+
+    What is not given is 1 (B: no input): `Polynomials(B=[0, 0.1], F=[1, -0.9])` is an output-error model.
+
+    Attributes:
+        A: 1, a1, ..., (na + 1,).
+        B: nk zeros, then b1, b2, ..., (nk + nb,). With several inputs (nu, longest), a row each, zeros behind.
+        C: 1, c1, ..., (nc + 1,).
+        D: 1, d1, ..., (nd + 1,).
+        F: 1, f1, ..., (nf + 1,). With several inputs (nu, longest), a row each, zeros behind.
+
+    Raises:
+        SysidError: A, C, D or F does not begin with 1, or B and F have rows for different numbers of inputs.
+    """
+
+    A: FloatArray = field(default_factory=lambda: ONE)
+    B: FloatArray = field(default_factory=lambda: np.zeros(1))
+    C: FloatArray = field(default_factory=lambda: ONE)
+    D: FloatArray = field(default_factory=lambda: ONE)
+    F: FloatArray = field(default_factory=lambda: ONE)
+
+    def __post_init__(self) -> None:
+        """Check and lock."""
+        if self.F is ONE and np.ndim(self.B) == 2:
+            object.__setattr__(self, "F", np.ones((len(self.B), 1)))
+        for name in "ABCDF":
+            value = np.atleast_1d(real_array(name, getattr(self, name)))
+            if value.ndim > (2 if name in "BF" else 1) or value.size == 0:
+                raise SysidError(f"{name}: expected a row of coefficients, got shape {value.shape}")
+            if name != "B" and not (np.atleast_2d(value)[:, 0] == 1.0).all():
+                raise SysidError(f"{name} must begin with 1, got {value}")
+            object.__setattr__(self, name, lock(value))
+        if np.atleast_2d(self.B).shape[0] != np.atleast_2d(self.F).shape[0]:
+            raise SysidError(f"B and F need a row per input each, got shapes {self.B.shape} and {self.F.shape}")
+
+    @property
+    def nu(self) -> int:
+        """Number of inputs."""
+        return int(np.atleast_2d(self.B).shape[0])
+
+    def channel(self, j: int) -> tuple[FloatArray, FloatArray]:
+        """B and F of input j, without the zeros behind."""
+        b, f = np.atleast_2d(self.B)[j], np.atleast_2d(self.F)[j]
+        return _trim(b), _trim(f)
+
+
+def innovations_form(polynomials: Polynomials, dt: float, variance: ArrayLike | None = None) -> StateSpace:
+    """State space in observer companion form: for one denominator, K = c - a [Morris1996, eq. 4.9].
+
+    ARX, ARMAX and OE with one input share one companion block. With F beside A, with D, or with several F, every
+    input path B/(AF) and the noise path C/(AD) have a block each; the model need not be minimal then.
+
+    Args:
+        polynomials: A, B, C, D, F.
+        dt: Sampling interval in s.
+        variance: Variance of the innovation, in output units squared, a number or (1, 1) as an estimate's
+            `noise_variance`; None when not known.
+
+    Returns:
+        The model, one output, x(t+1) = A x + B u + K e, y = C x + D u + e.
+
+    Raises:
+        SysidError: Something else than polynomials, dt not positive, a negative variance.
+    """
+    if not isinstance(polynomials, Polynomials):
+        raise SysidError(f"expected Polynomials, got {type(polynomials).__name__}; an estimate's are .polynomials")
+    p = polynomials
+    channels = [p.channel(j) for j in range(p.nu)]
+    a, c, d = _trim(p.A), _trim(p.C), _trim(p.D)
+    covariance = None
+    if variance is not None:
+        single = np.reshape(variance, ()) if np.shape(variance) == (1, 1) else variance
+        expected = "be a variance >= 0, a number or a matrix (1, 1)"
+        covariance = np.array([[real_number("variance", single, expected, lambda v: 0.0 <= v < np.inf)]])
+    if len(d) == 1 and all(len(f) == 1 for _, f in channels):
+        n = _states(a, [*(b for b, _ in channels), c])
+        A, B, C, D = _companion(a, [b for b, _ in channels], n)
+        K = (_pad(c, n + 1) - _pad(a, n + 1))[1:, None]
+        return StateSpace(A, B, C, D, K, dt, covariance)
+    parts = []
+    for j, (b, f) in enumerate(channels):
+        A, Bj, C, Dj = _companion(np.convolve(a, f), [b])
+        B = np.zeros((len(A), p.nu))
+        B[:, [j]] = Bj
+        direct = np.zeros((1, p.nu))
+        direct[:, [j]] = Dj
+        parts.append((A, B, C, direct, np.zeros((len(A), 1))))
+    noise = np.convolve(a, d)
+    n = _states(noise, [c])
+    if n and not (len(noise) == len(c) and np.array_equal(noise, c)):
+        A, _, C, _ = _companion(noise, [np.zeros(1)], n)
+        parts.append((A, np.zeros((n, p.nu)), C, np.zeros((1, p.nu)), (_pad(c, n + 1) - _pad(noise, n + 1))[1:, None]))
+    return StateSpace(
+        np.asarray(scipy.linalg.block_diag(*[part[0] for part in parts])),
+        np.vstack([part[1] for part in parts]),
+        np.hstack([part[2] for part in parts]),
+        np.sum([part[3] for part in parts], axis=0),
+        np.vstack([part[4] for part in parts]),
+        dt,
+        covariance,
+    )
+
+
+def is_stable(polynomial: FloatArray, margin: float = 0.0) -> bool:
+    """Whether all roots z of z^n + p1 z^(n-1) + ... lie inside the circle of radius 1 - margin."""
+    if len(polynomial) == 1:
+        return True  # asked at every step of a search, of structures without C and D too
+    roots = np.roots(_trim(polynomial))
+    return bool((np.abs(roots) < 1.0 - margin).all())
+
+
+def stabilised(polynomial: FloatArray, radius: float = 0.995) -> FloatArray:
+    """Mirror roots outside the unit circle into it and pull those beyond `radius` back to it."""
+    roots = np.roots(polynomial)
+    if (np.abs(roots) < radius).all():
+        return polynomial
+    outside = np.abs(roots) > 1.0
+    roots[outside] = 1.0 / roots[outside].conj()
+    far = np.abs(roots) > radius
+    roots[far] *= radius / np.abs(roots[far])
+    return _pad(np.atleast_1d(np.poly(roots).real), len(polynomial))
+
+
+def _trim(row: FloatArray) -> FloatArray:
+    nonzero = np.flatnonzero(row)
+    return row[: nonzero[-1] + 1] if len(nonzero) else row[:1]
+
+
+def _pad(row: FloatArray, length: int) -> FloatArray:
+    return np.concatenate((row, np.zeros(length - len(row))))
+
+
+def _states(denominator: FloatArray, numerators: list[FloatArray]) -> int:
+    return max(len(denominator), *(len(b) for b in numerators)) - 1
+
+
+def _companion(
+    denominator: FloatArray, numerators: list[FloatArray], states: int | None = None
+) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
+    n = _states(denominator, numerators) if states is None else states
+    a = _pad(denominator, n + 1)
+    A = np.eye(n, k=1)
+    if n:
+        A[:, 0] = -a[1:]
+    padded = [_pad(b, n + 1) for b in numerators]
+    B = np.array([b[1:] - b[0] * a[1:] for b in padded]).T.reshape(n, len(padded))
+    C = np.eye(1, n)
+    D = np.array([[b[0] for b in padded]])
+    return A, B, C, D

@@ -1,0 +1,138 @@
+"""Prediction: the output k steps ahead, from past outputs and from inputs."""
+
+import warnings
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from sysid.models.estimate import Estimate
+from sysid.models.kalman_gaps import Filtered, filtered
+from sysid.models.recursion import LARGEST, free_response, state_trajectory
+from sysid.models.simulate import as_model, as_state, output
+from sysid.models.state_space import StateSpace
+from sysid.records.arguments import whole_number
+from sysid.records.arrays import FloatArray
+from sysid.records.data import IOData, as_record
+from sysid.records.errors import SysidError, SysidWarning
+
+
+def predict(
+    model: StateSpace | Estimate, data: IOData, *, steps: int | None = 1, x0: ArrayLike | None = None
+) -> FloatArray:
+    """Prediction of y(t) from outputs up to t - steps and inputs up to t [Ljung1999, sec. 3.2, 4.3].
+
+    Missing outputs are predicted too, and what follows them from what is known, by the Kalman filter.
+
+    Args:
+        model: The model, or an estimate of it.
+        data: Inputs and outputs.
+        steps: Horizon in samples, >= 1; None simulates (an infinite horizon).
+        x0: State at the first sample (n,). None fits it by least squares to the data: to the initialisation window
+            where the record has one, else to the whole record.
+
+    Returns:
+        Predicted outputs (N, ny). The first `steps` samples are simulated from the initial state.
+
+    Raises:
+        SysidError: Channels that do not fit the model, steps < 1.
+
+    Warns:
+        SysidWarning: The predictor A - K C is not stable, so that its errors grow.
+    """
+    m = as_model(model)
+    check_channels(m, data)
+    steps = None if steps is None else whole_number("steps", steps, 1)
+    gain = np.zeros_like(m.gain) if steps is None else m.gain
+    run = None
+    if x0 is None and not data.complete and m.order and gain.any():
+        # one run of the filter serves the initial state and the prediction
+        run = filtered(m, data, np.zeros(m.order), free=True)
+        start = _fitted_state(m, data, run)
+    else:
+        start = initial_state(m, data, gain) if x0 is None else as_state(m, x0)
+    if steps is None or not gain.any():
+        return output(m, data.u, start)
+    observer = m.A - m.gain @ m.C
+    if m.order and np.abs(np.linalg.eigvals(observer)).max() > 1.0 + 1e-9:
+        radius = float(np.abs(np.linalg.eigvals(observer)).max())
+        warnings.warn(
+            f"the predictor is unstable: A - K C has spectral radius {radius:.6g}; its predictions grow without bound",
+            SysidWarning,
+            stacklevel=2,
+        )
+    if data.complete:
+        drive = data.u @ (m.B - m.gain @ m.D).T + data.y @ m.gain.T
+        states = state_trajectory(observer, drive, start)
+    elif run is not None:
+        states = run.states[:, :, 0] + run.states[:, :, 1:] @ start
+    else:
+        states = filtered(m, data, start).states[:, :, 0]
+    if steps == 1:
+        return states @ m.C.T + data.u @ m.D.T
+    horizon = min(int(steps), len(data))
+    ahead = states[: len(data) - horizon + 1]
+    for k in range(horizon - 1):
+        ahead = ahead @ m.A.T + data.u[k : k + len(ahead)] @ m.B.T
+    out = output(m, data.u, start)
+    out[horizon - 1 :] = ahead @ m.C.T + data.u[horizon - 1 :] @ m.D.T
+    return out
+
+
+def initial_state(model: StateSpace, data: IOData, gain: FloatArray | None = None) -> FloatArray:
+    """State at the first sample that makes the (predicted) output fit best, by least squares.
+
+    Args:
+        model: The model.
+        data: Inputs and outputs; with an initialisation window only that is looked at.
+        gain: Innovation gain of the predictor (n, ny); None takes the model's, zeros simulate.
+
+    Returns:
+        State (n,), of least norm where the data do not determine it.
+    """
+    check_channels(model, data)
+    if model.order == 0:
+        return np.zeros(0)
+    K = model.gain if gain is None else gain
+    seen = data.window or len(data)
+    u, y = data.u[:seen], data.y[:seen]
+    if not data.complete:
+        return _fitted_state(model, data, filtered(replace(model, K=K), data, np.zeros(model.order), free=True))
+    observer = model.A - K @ model.C
+    free = free_response(observer, model.C, seen)
+    # what comes after the free response has died out says nothing about the initial state
+    u, y = u[: len(free)], y[: len(free)]
+    drive = u @ (model.B - K @ model.D).T + y @ K.T
+    error = y - state_trajectory(observer, drive, np.zeros(model.order)) @ model.C.T - u @ model.D.T
+    usable = (np.abs(error) < LARGEST).all(axis=1)
+    rows = len(free) if usable.all() else int(np.argmin(usable))
+    solution, *_ = np.linalg.lstsq(free[:rows].reshape(-1, model.order), error[:rows].ravel(), rcond=None)
+    return np.asarray(solution, dtype=np.float64)
+
+
+def _fitted_state(model: StateSpace, data: IOData, run: Filtered) -> FloatArray:
+    """The same from the known outputs of a record with gaps, each weighted by how well it can be predicted."""
+    outputs = np.einsum("ij,tjk->tik", model.C, run.states)
+    error = np.where(data.known, data.y, 0.0) - outputs[:, :, 0] - data.u @ model.D.T
+    weights = run.deviations
+    usable = (np.abs(outputs) < LARGEST).all(axis=(1, 2))
+    rows = min(data.window or len(data), len(usable) if usable.all() else int(np.argmin(usable)))
+    phi = (weights[:, :, None] * outputs[:, :, 1:])[:rows].reshape(-1, model.order)
+    solution, *_ = np.linalg.lstsq(phi, (weights * error)[:rows].ravel(), rcond=None)
+    return np.asarray(solution, dtype=np.float64)
+
+
+def check_channels(model: StateSpace, data: IOData) -> None:
+    """Refuse data that the model has no channels for.
+
+    Raises:
+        SysidError: Not a record, or other numbers of inputs and outputs, or another sampling interval.
+    """
+    as_record(data)
+    if (data.nu, data.ny) != (model.nu, model.ny):
+        raise SysidError(
+            f"the data have {data.nu} input(s) and {data.ny} output(s), the model {model.nu} and {model.ny}; "
+            "data.select(inputs=..., outputs=...) picks channels"
+        )
+    if not np.isclose(data.dt, model.dt, rtol=1e-6, atol=0.0):
+        raise SysidError(f"the data are sampled every {data.dt} s, the model every {model.dt} s")

@@ -1,0 +1,380 @@
+"""Linear state-space models in innovation form."""
+
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+import scipy.linalg
+from numpy.typing import ArrayLike
+from scipy.optimize import brentq
+
+from sysid.models.balanced_truncation import balanced_truncation
+from sysid.models.transmission_zeros import transmission_zeros
+from sysid.records.arguments import real_number, sampling_interval, shown, whole_number
+from sysid.records.arrays import ComplexArray, FloatArray, Locked, lock, real_array
+from sysid.records.errors import SysidError
+
+if TYPE_CHECKING:
+    import control
+
+HALF_POWER = 0.5  # -3.0103 dB
+
+LARGE = 24
+"""With more states one decomposition for all frequencies is faster than a system of equations for each."""
+
+POLE_MET = "a frequency falls exactly on a pole on the unit circle: the response is infinite"
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class StateSpace(Locked):
+    """Discrete-time model x(t+1) = A x + B u + K e, y(t) = C x + D u + e [Ljung1999, sec. 4.3].
+
+    Attributes:
+        A: State matrix (n, n); n may be 0.
+        B: Input matrix (n, nu).
+        C: Output matrix (ny, n).
+        D: Direct term (ny, nu).
+        K: Innovation gain (n, ny); None means zero: the model has no dynamics of the noise.
+        dt: Sampling interval in s.
+        innovation_covariance: Covariance of e (ny, ny), in output units squared; None when not known.
+        input_names: One name per input.
+        output_names: One name per output.
+        input_units: One unit per input.
+        output_units: One unit per output.
+
+    Raises:
+        SysidError: Matrices that do not fit together, `dt <= 0`, NaN, a covariance that is none.
+    """
+
+    A: FloatArray
+    B: FloatArray
+    C: FloatArray
+    D: FloatArray
+    K: FloatArray | None
+    dt: float
+    innovation_covariance: FloatArray | None = None
+    input_names: tuple[str, ...] | None = field(default=None, kw_only=True)
+    output_names: tuple[str, ...] | None = field(default=None, kw_only=True)
+    input_units: tuple[str, ...] | None = field(default=None, kw_only=True)
+    output_units: tuple[str, ...] | None = field(default=None, kw_only=True)
+
+    def __post_init__(self) -> None:
+        """Check and lock."""
+        D = np.atleast_2d(real_array("D", self.D))
+        ny, nu = D.shape
+        A = real_array("A", self.A)
+        A = A.reshape(0, 0) if A.size == 0 else np.atleast_2d(A)
+        n = len(A)
+        fitting = {"A": (A, (n, n)), "D": (D, (ny, nu))}
+        fitting["B"] = (real_array("B", self.B), (n, nu))
+        fitting["C"] = (real_array("C", self.C), (ny, n))
+        fitting["K"] = (np.zeros((n, ny)) if self.K is None else real_array("K", self.K), (n, ny))
+        if self.innovation_covariance is not None:
+            given = np.atleast_2d(real_array("innovation_covariance", self.innovation_covariance))
+            fitting["innovation_covariance"] = (given, (ny, ny))
+            if given.shape == (ny, ny) and not _is_covariance(given):
+                raise SysidError(
+                    f"innovation_covariance must be symmetric without negative eigenvalues, got {shown(given.tolist())}"
+                )
+        for attribute, (matrix, shape) in fitting.items():
+            shaped = matrix.reshape(shape) if matrix.size == 0 == np.prod(shape) else matrix
+            if shaped.shape != shape:
+                raise SysidError(
+                    f"{attribute}: expected shape {shape} for {n} states, {nu} inputs, {ny} outputs, got {matrix.shape}"
+                )
+            object.__setattr__(self, attribute, lock(shaped))
+        object.__setattr__(self, "dt", sampling_interval(self.dt))
+        for attribute, count, default in (
+            ("input_names", nu, tuple(f"u{i + 1}" for i in range(nu))),
+            ("output_names", ny, tuple(f"y{i + 1}" for i in range(ny))),
+            ("input_units", nu, ("",) * nu),
+            ("output_units", ny, ("",) * ny),
+        ):
+            labels = getattr(self, attribute)
+            labels = default if labels is None else tuple(labels)
+            if len(labels) != count:
+                raise SysidError(f"{attribute}: expected {count}, one per channel, got {len(labels)}: {labels}")
+            object.__setattr__(self, attribute, labels)
+
+    @property
+    def order(self) -> int:
+        """Number of states n."""
+        return int(self.A.shape[0])
+
+    @property
+    def nu(self) -> int:
+        """Number of inputs."""
+        return int(self.D.shape[1])
+
+    @property
+    def ny(self) -> int:
+        """Number of outputs."""
+        return int(self.D.shape[0])
+
+    @property
+    def gain(self) -> FloatArray:
+        """Innovation gain K (n, ny), zero where none was given."""
+        return np.zeros((self.order, self.ny)) if self.K is None else self.K
+
+    def poles(self) -> ComplexArray:
+        """Eigenvalues of A (n,), largest modulus first."""
+        values = np.linalg.eigvals(self.A).astype(complex)
+        return values[np.argsort(-np.abs(values), kind="stable")]
+
+    def zeros(self) -> ComplexArray:
+        """Finite transmission zeros: where the system matrix [A - zI, B; C, D] loses rank."""
+        return transmission_zeros(self.A, self.B, self.C, self.D)
+
+    def is_stable(self) -> bool:
+        """Whether every pole lies strictly inside the unit circle."""
+        return bool((np.abs(self.poles()) < 1.0).all())
+
+    def frequency_response(self, f_hz: ArrayLike) -> ComplexArray:
+        """Response C (zI - A)^-1 B + D at z = exp(2 pi i f dt).
+
+        Args:
+            f_hz: Frequencies in Hz (nf,).
+
+        Returns:
+            Complex response (nf, ny, nu), in output units per input unit.
+        """
+        return self._response(f_hz, self.B, self.D)
+
+    def noise_response(self, f_hz: ArrayLike) -> ComplexArray:
+        """Response C (zI - A)^-1 K + I from the innovation to the output (nf, ny, ny)."""
+        return self._response(f_hz, self.gain, np.eye(self.ny))
+
+    def _response(self, f_hz: ArrayLike, B: FloatArray, D: FloatArray) -> ComplexArray:
+        frequencies = np.atleast_1d(real_array("f_hz", f_hz))
+        if frequencies.ndim != 1:
+            raise SysidError(f"f_hz: expected a list of frequencies, got an array of shape {frequencies.shape}")
+        z = np.exp(2j * np.pi * self.dt * frequencies)
+        if self.order == 0:
+            return np.broadcast_to(D.astype(complex), (len(z), *D.shape)).copy()
+        if self.order > LARGE:
+            return self._response_of_many_states(z, B, D)
+        pencil = z[:, None, None] * np.eye(self.order) - self.A
+        try:
+            states = np.linalg.solve(pencil, np.broadcast_to(B.astype(complex), (len(z), *B.shape)))
+        except np.linalg.LinAlgError as error:
+            raise SysidError(POLE_MET) from error
+        return np.asarray(self.C @ states + D, dtype=np.complex128)
+
+    def _response_of_many_states(self, z: ComplexArray, B: FloatArray, D: FloatArray) -> ComplexArray:
+        """The same by one Schur decomposition and a substitution for all frequencies together."""
+        triangle, basis = scipy.linalg.schur(self.A, output="complex")
+        drive = basis.conj().T @ B
+        states = np.zeros((self.order, len(z) * B.shape[1]), dtype=complex)
+        for i in range(self.order - 1, -1, -1):
+            away = z - triangle[i, i]
+            if not away.all():
+                raise SysidError(POLE_MET)
+            forced = (triangle[i, i + 1 :] @ states[i + 1 :]).reshape(len(z), -1) + drive[i]
+            states[i] = (forced / away[:, None]).ravel()
+        response = (self.C @ basis @ states).reshape(self.ny, len(z), -1)
+        return np.asarray(np.moveaxis(response, 0, 1) + D, dtype=np.complex128)
+
+    def dc_gain(self) -> FloatArray:
+        """Response at 0 Hz (ny, nu); infinite where the model integrates."""
+        try:
+            return self.C @ np.linalg.solve(np.eye(self.order) - self.A, self.B) + self.D
+        except np.linalg.LinAlgError:
+            return np.full((self.ny, self.nu), np.inf)
+
+    def bandwidth(self) -> FloatArray:
+        """First frequency in Hz where the magnitude has fallen to 1/sqrt(2) (-3.0103 dB) of that at 0 Hz.
+
+        Searched on a grid that is logarithmic, linear and dense round every pole; the crossing is then solved for.
+
+        Returns:
+            Bandwidths (ny, nu); NaN where the response never falls so far below the Nyquist frequency, or where the
+            gain at 0 Hz is zero or infinite.
+        """
+        grid = self._search_grid()
+        dc = self.dc_gain()
+        out = np.full((self.ny, self.nu), np.nan)
+        magnitude = np.abs(self.frequency_response(grid))
+        for i, j in np.ndindex(out.shape):
+            level = abs(dc[i, j]) * np.sqrt(HALF_POWER)
+            if not np.isfinite(level) or level <= 1e-13 * magnitude[:, i, j].max():
+                continue
+            below = np.flatnonzero(magnitude[:, i, j] < level)
+            if len(below):
+                k = int(below[0])
+                channel = StateSpace(self.A, self.B[:, [j]], self.C[[i]], self.D[[i]][:, [j]], None, self.dt)
+                lower = grid[k - 1] if k else 0.0
+                out[i, j] = brentq(
+                    lambda f, m=channel, v=level: abs(m.frequency_response(f)[0, 0, 0]) - v,
+                    lower,
+                    grid[k],
+                    xtol=1e-14 * grid[k],
+                    rtol=1e-13,
+                )
+        return out
+
+    def _search_grid(self) -> FloatArray:
+        nyquist = 0.5 / self.dt
+        parts = [np.geomspace(1e-7 * nyquist, nyquist, 1200), np.linspace(0.0, nyquist, 801)[1:]]
+        poles = self.poles()
+        poles = poles[(np.abs(poles) > 1e-12) & (np.abs(poles) < 1.5)]
+        for pole in poles:
+            s = np.log(pole) / (2 * np.pi * self.dt)
+            width = max(abs(s.real), 1e-6 * nyquist)
+            parts.append(abs(s.imag) + width * np.linspace(-4.0, 4.0, 41))
+        grid = np.unique(np.concatenate(parts))
+        return grid[(grid > 0.0) & (grid <= nyquist)]
+
+    def markov(self, n: int) -> FloatArray:
+        """First n Markov parameters D, CB, CAB, ... (n, ny, nu): the pulse response, sample by sample.
+
+        Raises:
+            SysidError: n < 1.
+        """
+        n = whole_number("n", n, 1)
+        out = np.empty((n, self.ny, self.nu))
+        out[0] = self.D
+        state = self.B
+        for k in range(1, n):
+            out[k] = self.C @ state
+            state = self.A @ state
+        return out
+
+    def impulse_response(self, n: int) -> FloatArray:
+        """Response to a unit pulse in each input (n, ny, nu); another name of `markov`."""
+        return self.markov(n)
+
+    def step_response(self, n: int) -> FloatArray:
+        """Response to a unit step in each input (n, ny, nu)."""
+        return np.cumsum(self.markov(n), axis=0)
+
+    def minimal(self, tolerance: float = 1e-9) -> "StateSpace":
+        """Drop the states that input and output hardly share, by balanced truncation [Moore1981].
+
+        Args:
+            tolerance: States with a Hankel singular value below `tolerance` times the largest are dropped.
+
+        Returns:
+            A balanced model of the same input-output behaviour, with no dynamics of the noise.
+
+        Raises:
+            SysidError: The model is not stable, or has dynamics of the noise, which the truncation would lose.
+        """
+        tolerance = real_number("tolerance", tolerance, "lie from 0 to below 1", lambda part: 0.0 <= part < 1.0)
+        if np.any(self.gain):
+            raise SysidError("minimal drops states of the input-output path only: given a model with K other than zero")
+        A, B, C, _ = balanced_truncation(self.A, self.B, self.C, tolerance)
+        return replace(self, A=A, B=B, C=C, K=None)
+
+    def input_path(self) -> "StateSpace":
+        """The path from u to y alone: without noise model, and without states that stand apart from it.
+
+        Dropped are states that the zeros of A, B and C cut off from every input or every output, as those of the noise
+        model of OE and Box-Jenkins estimates are; no tolerance is involved, and unstable models will do.
+        """
+        moves, n = self.A != 0.0, self.order
+        reached, seen = (self.B != 0.0).any(axis=1), (self.C != 0.0).any(axis=0)
+        for _ in range(n):
+            reached = reached | moves[:, reached].any(axis=1)
+            seen = seen | moves[seen].any(axis=0)
+        keep = np.flatnonzero(reached & seen)
+        A, B, C = self.A[np.ix_(keep, keep)], self.B[keep], self.C[:, keep]
+        return replace(self, A=A, B=B, C=C, K=None, innovation_covariance=None)
+
+    def to_control(self) -> "control.StateSpace":
+        """The path from u to y as a python-control system."""
+        # It loads matplotlib's windows, which takes longer than most of what is done without it.
+        import control
+
+        return control.ss(
+            self.A,
+            self.B,
+            self.C,
+            self.D,
+            self.dt,
+            inputs=list(self.input_names or ()),
+            outputs=list(self.output_names or ()),
+        )
+
+    @staticmethod
+    def from_control(system: "control.LTI") -> "StateSpace":
+        """Take over a discrete-time python-control system with its signal names; it has no noise model, so K = 0.
+
+        Raises:
+            SysidError: The system is continuous or has no sampling interval.
+        """
+        import control
+
+        if not isinstance(system, control.LTI):
+            raise SysidError(f"expected a python-control system, got {type(system).__name__}")
+        ss = control.ss(system)
+        if not isinstance(ss.dt, float | int) or isinstance(ss.dt, bool) or ss.dt <= 0:
+            raise SysidError(f"expected a discrete-time system with a sampling interval, got dt = {ss.dt!r}")
+        return StateSpace(
+            ss.A,
+            ss.B,
+            ss.C,
+            ss.D,
+            None,
+            float(ss.dt),
+            input_names=_given(ss.input_labels),
+            output_names=_given(ss.output_labels),
+        )
+
+
+def _is_covariance(matrix: FloatArray) -> bool:
+    size = float(np.abs(matrix).max(initial=0.0))
+    symmetric = np.abs(matrix - matrix.T).max(initial=0.0) <= 1e-6 * size
+    return bool(symmetric and (not matrix.size or np.linalg.eigvalsh(matrix)[0] >= -1e-9 * size))
+
+
+def _given(labels: Sequence[str]) -> tuple[str, ...] | None:
+    """None for the labels that python-control makes up."""
+    return None if any(re.fullmatch(r"[uy]\[\d+\]", label) for label in labels) else tuple(labels)
+
+
+def block_diagonal(models: Sequence[StateSpace]) -> StateSpace:
+    """Put models side by side without coupling, inputs and outputs in order [Morris1996, eq. 4.14].
+
+    Names are kept where they stay unique; otherwise channels are renumbered.
+
+    Args:
+        models: State-space models, `estimate.model` of estimates.
+
+    Returns:
+        One model with all their states, inputs and outputs; noise models and innovation covariances go along.
+
+    Raises:
+        SysidError: No model, something else, or models with different sampling intervals.
+    """
+    if not models:
+        raise SysidError("expected at least one model, got none")
+    for m in models:
+        if not isinstance(m, StateSpace):
+            raise SysidError(f"expected StateSpace models, got {type(m).__name__}; an estimate's is `estimate.model`")
+    if not all(np.isclose(m.dt, models[0].dt, rtol=1e-9, atol=0.0) for m in models):
+        raise SysidError(f"models must share one sampling interval, got {[m.dt for m in models]} s")
+    covariances = [m.innovation_covariance for m in models]
+    known = [c for c in covariances if c is not None]
+
+    def unique(labels: list[str]) -> tuple[str, ...] | None:
+        return tuple(labels) if len(set(labels)) == len(labels) else None
+
+    def block(matrices: list[FloatArray]) -> FloatArray:
+        # scipy's block_diag turns an empty (0, n) block into the right number of columns, but a 1-D one into a row
+        return np.asarray(scipy.linalg.block_diag(*matrices), dtype=float)
+
+    return StateSpace(
+        block([m.A for m in models]),
+        block([m.B for m in models]),
+        block([m.C for m in models]),
+        block([m.D for m in models]),
+        block([m.gain for m in models]),
+        models[0].dt,
+        block(known) if len(known) == len(models) else None,
+        input_names=unique([name for m in models for name in m.input_names or ()]),
+        output_names=unique([name for m in models for name in m.output_names or ()]),
+        input_units=tuple(unit for m in models for unit in m.input_units or ()),
+        output_units=tuple(unit for m in models for unit in m.output_units or ()),
+    )

@@ -1,0 +1,64 @@
+"""Finite transmission zeros of a state-space model."""
+
+import numpy as np
+
+from sysid.records.arrays import ComplexArray, FloatArray
+
+Matrices = tuple[FloatArray, FloatArray, FloatArray, FloatArray]
+
+
+def transmission_zeros(A: FloatArray, B: FloatArray, C: FloatArray, D: FloatArray) -> ComplexArray:
+    """Zeros by orthogonal reduction to a system whose direct term is invertible [EmamiNaeini1982].
+
+    A plain generalised eigenvalue problem scatters zeros at infinity (delays!) over large finite values; the reduction
+    takes them out first. Works for any numbers of inputs and outputs.
+
+    Args:
+        A: State matrix (n, n).
+        B: Input matrix (n, nu).
+        C: Output matrix (ny, n).
+        D: Direct term (ny, nu).
+
+    Returns:
+        Zeros, largest modulus first.
+    """
+    size = max(float(np.linalg.norm(A)), 1.0) if A.size else 1.0
+    # scaling inputs and outputs moves no zero
+    into, out = size / _norm(B, D), size / _norm(C, D)
+    scaled = (A, B * into, C * out, D * into * out)
+    floor = 1e-12 * size * max(1, len(A))
+    a, b2, c2, d2 = _without_infinite(*scaled, floor)
+    # the dual reduction removes what is left when inputs outnumber outputs
+    at, ct, bt, dt = _without_infinite(a.T, c2.T, b2.T, d2.T, floor)
+    if not len(at):
+        return np.zeros(0, dtype=complex)
+    core = at.T - (bt.T @ np.linalg.solve(dt.T, ct.T) if dt.size else 0.0)
+    zeros = np.linalg.eigvals(core).astype(complex)
+    return zeros[np.argsort(-np.abs(zeros), kind="stable")]
+
+
+def _norm(matrix: FloatArray, D: FloatArray) -> float:
+    norm = float(np.linalg.norm(matrix)) if matrix.size else 0.0
+    return norm if norm > 0.0 else max(float(np.linalg.norm(D)), 1.0)
+
+
+def _without_infinite(A: FloatArray, B: FloatArray, C: FloatArray, D: FloatArray, floor: float) -> Matrices:
+    while len(A) and len(C):
+        left, values, _ = np.linalg.svd(D)
+        rank = int((values > floor).sum())
+        if rank == len(D):
+            break
+        D, C = left.T @ D, left.T @ C
+        _, values, right = np.linalg.svd(C[rank:])
+        lost = int((values > floor).sum())
+        D, C = D[:rank], C[:rank]
+        if lost == 0:
+            break
+        # states that the outputs without direct term see go; they become outputs of the rest
+        basis = np.vstack((right[lost:], right[:lost])).T
+        A, B, C = basis.T @ A @ basis, basis.T @ B, C @ basis
+        keep = len(A) - lost
+        C = np.vstack((C[:, :keep], A[keep:, :keep]))
+        D = np.vstack((D, B[keep:]))
+        A, B = A[:keep, :keep], B[:keep]
+    return A, B, C, D

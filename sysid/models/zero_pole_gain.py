@@ -1,0 +1,161 @@
+"""Zeros, poles and gain of one channel, and transfer functions."""
+
+from dataclasses import dataclass
+from itertools import zip_longest
+from typing import TYPE_CHECKING
+
+import numpy as np
+import scipy.signal
+from numpy.typing import ArrayLike
+
+from sysid.models.estimate import Estimate
+from sysid.models.simulate import as_model
+from sysid.models.state_space import StateSpace
+from sysid.records.arguments import real_number, sampling_interval, shown
+from sysid.records.arrays import ComplexArray, Locked, lock, real_array
+from sysid.records.errors import SysidError
+
+if TYPE_CHECKING:
+    import control
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class ZeroPoleGain(Locked):
+    """G(z) = gain prod(z - zeros) / prod(z - poles).
+
+    Attributes:
+        zeros: Finite zeros (m,), m <= n.
+        poles: Poles (n,).
+        gain: Leading coefficient: the first value of the pulse response that is not zero.
+        dt: Sampling interval in s.
+
+    Raises:
+        SysidError: More zeros than poles, or complex ones without their conjugates.
+    """
+
+    zeros: ComplexArray
+    poles: ComplexArray
+    gain: float
+    dt: float
+
+    def __post_init__(self) -> None:
+        """Check and lock."""
+        given = {name: _finite_roots(name, getattr(self, name)) for name in ("zeros", "poles")}
+        if len(given["zeros"]) > len(given["poles"]):
+            raise SysidError(f"a causal system has at most as many zeros as poles, got {len(given['zeros'])} zeros")
+        object.__setattr__(self, "gain", real_number("gain", self.gain, "be a finite number", np.isfinite))
+        object.__setattr__(self, "dt", sampling_interval(self.dt))
+        for name, roots in given.items():
+            polynomial = np.atleast_1d(np.poly(roots))
+            if np.abs(np.imag(polynomial)).max() > 1e-8 * np.abs(polynomial).max():
+                raise SysidError(f"{name}: complex values must come with their conjugates, got {roots}")
+            object.__setattr__(self, name, lock(roots))
+
+    def frequency_response(self, f_hz: ArrayLike) -> ComplexArray:
+        """Response at frequencies in Hz (nf,)."""
+        z = np.exp(2j * np.pi * self.dt * np.atleast_1d(real_array("f_hz", f_hz)))[:, None]
+        return np.asarray(self.gain * np.prod(z - self.zeros, axis=1) / np.prod(z - self.poles, axis=1))
+
+    def to_control(self) -> "control.TransferFunction":
+        """As a python-control transfer function."""
+        import control
+
+        return control.zpk(self.zeros, self.poles, self.gain, dt=self.dt)
+
+    def to_state_space(self) -> StateSpace:
+        """A chain of sections of second order: accurate where one polynomial in z would not be."""
+        import control
+
+        chain = control.ss([], [], [], [[self.gain]], self.dt)
+        for poles, zeros in zip_longest(_pairs(self.poles), _pairs(self.zeros), fillvalue=np.zeros(0)):
+            matrices = scipy.signal.tf2ss(np.atleast_1d(np.poly(zeros).real), np.poly(poles).real)
+            chain = control.series(chain, control.ss(*matrices, self.dt))
+        return StateSpace(chain.A, chain.B, chain.C, chain.D, None, self.dt)
+
+
+def _finite_roots(name: str, value: ComplexArray) -> ComplexArray:
+    try:
+        roots = np.asarray(value, dtype=complex)
+    except (TypeError, ValueError) as error:
+        raise SysidError(f"{name}: expected complex numbers (n,), got {shown(value)}") from error
+    if roots.ndim != 1 or not np.isfinite(roots).all():
+        raise SysidError(f"{name}: expected finite complex numbers (n,), got {shown(value)}")
+    return roots
+
+
+def _pairs(roots: ComplexArray) -> list[ComplexArray]:
+    """Two by two, conjugates together; a single one last, so that every pair of zeros finds a pair of poles."""
+    real = np.sort_complex(roots[np.abs(roots.imag) <= 1e-12 * np.abs(roots)])
+    upper = roots[roots.imag > 1e-12 * np.abs(roots)]
+    pairs = [np.array([root, root.conjugate()]) for root in upper]
+    return pairs + [real[k : k + 2] for k in range(0, len(real), 2)]
+
+
+def zero_pole_gain(model: StateSpace | Estimate, *, input: int = 0, output: int = 0) -> ZeroPoleGain:
+    """Zeros, poles and gain of one channel.
+
+    Poles of the model that stand apart from the channel, such as those of a noise model of its own, have no part in it;
+    others that it does not share have a zero on top of them.
+
+    Args:
+        model: A model or estimate.
+        input: Index of the input.
+        output: Index of the output.
+
+    Returns:
+        The channel's zeros, poles and gain.
+
+    Raises:
+        SysidError: No such channel, or one without any response.
+    """
+    model = as_model(model)
+    if not (0 <= input < model.nu and 0 <= output < model.ny):
+        raise SysidError(
+            f"no channel from input {input} to output {output}: the model has {model.nu} input(s) and {model.ny} "
+            "output(s), counted from 0"
+        )
+    channel = _channel(model, input, output)
+    leading = _leading(channel)
+    if leading == 0.0:
+        raise SysidError(f"input {input} does not reach output {output}: there is no gain")
+    return ZeroPoleGain(channel.zeros(), channel.poles(), leading, model.dt)
+
+
+def transfer_function(model: StateSpace | Estimate) -> "control.TransferFunction":
+    """The path from u to y as a python-control transfer function, numerators and denominators in z.
+
+    High orders lose digits in polynomials: for computations the state space is the better form.
+
+    Args:
+        model: A model or estimate; its noise model has no part in this.
+
+    Returns:
+        One numerator and denominator per channel, with the names of the model.
+
+    Raises:
+        SysidError: Neither a model nor an estimate.
+    """
+    import control
+
+    model = as_model(model)
+    channels = [[_channel(model, j, i) for j in range(model.nu)] for i in range(model.ny)]
+    numerators = [[_leading(c) * np.atleast_1d(np.poly(c.zeros()).real) for c in row] for row in channels]
+    denominators = [[np.atleast_1d(np.poly(c.poles()).real) for c in row] for row in channels]
+    return control.tf(
+        numerators,
+        denominators,
+        model.dt,
+        inputs=list(model.input_names or ()),
+        outputs=list(model.output_names or ()),
+    )
+
+
+def _channel(model: StateSpace, j: int, i: int) -> StateSpace:
+    return StateSpace(model.A, model.B[:, [j]], model.C[[i]], model.D[[i]][:, [j]], None, model.dt).input_path()
+
+
+def _leading(channel: StateSpace) -> float:
+    """First value of the pulse response that is not zero; 0 where there is none."""
+    pulse = channel.markov(channel.order + 1)[:, 0, 0]
+    heard = np.flatnonzero(np.abs(pulse) > 1e-12 * np.abs(pulse).max())
+    return float(pulse[heard[0]]) if len(heard) else 0.0

@@ -1,0 +1,56 @@
+"""ARMAX models by the prediction-error method."""
+
+from collections.abc import Sequence
+
+from sysid.models.estimate import Estimate
+from sysid.polynomial.initial_conditions import Past
+from sysid.polynomial.initial_estimates import armax_starts
+from sysid.polynomial.minimised_estimate import prediction_error_estimate
+from sysid.polynomial.orders import make_orders
+from sysid.records.data import IOData, as_experiments
+
+
+def armax(
+    data: IOData | Sequence[IOData],
+    na: int,
+    nb: int | Sequence[int],
+    nc: int,
+    nk: int | Sequence[int] = 1,
+    *,
+    max_iterations: int = 100,
+    coloured: bool = False,
+    past: Past | str = Past.ESTIMATED,
+) -> Estimate:
+    """Fit A(q) y = B(q) u + C(q) e by minimising the one-step prediction errors [Ljung1999, sec. 4.2, ch. 10].
+
+    C stays stable at every step; by default the unknown past of each experiment is projected out.
+
+    Args:
+        data: One experiment, or several that share the model. Outputs may be missing: the
+            likelihood of those that are known is maximised.
+        na: Degree of A.
+        nb: Number of coefficients of B, one for all inputs or one per input.
+        nc: Degree of C.
+        nk: Delay in samples, likewise; nk = 1 means y(t) depends on u(t-1) first, nk = 0 gives a direct term.
+        max_iterations: Steps of the final minimisation at most.
+        coloured: Whether the covariance allows for prediction errors that are not white, as where the orders are too
+            small: a "sandwich" [Ljung1999, ch. 9]. It then tells the spread about the parameters that the
+            criterion leads to, which need not be the true ones. The estimate itself is the same.
+        past: What is assumed about the time before each experiment, or its name ("zero", "backcast"); by default
+            nothing.
+
+    Returns:
+        The estimate; parameters a1.., b1.., c1...
+
+    Raises:
+        SysidError: Constant input, several outputs, orders negative or too many for the data.
+
+    Warns:
+        SysidWarning: Poor excitation, no convergence, bad conditioning, C at the edge of stability.
+    """
+    experiments = as_experiments(data, missing=not coloured)
+    orders = make_orders(experiments[0].nu, na=na, nb=nb, nc=nc, nk=nk)
+    asked = {"na": orders.na, "nb": orders.nb, "nc": orders.nc, "nk": orders.nk}
+    return prediction_error_estimate(
+        "armax", experiments, orders, asked, armax_starts, max_iterations=max_iterations, coloured=coloured, past=past
+    )

@@ -1,0 +1,259 @@
+"""Prediction errors of one experiment and their exact Jacobian, for each way to treat the time before the record."""
+
+from dataclasses import dataclass
+
+import numpy as np
+import scipy.linalg
+from scipy.signal import lfilter
+
+from sysid.models.polynomials import is_stable
+from sysid.polynomial.initial_conditions import Past
+from sysid.polynomial.orders import Orders
+from sysid.polynomial.orthonormal_basis import gramian
+from sysid.polynomial.regressors import input_lags, lagged, output_lags
+from sysid.records.arrays import FloatArray
+from sysid.records.data import IOData
+
+LEAST_VARIANCE = 1e-8  # of a past disturbance, in units of the innovation's
+ROUNDING = 1e-12  # the same, as a part of the variances' sum, of a disturbance that hardly dies out
+FIRST_LOOK = 256  # samples after which most transients have died out
+NEGLIGIBLE = 1e-17
+STEP = 1e-5  # of the coefficients, for differences of the small matrices of backcasting
+
+
+@dataclass(frozen=True, eq=False)
+class ErrorJacobian:
+    """Errors with their derivatives.
+
+    Attributes:
+        columns: [d eps / d theta, eps], the initial conditions taken out; with backcasting the deviations of past
+            disturbances from zero stand in front, in units of the innovation's deviation (rows, p + 1).
+        errors: Number of prediction errors among the rows.
+        transients: Number of free initial conditions.
+        log_determinant: What missing outputs add to the logarithm of the likelihood, times -2.
+        slope: Its derivatives (p,); None where no output is missing.
+    """
+
+    columns: FloatArray
+    errors: int
+    transients: int
+    log_determinant: float = 0.0
+    slope: FloatArray | None = None
+
+
+def error_jacobian(experiment: IOData, orders: Orders, theta: FloatArray, past: Past) -> ErrorJacobian:
+    """Evaluate one single-output experiment.
+
+    Args:
+        experiment: The data.
+        orders: The structure.
+        theta: Parameters (p,), C and F stable.
+        past: What is assumed about the time before the record.
+    """
+    y, u = experiment.y[:, 0], experiment.u
+    if past is Past.ZERO:
+        return _from_rest(y, u, orders, theta, experiment.window)
+    if past is Past.BACKCAST and max(orders.nc, orders.nd):
+        return _backcast(y, u, orders, theta, orders.first_row(experiment.window))
+    return _with_free_past(y, u, orders, theta, orders.first_error(experiment.window))
+
+
+def _with_free_past(y: FloatArray, u: FloatArray, orders: Orders, theta: FloatArray, start: int) -> ErrorJacobian:
+    """Errors and Jacobian from `start` on, with the unknown past projected out.
+
+    Filters run over the whole record from rest. What that gets wrong about the time before `start` is, from `start` on,
+    a free response of 1/C or of D/(C F), hence lies in the span of the transient columns.
+    """
+    a, b, c, d, f = orders.split(theta)
+    n = len(y)
+    responses = [lfilter(bj, fj, u[:, j]) for j, (bj, fj) in enumerate(zip(b, f, strict=True))]
+    noise_count = max(orders.nc, orders.nd)
+    # Filters that do nothing cost as much as others.
+    v = (lfilter(a, [1.0], y) if orders.na else y) - sum(responses)
+    eps = lfilter(d, c, v)[start:] if noise_count else v[start:].copy()
+
+    transients = free_transients(orders, theta, n - start)
+    basis, tau = _orthonormal(transients, eps) if transients.shape[1] else (None, np.zeros(0))
+    if basis is not None:
+        lasting = len(basis)
+        eps[:lasting] -= basis @ (basis.T @ eps[:lasting])
+
+    # past of the errors does not matter below: it is again a transient
+    columns = np.empty((n - start, orders.count + 1), order="F")
+    k = 0
+    if orders.na:
+        columns[:, : orders.na] = _shifts(lfilter(d, c, y), orders.na, first=1)[start:]
+        k = orders.na
+    for j, (nb, nk) in enumerate(zip(orders.nb, orders.nk, strict=True)):
+        filtered = lfilter(d, np.convolve(c, f[j]), u[:, j])
+        columns[:, k : k + nb] = -_shifts(filtered, nb, first=nk)[start:]
+        k += nb
+    # w and v with their fitted initial conditions, as eps has them
+    used = noise_count
+    corrected = v[start:]
+    outputs = []
+    for j in range(len(f)):
+        w = responses[j][start:]
+        if orders.nf[j]:
+            initial = np.zeros(n - start)
+            initial[: orders.nf[j]] = tau[used : used + orders.nf[j]]
+            missing = lfilter([1.0], f[j], initial)
+            w, corrected = w + missing, corrected - missing
+            used += orders.nf[j]
+        outputs.append(w)
+    if orders.nc:
+        columns[:, k : k + orders.nc] = -_shifts(lfilter([1.0], c, eps), orders.nc, first=1)
+        k += orders.nc
+    if orders.nd:
+        columns[:, k : k + orders.nd] = _shifts(lfilter([1.0], c, corrected), orders.nd, first=1)
+        k += orders.nd
+    for j, nf in enumerate(orders.nf):
+        if nf:
+            columns[:, k : k + nf] = _shifts(lfilter(d, np.convolve(c, f[j]), outputs[j]), nf, first=1)
+            k += nf
+    if basis is not None:
+        columns[:lasting, :k] -= basis @ (basis.T @ columns[:lasting, :k])
+    columns[:, k] = eps
+    return ErrorJacobian(columns, len(columns), 0 if basis is None else basis.shape[1])
+
+
+def _from_rest(y: FloatArray, u: FloatArray, orders: Orders, theta: FloatArray, window: int) -> ErrorJacobian:
+    """Errors and Jacobian of all samples behind the window, everything before the record zero."""
+    a, b, c, d, f = orders.split(theta)
+    responses = [lfilter(bj, fj, u[:, j]) for j, (bj, fj) in enumerate(zip(b, f, strict=True))]
+    v = lfilter(a, [1.0], y) - sum(responses)
+    eps = lfilter(d, c, v)
+    paths = [np.convolve(c, fj) for fj in f]
+    blocks = [_shifts(lfilter(d, c, y), orders.na, first=1)]
+    for j, (nb, nk) in enumerate(zip(orders.nb, orders.nk, strict=True)):
+        blocks.append(-_shifts(lfilter(d, paths[j], u[:, j]), nb, first=nk))
+    blocks.append(-_shifts(lfilter([1.0], c, eps), orders.nc, first=1))
+    blocks.append(_shifts(lfilter([1.0], c, v), orders.nd, first=1))
+    blocks += [_shifts(lfilter(d, paths[j], w), orders.nf[j], first=1) for j, w in enumerate(responses)]
+    columns = np.hstack((*blocks, eps[:, None]))[window:]
+    return ErrorJacobian(columns, len(columns), 0)
+
+
+def _backcast(y: FloatArray, u: FloatArray, orders: Orders, theta: FloatArray, start: int) -> ErrorJacobian:
+    """Errors and Jacobian from `start` on; the state x of the disturbance there costs x' P^-1 x, P its covariance.
+
+    Everything of the disturbance runs from rest at `start`. Its state enters as pulses at the first samples, by way of
+    1/C.
+    """
+    a, b, c, d, f = orders.split(theta)
+    rows, m = len(y) - start, max(orders.nc, orders.nd)
+    pulse = np.zeros(rows)
+    pulse[0] = 1.0
+    responses = [lfilter(bj, fj, u[:, j]) for j, (bj, fj) in enumerate(zip(b, f, strict=True))]
+    v = (lfilter(a, [1.0], y) - sum(responses))[start:]
+    root = _inverse_root(c, d, m)
+    paths = [_shifts(lfilter(d, np.convolve(c, f[j]), pulse), nf) for j, nf in enumerate(orders.nf)]
+    noise = np.vstack((root, _shifts(lfilter([1.0], c, pulse), m)))
+    free = np.vstack((np.zeros((m, sum(orders.nf))), np.hstack(paths)))
+    errors = np.concatenate((np.zeros(m), lfilter(d, c, v)))
+    basis, state = _orthonormal(np.hstack((noise, free)), errors)
+    errors[: len(basis)] -= basis @ (basis.T @ errors[: len(basis)])
+
+    columns = np.zeros((m + rows, orders.count + 1), order="F")
+    k = orders.na
+    if k:
+        columns[m:, :k] = lfilter(d, c, lagged(y, output_lags(k), start), axis=0)
+    for j, (nb, nk) in enumerate(zip(orders.nb, orders.nk, strict=True)):
+        reached = lagged(lfilter([1.0], f[j], u[:, j]), input_lags(nb, nk), start)
+        columns[m:, k : k + nb] = -lfilter(d, c, reached, axis=0)
+        k += nb
+    used, outputs = m, []
+    for j, nf in enumerate(orders.nf):
+        initial = np.zeros(len(y))
+        initial[start : start + nf] = state[used : used + nf]
+        missing = lfilter([1.0], f[j], initial)
+        outputs.append(responses[j] + missing)
+        v = v - missing[start:]
+        used += nf
+    for i, (polynomial, sign) in enumerate(((c, -1.0), (d, 1.0))):
+        driven = lfilter([1.0], c, errors[m:] if i == 0 else v)
+        n = len(polynomial) - 1
+        columns[m:, k : k + n] = sign * _shifts(driven, n, first=1)
+        for lag in range(1, n + 1):
+            # the state is held while its covariance moves
+            ends = [polynomial + s * STEP * np.eye(1, n + 1, lag)[0] for s in (1.0, -1.0)]
+            # at the edge of stability one side has no stationary covariance, in a corner neither
+            sides = [j for j, end in enumerate(ends) if i == 0 or is_stable(end)]
+            up, down = (
+                (_inverse_root(ends[j], d, m) if i == 0 else _inverse_root(c, ends[j], m)) if j in sides else root
+                for j in (0, 1)
+            )
+            columns[:m, k + lag - 1] = -(up - down) @ state[:m] / (max(len(sides), 1) * STEP)
+        k += n
+    for j, nf in enumerate(orders.nf):
+        if nf:
+            filtered = _shifts(lfilter([1.0], f[j], outputs[j]), nf, first=1)[start:]
+            columns[m:, k : k + nf] = lfilter(d, c, filtered, axis=0)
+            k += nf
+    columns[: len(basis), :k] -= basis @ (basis.T @ columns[: len(basis), :k])
+    columns[:, k] = errors
+    return ErrorJacobian(columns, rows, basis.shape[1] - m)
+
+
+def _inverse_root(c: FloatArray, d: FloatArray, m: int) -> FloatArray:
+    """Inverse of L (m, m), L L' the stationary covariance of C/D's state in observer form, for unit innovations."""
+    A = np.eye(m, k=1)
+    A[: len(d) - 1, 0] = -d[1:]
+    K = np.zeros((m, 1))
+    K[: len(c) - 1, 0] += c[1:]
+    K[: len(d) - 1, 0] -= d[1:]
+    covariance = gramian(A, K @ K.T)
+    least = max(LEAST_VARIANCE, ROUNDING * float(np.trace(covariance)))
+    root = np.linalg.cholesky(0.5 * (covariance + covariance.T) + least * np.eye(m))
+    return np.asarray(scipy.linalg.solve_triangular(root, np.eye(m), lower=True))
+
+
+def free_transients(orders: Orders, theta: FloatArray, rows: int) -> FloatArray:
+    """What the unknown past may add to the errors of a record, as columns, up to where they have died out.
+
+    Args:
+        orders: The structure.
+        theta: Parameters (p,).
+        rows: Number of errors.
+    """
+    _, _, c, d, f = orders.split(theta)
+    noise_count = max(orders.nc, orders.nd)
+    blocks = [(np.ones(1), c, noise_count)] if noise_count else []
+    blocks += [(d, np.convolve(c, fj), nf) for fj, nf in zip(f, orders.nf, strict=True) if nf]
+    return _transients(blocks, rows) if blocks else np.zeros((0, 0))
+
+
+def _shifts(signal: FloatArray, count: int, first: int = 0) -> FloatArray:
+    """Columns of `signal` delayed by first, first + 1, ..., from rest."""
+    out = np.zeros((len(signal), count), order="F")
+    for i in range(count):
+        delay = first + i
+        out[delay:, i] = signal[: len(signal) - delay]
+    return out
+
+
+def _transients(blocks: list[tuple[FloatArray, FloatArray, int]], rows: int) -> FloatArray:
+    """Pulse responses of filters (numerator, denominator), shifted `count` times, until they have died out."""
+    length = min(FIRST_LOOK, rows)
+    while True:
+        pulse = np.zeros(length)
+        pulse[0] = 1.0
+        responses = [lfilter(numerator, denominator, pulse) for numerator, denominator, _ in blocks]
+        tail = max(np.abs(h[-(length // 4) :]).max() / np.abs(h).max() for h in responses)
+        if length == rows or tail < NEGLIGIBLE:
+            break
+        length = min(4 * length, rows)
+    return np.hstack([_shifts(h, block[2]) for h, block in zip(responses, blocks, strict=True)])
+
+
+def _orthonormal(transients: FloatArray, eps: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Orthonormal basis of the transients, as long as they last, and the coefficients of eps in them.
+
+    Transients that repeat others (inputs with equal F) are left out.
+    """
+    alive = np.flatnonzero(np.abs(transients).max(axis=1) > NEGLIGIBLE * np.abs(transients).max())
+    lasting = int(alive[-1]) + 1
+    left, values, right = np.linalg.svd(transients[:lasting], full_matrices=False)
+    kept = values > 1e-12 * values[0]
+    basis = left[:, kept]
+    return basis, right[kept].T @ ((basis.T @ eps[:lasting]) / values[kept])

@@ -1,0 +1,76 @@
+"""Moments of a block Hankel matrix of data, and their triangle."""
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from sysid.polynomial.least_squares import SQUARE_SAFE
+from sysid.records.arrays import FloatArray
+
+
+def hankel_moments(signals: Sequence[FloatArray], blocks: int) -> FloatArray:
+    """Mean over t of Z(t) Z(t)', Z(t) = [z(t); ...; z(t + blocks - 1)], experiments never joined.
+
+    Blocks along a diagonal differ by a product at either end of the record, so that only the first block row needs a
+    sum over the whole of it.
+
+    Args:
+        signals: z per experiment (N_i, q), N_i >= blocks.
+        blocks: Block rows.
+
+    Returns:
+        Moments (blocks q, blocks q).
+    """
+    q = signals[0].shape[1]
+    out = np.zeros((blocks, blocks, q, q))
+    for z in signals:
+        columns = len(z) - blocks + 1
+        for lag in range(blocks):
+            whole = z[:columns].T @ z[lag : lag + columns]
+            k = blocks - lag
+            entering = z[columns : columns + k - 1, :, None] * z[columns + lag : columns + lag + k - 1, None]
+            leaving = z[: k - 1, :, None] * z[lag : lag + k - 1, None]
+            diagonal = whole + np.concatenate((np.zeros((1, q, q)), np.cumsum(entering - leaving, axis=0)))
+            index = np.arange(k)
+            out[index, index + lag] += diagonal
+            if lag:
+                out[index + lag, index] += diagonal.transpose(0, 2, 1)
+    count = sum(len(z) - blocks + 1 for z in signals)
+    return out.transpose(0, 2, 1, 3).reshape(blocks * q, blocks * q) / count
+
+
+def hankel_triangle(
+    signals: Sequence[FloatArray], blocks: int, moments: FloatArray, sequence: FloatArray
+) -> FloatArray:
+    """Lower triangle L with L L' = moments in a given sequence of rows.
+
+    Taken from the moments where they are far from singular, else from the data themselves.
+
+    Args:
+        signals: z per experiment (N_i, q).
+        blocks: Block rows.
+        moments: See `hankel_moments`.
+        sequence: Rows in the order wanted (k,).
+
+    Returns:
+        Triangle (k, k).
+    """
+    index = np.asarray(sequence, dtype=int)
+    part = moments[np.ix_(index, index)]
+    scale = np.sqrt(np.maximum(np.diag(part), np.finfo(float).tiny))
+    try:
+        triangle = np.linalg.cholesky(part / np.outer(scale, scale))
+    except np.linalg.LinAlgError:
+        triangle = None
+    if triangle is None or np.diag(triangle).min() * SQUARE_SAFE < 1.0:
+        rows = [
+            np.lib.stride_tricks.sliding_window_view(z, blocks, axis=0)
+            .transpose(0, 2, 1)
+            .reshape(-1, blocks * z.shape[1])
+            for z in signals
+        ]
+        whole = np.vstack(rows)
+        upper = np.asarray(np.linalg.qr(whole[:, index] / (scale * np.sqrt(len(whole))), mode="r"))
+        triangle = np.zeros((len(index), len(index)))
+        triangle[:, : len(upper)] = upper.T
+    return scale[:, None] * triangle

@@ -1,0 +1,115 @@
+"""ARX models of high order: stand-ins for the infinite ARX form that every model of this family has.
+
+All orders up to the largest share one table of products, which costs about one pass over the data. Where the columns
+are near to dependent, least squares on the columns takes over.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.signal import lfilter
+
+from sysid.models.polynomials import stabilised
+from sysid.polynomial.arx import arx_solution
+from sysid.polynomial.lagged_products import lagged_products, solution
+from sysid.polynomial.orders import Orders
+from sysid.records.arrays import FloatArray
+from sysid.records.data import IOData
+
+LARGEST = 60
+
+
+@dataclass(frozen=True, eq=False)
+class LongArx:
+    """A y = B u + e with many coefficients.
+
+    Attributes:
+        a: 1, a1, ..., (n + 1,).
+        b: nk zeros and n coefficients, per input.
+        skip: First sample whose error needs nothing from before the record.
+    """
+
+    a: FloatArray
+    b: tuple[FloatArray, ...]
+    skip: int
+
+    def errors(self, experiment: IOData) -> FloatArray:
+        """Prediction errors from rest (N,): estimates of the innovations from `skip` on."""
+        return arx_errors(experiment, self.a, self.b)
+
+    def simulate(self, experiment: IOData) -> FloatArray:
+        """Noise-free output from rest (N,), the model stabilised."""
+        stable = stabilised(self.a)
+        return np.asarray(sum(lfilter(bj, stable, experiment.u[:, j]) for j, bj in enumerate(self.b)))
+
+    def responses(self, length: int) -> list[FloatArray]:
+        """Pulse responses B/A per input and 1/A, the model stabilised (length,) each."""
+        stable = stabilised(self.a)
+        pulse = np.zeros(length)
+        pulse[0] = 1.0
+        return [lfilter(numerator, stable, pulse) for numerator in (*self.b, np.ones(1))]
+
+
+@dataclass(frozen=True, eq=False)
+class LongArxFamily:
+    """Long ARX models of all orders up to the largest.
+
+    Attributes:
+        experiments: Single-output experiments.
+        nk: Delay per input.
+        largest: Largest order.
+        gram: Products of all lagged signals: y at lags 0.., then every u likewise (nu + 1, lags, nu + 1, lags).
+    """
+
+    experiments: Sequence[IOData]
+    nk: tuple[int, ...]
+    largest: int
+    gram: FloatArray
+
+    def model(self, n: int) -> LongArx:
+        """Least squares for n coefficients of A and of each B."""
+        lags = [range(1, n + 1), *(range(k, k + n) for k in self.nk)]
+        theta = solution(self.gram, lags, [1.0] + [0.0] * len(self.nk))
+        if theta is None:
+            return self._by_columns(n)
+        theta[:n] *= -1.0
+        return self._arranged(theta, n)
+
+    def _by_columns(self, n: int) -> LongArx:
+        theta = arx_solution(
+            [e.y[:, 0] for e in self.experiments],
+            [e.u for e in self.experiments],
+            n,
+            (n,) * len(self.nk),
+            self.nk,
+            [max(e.window, n + max(self.nk)) for e in self.experiments],
+        )
+        return self._arranged(theta, n)
+
+    def _arranged(self, theta: FloatArray, n: int) -> LongArx:
+        a, *b = np.split(theta, np.cumsum([n] * len(self.nk)))
+        padded = [np.concatenate((np.zeros(k), part)) for k, part in zip(self.nk, b, strict=True)]
+        return LongArx(np.concatenate(([1.0], a)), tuple(padded), n + max(self.nk))
+
+
+def long_arx_family(experiments: Sequence[IOData], orders: Orders, largest: int) -> LongArxFamily:
+    """Prepare long ARX models for the delays of a structure."""
+    lags = largest + max(*orders.nk, 1)
+    gram = np.zeros((len(orders.nk) + 1, lags + 1) * 2)
+    for e in experiments:
+        gram += lagged_products(np.column_stack((e.y[:, 0], e.u)), lags, max(e.window, lags))
+    return LongArxFamily(experiments, orders.nk, largest, gram)
+
+
+def long_arx_order(experiments: Sequence[IOData], orders: Orders, factor: int) -> int:
+    """Order of a long ARX model: `factor` times the largest order, as far as the data allow it."""
+    largest = max(orders.na, orders.nc, orders.nd, *orders.nf, *orders.nb, 2)
+    rows = min(len(e) - e.window for e in experiments)
+    return max(1, min(factor * largest, LARGEST, rows // (4 * (1 + len(orders.nb)))))
+
+
+def arx_errors(experiment: IOData, a: FloatArray, b: Sequence[FloatArray]) -> FloatArray:
+    """A y - B u from rest (N,)."""
+    inputs = sum(lfilter(bj, [1.0], experiment.u[:, j]) for j, bj in enumerate(b))
+    return np.asarray(lfilter(a, [1.0], experiment.y[:, 0]) - inputs)

@@ -1,0 +1,237 @@
+"""Missing outputs as unknowns of the least squares: exact maximum likelihood without a Kalman filter."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.fft import irfft, next_fast_len, rfft
+from scipy.linalg import cho_solve_banded, cholesky_banded
+
+from sysid.polynomial.long_arx import LongArx, arx_errors, long_arx_family, long_arx_order
+from sysid.polynomial.orders import Orders
+from sysid.records.arrays import FloatArray
+from sysid.records.data import IOData
+
+BLOCK = 32  # unknowns that are taken together, at least, where the band of the inverse is formed
+
+
+@dataclass(frozen=True, eq=False)
+class MissingOutputs:
+    """The columns of G and the factor of G'G.
+
+    Attributes:
+        rows: Number of samples N.
+        times: Sample that each unknown belongs to, ascending (k,).
+        channels: Output that it belongs to (k,).
+        response: Errors after a pulse in each output, up to where they have died out: lag, error, output (L, ny, ny).
+        spectrum: Its Fourier transform.
+        factor: Cholesky factor of G'G, lower and banded (band + 1, k).
+    """
+
+    rows: int
+    times: NDArray[np.int_]
+    channels: NDArray[np.int_]
+    response: FloatArray
+    spectrum: NDArray[np.complex128]
+    factor: FloatArray
+
+    @staticmethod
+    def of(known: NDArray[np.bool_], response: FloatArray) -> "MissingOutputs":
+        """Set up the elimination.
+
+        Args:
+            known: Which outputs are on record (N, ny).
+            response: Errors after a pulse in each output (L, ny, ny).
+        """
+        rows = len(known)
+        response = response[:rows]
+        times, channels = np.nonzero(~known)
+        size = next_fast_len(rows + len(response), real=True)
+        last = np.searchsorted(times, times + len(response)) - 1
+        band = int((last - np.arange(len(times))).max(initial=0))
+        empty = np.zeros((band + 1, len(times)))
+        bare = MissingOutputs(rows, times, channels, response, rfft(response, size, axis=0), empty)
+        if not len(times):
+            return bare
+        lag, to, valid = bare._pairs()
+        own = _correlation(response, response)
+        gram = np.where(valid, own[np.where(valid, lag, 0), channels[to], channels], 0.0)
+        ends = bare._beyond(response)
+        products = ends @ ends.T
+        first = len(times) - len(ends)
+        for d in range(min(band + 1, len(ends))):
+            gram[d, first : len(times) - d] -= np.diag(products, -d)
+        return replace(bare, factor=cholesky_banded(gram, lower=True, check_finite=False))
+
+    @property
+    def count(self) -> int:
+        """Number of unknowns k."""
+        return len(self.times)
+
+    @property
+    def log_determinant(self) -> float:
+        """Logarithm of det(G'G)."""
+        return 2.0 * float(np.log(self.factor[0]).sum())
+
+    def applied(self, values: FloatArray) -> FloatArray:
+        """G times values (k, q): errors (N, ny, q)."""
+        ny, q = self.response.shape[1], values.shape[1]
+        pulses = np.zeros((q, ny, self.rows))
+        pulses[:, self.channels, self.times] = values.T
+        if len(self.response) == 1:
+            return np.einsum("ec,qct->teq", self.response[0], pulses)
+        size = self._size
+        spread = np.einsum("fec,qcf->qef", self.spectrum, rfft(pulses, size))
+        return np.ascontiguousarray(irfft(spread, size)[:, :, : self.rows].transpose(2, 1, 0))
+
+    def seen(self, errors: FloatArray) -> FloatArray:
+        """G' times errors (N, ny, q): (k, q)."""
+        if len(self.response) == 1:
+            return np.einsum("kec,teq->tcq", self.response, errors)[self.times, self.channels]
+        size = self._size
+        spread = rfft(np.ascontiguousarray(errors.transpose(2, 1, 0)), size)
+        found = irfft(np.einsum("fec,qef->qcf", self.spectrum.conj(), spread), size)
+        return np.ascontiguousarray(found[:, self.channels, self.times].T)
+
+    def best(self, errors: FloatArray) -> FloatArray:
+        """Coefficients of G that explain errors best (k, q)."""
+        return np.asarray(cho_solve_banded((self.factor, True), self.seen(errors), check_finite=False))
+
+    def eliminated(self, errors: FloatArray) -> FloatArray:
+        """Errors (N, ny, q) less what G explains of them."""
+        return errors - self.applied(self.best(errors)) if self.count else errors
+
+    def covariance(self) -> FloatArray:
+        """Band of (G'G)^-1: entry (j + d, j) in row d (band + 1, k).
+
+        A block recursion from the last unknown to the first; blocks are at least as large as the band.
+        """
+        width, k = self.factor.shape
+        size = min(max(width - 1, BLOCK), k)
+        blocks = -(-k // size)
+        padded = np.zeros((width, blocks * size))
+        padded[:, :k] = self.factor
+        padded[0, k:] = 1.0
+        columns = padded.reshape(width, blocks, size)
+        row, column = np.indices((size, size))
+
+        def block(offset: int) -> FloatArray:
+            d = row - column + offset
+            inside = ((d >= 0) & (d < width))[:, :, None]
+            return np.where(inside, columns[np.clip(d, 0, width - 1), :, column], 0.0).transpose(2, 0, 1)
+
+        inverse = np.linalg.inv(block(0))
+        own = np.matmul(inverse.transpose(0, 2, 1), inverse)
+        onto = np.matmul(block(size)[:-1], inverse[:-1])
+        side = np.zeros_like(own)
+        for b in range(blocks - 2, -1, -1):
+            side[b] = -own[b + 1] @ onto[b]
+            own[b] -= onto[b].T @ side[b]
+        whole = np.concatenate((own, side), axis=1)
+        index = np.arange(size)
+        out = np.zeros((width, blocks * size))
+        for d in range(width):
+            out[d] = whole[:, index + d, index].ravel()
+            out[d, max(k - d, 0) :] = 0.0
+        return out[:, :k]
+
+    def slope(self, derivatives: FloatArray) -> FloatArray:
+        """Derivatives of `log_determinant` (p,).
+
+        Args:
+            derivatives: Of the response (p, L, ny, ny).
+        """
+        if not self.count or not len(derivatives):
+            return np.zeros(len(derivatives))
+        lag, to, valid = self._pairs()
+        covariance = self.covariance()
+        ny, lags = self.response.shape[1], len(self.response)
+        flat = (np.where(valid, lag, 0) * ny + self.channels[to]) * ny + self.channels
+        twice = np.where(np.arange(len(covariance)) > 0, 2.0, 1.0)[:, None]
+        weights = np.bincount(flat.ravel(), (twice * covariance * valid).ravel(), lags * ny * ny)
+        weights = weights.reshape(lags, ny, ny)
+        ends = self._beyond(self.response)
+        first, tail = self.count - len(ends), len(ends)
+        corner = np.zeros((tail, tail))
+        for d in range(min(len(covariance), tail)):
+            part = covariance[d, first : self.count - d]
+            corner += np.diag(part, -d) + (np.diag(part, d) if d else 0.0)
+        out = np.empty(len(derivatives))
+        for i, moved in enumerate(derivatives):
+            change = _correlation(moved, self.response) + _correlation(self.response, moved)
+            out[i] = np.sum(weights * change) - 2.0 * np.sum((corner @ ends) * self._beyond(moved))
+        return out
+
+    @property
+    def _size(self) -> int:
+        return next_fast_len(self.rows + len(self.response), real=True)
+
+    def _pairs(self) -> tuple[NDArray[np.int_], NDArray[np.int_], NDArray[np.bool_]]:
+        """Lag of each entry of the band, its row, and whether there is one (band + 1, k)."""
+        k = self.count
+        to = np.arange(len(self.factor))[:, None] + np.arange(k)
+        inside = to < k
+        to = np.minimum(to, k - 1)
+        lag = self.times[to] - self.times
+        return lag, to, inside & (lag < len(self.response))
+
+    def _beyond(self, response: FloatArray) -> FloatArray:
+        """What the columns of the last unknowns would be behind the record, one row each."""
+        lags, ny = len(response), response.shape[1]
+        last = np.flatnonzero(self.times + lags > self.rows)
+        padded = np.concatenate((response, np.zeros((lags, ny, ny))))
+        steps = self.rows - self.times[last][:, None] + np.arange(lags - 1)
+        return padded[steps, :, self.channels[last][:, None]].reshape(len(last), (lags - 1) * ny)
+
+
+def _correlation(first: FloatArray, second: FloatArray) -> FloatArray:
+    """Sums over s of first(s)[:, a]' second(s + lag)[:, b], (L, ny, ny)."""
+    lags = len(first)
+    size = next_fast_len(2 * lags, real=True)
+    product = np.einsum("fea,feb->fab", rfft(first, size, axis=0).conj(), rfft(second, size, axis=0))
+    return np.asarray(irfft(product, size, axis=0)[:lags])
+
+
+ROUNDS = 12
+SETTLED = 1e-2  # change of what is filled in, as a part of the errors, that ends them
+
+
+def completed(experiments: Sequence[IOData], orders: Orders) -> tuple[IOData, ...]:
+    """Fill gaps with conditional means under a long ARX model that is fitted to the filled record, in turns.
+
+    Args:
+        experiments: Single-output experiments.
+        orders: The structure that is to be fitted.
+    """
+    if all(e.complete for e in experiments):
+        return tuple(experiments)
+    n = long_arx_order(experiments, orders, 3)
+    filled = tuple(replace(e, y=_interpolated(e), missing=False) for e in experiments)
+    for _ in range(ROUNDS):
+        model = long_arx_family(filled, orders, n).model(n)
+        better = tuple(_conditional_mean(model, e, f) for e, f in zip(experiments, filled, strict=True))
+        moved = sum(float(np.sum((a.y - b.y) ** 2)) for a, b in zip(better, filled, strict=True))
+        errors = sum(float(np.sum(model.errors(e)[model.skip :] ** 2)) for e in better)
+        filled = better
+        if moved <= SETTLED**2 * errors:
+            break
+    return filled
+
+
+def _interpolated(experiment: IOData) -> FloatArray:
+    known = experiment.known[:, 0]
+    times = np.arange(len(experiment))
+    return np.interp(times, times[known], experiment.y[known, 0])
+
+
+def _conditional_mean(model: LongArx, experiment: IOData, filled: IOData) -> IOData:
+    """Fill from `skip` on; before it the errors are not known, and what was filled in stays."""
+    known = experiment.known
+    y = filled.y.copy()
+    y[model.skip :][~known[model.skip :]] = 0.0
+    errors = arx_errors(replace(filled, y=y), model.a, model.b)[model.skip :]
+    gaps = MissingOutputs.of(known[model.skip :], model.a[:, None, None])
+    if gaps.count:
+        y[model.skip :][~known[model.skip :]] = -gaps.best(errors[:, None, None])[:, 0]
+    return replace(filled, y=y)

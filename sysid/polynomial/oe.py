@@ -1,0 +1,54 @@
+"""Output-error models by the prediction-error method."""
+
+from collections.abc import Sequence
+
+from sysid.models.estimate import Estimate
+from sysid.polynomial.initial_conditions import Past
+from sysid.polynomial.initial_estimates import oe_starts
+from sysid.polynomial.minimised_estimate import prediction_error_estimate
+from sysid.polynomial.orders import make_orders
+from sysid.records.data import IOData, as_experiments
+
+
+def oe(
+    data: IOData | Sequence[IOData],
+    nb: int | Sequence[int],
+    nf: int | Sequence[int],
+    nk: int | Sequence[int] = 1,
+    *,
+    max_iterations: int = 100,
+    coloured: bool = False,
+    past: Past | str = Past.ESTIMATED,
+) -> Estimate:
+    """Fit y = B(q)/F(q) u + e by minimising the simulation error [Ljung1999, sec. 4.2, ch. 10].
+
+    F stays stable at every step; by default the unknown past of each experiment is projected out. The covariance holds
+    for a white disturbance, unless `coloured` is set.
+
+    Args:
+        data: One experiment, or several that share the model. Outputs may be missing: they
+            leave the sum.
+        nb: Number of coefficients of B, one for all inputs or one per input.
+        nf: Degree of F, likewise.
+        nk: Delay in samples, likewise; nk = 1 means y(t) depends on u(t-1) first, nk = 0 gives a direct term.
+        max_iterations: Steps of the final minimisation at most.
+        coloured: Whether the covariance allows for a disturbance that is not white (but independent of the input), by
+            an autoregressive model of it [Ljung1999, ch. 9]. The estimate itself is the same.
+        past: What is assumed about the time before each experiment, or its name ("zero", "backcast"); by default
+            nothing.
+
+    Returns:
+        The estimate; parameters b1.., f1...
+
+    Raises:
+        SysidError: Constant input, several outputs, orders negative or too many for the data.
+
+    Warns:
+        SysidWarning: Poor excitation, no convergence, bad conditioning, F at the edge of stability.
+    """
+    experiments = as_experiments(data, missing=not coloured)
+    orders = make_orders(experiments[0].nu, nb=nb, nf=nf, nk=nk)
+    asked = {"nb": orders.nb, "nf": orders.nf, "nk": orders.nk}
+    return prediction_error_estimate(
+        "oe", experiments, orders, asked, oe_starts, max_iterations=max_iterations, coloured=coloured, past=past
+    )

@@ -1,0 +1,114 @@
+"""Means that no linear model explains: data that were not detrended."""
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from sysid.polynomial.least_squares import solve
+from sysid.polynomial.regressors import arx_regressors
+from sysid.records.arrays import FloatArray
+from sysid.records.data import IOData
+
+ROWS_PER_COEFFICIENT = 5
+LONGER = 10  # lags of outputs and inputs in the second model that is asked
+CERTAIN = 4.0  # standard deviations of the offset
+EXACT = 1e4  # the same without noise
+SERIOUS = 0.5  # of the output's mean: less may be the bias that noise on the output leaves in an ARX model
+
+
+def check_means(experiments: Sequence[IOData], order: int) -> list[str]:
+    """Describe outputs whose mean the dynamics do not explain, where it would bend a model without an offset.
+
+    Only where means are larger than standard deviations, of an input and of the output, is an ARX model with a constant
+    asked whether that constant is needed, and a longer one. Responses from rest, and gains at 0 Hz that hold, are so
+    left alone. An order beyond that of the dynamics takes a difference of the data, and needs no detrending.
+
+    Args:
+        experiments: The data set.
+        order: Of the model to be fitted.
+
+    Returns:
+        One text per output.
+    """
+    u, y = (_joined([getattr(e, name)[e.window :] for e in experiments]) for name in ("u", "y"))
+    means_u, sizes_u = np.nanmean(u, axis=0), np.nanstd(u, axis=0)
+    means_y, sizes_y = np.nanmean(y, axis=0), np.nanstd(y, axis=0)
+    if not (np.abs(means_u) > sizes_u).any():
+        return []
+    loud = int(np.argmax(np.abs(means_u) / np.maximum(sizes_u, np.finfo(float).tiny)))
+    texts = []
+    for i in np.flatnonzero(np.abs(means_y) > sizes_y):
+        # a model too small, or bent by noise on the output, may miss the gain at 0 Hz: a longer one must agree
+        offset, certain = _missing_offset(experiments, int(i), order)
+        longer, also = _missing_offset(experiments, int(i), max(order, LONGER))
+        if np.isnan(also):
+            # without noise the longer one has a difference to spare: then the first must hold exactly
+            longer, also = (offset, certain) if certain > EXACT else (0.0, 0.0)
+        least = SERIOUS * abs(means_y[i])
+        if min(certain, also) > CERTAIN and min(abs(offset), abs(longer)) > least and offset * longer > 0.0:
+            names = (experiments[0].input_names or ())[loud], (experiments[0].output_names or ())[i]
+            texts.append(
+                f"means dominate and do not fit the dynamics: input {names[0]} has mean {means_u[loud]:.4g} and "
+                f"standard deviation {sizes_u[loud]:.4g}, output {names[1]} {means_y[i]:.4g} and {sizes_y[i]:.4g}, of "
+                f"which about {offset:.4g} is an offset that the model does not have; detrend first: data.detrend()"
+            )
+    return texts
+
+
+def large_means(experiments: Sequence[IOData]) -> list[str]:
+    """Describe channels whose mean is larger than their standard deviation, for methods that look at the frequencies.
+
+    Args:
+        experiments: The data set.
+
+    Returns:
+        One text, or none.
+    """
+    first = experiments[0]
+    z = _joined([np.hstack((e.u, e.y))[e.window :] for e in experiments])
+    means, sizes = np.nanmean(z, axis=0), np.nanstd(z, axis=0)
+    names = (*(first.input_names or ()), *(first.output_names or ()))
+    found = [
+        f"{name} (mean {mean:.4g}, standard deviation {size:.4g})"
+        for name, mean, size in zip(names, means, sizes, strict=True)
+        if abs(mean) > size
+    ]
+    if not found:
+        return []
+    return [f"the mean dominates {', '.join(found)} and leaks into low frequencies; detrend first: data.detrend()"]
+
+
+def _joined(parts: Sequence[FloatArray]) -> FloatArray:
+    return parts[0] if len(parts) == 1 else np.concatenate(parts)
+
+
+def _missing_offset(experiments: Sequence[IOData], output: int, order: int) -> tuple[float, float]:
+    """Offset of an output, in its units, and in standard deviations of the constant.
+
+    Zeros where there are too few data, NaN where the other columns can stand in for the constant.
+    """
+    nu = experiments[0].nu
+    usable = sum(len(e) - e.window for e in experiments)
+    n = min(max(order, 1), usable // (ROWS_PER_COEFFICIENT * (1 + nu)), min(len(e) for e in experiments) // 2)
+    if n < 1:
+        return 0.0, 0.0
+    starts = [max(n, e.window) for e in experiments]
+    parts = zip(experiments, starts, strict=True)
+    phi = np.vstack([arx_regressors(e.y[:, output], e.u, n, (n + 1,) * nu, (0,) * nu, s) for e, s in parts])
+    target = np.concatenate([e.y[s:, output] for e, s in zip(experiments, starts, strict=True)])
+    known = np.isfinite(phi).all(axis=1) & np.isfinite(target)
+    phi, target = phi[known], target[known][:, None]
+    if len(phi) <= phi.shape[1] + 1:
+        return 0.0, 0.0
+    with_constant = np.column_stack((phi, np.ones(len(phi))))
+    fit = solve(with_constant, target)
+    if fit.rank < with_constant.shape[1] and fit.rank == solve(phi, target).rank:
+        return np.nan, np.nan
+    constant = float(fit.solution[-1, 0])
+    variance = float(fit.residual_gram[0, 0]) / (len(phi) - with_constant.shape[1])
+    deviation = float(np.sqrt(variance * fit.inverse_gram[-1, -1]))
+    # gain of 1/A at 0 Hz
+    still = 1.0 + float(fit.solution[:n, 0].sum())
+    if still == 0.0:
+        return 0.0, 0.0
+    return constant / still, abs(constant) / max(deviation, np.finfo(float).tiny)

@@ -1,0 +1,140 @@
+"""Orders of a polynomial model, checked, and the layout of its parameters."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from sysid.models.polynomials import Polynomials
+from sysid.polynomial.regressors import first_row
+from sysid.records.arguments import shown, whole_number
+from sysid.records.arrays import FloatArray
+from sysid.records.errors import SysidError
+
+
+@dataclass(frozen=True)
+class Orders:
+    """Orders of A y = B/F u + C/D e; parameters in the sequence A, B, C, D, F, inputs one after the other.
+
+    Attributes:
+        na: Degree of A.
+        nb: Number of coefficients of B, per input.
+        nc: Degree of C.
+        nd: Degree of D.
+        nf: Degree of F, per input.
+        nk: Delay in samples, per input.
+    """
+
+    na: int
+    nb: tuple[int, ...]
+    nc: int
+    nd: int
+    nf: tuple[int, ...]
+    nk: tuple[int, ...]
+
+    @property
+    def count(self) -> int:
+        """Number of parameters."""
+        return self.na + sum(self.nb) + self.nc + self.nd + sum(self.nf)
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """One name per parameter: a1, b1, ..., with [j] behind when there are several inputs."""
+        suffix = [""] if len(self.nb) == 1 else [f"[{j + 1}]" for j in range(len(self.nb))]
+        names = [f"a{i + 1}" for i in range(self.na)]
+        names += [f"b{i + 1}{s}" for n, s in zip(self.nb, suffix, strict=True) for i in range(n)]
+        names += [f"c{i + 1}" for i in range(self.nc)] + [f"d{i + 1}" for i in range(self.nd)]
+        names += [f"f{i + 1}{s}" for n, s in zip(self.nf, suffix, strict=True) for i in range(n)]
+        return tuple(names)
+
+    def first_row(self, window: int) -> int:
+        """First time whose prediction error needs no sample from before the record."""
+        return first_row(self.na, self.nb, self.nk, window)
+
+    def first_error(self, window: int) -> int:
+        """First time from which prediction errors count whose unknown past enters through free initial conditions.
+
+        It lies before `first_row` by as many samples as these conditions account for: no error is given up that a
+        state-space model with a free initial state would count.
+        """
+        disturbance = max(self.na, *(n + k - 1 - f for n, k, f in zip(self.nb, self.nk, self.nf, strict=True)), 0)
+        return max(window, disturbance + self.nd - max(self.nc, self.nd), 0)
+
+    def split(self, theta: FloatArray) -> tuple[FloatArray, list[FloatArray], FloatArray, FloatArray, list[FloatArray]]:
+        """Parameters as polynomials A, [B], C, D, [F]: monic ones with their 1, B with its nk leading zeros."""
+        sizes = [self.na, *self.nb, self.nc, self.nd, *self.nf]
+        nu = len(self.nb)
+        parts, begin = [], 0
+        for size in sizes:
+            parts.append(theta[begin : begin + size])
+            begin += size
+        b = [np.concatenate((np.zeros(k), part)) for k, part in zip(self.nk, parts[1 : 1 + nu], strict=True)]
+        f = [np.concatenate(([1.0], part)) for part in parts[3 + nu :]]
+        a, c, d = (np.concatenate(([1.0], part)) for part in (parts[0], parts[1 + nu], parts[2 + nu]))
+        return a, b, c, d, f
+
+    def join(
+        self,
+        a: FloatArray,
+        b: Sequence[FloatArray],
+        c: FloatArray | None = None,
+        d: FloatArray | None = None,
+        f: Sequence[FloatArray] | None = None,
+    ) -> FloatArray:
+        """Inverse of `split`; None stands for 1."""
+        parts = [a[1:], *(bj[k:] for bj, k in zip(b, self.nk, strict=True))]
+        parts.append(np.zeros(self.nc) if c is None else c[1:])
+        parts.append(np.zeros(self.nd) if d is None else d[1:])
+        parts += [np.zeros(n) for n in self.nf] if f is None else [fj[1:] for fj in f]
+        return np.concatenate(parts)
+
+    def polynomials(self, theta: FloatArray) -> Polynomials:
+        """Parameters as the public record."""
+        a, b, c, d, f = self.split(theta)
+        return Polynomials(a, _rows(b), c, d, _rows(f))
+
+
+def make_orders(
+    nu: int,
+    *,
+    nb: int | Sequence[int],
+    nk: int | Sequence[int],
+    na: int = 0,
+    nc: int = 0,
+    nd: int = 0,
+    nf: int | Sequence[int] = 0,
+) -> Orders:
+    """Check orders and spread those given once over all inputs.
+
+    Raises:
+        SysidError: Negative or fractional orders, nb < 1, or lists that do not match the number of inputs.
+    """
+    orders = Orders(
+        na=whole_number("na", na, 0),
+        nb=_per_input("nb", nb, nu, least=1),
+        nc=whole_number("nc", nc, 0),
+        nd=whole_number("nd", nd, 0),
+        nf=_per_input("nf", nf, nu),
+        nk=_per_input("nk", nk, nu),
+    )
+    return orders
+
+
+def _per_input(name: str, value: int | Sequence[int], nu: int, least: int = 0) -> tuple[int, ...]:
+    if isinstance(value, int | np.integer) or (isinstance(value, np.ndarray) and not value.ndim):
+        return (whole_number(name, value, least),) * nu
+    if isinstance(value, str) or not isinstance(value, Sequence | np.ndarray):
+        raise SysidError(f"{name} must be a whole number >= {least}, or one per input, got {shown(value)}")
+    values = tuple(whole_number(name, v, least) for v in value)
+    if len(values) != nu:
+        raise SysidError(f"{name}: expected one value or one per input ({nu}), got {values}")
+    return values
+
+
+def _rows(polynomials: list[FloatArray]) -> FloatArray:
+    if len(polynomials) == 1:
+        return polynomials[0]
+    out = np.zeros((len(polynomials), max(len(p) for p in polynomials)))
+    for row, p in zip(out, polynomials, strict=True):
+        row[: len(p)] = p
+    return out

@@ -1,0 +1,226 @@
+"""The prediction-error engine: one minimiser for every polynomial structure.
+
+eps = D/C (A y - sum_j B_j/F_j u_j), minimised in the mean square. ARMAX, OE and what lies between differ only in
+orders. The unknown past of a record is a linear matter, given C and F: a few transient columns that are projected
+out (variable projection [GolubPereyra2003]), so that no parameter is spent on it and none is biased by it.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.signal import lfilter
+
+from sysid.models.polynomials import is_stable
+from sysid.polynomial.autoregression import autoregression
+from sysid.polynomial.error_jacobian import error_jacobian
+from sysid.polynomial.error_jacobian_gaps import gapped_error_jacobian
+from sysid.polynomial.initial_conditions import Past
+from sysid.polynomial.least_squares import scaled_triangle
+from sysid.polynomial.orders import Orders
+from sysid.records.arrays import FloatArray
+from sysid.records.data import IOData
+
+STABILITY_MARGIN = 1e-7
+CONVERGED = 1e-9  # decrease still to be had, as a part of the sum of squares
+ROUNDING = 1e-30  # sum of squares, as a part of that of the output, below which nothing is left to explain
+
+
+@dataclass(frozen=True, eq=False)
+class Linearisation:
+    """The criterion and its first-order model at one parameter vector.
+
+    Attributes:
+        theta: Parameters (p,).
+        cost: Sum of squared prediction errors, initial conditions and missing outputs optimal, times `inflation`.
+        triangle: R of the projected Jacobian of the errors, columns scaled to unit length (p, p).
+        target: Q' eps, so that the errors change as triangle @ (scale * step) + target (p,).
+        scale: Lengths of the projected Jacobian's columns (p,).
+        errors: Number of prediction errors.
+        transients: Number of independent initial conditions taken out.
+        inflation: Factor in the cost beside the sum of squares: where outputs are missing, det(G'G)^(1/errors).
+    """
+
+    theta: FloatArray
+    cost: float
+    triangle: FloatArray
+    target: FloatArray
+    scale: FloatArray
+    errors: int
+    transients: int
+    inflation: float = 1.0
+
+    @property
+    def sum_of_squares(self) -> float:
+        """Sum of squared prediction errors."""
+        return self.cost / self.inflation
+
+
+@dataclass(frozen=True, eq=False)
+class Minimum:
+    """Where the minimiser stopped.
+
+    Attributes:
+        at: Criterion and derivatives there.
+        iterations: Accepted steps.
+        evaluations: Evaluations of the criterion.
+        converged: The decrease still to be had is negligible, or the errors are at rounding level.
+        reason: Why it stopped.
+    """
+
+    at: Linearisation
+    iterations: int
+    evaluations: int
+    converged: bool
+    reason: str
+
+
+def minimise(
+    experiments: Sequence[IOData],
+    orders: Orders,
+    start: FloatArray | Linearisation,
+    *,
+    max_iterations: int = 100,
+    past: Past = Past.ESTIMATED,
+    good_enough: float = 0.0,
+) -> Minimum:
+    """Levenberg-Marquardt with exact gradients; C, D and every F stay stable at every accepted step [More1978].
+
+    Args:
+        experiments: Single-output experiments.
+        orders: The structure.
+        start: Initial parameters (p,), C, D and F stable, or what is known of the criterion there.
+        max_iterations: Accepted steps at most.
+        past: What is assumed about the time before each record.
+        good_enough: Sum of squares at which to stop.
+    """
+    energy = sum(float(np.nansum(e.y[:, 0] ** 2)) if e.missing else float(e.y[:, 0] @ e.y[:, 0]) for e in experiments)
+    at = start if isinstance(start, Linearisation) else linearise(experiments, orders, start, past)
+    damping, iterations, evaluations = 1e-4, 0, 1
+    while True:
+        if at.cost <= ROUNDING * energy:
+            return Minimum(at, iterations, evaluations, True, "errors at rounding level")
+        left, values, right = np.linalg.svd(at.triangle)
+        g = left.T @ at.target
+        significant = values > 1e-13 * values[0] if len(values) else values > 0
+        if float(g[significant] @ g[significant]) <= CONVERGED * at.cost:
+            return Minimum(at, iterations, evaluations, True, "no decrease left")
+        if at.cost <= good_enough:
+            return Minimum(at, iterations, evaluations, False, "good enough")
+        if iterations >= max_iterations:
+            return Minimum(at, iterations, evaluations, False, f"stopped after {iterations} iterations")
+        accepted = blocked = False
+        while damping < 1e10:
+            weights = np.where(significant, values / (values**2 + damping), 0.0)
+            step = -(right.T @ (weights * g)) / at.scale
+            theta = at.theta + step
+            if admissible(orders, theta):
+                trial = linearise(experiments, orders, theta, past)
+                evaluations += 1
+                if trial.cost < at.cost:
+                    # decrease that the linear model promised
+                    remaining = g * (1.0 - values * weights)
+                    promised = float(g @ g - remaining @ remaining)
+                    gain = (at.cost - trial.cost) / promised if promised > 0.0 else 0.0
+                    accepted = True
+                    break
+            else:
+                blocked = True
+            damping = max(damping * 10.0, 1e-8)
+        if not accepted:
+            left_over = float(g[significant] @ g[significant])
+            flat = left_over <= 1e-4 * at.cost or at.cost <= 1e-16 * energy
+            why = "the edge of stability bars the way" if blocked else "no step decreases the errors further"
+            return Minimum(at, iterations, evaluations, flat, why)
+        tiny = at.cost - trial.cost <= 1e-15 * at.cost
+        at = trial
+        iterations += 1
+        if gain > 0.75:
+            damping /= 30.0
+        elif gain < 0.25:
+            damping = max(damping * 4.0, 1e-8)
+        if tiny:
+            return Minimum(at, iterations, evaluations, True, "decrease at rounding level")
+
+
+def admissible(orders: Orders, theta: FloatArray) -> bool:
+    """Whether predictor and disturbance are stable: C, D and every F have their roots inside the unit circle."""
+    if not np.isfinite(theta).all():
+        return False
+    _, _, c, d, f = orders.split(theta)
+    return all(is_stable(polynomial, STABILITY_MARGIN) for polynomial in (c, d, *f))
+
+
+def coloured_information(
+    experiments: Sequence[IOData], orders: Orders, theta: FloatArray, order: int, past: Past = Past.ESTIMATED
+) -> FloatArray:
+    """J' R J of the errors' true covariance R, where they are independent of the input but not white.
+
+    R stands for an autoregressive model of the errors: J is filtered by its inverse [Ljung1999, ch. 9].
+
+    Args:
+        experiments: Single-output experiments.
+        orders: The structure.
+        theta: Parameters (p,).
+        order: Coefficients of the autoregressive model.
+        past: What is assumed about the time before each record.
+
+    Returns:
+        Matrix (p, p).
+    """
+    parts = [error_jacobian(e, orders, theta, past).columns for e in experiments]
+    errors = np.concatenate([part[:, -1] for part in parts])
+    whitener, _ = autoregression(errors, order)
+    total = np.zeros((orders.count,) * 2)
+    for part in parts:
+        filtered = lfilter([1.0], whitener, part[:, :-1], axis=0)
+        total += filtered.T @ filtered
+    return total * float(np.mean(lfilter(whitener, [1.0], errors) ** 2))
+
+
+def scores(
+    experiments: Sequence[IOData], orders: Orders, theta: FloatArray, past: Past = Past.ESTIMATED
+) -> list[FloatArray]:
+    """Jacobian times error, sample by sample (rows, p) per experiment: half the gradient before it is summed."""
+    parts = [error_jacobian(e, orders, theta, past).columns for e in experiments]
+    return [part[:, :-1] * part[:, -1:] for part in parts]
+
+
+def linearise(
+    experiments: Sequence[IOData], orders: Orders, theta: FloatArray, past: Past = Past.ESTIMATED
+) -> Linearisation:
+    """Evaluate the criterion and its exact first derivatives.
+
+    Args:
+        experiments: Single-output experiments.
+        orders: The structure.
+        theta: Parameters (p,).
+        past: What is assumed about the time before each record.
+    """
+    parts = [
+        error_jacobian(e, orders, theta, past) if e.complete else gapped_error_jacobian(e, orders, theta, past)
+        for e in experiments
+    ]
+    columns = np.vstack([part.columns for part in parts]) if len(parts) > 1 else parts[0].columns
+    p = orders.count
+    inflation = 1.0
+    slopes = [part.slope for part in parts if part.slope is not None]
+    if slopes:
+        # -2 log likelihood is `count` times the logarithm of cost, the variance of the errors being the best one
+        count = sum(part.errors for part in parts)
+        inflation = float(np.exp(sum(part.log_determinant for part in parts) / count))
+        columns[:, :p] += columns[:, p:] * np.sum(slopes, axis=0) / (2.0 * count)
+        columns *= np.sqrt(inflation)
+    errors = columns[:, p]
+    cost = float(errors @ errors)
+    triangle, lengths = scaled_triangle(columns, guarded=p)
+    return Linearisation(
+        theta=theta,
+        cost=cost,
+        triangle=triangle[:p, :p],
+        target=lengths[p] * triangle[:p, p],
+        scale=lengths[:p],
+        errors=sum(part.errors for part in parts),
+        transients=sum(part.transients for part in parts),
+        inflation=inflation,
+    )

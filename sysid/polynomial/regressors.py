@@ -1,0 +1,64 @@
+"""The one regressor builder, and with it the one delay convention.
+
+y(t) = b1 u(t - nk) + b2 u(t - nk - 1) + ...: with nk = 1 the output depends on the previous input first; with
+nk = 0 there is a direct term. B(q) carries nk leading zeros.
+"""
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from sysid.records.arrays import FloatArray
+
+
+def lagged(signal: FloatArray, lags: range, start: int) -> FloatArray:
+    """Columns signal(t - lag), lag by lag, for t = start, ..., N-1.
+
+    Args:
+        signal: One channel (N,).
+        lags: Consecutive lags, none negative and none above `start`.
+        start: First time that gets a row.
+
+    Returns:
+        Matrix (N - start, len(lags)), Fortran order (columns are contiguous).
+    """
+    out = np.empty((len(signal) - start, len(lags)), order="F")
+    for k, lag in enumerate(lags):
+        out[:, k] = signal[start - lag : len(signal) - lag]
+    return out
+
+
+def input_lags(nb: int, nk: int) -> range:
+    """Lags of u that B spans: nk, ..., nk + nb - 1."""
+    return range(nk, nk + nb)
+
+
+def output_lags(n: int) -> range:
+    """Lags of y (or of residuals) that a monic polynomial of degree n spans: 1, ..., n."""
+    return range(1, n + 1)
+
+
+def first_row(na: int, nb: Sequence[int], nk: Sequence[int], window: int = 0) -> int:
+    """First time at which every lag of y and u is on record and the initialisation window is over."""
+    return max(na, window, *(n + k - 1 for n, k in zip(nb, nk, strict=True)), 0)
+
+
+def arx_regressors(
+    y: FloatArray, u: FloatArray, na: int, nb: Sequence[int], nk: Sequence[int], start: int
+) -> FloatArray:
+    """Rows [-y(t-1) ... -y(t-na), u1(t-nk1) ..., u2(t-nk2) ...] [Ljung1999, sec. 4.2].
+
+    Args:
+        y: Output (N,).
+        u: Inputs (N, nu).
+        na: Number of output lags.
+        nb: Number of coefficients of B per input.
+        nk: Delay per input.
+        start: First time that gets a row; see `first_row`.
+
+    Returns:
+        Matrix (N - start, na + sum(nb)).
+    """
+    blocks = [-lagged(y, output_lags(na), start)]
+    blocks += [lagged(u[:, j], input_lags(nb[j], nk[j]), start) for j in range(u.shape[1])]
+    return np.hstack(blocks)

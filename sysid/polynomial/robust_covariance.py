@@ -1,0 +1,133 @@
+"""Covariance of estimates whose prediction errors are not white, or whose model is not true: the "sandwich".
+
+Where the criterion is least, the estimate errs by H^-1 sum_t psi(t) e(t), with H the curvature of the criterion and
+terms psi(t) e(t) that are correlated in time [Ljung1999, ch. 9]. The covariance of their sum is that of a
+vector autoregression of them [DenHaanLevin1997], which needs no choice of a window.
+"""
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from sysid.models.delta_method import standard_directions
+from sysid.polynomial.initial_conditions import Past
+from sysid.polynomial.least_squares import triangular_factor
+from sysid.polynomial.orders import Orders
+from sysid.polynomial.prediction_error import admissible, linearise, scores
+from sysid.records.arrays import FloatArray
+from sysid.records.data import IOData
+
+MOST_LAGS = 10
+ROWS_PER_COEFFICIENT = 10
+STEP = 0.01  # of one standard deviation, for differences of the gradient
+
+
+def sandwich(
+    experiments: Sequence[IOData],
+    orders: Orders,
+    theta: FloatArray,
+    covariance: FloatArray,
+    variance: float,
+    past: Past = Past.ESTIMATED,
+) -> FloatArray:
+    """Covariance H^-1 S H^-1 of a prediction-error estimate (p, p).
+
+    Args:
+        experiments: Single-output experiments.
+        orders: The structure.
+        theta: Where the criterion is least (p,).
+        covariance: What it would be for white errors (p, p); its directions serve as coordinates.
+        variance: Of the prediction errors.
+        past: What is assumed about the time before each record.
+    """
+    if variance <= 0.0:
+        return covariance
+    directions = standard_directions(covariance)
+    curvature = _curvature(experiments, orders, theta, directions, past)
+    # for a true model it is the variance times the identity; at a bound there may be none
+    if curvature is None or np.linalg.eigvalsh(curvature)[0] < 0.01 * variance:
+        curvature = variance * np.eye(len(theta))
+    series = [s @ directions for s in scores(experiments, orders, theta, past)]
+    half = directions @ np.linalg.inv(curvature)
+    return half @ long_run_covariance(series) @ half.T
+
+
+def curvature_covariance(
+    experiments: Sequence[IOData],
+    orders: Orders,
+    theta: FloatArray,
+    covariance: FloatArray,
+    variance: float,
+    past: Past,
+) -> FloatArray:
+    """Covariance by the curvature of the likelihood where it is greatest (p, p): the observed information's inverse.
+
+    Args:
+        experiments: Single-output experiments.
+        orders: The structure.
+        theta: Where the criterion is least (p,).
+        covariance: About what it is (p, p); its directions serve as coordinates.
+        variance: Of the prediction errors, in units of the criterion.
+        past: What is assumed about the time before each record.
+
+    Returns:
+        Covariance; the one given where the curvature is that of no minimum, as at a bound.
+    """
+    directions = standard_directions(covariance)
+    gradients = []
+    for step in STEP * directions.T:
+        if not admissible(orders, theta + step):
+            return covariance
+        # the gradient at theta itself is nothing
+        at = linearise(experiments, orders, theta + step, past)
+        gradients.append(directions.T @ (at.scale * (at.triangle.T @ at.target)) / STEP)
+    curvature = 0.5 * (np.array(gradients) + np.array(gradients).T)
+    if np.linalg.eigvalsh(curvature)[0] < 0.01 * variance:
+        return covariance
+    return variance * directions @ np.linalg.inv(curvature) @ directions.T
+
+
+def long_run_covariance(series: Sequence[FloatArray]) -> FloatArray:
+    """Covariance of the sum over time of a vector signal with zero mean (p, p).
+
+    A vector autoregression, its order by Akaike's criterion, extrapolates the correlations.
+
+    Args:
+        series: Signal per experiment (N_i, p).
+    """
+    samples, p = sum(len(s) for s in series), series[0].shape[1]
+    most = min(MOST_LAGS, samples // (ROWS_PER_COEFFICIENT * p), min(len(s) for s in series) // 2)
+    blocks = [np.hstack([s[most - k : len(s) - k] for k in (*range(1, most + 1), 0)]) for s in series]
+    columns = np.vstack(blocks)
+    rows = len(columns)
+    # one triangle holds the regressions of all orders
+    triangle = triangular_factor(columns / np.sqrt(np.mean(columns**2)))
+    triangle *= np.sqrt(np.mean(columns**2))
+    explained = triangle[:, most * p :]
+    least, best = np.inf, np.eye(p)
+    for order in range(most + 1):
+        known = order * p
+        left = explained[known:].T @ explained[known:]
+        criterion = np.linalg.slogdet(left / rows)[1] + 2.0 * known * p / rows
+        if criterion < least:
+            solution = np.linalg.lstsq(triangle[:known, :known], explained[:known], rcond=None)[0]
+            # rows of the solution come lag by lag: x(t) = sum_k X_k' x(t - k) + w(t)
+            gain = np.linalg.inv(np.eye(p) - solution.reshape(order, p, p).sum(axis=0).T)
+            least, best = criterion, gain @ left @ gain.T / (rows - known)
+    return samples * best
+
+
+def _curvature(
+    experiments: Sequence[IOData], orders: Orders, theta: FloatArray, directions: FloatArray, past: Past
+) -> FloatArray | None:
+    """Half the second derivative of the criterion along directions (p, p); None where a step leaves stability."""
+    gradients = []
+    for step in STEP * directions.T:
+        ends = (theta + step, theta - step)
+        if not all(admissible(orders, end) for end in ends):
+            return None
+        up, down = (linearise(experiments, orders, end, past) for end in ends)
+        change = up.scale * (up.triangle.T @ up.target) - down.scale * (down.triangle.T @ down.target)
+        gradients.append(directions.T @ change / (2.0 * STEP))
+    curvature = np.array(gradients)
+    return 0.5 * (curvature + curvature.T)

@@ -1,0 +1,112 @@
+"""What callers hand over, checked in one place: whole numbers, real numbers, windows."""
+
+import operator
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+
+from sysid.records.arrays import FloatArray
+from sysid.records.errors import SysidError
+
+LONGEST = 80  # characters of a wrong value that an error quotes
+
+
+def whole_number(name: str, value: Any, least: int, most: int | None = None) -> int:
+    """Return a whole number as `int`; those of NumPy and arrays of a single one will do, truth values will not.
+
+    Args:
+        name: What it is called.
+        value: What was given.
+        least: Smallest value.
+        most: Largest value; None for no bound.
+
+    Raises:
+        SysidError: Something else, or out of bounds.
+    """
+    try:
+        number = None if isinstance(value, bool | np.bool_) else operator.index(value)
+    except TypeError:
+        number = None
+    if number is None or number < least or (most is not None and number > most):
+        bounds = f">= {least}" if most is None else f"from {least} to {most}"
+        raise SysidError(f"{name} must be a whole number {bounds}, got {shown(value)}")
+    return number
+
+
+def real_number(name: str, value: Any, expected: str, allowed: Callable[[float], bool]) -> float:
+    """Return a real number as `float`.
+
+    Args:
+        name: What it is called.
+        value: What was given.
+        expected: What it must do, for the error: "lie between 0 and 1".
+        allowed: Whether a number does; never asked about NaN.
+
+    Raises:
+        SysidError: No number, NaN, beyond the range of numbers, or not allowed.
+    """
+    single = np.shape(value) == () and not isinstance(value, bool | np.bool_ | str | bytes | None)
+    try:
+        number = float(value) if single else np.nan
+    except (TypeError, ValueError, OverflowError):
+        number = np.nan
+    if np.isnan(number) or not allowed(number):
+        raise SysidError(f"{name} must {expected}, got {shown(value)}")
+    return number
+
+
+def sampling_interval(value: Any) -> float:
+    """Return a sampling interval in s.
+
+    Raises:
+        SysidError: Not a positive number.
+    """
+    return real_number("dt", value, "be a positive number of seconds", lambda dt: 0.0 < dt < np.inf)
+
+
+def confidence_level(value: Any) -> float:
+    """Return a confidence level.
+
+    Raises:
+        SysidError: Not a number between 0 and 1.
+    """
+    return real_number("level", value, "lie between 0 and 1", lambda level: 0.0 < level < 1.0)
+
+
+def truth_value(name: str, value: Any) -> bool:
+    """Return a truth value; nothing else stands for one.
+
+    Raises:
+        SysidError: Something else.
+    """
+    if not isinstance(value, bool | np.bool_):
+        raise SysidError(f"{name} must be True or False, got {shown(value)}")
+    return bool(value)
+
+
+def window_values(window: Callable[[int], Any], length: int) -> FloatArray:
+    """Values of a window (length,).
+
+    Args:
+        window: From a length to as many values, such as `np.hanning`.
+        length: How many.
+
+    Raises:
+        SysidError: Not a function, or one that gives something else.
+    """
+    if not callable(window):
+        raise SysidError(f"window must be a function from a length to values, such as np.hanning, got {shown(window)}")
+    try:
+        values = np.asarray(window(length), dtype=float)
+    except (TypeError, ValueError) as error:
+        raise SysidError(f"window({length}) must give {length} values: {error}") from error
+    if values.shape != (length,) or not np.isfinite(values).all():
+        raise SysidError(f"window({length}) must give as many finite values, got shape {values.shape}")
+    return values
+
+
+def shown(value: Any) -> str:
+    """A wrong value as an error quotes it: in full where it is short, else by its type."""
+    text = repr(value)
+    return text if len(text) <= LONGEST and "\n" not in text else f"a value of type {type(value).__name__}"

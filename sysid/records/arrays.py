@@ -1,0 +1,93 @@
+"""Locked float arrays, the stuff that records are made of."""
+
+import textwrap
+from collections.abc import Mapping
+from types import MappingProxyType
+from typing import Any, TypeVar
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from sysid.records.errors import SysidError
+
+FloatArray = NDArray[np.float64]
+ComplexArray = NDArray[np.complex128]
+Scalar = TypeVar("Scalar", bound=np.generic)
+
+
+LINE = 160  # characters of a record's short form
+FEW = 4  # entries of a tuple that it lists
+
+
+class Locked:
+    """A record whose arrays and mappings stay locked when it is copied or unpickled."""
+
+    def __getstate__(self) -> dict[str, Any]:
+        """The fields; read-only views of mappings cannot be copied or pickled, what they show can."""
+        return {
+            name: dict(value) if isinstance(value, MappingProxyType) else value for name, value in vars(self).items()
+        }
+
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        """Take over the fields and lock them again: NumPy forgets the lock on the way."""
+        self.__dict__.update({name: locked_within(value) for name, value in state.items()})
+
+    def __repr__(self) -> str:
+        """One short line: arrays by their shape."""
+        parts = (f"{name}={_in_short(value)}" for name, value in vars(self).items() if value is not None)
+        return textwrap.shorten(f"{type(self).__name__}({', '.join(parts)})", LINE, placeholder=" ...)")
+
+
+def _in_short(value: Any) -> str:
+    if isinstance(value, np.ndarray):
+        return f"<{' x '.join(map(str, value.shape))}>"
+    if isinstance(value, float):
+        return f"{value:.6g}"
+    if isinstance(value, tuple):
+        return f"({', '.join(_in_short(part) for part in value)})" if len(value) <= FEW else f"<{len(value)}>"
+    if isinstance(value, str | int):
+        return repr(value)
+    return f"<{len(value)}>" if isinstance(value, Mapping) else type(value).__name__
+
+
+def locked_within(value: Any) -> Any:
+    """The value with all arrays in it read-only, those in tuples and mappings too; a `dict` as a read-only view."""
+    if isinstance(value, np.ndarray):
+        value.setflags(write=False)
+    elif isinstance(value, tuple):
+        for part in value:
+            locked_within(part)
+    elif isinstance(value, dict):
+        for part in value.values():
+            locked_within(part)
+        return MappingProxyType(value)
+    return value
+
+
+def lock(array: NDArray[Scalar]) -> NDArray[Scalar]:
+    """Return a read-only copy of `array`."""
+    out = np.array(array, order="C", copy=True)
+    out.setflags(write=False)
+    return out
+
+
+def real_array(name: str, value: ArrayLike) -> FloatArray:
+    """Convert to float64, refusing what is not a real, finite number.
+
+    Raises:
+        SysidError: `value` is complex, ragged, not numeric, or holds NaN or infinity.
+    """
+    try:
+        raw: NDArray[Any] = np.asarray(value)
+    except ValueError as error:
+        raise SysidError(f"{name}: expected a rectangular array of real numbers, got a ragged sequence") from error
+    if np.ma.is_masked(value):
+        raise SysidError(f"{name}: {np.ma.count_masked(value)} masked value(s) given, expected numbers throughout")
+    if raw.dtype.kind not in "biuf":
+        raise SysidError(f"{name}: expected real numbers, got an array of type {raw.dtype}")
+    out = raw.astype(np.float64)
+    bad = np.argwhere(~np.isfinite(out))
+    if len(bad):
+        where = ", ".join(str(i) for i in bad[0])
+        raise SysidError(f"{name}: {len(bad)} value(s) NaN or infinite, the first at index ({where})")
+    return out

@@ -1,0 +1,382 @@
+"""The input-output record: one experiment as the analyst sees it."""
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, field, replace
+from typing import Literal
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from sysid.records.arguments import real_number, sampling_interval, truth_value, whole_number
+from sysid.records.arrays import FloatArray, Locked, lock, real_array
+from sysid.records.errors import SysidError
+
+ROUNDING = 1e-13  # what is left of a channel, as a part of it, that is rounding and no signal
+
+
+LARGEST = 1e60
+"""Largest magnitude of a signal; its inverse is the smallest."""
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class IOData(Locked):
+    """Uniformly sampled inputs and outputs of one experiment, time first.
+
+    Slicing, detrending and selecting return new records that keep names, units and inter-sample behaviour.
+    A sequence of `IOData` is a multi-experiment data set; every estimator accepts one.
+
+    Attributes:
+        u: Inputs (N, nu); a 1-D array is taken as one channel.
+        y: Outputs (N, ny); a 1-D array is taken as one channel.
+        dt: Sampling interval in s.
+        input_names: One name per input; `u1, u2, ...` when not given.
+        output_names: One name per output; `y1, y2, ...` when not given.
+        input_units: One unit per input; empty when not given.
+        output_units: One unit per output; empty when not given.
+        intersample: Behaviour of the input between samples: held (`zoh`), linear (`foh`), band-limited (`bl`).
+        window: Number of leading samples that only initialise a model: they enter no cost and no score.
+        start: Time of the first sample in s; a slice keeps the time of the whole.
+        missing: Whether NaN among the outputs marks samples that were lost; without it NaN is refused. Inputs must be
+            complete. `oe`, `armax`, `bj` and `pem_ss` use every output that is known; `arx`, `iv4` and `okid` leave out
+            equations that touch a missing one; `spa`, `covf`, `predict`, `residuals` and `compare` take such records
+            too. Everything else refuses them and takes their `complete_parts()`.
+        name: What the experiment is called.
+
+    Raises:
+        SysidError: Empty, non-real, NaN or infinite values, unequal lengths, more channels than samples,
+            `dt <= 0`, a window that leaves nothing, or names and units that do not match the channels.
+    """
+
+    u: FloatArray
+    y: FloatArray
+    dt: float
+    input_names: tuple[str, ...] | None = field(default=None, kw_only=True)
+    output_names: tuple[str, ...] | None = field(default=None, kw_only=True)
+    input_units: tuple[str, ...] | None = field(default=None, kw_only=True)
+    output_units: tuple[str, ...] | None = field(default=None, kw_only=True)
+    intersample: Literal["zoh", "foh", "bl"] = field(default="zoh", kw_only=True)
+    window: int = field(default=0, kw_only=True)
+    start: float = field(default=0.0, kw_only=True)
+    name: str = field(default="", kw_only=True)
+    missing: bool = field(default=False, kw_only=True)
+
+    def __post_init__(self) -> None:
+        """Check and lock."""
+        missing = truth_value("missing", self.missing)
+        u, y = _channels("u", self.u), _channels("y", self.y, missing=missing)
+        if len(u) != len(y):
+            raise SysidError(f"u and y must be equally long: u has {len(u)} samples, y has {len(y)}")
+        dt = sampling_interval(self.dt)
+        if self.intersample not in ("zoh", "foh", "bl"):
+            raise SysidError(f"intersample must be one of zoh, foh, bl; got {self.intersample!r}")
+        window = whole_number("window", self.window, 0)
+        if window >= len(u):
+            raise SysidError(f"window of {self.window} samples leaves nothing of a record of {len(u)}")
+        nu, ny = u.shape[1], y.shape[1]
+        checked = {
+            "u": u,
+            "y": y,
+            "dt": dt,
+            "window": window,
+            "start": real_number("start", self.start, "be a finite time in s", lambda time: bool(np.isfinite(time))),
+            "missing": missing,
+            "input_names": _labels("input_names", self.input_names, tuple(f"u{i + 1}" for i in range(nu))),
+            "output_names": _labels("output_names", self.output_names, tuple(f"y{i + 1}" for i in range(ny))),
+            "input_units": _labels("input_units", self.input_units, ("",) * nu),
+            "output_units": _labels("output_units", self.output_units, ("",) * ny),
+        }
+        for attribute, value in checked.items():
+            object.__setattr__(self, attribute, value)
+
+    def __len__(self) -> int:
+        """Number of samples N."""
+        return len(self.u)
+
+    def __repr__(self) -> str:
+        """One short line: the text in brackets."""
+        return f"<IOData {self}>"
+
+    def __str__(self) -> str:
+        """One line: length, interval, channels with their units."""
+        name = f"{self.name}: " if self.name else ""
+        inputs, outputs = (
+            ", ".join(
+                label + (f" [{unit}]" if unit else "") for label, unit in zip(labels or (), units or (), strict=True)
+            )
+            for labels, units in ((self.input_names, self.input_units), (self.output_names, self.output_units))
+        )
+        window = f", the first {self.window} to initialise" if self.window else ""
+        return f"{name}{len(self)} samples every {self.dt:g} s{window}; input {inputs}; output {outputs}"
+
+    @property
+    def nu(self) -> int:
+        """Number of inputs."""
+        return int(self.u.shape[1])
+
+    @property
+    def ny(self) -> int:
+        """Number of outputs."""
+        return int(self.y.shape[1])
+
+    @property
+    def time(self) -> FloatArray:
+        """Sampling instants in s, from `start`, (N,)."""
+        return self.start + np.arange(len(self), dtype=np.float64) * self.dt
+
+    @property
+    def known(self) -> NDArray[np.bool_]:
+        """Which output samples are on record (N, ny)."""
+        return np.asarray(np.isfinite(self.y))
+
+    @property
+    def complete(self) -> bool:
+        """Whether no output sample is missing."""
+        return not self.missing or bool(self.known.all())
+
+    def complete_parts(self, *, shortest: int = 1) -> tuple["IOData", ...]:
+        """Cut the record at its gaps: experiments without missing samples, for every estimator.
+
+        Args:
+            shortest: Parts with fewer samples behind the initialisation window are left out.
+
+        Raises:
+            SysidError: No part is that long.
+        """
+        if self.complete:
+            return (self,)
+        known = np.concatenate(([False], self.known.all(axis=1), [False]))
+        starts, stops = (np.flatnonzero(np.diff(known.astype(int)) == step) for step in (1, -1))
+        lengths = stops - np.maximum(starts, self.window)
+        least = whole_number("shortest", shortest, 1)
+        runs = np.flatnonzero(lengths >= least)
+        if not len(runs):
+            longest = int(lengths.max(initial=0))
+            raise SysidError(f"no part without missing samples has {least} samples; the longest has {longest}")
+        return tuple(replace(self[int(starts[k]) : int(stops[k])], missing=False) for k in runs)
+
+    @property
+    def scored(self) -> "IOData":
+        """The record without its initialisation window."""
+        return self[self.window :] if self.window else self
+
+    def __getitem__(self, part: slice) -> "IOData":
+        """Return consecutive samples `data[a:b]`; what is left of the initialisation window stays one.
+
+        Raises:
+            SysidError: Not a slice, a step other than 1, or an empty part.
+        """
+        ends = (part.start, part.stop) if isinstance(part, slice) else (0.5,)
+        if any(not isinstance(end, int | np.integer | None) for end in ends) or part.step not in (None, 1):
+            raise SysidError(f"a record is cut by data[a:b] without a step, got data[{part!r}]")
+        start, stop, _ = part.indices(len(self))
+        if stop <= start:
+            raise SysidError(f"data[{part.start}:{part.stop}] of a record of {len(self)} samples is empty")
+        window = max(self.window - start, 0)
+        time = self.start + start * self.dt
+        return replace(self, u=self.u[start:stop], y=self.y[start:stop], window=window, start=time)
+
+    def detrend(self, order: int = 0) -> "IOData":
+        """Remove from every channel its least-squares polynomial in time (0: the mean).
+
+        The polynomial is fitted behind the initialisation window and removed everywhere. A channel of which only
+        rounding would be left becomes zero.
+
+        Raises:
+            SysidError: Negative order, or an order that the number of samples does not allow.
+        """
+        order = whole_number("detrend order", order, 0, len(self) - self.window - 1)
+        times = np.linspace(-1.0, 1.0, max(len(self), 2))[: len(self)]
+        basis = np.asarray(np.polynomial.legendre.legvander(times, order), dtype=np.float64)
+        return replace(
+            self,
+            u=_difference(self.u, _trend(basis, self.u, self.window)),
+            y=_difference(self.y, _trend(basis, self.y, self.window)),
+        )
+
+    def subtract(self, *, u: ArrayLike = 0.0, y: ArrayLike = 0.0) -> "IOData":
+        """Remove a known operating point or trend.
+
+        Args:
+            u: What to take from the inputs: one value, one per input (nu,), or one per sample and input (N, nu).
+            y: What to take from the outputs, likewise.
+
+        Raises:
+            SysidError: Shapes that do not fit, NaN.
+        """
+        parts = {}
+        for name, given, channel in (("u", u, self.u), ("y", y, self.y)):
+            offset = real_array(name, given)
+            try:
+                parts[name] = _difference(channel, np.broadcast_to(offset, channel.shape))
+            except ValueError as error:
+                raise SysidError(
+                    f"{name}: expected one value, one per channel ({channel.shape[1]},), or shape {channel.shape}, "
+                    f"got shape {offset.shape}"
+                ) from error
+        return replace(self, u=parts["u"], y=parts["y"])
+
+    def select(
+        self, *, inputs: Sequence[int | str] | None = None, outputs: Sequence[int | str] | None = None
+    ) -> "IOData":
+        """Keep the channels named by name or index, in the order given; None keeps all.
+
+        Raises:
+            SysidError: Unknown name or index, or no channel left.
+        """
+        i = _indices("input", inputs, self.input_names)
+        o = _indices("output", outputs, self.output_names)
+        return replace(
+            self,
+            u=self.u[:, i],
+            y=self.y[:, o],
+            input_names=_pick(self.input_names, i),
+            output_names=_pick(self.output_names, o),
+            input_units=_pick(self.input_units, i),
+            output_units=_pick(self.output_units, o),
+        )
+
+
+def as_experiments(data: IOData | Sequence[IOData], *, missing: bool = False) -> tuple[IOData, ...]:
+    """Return the experiments of a data set as a tuple, checked to belong together.
+
+    Args:
+        data: One experiment, or several.
+        missing: Whether the caller can do with missing output samples.
+
+    Raises:
+        SysidError: No experiment, something that is no `IOData`, records that differ in `dt` or channels, or missing
+            samples where there must be none.
+    """
+    if not isinstance(data, IOData | Sequence) or isinstance(data, str):
+        raise SysidError(f"expected an IOData record or a sequence of them, got {type(data).__name__}")
+    records = (data,) if isinstance(data, IOData) else tuple(data)
+    if not records:
+        raise SysidError("expected at least one experiment, got an empty sequence")
+    for i, record in enumerate(records):
+        if not isinstance(record, IOData):
+            raise SysidError(f"experiment {i}: expected an IOData record, got {type(record).__name__}")
+        first = records[0]
+        if (record.nu, record.ny) != (first.nu, first.ny):
+            raise SysidError(
+                f"experiment {i} has {record.nu} input(s) and {record.ny} output(s), "
+                f"the first has {first.nu} and {first.ny}"
+            )
+        if not np.isclose(record.dt, first.dt, rtol=1e-9, atol=0.0):
+            raise SysidError(f"experiment {i} is sampled every {record.dt} s, the first every {first.dt} s")
+        if not missing and not record.complete:
+            raise SysidError(
+                f"experiment {i} lacks {int((~record.known).sum())} of {record.y.size} output samples, all are needed "
+                "here; data.complete_parts() cuts it into experiments without gaps"
+            )
+    return records
+
+
+def as_record(data: IOData) -> IOData:
+    """Return the record, where it is one.
+
+    Raises:
+        SysidError: Something else was given.
+    """
+    if not isinstance(data, IOData):
+        several = isinstance(data, Sequence) and not isinstance(data, str)
+        hint = "; take several experiments one after the other: [... for one in data]"
+        raise SysidError(f"expected an IOData record, got {type(data).__name__}{hint if several else ''}")
+    return data
+
+
+def _difference(channels: FloatArray, trend: FloatArray) -> FloatArray:
+    """Channels less their trend; a channel of which rounding alone is left becomes exactly zero."""
+    rest = channels - trend
+    size = np.maximum(np.nanmax(np.abs(channels), axis=0), np.abs(trend).max(axis=0))
+    dust = np.nanmax(np.abs(rest), axis=0) <= ROUNDING * size
+    rest[:, dust] = np.where(np.isnan(rest[:, dust]), np.nan, 0.0)
+    return rest
+
+
+def _trend(basis: FloatArray, channels: FloatArray, window: int) -> FloatArray:
+    """Least-squares combination of the basis (N, k) behind the window, where samples are known (N, channels)."""
+    out = np.empty(channels.shape)
+    for j, channel in enumerate(channels.T):
+        used = np.isfinite(channel)
+        used[:window] = False
+        if used.sum() < basis.shape[1]:
+            raise SysidError(f"{int(used.sum())} known samples are too few for a trend of order {basis.shape[1] - 1}")
+        q, triangle = np.linalg.qr(basis[used])
+        out[:, j] = basis @ np.linalg.solve(triangle, q.T @ channel[used])
+    return out
+
+
+def _channels(name: str, value: FloatArray, *, missing: bool = False) -> FloatArray:
+    try:
+        raw = np.asarray(value)
+    except ValueError as error:
+        raise SysidError(f"{name}: expected a rectangular array of real numbers, got a ragged sequence") from error
+    if missing and raw.dtype.kind == "f" and np.isnan(raw).any() and raw.ndim in (1, 2):
+        lost = np.isnan(raw)
+        if lost.all(axis=0).any():
+            raise SysidError(f"{name}: a channel has no known sample at all")
+        # checked with the gaps filled, then opened again
+        filled = _channels(name, np.where(lost, 0.0, raw)).copy()
+        filled[lost.reshape(filled.shape)] = np.nan
+        return lock(filled)
+    if raw.dtype.kind in "biuf" and not np.isfinite(raw).all() and raw.ndim in (1, 2):
+        table = raw[:, None] if raw.ndim == 1 else raw
+        index, channel = np.argwhere(~np.isfinite(table))[0]
+        count = int((~np.isfinite(table)).sum())
+        raise SysidError(
+            f"{name}: {count} sample(s) NaN or infinite, the first in channel {channel} at index {index}"
+            + ("; missing=True takes NaN for samples that were lost" if name == "y" else "")
+        )
+    out = real_array(name, value)
+    if out.ndim == 1:
+        out = out[:, None]
+    if out.ndim != 2:
+        raise SysidError(f"{name}: expected time first, shape (N, channels) or (N,), got shape {out.shape}")
+    if out.size == 0:
+        raise SysidError(f"{name}: expected at least one sample and one channel, got shape {out.shape}")
+    largest = np.abs(out).max(axis=0)
+    if ((largest > LARGEST) | ((largest > 0.0) & (largest < 1.0 / LARGEST))).any():
+        raise SysidError(
+            f"{name}: channels with largest values {largest} given, expected {1.0 / LARGEST:g} to {LARGEST:g}: "
+            "sums of squares would leave the range of numbers; change the unit"
+        )
+    if out.shape[1] > out.shape[0]:
+        raise SysidError(
+            f"{name}: shape {out.shape} has more channels than samples; expected time first, (N, channels)"
+        )
+    return lock(out)
+
+
+def _labels(what: str, given: Sequence[str] | None, default: tuple[str, ...]) -> tuple[str, ...]:
+    if given is None:
+        return default
+    if not isinstance(given, Sequence):
+        raise SysidError(f"{what}: expected {len(default)} text(s), one per channel, got {given!r}")
+    labels = (given,) if isinstance(given, str) else tuple(str(label) for label in given)
+    if len(labels) != len(default):
+        raise SysidError(f"{what}: expected {len(default)}, one per channel, got {len(labels)}: {labels}")
+    if what.endswith("names") and len(set(labels)) != len(labels):
+        raise SysidError(f"{what}: names must differ, got {labels}")
+    return labels
+
+
+def _pick(labels: tuple[str, ...] | None, index: list[int]) -> tuple[str, ...]:
+    return tuple((labels or ())[i] for i in index)
+
+
+def _indices(what: str, wanted: Sequence[int | str] | None, names: tuple[str, ...] | None) -> list[int]:
+    available = names or ()
+    if wanted is None:
+        return list(range(len(available)))
+    out: list[int] = []
+    single = isinstance(wanted, str) or not isinstance(wanted, Iterable) or not np.ndim(wanted)
+    for item in (wanted,) if single else wanted:
+        if isinstance(item, str) and item in available:
+            out.append(available.index(item))
+        elif isinstance(item, int | np.integer) and not isinstance(item, bool) and 0 <= item < len(available):
+            out.append(int(item))
+        else:
+            raise SysidError(f"no {what} {item!r}; available are 0..{len(available) - 1}: {', '.join(available)}")
+    if not out:
+        raise SysidError(f"expected at least one {what}; available are {', '.join(available)}")
+    return out

@@ -1,0 +1,87 @@
+"""Filters for inputs and outputs alike: they weight frequencies and leave the system what it is."""
+
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import ArrayLike
+from scipy.fft import irfft, rfft, rfftfreq
+from scipy.signal import lfilter, lfilter_zi
+
+from sysid.records.arguments import real_number
+from sysid.records.arrays import FloatArray, real_array
+from sysid.records.data import IOData, as_record
+from sysid.records.errors import SysidError
+
+
+def prefilter(data: IOData, numerator: ArrayLike, denominator: ArrayLike = 1.0) -> IOData:
+    """Pass every channel through the causal filter numerator(q) / denominator(q) [Ljung1999, sec. 14.4].
+
+    The filter starts in the steady state of each channel's first sample. Its transient acts on inputs and outputs as an
+    unknown initial state does; lengthen the window with `replace` where it must be left out.
+
+    Args:
+        data: The record.
+        numerator: Coefficients of falling powers q^0, q^-1, ..., as of `scipy.signal.butter`.
+        denominator: Likewise, the first not zero.
+
+    Returns:
+        The filtered record.
+
+    Raises:
+        SysidError: No coefficients, a filter that is not stable, missing samples.
+    """
+    data = as_record(data)
+    b, a = (np.atleast_1d(real_array(n, v)) for n, v in (("numerator", numerator), ("denominator", denominator)))
+    if b.ndim != 1 or a.ndim != 1 or b.size == 0 or a.size == 0 or a[0] == 0.0:
+        raise SysidError(f"expected two rows of coefficients, the denominator's first not zero, got {b} and {a}")
+    radius = float(np.abs(np.roots(a)).max(initial=0.0))
+    if radius >= 1.0:
+        raise SysidError(f"the filter is not stable: largest pole modulus {radius:.6g}")
+    _refuse_gaps(data)
+
+    def passed(channels: FloatArray) -> FloatArray:
+        if max(len(a), len(b)) == 1:
+            return channels * b[0] / a[0]
+        start = lfilter_zi(b, a)[:, None] * channels[0]
+        return np.asarray(lfilter(b, a, channels, axis=0, zi=start)[0], dtype=np.float64)
+
+    return replace(data, u=passed(data.u), y=passed(data.y))
+
+
+def keep_band(data: IOData, low_hz: float = 0.0, high_hz: float = np.inf) -> IOData:
+    """Keep the frequencies low_hz..high_hz of every channel, by the Fourier transform of the whole record.
+
+    Zero phase and with sharp edges; the record is taken as periodic, so that its ends ring where they do not meet.
+
+    Args:
+        data: The record.
+        low_hz: Lower edge in Hz, itself kept; 0 keeps the mean.
+        high_hz: Upper edge in Hz, itself kept.
+
+    Returns:
+        The filtered record, its input taken as band-limited between samples.
+
+    Raises:
+        SysidError: Not a record, edges that are no frequencies or leave none of the record, missing samples.
+    """
+    data = as_record(data)
+    low_hz = real_number("low_hz", low_hz, "be a frequency >= 0 Hz", lambda f: f >= 0.0)
+    high_hz = real_number("high_hz", high_hz, "be a frequency >= 0 Hz", lambda f: f >= 0.0)
+    f = rfftfreq(len(data), data.dt)
+    kept = (f >= low_hz) & (f <= high_hz)
+    if not kept.any():
+        raise SysidError(
+            f"no frequency of the record lies in {low_hz} to {high_hz} Hz; they are 0 to {f[-1]:.6g} Hz in steps of "
+            f"{f[1] if len(f) > 1 else 0.0:.6g} Hz"
+        )
+    _refuse_gaps(data)
+
+    def limited(channels: FloatArray) -> FloatArray:
+        return np.asarray(irfft(rfft(channels, axis=0) * kept[:, None], len(channels), axis=0), dtype=np.float64)
+
+    return replace(data, u=limited(data.u), y=limited(data.y), intersample="bl")
+
+
+def _refuse_gaps(data: IOData) -> None:
+    if not data.complete:
+        raise SysidError("a record with missing samples cannot be filtered: take data.complete_parts() one by one")

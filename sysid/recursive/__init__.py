@@ -1,0 +1,3 @@
+"""Recursive."""
+
+__all__: list[str] = []

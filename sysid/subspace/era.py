@@ -1,0 +1,165 @@
+"""Eigensystem realisation: a state-space model from Markov parameters."""
+
+import warnings
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from sysid.models.state_space import StateSpace
+from sysid.records.arguments import whole_number
+from sysid.records.arrays import FloatArray, Locked, lock, real_array
+from sysid.records.errors import SysidError, SysidWarning
+
+NUMERICAL_RANK = 1e-13
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Realisation(Locked):
+    """A model realised from Markov parameters, and how much of them it stands for.
+
+    Attributes:
+        model: The model; K = 0.
+        hankel_singular_values: Singular values of H(0), largest first.
+        percent_described: 100 sum(xi[:n]) / sum(xi) with xi the singular values of R0 = H(0) H(0)': what SOCIT and the
+            thesis print. It is no output fit.
+        percent_described_unsquared: The same ratio of the singular values of H(0) themselves.
+        modal_singular_values: sqrt(|b_i| |c_i| / |1 - |lambda_i||) per mode, in the sequence of `model.poles()`.
+    """
+
+    model: StateSpace
+    hankel_singular_values: FloatArray
+    percent_described: float
+    percent_described_unsquared: float
+    modal_singular_values: FloatArray
+
+    def __post_init__(self) -> None:
+        """Lock."""
+        object.__setattr__(self, "hankel_singular_values", lock(self.hankel_singular_values))
+        object.__setattr__(self, "modal_singular_values", lock(self.modal_singular_values))
+
+
+def era(
+    markov: ArrayLike, order: int, *, dt: float = 1.0, block_rows: int | None = None, block_columns: int | None = None
+) -> Realisation:
+    """Realise by the singular value decomposition of a Hankel matrix [JuangPappa1985].
+
+    H(0) = R S V', A = S^-1/2 R' H(1) V S^-1/2, B = S^1/2 V' E, C = E' R S^1/2.
+
+    Args:
+        markov: Y_0 = D, Y_1 = CB, Y_2 = CAB, ... (K, ny, nu); (K,) for one input and one output.
+        order: Number of states.
+        dt: Sampling interval in s.
+        block_rows: Block rows of H; by default half of what the parameters allow.
+        block_columns: Block columns of H; by default the rest.
+
+    Returns:
+        The model and its singular values.
+
+    Raises:
+        SysidError: Too few Markov parameters for the order or the blocks.
+
+    Warns:
+        SysidWarning: H(0) has lower numerical rank than `order`, which is then reduced.
+    """
+    y = markov_array(markov)
+    rows, columns = hankel_shape(y, block_rows, block_columns, reserve=0)
+    h0, h1 = (block_hankel(y[1 + shift :], rows, columns) for shift in (0, 1))
+    left, xi, right = np.linalg.svd(h0, full_matrices=False)
+    n = checked_order(order, xi)
+    root = np.sqrt(xi[:n])
+    ny, nu = y.shape[1:]
+    A = (left[:, :n] / root).T @ h1 @ (right[:n].T / root)
+    B = root[:, None] * right[:n, :nu]
+    C = left[:ny, :n] * root
+    return realisation(A, B, C, y[0], dt, xi, n)
+
+
+def realisation(
+    A: FloatArray, B: FloatArray, C: FloatArray, D: FloatArray, dt: float, xi: NDArray[np.floating], order: int
+) -> Realisation:
+    """Assemble the record from matrices and the singular values of H(0)."""
+    poles, modes = np.linalg.eig(A)
+    sequence = np.argsort(-np.abs(poles), kind="stable")
+    b = np.linalg.norm(np.linalg.lstsq(modes, B.astype(complex), rcond=None)[0], axis=1)
+    c = np.linalg.norm(C @ modes, axis=0)
+    modal = np.sqrt(b * c / np.maximum(np.abs(1.0 - np.abs(poles)), np.finfo(float).tiny))
+    spectrum = np.asarray(xi, dtype=np.float64)
+    squares = spectrum**2
+    return Realisation(
+        model=StateSpace(A, B, C, D, None, dt),
+        hankel_singular_values=spectrum,
+        percent_described=_percent(squares, order),
+        percent_described_unsquared=_percent(spectrum, order),
+        modal_singular_values=modal[sequence],
+    )
+
+
+def markov_array(markov: ArrayLike) -> FloatArray:
+    """Markov parameters as (K, ny, nu).
+
+    Raises:
+        SysidError: Another number of dimensions, fewer than three parameters, NaN.
+    """
+    y = real_array("markov", markov)
+    y = y[:, None, None] if y.ndim == 1 else y
+    if y.ndim != 3 or len(y) < 3:
+        raise SysidError(f"markov: expected at least 3 parameters, shape (K, ny, nu) or (K,), got {np.shape(markov)}")
+    return y
+
+
+def hankel_shape(y: FloatArray, block_rows: int | None, block_columns: int | None, reserve: int) -> tuple[int, int]:
+    """Block rows and columns, such that H(0) and H(1 + reserve) fit into the Markov parameters.
+
+    Raises:
+        SysidError: They do not.
+    """
+    # H(1 + reserve) ends with Y index rows + columns + reserve
+    available = len(y) - 1 - reserve
+    if available < 2:
+        raise SysidError(
+            f"too few Markov parameters: {len(y)} given, with block_rows and block_columns of 1 at least "
+            f"{3 + reserve} are needed"
+        )
+    rows = available // 2 if block_rows is None else whole_number("block_rows", block_rows, 1)
+    columns = available - rows if block_columns is None else whole_number("block_columns", block_columns, 1)
+    if rows < 1 or columns < 1 or rows + columns > available:
+        raise SysidError(
+            f"{len(y)} Markov parameters allow block_rows + block_columns <= {available}, each at least 1; "
+            f"got {rows} + {columns}"
+        )
+    return rows, columns
+
+
+def block_hankel(y: FloatArray, rows: int, columns: int) -> FloatArray:
+    """Block (i, j) is y[i + j]; (rows * ny, columns * nu)."""
+    _, ny, nu = y.shape
+    index = np.arange(rows)[:, None] + np.arange(columns)
+    return y[index].transpose(0, 2, 1, 3).reshape(rows * ny, columns * nu)
+
+
+def checked_order(order: int, xi: FloatArray) -> int:
+    """The order, reduced to the numerical rank of the Hankel matrix.
+
+    Raises:
+        SysidError: Not a whole number between 1 and the smaller side of the Hankel matrix, or a matrix of zeros.
+
+    Warns:
+        SysidWarning: It was reduced.
+    """
+    order = whole_number("order", order, 1, len(xi))
+    if xi[0] == 0.0:
+        raise SysidError("the Markov parameters behind the first are all zero: there are no dynamics to realise")
+    rank = max(int((xi > NUMERICAL_RANK * xi[0]).sum()), 1)
+    if rank < order:
+        warnings.warn(
+            f"the Markov parameters have numerical rank {rank}: a model of order {rank} instead of {order} is given",
+            SysidWarning,
+            stacklevel=3,
+        )
+    return min(order, rank)
+
+
+def _percent(values: FloatArray, order: int) -> float:
+    total = float(values.sum())
+    return float(100.0 * values[:order].sum() / total) if total > 0.0 else 100.0

@@ -1,0 +1,352 @@
+"""Observer/Kalman filter identification."""
+
+import warnings
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+
+from sysid.models.estimate import DataSummary, Estimate
+from sysid.models.predict import predict
+from sysid.models.recursion import free_response
+from sysid.models.residuals import residuals
+from sysid.models.state_space import StateSpace
+from sysid.polynomial.excitation import check_excitation
+from sysid.polynomial.least_squares import solve
+from sysid.records.arguments import whole_number
+from sysid.records.arrays import FloatArray
+from sysid.records.data import ROUNDING, IOData, as_experiments
+from sysid.records.errors import SysidError, SysidWarning
+from sysid.subspace.era import Realisation, era
+from sysid.subspace.observer_gain import deadbeat_gain, spectral_radius, stable_gain
+from sysid.validation.compare import fit_percent
+
+JUDGED = 800  # samples of each experiment on which a model is judged
+WORTHLESS = -5.0  # percent of fit in simulation; noise that drowns the response may leave a little below 0
+LARGEST_HANKEL = 2.5e7  # numbers in the Hankel matrix, 200 MB
+
+
+class Realiser(Protocol):
+    """What turns Markov parameters into a model: `era` or `era_dc`."""
+
+    def __call__(self, markov: FloatArray, order: int, *, dt: float) -> Realisation:
+        """Realise `order` states from Markov parameters (K, ny, nu)."""
+        ...
+
+
+@dataclass(frozen=True, eq=False)
+class ObserverParameters:
+    """Markov parameters that one set of observer Markov parameters stands for.
+
+    Attributes:
+        system: D, CB, CAB, ... (K, ny, nu).
+        gain: CK, CAK, ... of the innovation gain K = -G (K - 1, ny, ny).
+    """
+
+    system: FloatArray
+    gain: FloatArray
+
+
+@dataclass(frozen=True)
+class Realise:
+    """Pure function from observer Markov parameters to the model.
+
+    Attributes:
+        p: Number of observer Markov parameters.
+        order: Number of states.
+        count: Number of Markov parameters to realise from.
+        direct: Whether D is estimated.
+        realiser: `era` or `era_dc`.
+        input_scale: Inputs are divided by it (nu,).
+        output_scale: Outputs are divided by it (ny,).
+        data: Sampling interval and names.
+        covariance: Innovation covariance for the model, in output units squared (ny, ny).
+        deadbeat: Whether the gain is that of a deadbeat observer.
+    """
+
+    p: int
+    order: int
+    count: int
+    direct: bool
+    realiser: Callable[..., Realisation]
+    input_scale: FloatArray
+    output_scale: FloatArray
+    data: DataSummary
+    covariance: FloatArray
+    deadbeat: bool = False
+
+    def __call__(self, theta: FloatArray) -> StateSpace:
+        """Model for observer Markov parameters, flattened output by output."""
+        with warnings.catch_warnings():
+            # the order has been settled by the estimate itself
+            warnings.simplefilter("ignore", SysidWarning)
+            markov = self.markov(theta)
+            return self.model(self.realisation(markov), markov)
+
+    def markov(self, theta: FloatArray) -> ObserverParameters:
+        """System and gain Markov parameters, unscaled, by recursion [Juang1993]."""
+        direct, from_u, from_y = self.blocks(theta)
+        ny, nu = direct.shape
+        y = np.zeros((self.count, ny, nu + ny))
+        y[0, :, :nu] = direct
+        own = np.concatenate((from_u, from_y), axis=2)
+        for k in range(1, self.count):
+            past = min(k, self.p)
+            # the gain's sequence begins one step later: nothing stands at k = 0
+            y[k] = np.einsum("iab,ibc->ac", from_y[:past], y[k - 1 :: -1][:past] if k > past else y[:k][::-1])
+            if k <= self.p:
+                y[k] += own[k - 1]
+        return ObserverParameters(y[:, :, :nu], y[1:, :, nu:])
+
+    def blocks(self, theta: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """D (ny, nu), coefficients of u(t-i) (p, ny, nu) and of y(t-i) (p, ny, ny)."""
+        nu, ny = len(self.input_scale), len(self.output_scale)
+        table = theta.reshape(ny, -1)
+        direct = table[:, :nu] if self.direct else np.zeros((ny, nu))
+        rest = table[:, nu if self.direct else 0 :].reshape(ny, self.p, nu + ny).transpose(1, 0, 2)
+        return direct, rest[:, :, :nu], rest[:, :, nu:]
+
+    def realisation(self, markov: ObserverParameters) -> Realisation:
+        """What the realiser makes of the Markov parameters in scaled channels."""
+        scaled = markov.system * self.input_scale / self.output_scale[:, None]
+        return self.realiser(scaled, self.order, dt=self.data.dt)
+
+    def model(self, found: Realisation, markov: ObserverParameters) -> StateSpace:
+        """Un-scale, and add K [Juang1993]."""
+        C = found.model.C * self.output_scale[:, None]
+        B = found.model.B / self.input_scale
+        D = found.model.D * self.output_scale[:, None] / self.input_scale
+        A = found.model.A
+        if self.deadbeat:
+            K = deadbeat_gain(A, C)
+        else:
+            K = stable_gain(A, C, self.observer_gain(found, markov), self.covariance)
+        return StateSpace(
+            found.model.A,
+            B,
+            C,
+            D,
+            K,
+            self.data.dt,
+            self.covariance,
+            input_names=self.data.input_names,
+            output_names=self.data.output_names,
+            input_units=self.data.input_units,
+            output_units=self.data.output_units,
+        )
+
+    def observer_gain(self, found: Realisation, markov: ObserverParameters) -> FloatArray:
+        """K = -G by least squares on the observability matrix, outputs un-scaled (n, ny)."""
+        C = found.model.C * self.output_scale[:, None]
+        gain = markov.gain
+        observability = free_response(found.model.A, C, len(gain))
+        rows = len(observability)
+        weighted = (observability / self.output_scale[:, None]).reshape(rows * len(C), -1)
+        target = (gain[:rows] / self.output_scale[:, None]).reshape(rows * len(C), -1)
+        return np.asarray(np.linalg.lstsq(weighted, target, rcond=None)[0], dtype=np.float64)
+
+
+def okid(
+    data: IOData | Sequence[IOData],
+    order: int,
+    *,
+    p: int,
+    realiser: Realiser = era,
+    block_rows: int | None = None,
+    normalise: bool = True,
+    direct: bool = True,
+    at_rest: bool = False,
+    deadbeat: bool = False,
+) -> Estimate:
+    """Identify an observer, then the system behind it [Juang1993; Juang1992].
+
+    Least squares y(t) = D u(t) + sum_i Ybar_i [u(t-i); y(t-i)], i = 1..p, the first p samples dropped (the past is
+    unknown); system and gain Markov parameters by recursion; a realisation of `order` states; K = -G. K is a
+    Kalman gain only where the residuals are white. Where it makes the predictor unstable (an order too small for the
+    observer), the gain of the same disturbance spectrum with a stable predictor takes its place.
+
+    Args:
+        data: One experiment, or several that share the model; any numbers of inputs and outputs. Outputs may be
+            missing: equations that touch one are left out.
+        order: Number of states.
+        p: Number of observer Markov parameters; p * ny >= order.
+        realiser: `era` or `era_dc`, or either with options fixed by `functools.partial`.
+        block_rows: Block rows and columns of the Hankel matrix; by default max(40, p, 2 order).
+        normalise: Divide channels by their largest magnitude before the realisation, un-scale after it, as SOCIT does.
+        direct: Whether D is estimated; otherwise it is zero.
+        at_rest: Whether every experiment is known to begin at rest (all zero before its first sample); no sample is
+            dropped then.
+        deadbeat: Whether K is the gain for which the model's predictor forgets in the smallest number of samples,
+            instead of the identified one; of use without noise only.
+
+    Returns:
+        The estimate. `parameters` and `covariance` are those of the observer Markov parameters, output by output; the
+        covariance does not know of the bias of too small a p. Diagnostics: `observer_markov_u`, `observer_markov_y`,
+        `system_markov`, `gain_markov`, `hankel_singular_values`, `percent_described` (SOCIT's, of squared values),
+        `percent_described_unsquared`, `modal_singular_values`.
+
+    Raises:
+        SysidError: Constant input, p * ny < order, too little data.
+
+    Warns:
+        SysidWarning: Poor excitation, rank deficient regressors, unstable model or predictor, a model that explains its
+            own data worse than their mean.
+    """
+    experiments = as_experiments(data, missing=True)
+    first = experiments[0]
+    nu, ny = first.nu, first.ny
+    order, p = whole_number("order", order, 1), whole_number("p", p, 1)
+    if p * ny < order:
+        raise SysidError(f"p * ny must be at least the order {order}: got p = {p} with {ny} output(s)")
+    rows_of_h = max(40, p, 2 * order) if block_rows is None else whole_number("block_rows", block_rows, 1)
+    if rows_of_h**2 * nu * ny > LARGEST_HANKEL:
+        raise SysidError(
+            f"block_rows = {rows_of_h} makes a Hankel matrix of {rows_of_h * ny} x {rows_of_h * nu} numbers, expected "
+            f"{LARGEST_HANKEL:g} at most"
+        )
+    if rows_of_h * min(ny, nu) < order:
+        raise SysidError(f"block_rows = {rows_of_h} is too small for order {order}")
+    texts = check_excitation(experiments, [p + (1 if direct else 0)] * nu)
+    starts = [max(0 if at_rest else p, e.window) for e in experiments]
+    width = p * (nu + ny) + (nu if direct else 0)
+    rows = sum(max(len(e) - s, 0) for e, s in zip(experiments, starts, strict=True))
+    if rows <= width or any(len(e) <= s for e, s in zip(experiments, starts, strict=True)):
+        raise SysidError(
+            f"too many observer parameters for the data: p = {p} gives {width} per output, "
+            f"{rows} usable samples in {len(experiments)} experiment(s)"
+        )
+    blocks = [_regressors(e, p, s, direct) for e, s in zip(experiments, starts, strict=True)]
+    phi = blocks[0] if len(blocks) == 1 else np.vstack(blocks)
+    target = np.vstack([e.y[s:] for e, s in zip(experiments, starts, strict=True)])
+    if not all(e.complete for e in experiments):
+        # equations that touch a missing output are left out
+        known = np.isfinite(phi).all(axis=1) & np.isfinite(target).all(axis=1)
+        if known.sum() <= width:
+            raise SysidError(
+                f"too many missing samples: {int(known.sum())} of {rows} equations touch none, {width} observer "
+                "parameters per output need more; a smaller p may help; pem_ss uses every known output"
+            )
+        phi, target, rows = phi[known], target[known], int(known.sum())
+    fit = solve(phi, target)
+    variance = fit.residual_gram / (rows - width)
+    if fit.rank < width:
+        texts.append(f"the regressors have rank {fit.rank} for {width} columns: the solution of least norm is given")
+
+    u_max = np.max([np.abs(e.u).max(axis=0) for e in experiments], axis=0)
+    y_max = np.max([np.nanmax(np.abs(e.y), axis=0) for e in experiments], axis=0)
+    summary = DataSummary.of(experiments)
+    realise = Realise(
+        p=int(p),
+        order=int(order),
+        count=2 * rows_of_h + 1,
+        direct=direct,
+        realiser=realiser,
+        input_scale=np.where(u_max > 0.0, u_max, 1.0) if normalise else np.ones(nu),
+        output_scale=np.where(y_max > 0.0, y_max, 1.0) if normalise else np.ones(ny),
+        data=summary,
+        covariance=variance,
+        deadbeat=deadbeat,
+    )
+    theta = fit.solution.T.ravel()
+    markov = realise.markov(theta)
+    with warnings.catch_warnings():
+        # said below, and kept in the record
+        warnings.simplefilter("ignore", SysidWarning)
+        found = realise.realisation(markov)
+    if found.model.order < order:
+        texts.append(
+            f"the system Markov parameters have numerical rank {found.model.order}: a model of that order instead of "
+            f"{order} is given"
+        )
+    realise = Realise(**{**realise.__dict__, "order": found.model.order})
+    model = realise.model(found, markov)
+    gain = model.gain if deadbeat else realise.observer_gain(found, markov)
+    texts += _stability(model, spectral_radius(model.A - gain @ model.C)) + _worth(model, experiments)
+    for text in texts:
+        warnings.warn(text, SysidWarning, stacklevel=2)
+    with warnings.catch_warnings():
+        # said above
+        warnings.simplefilter("ignore", SysidWarning)
+        errors = np.concatenate([residuals(model, e) for e in experiments])
+    _, from_u, from_y = realise.blocks(theta)
+    return Estimate(
+        model=model,
+        polynomials=None,
+        parameters=theta,
+        parameter_names=_names(summary, int(p), direct),
+        covariance=np.asarray(np.kron(variance, fit.inverse_gram), dtype=np.float64),
+        noise_variance=variance,
+        residuals=errors,
+        method="okid",
+        orders={"order": int(order), "p": int(p)},
+        diagnostics={
+            "condition": fit.condition,
+            "rank": fit.rank,
+            "iterations": 0,
+            "converged": True,
+            "observer_markov_u": from_u,
+            "observer_markov_y": from_y,
+            "system_markov": markov.system,
+            "gain_markov": markov.gain,
+            "hankel_singular_values": found.hankel_singular_values,
+            "percent_described": found.percent_described,
+            "percent_described_unsquared": found.percent_described_unsquared,
+            "modal_singular_values": found.modal_singular_values,
+            "warnings": tuple(texts),
+        },
+        data=summary,
+        realise=realise,
+    )
+
+
+def _regressors(e: IOData, p: int, start: int, direct: bool) -> FloatArray:
+    """Rows [u(t)], u(t-1), y(t-1), u(t-2), y(t-2), ..., u(t-p), y(t-p); zero before the record."""
+    v = np.hstack((e.u, e.y))
+    rows, q, nu = len(e) - start, v.shape[1], e.nu if direct else 0
+    before = np.vstack((np.zeros((max(p - start, 0), q)), v[max(start - p, 0) : len(v) - 1]))
+    out = np.empty((rows, nu + p * q))
+    out[:, :nu] = e.u[start:, :nu]
+    latest_first = np.lib.stride_tricks.sliding_window_view(before, p, axis=0)[:, :, ::-1]
+    out[:, nu:].reshape(rows, p, q)[:] = latest_first.transpose(0, 2, 1)
+    return out
+
+
+def _names(data: DataSummary, p: int, direct: bool) -> tuple[str, ...]:
+    lagged_names = [f"{v}(t-{i})" for i in range(1, p + 1) for v in (*data.input_names, *data.output_names)]
+    row = ([f"{u}(t)" for u in data.input_names] if direct else []) + lagged_names
+    return tuple(f"{y}: {name}" for y in data.output_names for name in row)
+
+
+def _worth(model: StateSpace, experiments: Sequence[IOData]) -> list[str]:
+    """Outputs of its own data that the model explains worse than their means do."""
+    if not model.is_stable():
+        return []
+    # Some hundred samples tell as much as all of them, at a fraction of the cost of the fit.
+    experiments = [e[: e.window + JUDGED] for e in experiments]
+    simulated = [predict(model, e, steps=None)[e.window :] for e in experiments]
+    y = np.concatenate([e.y[e.window :] for e in experiments])
+    varying = np.nanmax(y, axis=0) - np.nanmin(y, axis=0) > ROUNDING * np.nanmax(np.abs(y), axis=0)
+    fits = fit_percent(y[:, varying], np.concatenate(simulated)[:, varying])
+    names = [name for name, some in zip(experiments[0].output_names or (), varying, strict=True) if some]
+    poor = [f"{name} {fit:.0f} %" for name, fit in zip(names, fits, strict=True) if fit < WORTHLESS]
+    if not poor:
+        return []
+    return [
+        f"the model explains its own data worse than their mean does, in simulation: {', '.join(poor)}; another p or "
+        "order, or means taken out by data.detrend(), may help"
+    ]
+
+
+def _stability(model: StateSpace, observer: float) -> list[str]:
+    texts = []
+    radius = spectral_radius(model.A)
+    if radius >= 1.0:
+        texts.append(f"the model is unstable: largest pole modulus {radius:.6g}; a larger p or another order may help")
+    if observer >= 1.0:
+        if spectral_radius(model.A - model.gain @ model.C) < 1.0:
+            remedy = "the gain of the same disturbance spectrum with a stable predictor is given"
+        else:
+            remedy = "use the model to simulate"
+        texts.append(f"K = -G makes the predictor unstable (A + G C has spectral radius {observer:.6g}): {remedy}")
+    return texts

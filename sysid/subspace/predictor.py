@@ -1,0 +1,147 @@
+"""Linear predictors in state-space form: what a subspace method finds and a prediction-error method refines."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from sysid.models.estimate import DataSummary
+from sysid.models.recursion import state_trajectory
+from sysid.models.state_space import StateSpace
+from sysid.polynomial.orthonormal_basis import gramian
+from sysid.records.arrays import FloatArray
+from sysid.records.data import IOData
+
+STABILITY_MARGIN = 1e-7
+FLOOR = 1e-10  # of the Gramians, so that a state that is hardly seen or reached scales nothing beyond measure
+
+
+@dataclass(frozen=True, eq=False)
+class Predictor:
+    """x(t+1) = A x + M w, yhat = C x + D u, with w = [u; y], or w = u where there is no innovation gain.
+
+    The predictor of x+ = F x + B u + K e, y = C x + D u + e has A = F - K C and M = [B - K D, K]: one to one.
+
+    Attributes:
+        A: State matrix (n, n), stable.
+        M: From w to the state (n, nu + ny) or (n, nu).
+        C: Output matrix (ny, n).
+        D: Direct term (ny, nu).
+    """
+
+    A: FloatArray
+    M: FloatArray
+    C: FloatArray
+    D: FloatArray
+
+    @property
+    def has_gain(self) -> bool:
+        """Whether past outputs drive the state."""
+        return self.M.shape[1] > self.D.shape[1]
+
+    def is_stable(self) -> bool:
+        """Whether the predictor forgets its past, also in the numbers of the machine.
+
+        A matrix far from normal, as a wild gain makes, may have eigenvalues inside the circle whose last digit is not:
+        its powers grow.
+        """
+        finite = np.isfinite(self.A).all()
+        if not finite or np.abs(np.linalg.eigvals(self.A)).max(initial=0.0) >= 1.0 - STABILITY_MARGIN:
+            return False
+        with np.errstate(over="ignore", invalid="ignore"):
+            return bool(np.isfinite(gramian(self.A, np.eye(len(self.A)))).all())
+
+    def vector(self) -> FloatArray:
+        """All entries of A, M, C, D, row by row."""
+        return np.concatenate([matrix.ravel() for matrix in (self.A, self.M, self.C, self.D)])
+
+    def moved(self, step: FloatArray) -> "Predictor":
+        """The predictor with `step` added to its entries."""
+        sizes = np.cumsum([matrix.size for matrix in (self.A, self.M, self.C)])
+        steps = np.split(step, sizes)
+        matrices = (self.A, self.M, self.C, self.D)
+        return Predictor(*(m + s.reshape(m.shape) for m, s in zip(matrices, steps, strict=True)))
+
+    def balancing(self) -> tuple[FloatArray, FloatArray]:
+        """Change of basis T and its inverse, after which states are about equally reached by w and seen in y."""
+        n = len(self.A)
+        with np.errstate(over="ignore", invalid="ignore"):
+            reach, seen = gramian(self.A, self.M @ self.M.T), gramian(self.A.T, self.C.T @ self.C)
+        if not (np.isfinite(reach).all() and np.isfinite(seen).all()):
+            # an unstable predictor, or one whose states differ beyond the range of numbers
+            return np.eye(n), np.eye(n)
+        left, right = _root(reach), _root(seen)
+        u, values, vt = np.linalg.svd(right.T @ left)
+        root = np.sqrt(values)
+        return (u / root).T @ right.T, left @ (vt.T / root)
+
+    def balanced(self) -> "Predictor":
+        """The same predictor after `balancing`."""
+        into, back = self.balancing()
+        return Predictor(into @ self.A @ back, into @ self.M, self.C @ back, self.D)
+
+    def predict(self, w: FloatArray, u: FloatArray, x0: FloatArray) -> FloatArray:
+        """Predicted output (N, ny)."""
+        return state_trajectory(self.A, w @ self.M.T, x0) @ self.C.T + u @ self.D.T
+
+
+def _root(gramian: FloatArray) -> FloatArray:
+    """Lower or other root L of a Gramian with its floor, L L' = gramian + floor (n, n)."""
+    floor = FLOOR * max(float(np.trace(gramian)), np.finfo(float).tiny)
+    try:
+        return np.asarray(np.linalg.cholesky(gramian + floor * np.eye(len(gramian))), dtype=np.float64)
+    except np.linalg.LinAlgError:
+        # of a matrix far from normal, rounding outweighs the floor
+        values, vectors = np.linalg.eigh(0.5 * (gramian + gramian.T))
+        return np.asarray(vectors * np.sqrt(np.maximum(values, floor)))
+
+
+@dataclass(frozen=True, eq=False)
+class Scales:
+    """Root mean squares of the channels; fits run on channels divided by them.
+
+    Attributes:
+        u: Per input (nu,).
+        y: Per output (ny,).
+    """
+
+    u: FloatArray
+    y: FloatArray
+
+    @staticmethod
+    def of(experiments: Sequence[IOData]) -> "Scales":
+        """Take them from a data set, behind the initialisation windows."""
+
+        def size(parts: list[FloatArray]) -> FloatArray:
+            squares = np.concatenate(parts) ** 2
+            mean_square = np.nanmean(squares, axis=0) if np.isnan(squares).any() else np.mean(squares, axis=0)
+            return np.where(mean_square > 0.0, np.sqrt(mean_square), 1.0)
+
+        return Scales(size([e.u[e.window :] for e in experiments]), size([e.y[e.window :] for e in experiments]))
+
+    def predictor(self, model: StateSpace, gain: bool) -> Predictor:
+        """Predictor of a model, channels scaled."""
+        K = model.gain if gain else np.zeros_like(model.gain)
+        B = (model.B - K @ model.D) * self.u
+        M = np.hstack((B, K * self.y)) if gain else B
+        return Predictor(model.A - K @ model.C, M, model.C / self.y[:, None], model.D * self.u / self.y[:, None])
+
+    def model(self, predictor: Predictor, data: DataSummary, covariance: FloatArray | None) -> StateSpace:
+        """Model of a scaled predictor; the covariance is in output units."""
+        C = predictor.C * self.y[:, None]
+        D = predictor.D * self.y[:, None] / self.u
+        nu = len(self.u)
+        K = predictor.M[:, nu:] / self.y if predictor.has_gain else np.zeros((len(predictor.A), len(self.y)))
+        return StateSpace(
+            predictor.A + K @ C,
+            predictor.M[:, :nu] / self.u + K @ D,
+            C,
+            D,
+            K,
+            data.dt,
+            covariance,
+            input_names=data.input_names,
+            output_names=data.output_names,
+            input_units=data.input_units,
+            output_units=data.output_units,
+        )

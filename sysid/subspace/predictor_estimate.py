@@ -1,0 +1,141 @@
+"""From a fitted predictor to the public record."""
+
+import warnings
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from sysid.models.estimate import DataSummary, Estimate
+from sysid.models.residuals import residuals
+from sysid.models.state_space import StateSpace
+from sysid.records.arrays import FloatArray
+from sysid.records.data import IOData
+from sysid.records.errors import SysidError, SysidWarning
+from sysid.subspace.predictor import Predictor, Scales
+
+
+@dataclass(frozen=True, eq=False)
+class RealiseLocally:
+    """Pure function from local coordinates to the model; a class, so that estimates can be pickled.
+
+    Attributes:
+        origin: Predictor, channels scaled.
+        basis: Directions (entries of A, M, C, D; q).
+        parameters: Coordinates of `origin` (q,).
+        scales: Of the channels.
+        data: Sampling interval and names.
+        covariance: Innovation covariance that the model carries (ny, ny).
+    """
+
+    origin: Predictor
+    basis: FloatArray
+    parameters: FloatArray
+    scales: Scales
+    data: DataSummary
+    covariance: FloatArray
+
+    def __call__(self, theta: FloatArray) -> StateSpace:
+        """Model for local coordinates (q,)."""
+        moved = self.origin.moved(self.basis @ (theta - self.parameters))
+        return self.scales.model(moved, self.data, self.covariance)
+
+
+def check_enough_samples(experiments: Sequence[IOData], order: int, count: int) -> int:
+    """Number of samples behind the initialisation windows.
+
+    Args:
+        experiments: The data set.
+        order: Number of states, that is of initial conditions per experiment.
+        count: Number of parameters.
+
+    Raises:
+        SysidError: Not more equations than unknowns, or outputs that are zero.
+    """
+    samples = int(usable_samples(experiments))
+    unknown = count + order * len(experiments)
+    short = [len(e) for e in experiments if len(e) - e.window <= order]
+    if samples * experiments[0].ny <= unknown or short:
+        raise SysidError(
+            f"too many states for the data: order {order} has {count} parameters and {order} initial conditions per "
+            f"experiment, given {samples} usable samples of {experiments[0].ny} output(s) in {len(experiments)} "
+            "experiment(s)"
+        )
+    if not any(e.y[e.window + order :].any() for e in experiments):
+        names = ", ".join(experiments[0].output_names or ())
+        raise SysidError(
+            f"the outputs ({names}) are zero from sample {order} on, which {order} states can do without any input: "
+            "there is nothing to identify"
+        )
+    return samples
+
+
+def make_predictor_estimate(
+    method: str,
+    experiments: Sequence[IOData],
+    asked: Mapping[str, Any],
+    scales: Scales,
+    *,
+    predictor: Predictor,
+    basis: FloatArray,
+    covariance: FloatArray,
+    diagnostics: Mapping[str, Any],
+    texts: Sequence[str],
+    innovation: FloatArray | None = None,
+) -> Estimate:
+    """Assemble the record.
+
+    Args:
+        method: Name of the estimator.
+        experiments: The data set.
+        asked: What the user asked for.
+        scales: Of the channels.
+        predictor: The result, channels scaled.
+        basis: Directions of the local coordinates (entries of A, M, C, D; q).
+        covariance: Of the local coordinates (q, q), NaN where not known.
+        diagnostics: Condition, convergence, and what belongs to the method.
+        texts: Warnings that were given.
+        innovation: Covariance of the prediction errors, channels scaled (ny, ny), where residuals do not tell it:
+            behind missing outputs they are larger.
+    """
+    summary = DataSummary.of(experiments)
+    parameters = basis.T @ predictor.vector()
+    freedom = degrees_of_freedom(experiments, predictor, len(parameters))
+    if innovation is not None:
+        innovation = innovation * np.outer(scales.y, scales.y) * usable_samples(experiments) / freedom
+    bare = scales.model(predictor, summary, innovation)
+    with warnings.catch_warnings():
+        # said by the estimator
+        warnings.simplefilter("ignore", SysidWarning)
+        parts = [residuals(bare, e) for e in experiments]
+    counted = np.concatenate([part[e.window :] for part, e in zip(parts, experiments, strict=True)])
+    variance = counted.T @ counted / freedom if innovation is None else innovation
+    realise = RealiseLocally(predictor, basis, parameters, scales, summary, variance)
+    return Estimate(
+        model=realise(parameters),
+        polynomials=None,
+        parameters=parameters,
+        parameter_names=tuple(f"local{i + 1}" for i in range(len(parameters))),
+        covariance=covariance,
+        noise_variance=variance,
+        residuals=np.concatenate(parts),
+        method=method,
+        orders=asked,
+        diagnostics={**diagnostics, "warnings": tuple(texts)},
+        data=summary,
+        realise=realise,
+    )
+
+
+def usable_samples(experiments: Sequence[IOData]) -> float:
+    """Known outputs behind the initialisation windows, per output."""
+    if all(e.complete for e in experiments):
+        return sum(len(e) - e.window for e in experiments)
+    return sum(int(e.known[e.window :].sum()) for e in experiments) / experiments[0].ny
+
+
+def degrees_of_freedom(experiments: Sequence[IOData], predictor: Predictor, parameters: int) -> float:
+    """Samples less the parameters and initial states per output."""
+    samples = usable_samples(experiments)
+    return samples - (parameters + len(predictor.A) * len(experiments)) / experiments[0].ny

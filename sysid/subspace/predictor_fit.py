@@ -1,0 +1,215 @@
+"""Prediction-error fits of state-space predictors, at a cost that hardly depends on the length of the record.
+
+Every derivative of the prediction is a fixed filter with the predictor's poles, each at most twice, of w and of the
+initial state. Written in an orthonormal basis of such filters, Gauss-Newton's normal equations are made of the moments
+of the basis' outputs; and these follow, exactly, from the correlations of w, which are formed once. Only the errors
+themselves are computed sample by sample: their accuracy is that of the fit.
+"""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.signal import lfilter
+
+from sysid.polynomial.autoregression import autoregression
+from sysid.records.arrays import FloatArray
+from sysid.subspace.predictor import Predictor
+from sysid.subspace.predictor_errors import Point
+from sysid.subspace.predictor_gaps import gapped_normal
+from sysid.subspace.predictor_record import Record
+from sysid.subspace.predictor_sensitivities import Sensitivities
+from sysid.subspace.stability_boundary import constrained_step, outward, pulled_in, stability_limit
+
+CONVERGED = 1e-8  # decrease still to be had, as a part of the sum of squares
+SETTLED = 1e-4  # the same in N dV / V: a hundredth of a standard deviation
+ROUNDING = 1e-29  # mean square of the errors, as a part of the output's, below which nothing is left to explain
+REPAIRS = 6  # steps towards an exact fit
+Directions = Callable[[Predictor], FloatArray]
+
+
+@dataclass(frozen=True, eq=False)
+class Normal:
+    """Normal equations in some directions, initial states eliminated.
+
+    Attributes:
+        information: J' W J (q, q).
+        gradient: -J' W e, the right-hand side (q,).
+        basis: The directions: entries of A, M, C, D per coordinate (all, q).
+    """
+
+    information: FloatArray
+    gradient: FloatArray
+    basis: FloatArray
+
+
+@dataclass(frozen=True, eq=False)
+class Minimum:
+    """Where the minimiser stopped.
+
+    Attributes:
+        point: Predictor, states, errors.
+        normal: Normal equations there.
+        iterations: Accepted steps.
+        evaluations: Evaluations of the criterion.
+        converged: The decrease still to be had is negligible, or the errors are at rounding level.
+        reason: Why it stopped.
+    """
+
+    point: Point
+    normal: Normal
+    iterations: int
+    evaluations: int
+    converged: bool
+    reason: str
+
+
+def minimise(records: Sequence[Record], start: Predictor, directions: Directions, max_iterations: int) -> Minimum:
+    """Levenberg-Marquardt on log det of the errors' covariance; the predictor stays stable [Ljung1999, ch. 7].
+
+    Args:
+        records: Experiments.
+        start: A stable predictor.
+        directions: Which changes of the entries are looked at, as columns, at a given predictor.
+        max_iterations: Accepted steps at most.
+    """
+    power = float(np.mean([np.mean(r.y**2) for r in records]))
+    samples = sum(len(r.y) for r in records)
+    limit = stability_limit(max(len(r.y) for r in records))
+    point = Point.at(records, pulled_in(start, limit).balanced(), np.eye(start.C.shape[0]))
+    damping, iterations, evaluations = 1e-6, 0, 1
+    while True:
+        normal = linearise(records, point, directions(point.predictor))
+        if float(np.trace(point.covariance)) <= ROUNDING * power:
+            return Minimum(point, normal, iterations, evaluations, True, "errors at rounding level")
+        scale = column_scale(normal.information)
+        values, vectors = np.linalg.eigh(normal.information / np.outer(scale, scale))
+        kept = values > 1e-14 * values[-1]
+        values = np.where(kept, values, 1.0)
+        g = np.where(kept, vectors.T @ (normal.gradient / scale), 0.0)
+        rows = np.where(kept, outward(point.predictor, normal.basis, limit) / scale @ vectors, 0.0)
+        left = float(g @ constrained_step(values, g, rows)) / (samples * len(point.covariance))
+        if left <= max(CONVERGED, SETTLED / (samples * len(point.covariance))):
+            where = " at the edge of stability" if len(rows) else ""
+            return Minimum(point, normal, iterations, evaluations, True, f"no decrease left{where}")
+        if iterations >= max_iterations:
+            why = f"stopped after {iterations} iterations, one more promises N dV/V = {left * samples:.2g}"
+            return Minimum(point, normal, iterations, evaluations, False, why)
+        trial = None
+        while damping < 1e8:
+            step = constrained_step(values + damping, g, rows)
+            moved = point.predictor.moved(normal.basis @ (vectors @ step / scale))
+            if np.isfinite(moved.A).all():
+                trial = Point.at(records, pulled_in(moved, limit), point.weight, point.spreads)
+                evaluations += 1
+                if trial.criterion < point.criterion:
+                    break
+                trial = None
+            damping = max(damping * 10.0, 1e-8)
+        if trial is None:
+            flat = left <= 1e-4 or float(np.trace(point.covariance)) <= 1e-16 * power
+            why = f"no step decreases the errors further; promised is N dV/V = {left * samples:.2g}"
+            return Minimum(point, normal, iterations, evaluations, flat, why)
+        promised = float(2.0 * g @ step - step**2 @ values) / samples
+        achieved = point.criterion - trial.criterion
+        damping = damping / 30.0 if achieved > 0.75 * promised else damping
+        if achieved < 0.25 * promised:
+            damping = max(damping * 4.0, 1e-8)
+        point = trial.balanced()
+        iterations += 1
+
+
+def least_squares_fit(records: Sequence[Record], start: Predictor, directions: Directions) -> Predictor:
+    """Solve for entries in which the prediction is linear, where a single step is exact.
+
+    Args:
+        records: Experiments.
+        start: A stable predictor, the other entries final.
+        directions: The entries.
+    """
+    point = Point.at(records, start.balanced(), np.eye(start.C.shape[0]))
+    power = float(np.mean([np.mean(r.y**2) for r in records]))
+    # further steps repair what rounding and the first weights left, where the errors are so small that it shows
+    for _ in range(REPAIRS):
+        normal = linearise(records, point, directions(point.predictor))
+        scale = column_scale(normal.information)
+        solution = np.linalg.lstsq(normal.information / np.outer(scale, scale), normal.gradient / scale, rcond=1e-13)
+        step = solution[0] / scale
+        better = Point.at(records, point.predictor.moved(normal.basis @ step), point.weight, point.spreads)
+        if not better.criterion < point.criterion:
+            break
+        point = better
+        if float(np.trace(point.covariance)) > 1e-4 * power:
+            break
+    found = point.predictor
+    return Predictor(start.A, start.balancing()[1] @ found.M, start.C, found.D)
+
+
+def linearise(records: Sequence[Record], point: Point, basis: FloatArray) -> Normal:
+    """Normal equations in the directions of `basis`, each experiment's initial state eliminated [GolubPereyra2003].
+
+    Args:
+        records: Experiments.
+        point: Where.
+        basis: Directions (all entries of A, M, C, D, q).
+    """
+    if point.gaps:
+        return Normal(*gapped_normal(point.predictor, point.gaps, point.states, point.covariance, basis), basis)
+    sensitivities = Sensitivities.of(point.predictor, bool(basis[: point.predictor.A.size].any()))
+    weight = point.weight
+    q = basis.shape[1]
+    information, gradient = np.zeros((q, q)), np.zeros(q)
+    for record, x0, e, prior in zip(records, point.states, point.errors, point.spreads, strict=True):
+        table = sensitivities.table(x0, basis)
+        moments, products = sensitivities.moments(record, e)
+        weighted = np.einsum("lr,lac->rac", np.linalg.cholesky(weight), table)
+        flat = weighted.reshape(-1, table.shape[2])
+        full = flat.T @ np.matmul(moments, weighted).reshape(flat.shape)
+        slope = np.einsum("lac,al->c", table, products @ weight)
+        corner, side = full[q:, q:], full[q:, :q]
+        inverse = np.outer(prior, prior) * np.linalg.inv(corner * np.outer(prior, prior) + np.eye(len(prior)))
+        slope[q:] -= x0 / prior**2
+        information += full[:q, :q] - side.T @ inverse @ side
+        gradient += slope[:q] - side.T @ inverse @ slope[q:]
+    return Normal(0.5 * (information + information.T), gradient, basis)
+
+
+def coloured_information(records: Sequence[Record], point: Point, basis: FloatArray, order: int) -> FloatArray:
+    """J' W R W J of the errors' own covariance R, where they are independent of the input but not white.
+
+    Errors are made uncorrelated by the root of W; each component then stands for an autoregressive model of its own, by
+    whose inverse J is filtered [Ljung1999, ch. 9]. Correlation between components at lags other than zero is left
+    out.
+
+    Args:
+        records: Experiments, predictors without innovation gain.
+        point: Where.
+        basis: Directions (all entries of A, M, C, D, q).
+        order: Coefficients of the autoregressive models.
+
+    Returns:
+        Matrix (q, q).
+    """
+    sensitivities = Sensitivities.of(point.predictor)
+    root = np.linalg.cholesky(point.weight)
+    errors = np.concatenate(point.errors) @ root
+    whiteners = [autoregression(e, order)[0] for e in errors.T]
+    variances = [float(np.mean(lfilter(w, [1.0], e) ** 2)) for w, e in zip(whiteners, errors.T, strict=True)]
+    q = basis.shape[1]
+    total = np.zeros((q, q))
+    for record, x0, prior in zip(records, point.states, point.spreads, strict=True):
+        table = np.einsum("lr,lac->rac", root, sensitivities.table(x0, basis))
+        signals = sensitivities.signals(record)
+        columns = [signals @ part for part in table]
+        corner = sum(part[:, q:].T @ part[:, q:] for part in columns) + np.diag(prior**-2.0)
+        onto = np.linalg.solve(corner, sum(part[:, q:].T @ part[:, :q] for part in columns))
+        for part, whitener, variance in zip(columns, whiteners, variances, strict=True):
+            filtered = lfilter([1.0], whitener, part[:, :q] - part[:, q:] @ onto, axis=0)
+            total += variance * (filtered.T @ filtered)
+    return total
+
+
+def column_scale(information: FloatArray) -> FloatArray:
+    """Lengths of the columns behind an information matrix (q,), directions without any information aside."""
+    squares = np.diag(information)
+    return np.sqrt(np.maximum(squares, max(1e-20 * float(squares.max(initial=0.0)), np.finfo(float).tiny)))

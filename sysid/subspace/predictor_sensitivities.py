@@ -1,0 +1,128 @@
+"""Derivatives of a state-space prediction, written in an orthonormal basis, and the moments of its signals."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from sysid.models.recursion import free_response, state_trajectory
+from sysid.polynomial.orthonormal_basis import all_pass, gramian, stein
+from sysid.records.arrays import FloatArray
+from sysid.subspace.predictor import Predictor
+from sysid.subspace.predictor_record import Record
+
+
+@dataclass(frozen=True, eq=False)
+class Sensitivities:
+    """Derivatives of the prediction in the basis (zI - F)^-1 b of 2n functions, applied to w and to a pulse.
+
+    Attributes:
+        predictor: Where.
+        F: State matrix of the basis (2n, 2n).
+        b: Its input (2n,).
+        states: (zI - A)^-1 e_i, coefficients by state, i, and function (n, n, 2n).
+        twice: C (zI - A)^-1 e_i times function a of the first n (ny, n, n, 2n); None where no derivative by A is asked
+            for, which is the costly part.
+    """
+
+    predictor: Predictor
+    F: FloatArray
+    b: FloatArray
+    states: FloatArray
+    twice: FloatArray | None
+
+    @staticmethod
+    def of(predictor: Predictor, by_dynamics: bool = True) -> "Sensitivities":
+        """Solve for the coefficients, which depend on no data.
+
+        Args:
+            predictor: Where.
+            by_dynamics: Whether derivatives by A are asked for.
+        """
+        n = len(predictor.A)
+        once = all_pass(np.linalg.eigvals(predictor.A).astype(complex))
+        basis = once.then(once)
+        pulses = np.zeros((n, n, 2 * n))
+        pulses[range(n), range(n)] = basis.b
+        twice = None
+        if by_dynamics:
+            driven = np.zeros((n, n, n, 2 * n))
+            driven[range(n), range(n)] = basis.F[:, :n].T
+            twice = np.tensordot(predictor.C, stein(predictor.A, basis.F, driven), 1)
+        return Sensitivities(predictor, basis.F, basis.b, stein(predictor.A, basis.F, pulses), twice)
+
+    def table(self, x0: FloatArray, basis: FloatArray) -> FloatArray:
+        """Coefficients per output, signal and column (ny, signals, q + n); the last n columns are those of x0.
+
+        Signals are the functions of every channel of w, then of the pulse, then the inputs themselves.
+        """
+        p = self.predictor
+        n, nw = p.M.shape
+        ny, nu = p.D.shape
+        k = 2 * n
+        x = np.einsum("ic,jia->cja", np.column_stack((p.M, x0)), self.states)
+        seen = np.tensordot(p.C, self.states, 1)
+        columns = n * n + n * nw + ny * n + ny * nu
+        out = np.zeros((ny, (nw + 1) * k + nu, columns))
+        functions = out[:, : (nw + 1) * k].reshape(ny, nw + 1, k, columns)
+        if self.twice is not None:
+            by_a = np.einsum("cja,liab->lcbij", x[:, :, :n], self.twice, optimize=True)
+            functions[..., : n * n] = by_a.reshape(ny, nw + 1, k, n * n)
+        at = n * n
+        for c in range(nw):
+            functions[:, c, :, at + c : at + n * nw : nw] = seen.transpose(0, 2, 1)
+        at += n * nw
+        for i in range(ny):
+            functions[i, :, :, at + i * n : at + (i + 1) * n] = x.transpose(0, 2, 1)
+        at += ny * n
+        for i in range(ny):
+            out[i, (nw + 1) * k :, at + i * nu : at + (i + 1) * nu] = np.eye(nu)
+        initial = np.zeros((ny, len(out[0]), n))
+        initial[:, nw * k : (nw + 1) * k] = seen.transpose(0, 2, 1)
+        return np.concatenate((out @ basis, initial), axis=2)
+
+    def signals(self, record: Record) -> FloatArray:
+        """What `table` refers to, sample by sample (N, signals)."""
+        rest = np.zeros(len(self.b))
+        drives = [channel[:, None] * self.b for channel in record.w.T] + [np.zeros((len(record.w), len(self.b)))]
+        starts = [rest] * record.w.shape[1] + [self.b]
+        parts = [state_trajectory(self.F, drive, start) for drive, start in zip(drives, starts, strict=True)]
+        return np.hstack((*parts, record.u))
+
+    def moments(self, record: Record, e: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Sums over time of signal signal' (signals, signals) and signal e' (signals, ny).
+
+        With phi(t+1) = F phi(t) + b s(t) for every channel s, the sum P of phi phi' satisfies P = F P F' + F X b' +
+        b X' F' + b S b' + the ends, X the sum of phi s' and S that of s s'.
+        """
+        F, b, w = self.F, self.b, record.w
+        steps, nw = w.shape
+        k, nu = len(b), record.u.shape[1]
+        responses = free_response(F.T, b[None], steps)[:, 0]
+        lags = min(len(responses), steps - 1)
+        own, cross = record.correlations(e, lags)
+        x = np.zeros((nw + 1, k, nw + 1))
+        by_lag = responses[:lags].T
+        x[:nw, :, :nw] = (by_lag @ own.reshape(lags, -1)).reshape(k, nw, nw).transpose(1, 0, 2)
+        x[nw, :, :nw] = responses.T @ w[: len(responses)]
+        s = np.zeros((nw + 1, nw + 1))
+        s[:nw, :nw] = w.T @ w
+        s[nw, nw] = 1.0
+        last = np.zeros((nw + 1, k))
+        last[:nw] = w[::-1][: len(responses)].T @ responses
+        if len(responses) == steps:
+            last[nw] = F @ responses[-1]
+        moved = np.einsum("ab,cbd->cda", F, x)[..., None] * b
+        q = moved + moved.transpose(1, 0, 3, 2) + s[:, :, None, None] * np.outer(b, b)
+        q -= last[:, None, :, None] * last[None, :, None, :]
+        functions = (nw + 1) * k
+        out = np.empty((functions + nu,) * 2)
+        out[:functions, :functions] = gramian(F, q).transpose(0, 2, 1, 3).reshape(functions, functions)
+        out[:functions, functions:] = x[:, :, :nu].reshape(functions, nu)
+        out[functions:, :functions] = out[:functions, functions:].T
+        out[functions:, functions:] = s[:nu, :nu]
+        products = np.empty((functions + nu, e.shape[1]))
+        by_channel = (by_lag @ cross.reshape(lags, -1)).reshape(k, nw, -1).transpose(1, 0, 2)
+        products[: nw * k] = by_channel.reshape(nw * k, -1)
+        products[nw * k : functions] = responses.T @ e[: len(responses)]
+        products[functions:] = record.u.T @ e
+        return out, products

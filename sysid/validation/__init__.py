@@ -1,0 +1,3 @@
+"""Validation."""
+
+__all__: list[str] = []

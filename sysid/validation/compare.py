@@ -1,0 +1,204 @@
+"""Fits of models to data: in simulation and one step ahead, always both, and over any other horizon."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from sysid.models.estimate import Estimate
+from sysid.models.predict import predict
+from sysid.models.state_space import StateSpace
+from sysid.records.arguments import whole_number
+from sysid.records.arrays import FloatArray, Locked, lock
+from sysid.records.data import IOData, as_experiments
+from sysid.records.errors import SysidError
+
+Model = StateSpace | Estimate
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class ModelFit(Locked):
+    """How well one model explains a data set.
+
+    Samples of several experiments stand one after the other, as residuals do.
+
+    Attributes:
+        name: The model.
+        simulation: Fit in percent of the output simulated from the input alone, per output (ny,).
+        one_step: Fit in percent of the one-step prediction, per output (ny,).
+        simulated: Simulated output, initial state fitted (N, ny).
+        predicted: One-step prediction, initial state fitted (N, ny).
+        steps: The horizon asked for, in samples.
+        ahead: Fit in percent of the prediction over that horizon, per output (ny,).
+        predicted_ahead: That prediction (N, ny).
+        by_experiment: The same experiment by experiment; empty for a single record.
+        output_names: One name per output.
+    """
+
+    name: str
+    simulation: FloatArray
+    one_step: FloatArray
+    simulated: FloatArray
+    predicted: FloatArray
+    steps: int = field(default=1, kw_only=True)
+    ahead: FloatArray = field(kw_only=True)
+    predicted_ahead: FloatArray = field(kw_only=True)
+    by_experiment: tuple["ModelFit", ...] = field(default=(), kw_only=True)
+    output_names: tuple[str, ...] = field(default=(), kw_only=True)
+
+    def __post_init__(self) -> None:
+        """Lock."""
+        for attribute in ("simulation", "one_step", "simulated", "predicted", "ahead", "predicted_ahead"):
+            object.__setattr__(self, attribute, lock(getattr(self, attribute)))
+
+    def __str__(self) -> str:
+        """One line: all fits, per output where there are several, and a line per experiment where there are several."""
+        names = (
+            self.output_names if len(self.output_names) == len(self.simulation) > 1 else ("",) * len(self.simulation)
+        )
+        parts = []
+        for i, name in enumerate(names):
+            text = f"{self.simulation[i]:.2f} % in simulation, {self.one_step[i]:.2f} % one step ahead"
+            text += f", {self.ahead[i]:.2f} % {self.steps} steps ahead" if self.steps > 1 else ""
+            parts.append((f"{name}: " if name else "") + text)
+        return "\n".join((f"{self.name}: {'; '.join(parts)}", *(f"  {one}" for one in self.by_experiment)))
+
+
+def compare(
+    models: Model | Sequence[Model] | Mapping[str, Model], data: IOData | Sequence[IOData], *, steps: int = 1
+) -> tuple[ModelFit, ...]:
+    """Fit 100 (1 - |y - yhat| / |y - mean(y)|) of every model, without the initialisation window.
+
+    The initial state is fitted by least squares: to the initialisation window where the record has one, else to the
+    whole record. Over several experiments the squares of errors and of deviations, each from its own mean, are summed.
+
+    Args:
+        models: A model or estimate, several, or several by name.
+        data: The record to explain, best one that no model was fitted to; or several.
+        steps: Horizon of a further prediction, in samples: outputs up to t - steps are known. 1 is the one-step
+            prediction, which is there anyway, as is the simulation.
+
+    Returns:
+        One record per model, in the sequence given.
+
+    Raises:
+        SysidError: No model, channels that do not fit, an output that is constant, steps < 1.
+    """
+    named: Mapping[str, Model]
+    if isinstance(models, Mapping):
+        named = models
+    else:
+        if not isinstance(models, StateSpace | Estimate | Sequence):
+            raise SysidError(f"expected models or estimates, got {type(models).__name__}")
+        several = [models] if isinstance(models, StateSpace | Estimate) else list(models)
+        named = {_name(model, k): model for k, model in enumerate(several)}
+    if not named:
+        raise SysidError("expected at least one model, got none")
+    steps = whole_number("steps (the simulation is always there)", steps, 1)
+    experiments = as_experiments(data, missing=True)
+    return tuple(_fit(name, model, experiments, steps) for name, model in named.items())
+
+
+def _fit(name: str, model: Model, experiments: Sequence[IOData], steps: int) -> ModelFit:
+    outputs: list[tuple[FloatArray, FloatArray, FloatArray]] = []
+    for data in experiments:
+        predicted = predict(model, data)
+        outputs.append(
+            (
+                predict(model, data, steps=None),
+                predicted,
+                predicted if steps == 1 else predict(model, data, steps=steps),
+            )
+        )
+    single = tuple(
+        _of(name if len(experiments) == 1 else e.name or f"experiment {k + 1}", [e], [own], steps)
+        for k, (e, own) in enumerate(zip(experiments, outputs, strict=True))
+    )
+    return single[0] if len(single) == 1 else _of(name, experiments, outputs, steps, single)
+
+
+def _of(
+    name: str,
+    experiments: Sequence[IOData],
+    outputs: Sequence[tuple[FloatArray, FloatArray, FloatArray]],
+    steps: int,
+    by_experiment: tuple[ModelFit, ...] = (),
+) -> ModelFit:
+    measured = [e.scored.y for e in experiments]
+    # One mean of all would make a difference of level between experiments look explained.
+    y = np.concatenate([part - np.nanmean(part, axis=0) if len(measured) > 1 else part for part in measured])
+    fits = []
+    for kind in zip(*outputs, strict=True):
+        # what an unstable model makes may end as the difference of two infinities
+        hats = [
+            np.nan_to_num(hat[e.window :], nan=np.inf, posinf=np.inf, neginf=-np.inf)
+            for hat, e in zip(kind, experiments, strict=True)
+        ]
+        if len(measured) > 1:
+            hats = [hat - np.nanmean(part, axis=0) for hat, part in zip(hats, measured, strict=True)]
+        fits.append(fit_percent(y, np.concatenate(hats)))
+    simulated, predicted, ahead = (np.concatenate(kind) for kind in zip(*outputs, strict=True))
+    return ModelFit(
+        name=name,
+        simulation=fits[0],
+        one_step=fits[1],
+        simulated=simulated,
+        predicted=predicted,
+        steps=steps,
+        ahead=fits[2],
+        predicted_ahead=ahead,
+        by_experiment=by_experiment,
+        output_names=experiments[0].output_names or (),
+    )
+
+
+def fit_percent(y: ArrayLike, yhat: ArrayLike) -> FloatArray:
+    """100 (1 - |y - yhat| / |y - mean(y)|) per output (ny,).
+
+    100 is perfect, 0 no better than the mean, minus infinity what grows beyond all numbers.
+
+    Args:
+        y: Measured (N, ny); NaN where a sample is missing: it is not scored.
+        yhat: Explained (N, ny).
+
+    Returns:
+        Fits in percent (ny,).
+
+    Raises:
+        SysidError: Shapes differ, NaN in yhat, or an output is constant.
+    """
+    y, yhat = (_table(name, value) for name, value in (("y", y), ("yhat", yhat)))
+    if y.shape != yhat.shape:
+        raise SysidError(f"y and yhat must have one shape, got {y.shape} and {yhat.shape}")
+    unknown = np.isnan(yhat) & np.isfinite(y)
+    if unknown.any():
+        raise SysidError(f"yhat is NaN at {int(unknown.sum())} sample(s) where y is known: the fit is not defined")
+    spread = np.sqrt(np.nansum((y - np.nanmean(y, axis=0)) ** 2, axis=0))
+    # Rounding of the mean leaves a constant a spread of its last digit.
+    rounding = 1e-14 * np.sqrt(len(y)) * np.nanmax(np.abs(y), axis=0)
+    if (spread <= rounding).any():
+        raise SysidError(f"output {int(np.argmin(spread - rounding))} is constant: its fit is not defined")
+    # samples that are missing are not scored
+    known = np.isfinite(y)
+    error = np.where(known, np.abs(np.where(known, y, 0.0) - yhat), 0.0)
+    largest = error.max(axis=0)
+    finite = np.isfinite(largest)
+    # scaled first: an unstable predictor's errors may be too large to square
+    scale = np.where(finite & (largest > 0.0), largest, 1.0)
+    size = np.where(finite, scale * np.linalg.norm(np.where(finite, error, 0.0) / scale, axis=0), np.inf)
+    return np.asarray(100.0 * (1.0 - size / spread))
+
+
+def _table(name: str, value: ArrayLike) -> FloatArray:
+    try:
+        out = np.asarray(value, dtype=float)
+    except (TypeError, ValueError) as error:
+        raise SysidError(f"{name}: expected numbers (N, ny), got a value of type {type(value).__name__}") from error
+    if out.ndim not in (1, 2) or not out.size:
+        raise SysidError(f"{name}: expected shape (N, ny), got {out.shape}")
+    return out[:, None] if out.ndim == 1 else out
+
+
+def _name(model: Model, index: int) -> str:
+    return f"{index + 1}: {model.method}" if isinstance(model, Estimate) else f"{index + 1}: model"

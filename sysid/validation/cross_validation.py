@@ -1,0 +1,90 @@
+"""Cross-validation: every part of the data explained by a model that has not seen it."""
+
+import warnings
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+
+import numpy as np
+
+from sysid.models.estimate import Estimate
+from sysid.records.arguments import whole_number
+from sysid.records.arrays import FloatArray, Locked, lock
+from sysid.records.data import IOData, as_experiments
+from sysid.records.errors import SysidWarning
+from sysid.validation.compare import ModelFit, compare
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class CrossValidation(Locked):
+    """Fits to the parts left out.
+
+    Attributes:
+        fits: One record per part.
+        estimates: The estimate that has not seen it, per part.
+        simulation: Mean fit in percent of the simulated output, per output (ny,).
+        one_step: Mean fit in percent of the one-step prediction, per output (ny,).
+        simulation_deviation: Standard deviation of the fits over the parts (ny,).
+        one_step_deviation: Likewise.
+    """
+
+    fits: tuple[ModelFit, ...]
+    estimates: tuple[Estimate, ...]
+    simulation: FloatArray
+    one_step: FloatArray
+    simulation_deviation: FloatArray
+    one_step_deviation: FloatArray
+
+    def __post_init__(self) -> None:
+        """Lock."""
+        for attribute in ("simulation", "one_step", "simulation_deviation", "one_step_deviation"):
+            object.__setattr__(self, attribute, lock(getattr(self, attribute)))
+
+
+def cross_validate(
+    estimator: Callable[[tuple[IOData, ...]], Estimate], data: IOData | Sequence[IOData], *, folds: int = 5
+) -> CrossValidation:
+    """Leave out every part once, fit to the others, compare with the part left out [Ljung1999, sec. 16.4].
+
+    `cross_validate(lambda parts: sysid.oe(parts, 2, 2), data)`
+
+    Several experiments are the parts themselves; a single one is cut into consecutive parts, which enter the fit as
+    experiments of their own, so that nothing is joined across the gap.
+
+    Args:
+        estimator: From experiments to an estimate.
+        data: One experiment, or several.
+        folds: Number of parts of a single experiment.
+
+    Returns:
+        Fits, in simulation and one step ahead, their mean and scatter.
+
+    Raises:
+        SysidError: Fewer than two parts, or parts too short for the estimator.
+    """
+    experiments = as_experiments(data)
+    if len(experiments) == 1:
+        folds = whole_number("folds", folds, 2, len(experiments[0]))
+        (whole,) = experiments
+        edges = np.linspace(whole.window, len(whole), folds + 1).astype(int)
+        # the window stays in front of the part that it initialises
+        edges[0] = 0
+        experiments = tuple(whole[int(a) : int(b)] for a, b in pairwise(edges))
+    fits: list[ModelFit] = []
+    estimates: list[Estimate] = []
+    for k, left_out in enumerate(experiments):
+        with warnings.catch_warnings():
+            # a part excites less than the whole; the fit to the whole says what matters
+            warnings.simplefilter("ignore", SysidWarning)
+            estimate = estimator(experiments[:k] + experiments[k + 1 :])
+            fits += compare({f"part {k + 1}": estimate}, left_out)
+        estimates.append(estimate)
+    simulation, one_step = (np.array([getattr(f, kind) for f in fits]) for kind in ("simulation", "one_step"))
+    return CrossValidation(
+        fits=tuple(fits),
+        estimates=tuple(estimates),
+        simulation=simulation.mean(axis=0),
+        one_step=one_step.mean(axis=0),
+        simulation_deviation=simulation.std(axis=0, ddof=1),
+        one_step_deviation=one_step.std(axis=0, ddof=1),
+    )

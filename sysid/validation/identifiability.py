@@ -1,0 +1,154 @@
+"""How well the parameters of an estimate are determined, and what speaks for a smaller model."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from sysid.models.delta_method import spread
+from sysid.models.estimate import Estimate, as_estimate
+from sysid.polynomial.orders import Orders, make_orders
+from sysid.records.arrays import ComplexArray, FloatArray, Locked, lock
+from sysid.records.errors import SysidError
+
+POORLY_KNOWN = 1e3  # condition of the parameters' correlation matrix, square root, worth a word
+TOGETHER = 2.0  # standard deviations below which a pole and a zero cannot be told apart
+
+
+@dataclass(frozen=True)
+class Cancellation:
+    """A pole and a zero that the data do not tell apart.
+
+    Attributes:
+        pole: Root of A or F in the z plane.
+        zero: Root of B in the z plane.
+        distance: Between them.
+        deviation: Standard deviation of that.
+        input: Index of the input.
+    """
+
+    pole: complex
+    zero: complex
+    distance: float
+    deviation: float
+    input: int
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Identifiability(Locked):
+    """Conditioning of an estimate.
+
+    Attributes:
+        names: One per parameter.
+        relative_deviation: Standard deviation of each parameter over its magnitude (p,).
+        condition: Ratio of the longest to the shortest axis of the confidence ellipsoid, parameters in units of their
+            own deviations: 1 for independent ones, large where they are known only jointly.
+        weakest: Direction least determined, in those units, of unit length (p,).
+        cancellations: Poles and zeros that cannot be told apart.
+        texts: What is worth knowing, in words with numbers; empty when there is nothing.
+    """
+
+    names: tuple[str, ...]
+    relative_deviation: FloatArray
+    condition: float
+    weakest: FloatArray
+    cancellations: tuple[Cancellation, ...]
+    texts: tuple[str, ...]
+
+    def __post_init__(self) -> None:
+        """Lock."""
+        object.__setattr__(self, "relative_deviation", lock(self.relative_deviation))
+        object.__setattr__(self, "weakest", lock(self.weakest))
+
+
+def identifiability(estimate: Estimate) -> Identifiability:
+    """Look at an estimate's covariance for parameters that the data hardly determine [Ljung1999, sec. 16.4].
+
+    Large deviations of single parameters with a small condition mean too little data; a large condition means that some
+    combination of them is hardly excited, or superfluous. A pole and a zero within two standard deviations of each
+    other say that a model with one less of each would do.
+
+    Args:
+        estimate: Any estimate with a covariance; cancellations are looked for in polynomial models.
+
+    Returns:
+        Numbers and texts.
+
+    Raises:
+        SysidError: The estimate has no parameters, or its method gives no covariance.
+    """
+    estimate = as_estimate(estimate)
+    covariance, theta = estimate.covariance, estimate.parameters
+    if not len(theta) or not np.isfinite(covariance).all():
+        raise SysidError(f"{estimate.method} gives no covariance of its parameters: there is nothing to judge by")
+    deviation = np.sqrt(np.maximum(np.diag(covariance), 0.0))
+    scale = np.where(deviation > 0.0, deviation, 1.0)
+    values, vectors = np.linalg.eigh(covariance / np.outer(scale, scale))
+    smallest = max(float(values[0]), 0.0)
+    condition = float(np.sqrt(values[-1] / smallest)) if smallest > 0.0 else np.inf
+    relative = deviation / np.maximum(np.abs(theta), np.finfo(float).tiny)
+    cancellations = _cancellations(estimate)
+    texts = []
+    if condition > POORLY_KNOWN:
+        main = np.argsort(-np.abs(vectors[:, -1]))[:4]
+        who = ", ".join(estimate.parameter_names[k] for k in main)
+        texts.append(f"the parameters are known only jointly: condition {condition:.3g}; mostly {who} move together")
+    vague = int((relative > 1.0).sum())
+    if vague:
+        k = int(np.argmax(relative))
+        texts.append(
+            f"{vague} of {len(theta)} parameters are smaller than their standard deviation, "
+            f"{estimate.parameter_names[k]} = {theta[k]:.3g} +- {deviation[k]:.3g} the most"
+        )
+    for c in cancellations:
+        texts.append(
+            f"the pole {_shown(c.pole)} and the zero {_shown(c.zero)} of input {c.input + 1} cannot be told apart: "
+            f"distance {c.distance:.3g}, standard deviation {c.deviation:.3g}; orders smaller by one may do"
+        )
+    return Identifiability(
+        names=estimate.parameter_names,
+        relative_deviation=relative,
+        condition=condition,
+        weakest=vectors[:, -1],
+        cancellations=cancellations,
+        texts=tuple(texts),
+    )
+
+
+def _cancellations(estimate: Estimate) -> tuple[Cancellation, ...]:
+    if estimate.polynomials is None:
+        return ()
+    asked = dict(estimate.orders)
+    orders = make_orders(estimate.polynomials.nu, **asked)
+    found = []
+    for j in range(len(orders.nb)):
+        poles, zeros = _roots(orders, estimate.parameters, j)
+        for pole in poles[poles.imag >= 0.0]:
+            if not len(zeros):
+                break
+            zero = zeros[np.argmin(np.abs(zeros - pole))]
+
+            def gap(theta: FloatArray, pole: complex = pole, zero: complex = zero, j: int = j) -> FloatArray:
+                p, z = _roots(orders, theta, j)
+                step = p[np.argmin(np.abs(p - pole))] - z[np.argmin(np.abs(z - zero))]
+                return np.array([step.real, step.imag])
+
+            moves = spread(gap, estimate.parameters, estimate.covariance)
+            direction = np.array([(pole - zero).real, (pole - zero).imag])
+            distance = float(np.linalg.norm(direction))
+            whole = moves.T @ moves
+            along = direction / distance if distance > 0.0 else np.array([1.0, 0.0])
+            deviation = float(np.sqrt(along @ whole @ along))
+            if distance < TOGETHER * deviation:
+                found.append(Cancellation(complex(pole), complex(zero), distance, deviation, j))
+    return tuple(found)
+
+
+def _roots(orders: Orders, theta: FloatArray, j: int) -> tuple[ComplexArray, ComplexArray]:
+    """Poles A F_j and zeros B_j."""
+    a, b, _, _, f = orders.split(theta)
+    poles = np.concatenate((np.roots(a), np.roots(f[j]))).astype(complex)
+    return poles, np.roots(b[j][orders.nk[j] :]).astype(complex)
+
+
+def _shown(root: complex) -> str:
+    return f"{root.real:.3f}" + (f"{root.imag:+.3f}i" if abs(root.imag) > 1e-9 else "")

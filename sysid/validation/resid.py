@@ -1,0 +1,181 @@
+"""Residual tests: are the prediction errors white, and independent of the input?"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.stats import norm
+
+from sysid.models.estimate import Estimate
+from sysid.models.residuals import residuals
+from sysid.models.state_space import StateSpace
+from sysid.polynomial.autoregression import autoregression
+from sysid.polynomial.correlation import covariance_function
+from sysid.records.arguments import confidence_level, whole_number
+from sysid.records.arrays import FloatArray, Locked, lock
+from sysid.records.data import ROUNDING, IOData, as_experiments
+from sysid.records.errors import SysidError
+from sysid.validation.independence import independence_p, whiteness_p
+
+BoolArray = NDArray[np.bool_]
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class ResidualTest(Locked):
+    """Correlations of the residuals, with bounds and tests.
+
+    Attributes:
+        residuals: One-step prediction errors behind the initialisation window (N, ny), experiments one after the
+            other.
+        lags: 0, 1, ..., (lags + 1,).
+        autocorrelation: Normalised R_e (lags + 1, ny, ny).
+        cross_lags: -lags, ..., lags (2 lags + 1,).
+        cross_correlation: Normalised R_eu (2 lags + 1, ny, nu): e(t + tau) with u(t); correlation at tau > 0 means
+            dynamics not modelled, at tau < 0 feedback.
+        level: Confidence level of bounds and tests.
+        whiteness_bound: Bound on the autocorrelation at every lag but zero: 2.58/sqrt(N) at 99 %.
+        independence_bound: Bound on the cross-correlation per pair (ny, nu), from the correlations of input and
+            residual.
+        whiteness_p: p-value per output (ny,) of N sum r(tau)^2, tau = 1..lags (Ljung and Box's form, with its exact
+            variance).
+        independence_p: p-value per pair (ny, nu) of the regression of the whitened residual on the input's lags
+            0..lags.
+        outside_whiteness: Number of lags 1..lags outside the bound, per output (ny,).
+        outside_independence: Number of lags 0..lags outside the bound, per pair (ny, nu).
+        output_names: One name per output.
+        input_names: One name per input.
+    """
+
+    residuals: FloatArray
+    lags: NDArray[np.int_]
+    autocorrelation: FloatArray
+    cross_lags: NDArray[np.int_]
+    cross_correlation: FloatArray
+    level: float
+    whiteness_bound: float
+    independence_bound: FloatArray
+    whiteness_p: FloatArray
+    independence_p: FloatArray
+    outside_whiteness: NDArray[np.int_]
+    outside_independence: NDArray[np.int_]
+    output_names: tuple[str, ...] = field(default=(), kw_only=True)
+    input_names: tuple[str, ...] = field(default=(), kw_only=True)
+
+    def __post_init__(self) -> None:
+        """Lock."""
+        for attribute, value in list(self.__dict__.items()):
+            if isinstance(value, np.ndarray):
+                object.__setattr__(self, attribute, lock(value))
+
+    def __str__(self) -> str:
+        """A line per output for whiteness, a line per pair for independence of past inputs."""
+        ny, nu = self.independence_p.shape
+        outputs = self.output_names or tuple(f"y{i + 1}" for i in range(ny))
+        inputs = self.input_names or tuple(f"u{j + 1}" for j in range(nu))
+        last = int(self.lags[-1])
+        lines = [f"Residual tests at {100 * self.level:g} %: {'passed' if self.passed else 'not passed'}"]
+        lines += [
+            f"  {outputs[i]}: {'white' if self.white[i] else 'not white'} "
+            f"(p = {self.whiteness_p[i]:.3g}, {self.outside_whiteness[i]} of {last} lags outside)"
+            for i in range(ny)
+        ]
+        lines += [
+            f"  {outputs[i]} and {inputs[j]}: {'independent' if self.independent[i, j] else 'not independent'} "
+            f"(p = {self.independence_p[i, j]:.3g}, {self.outside_independence[i, j]} of {last + 1} lags outside)"
+            for i in range(ny)
+            for j in range(nu)
+        ]
+        return "\n".join(lines)
+
+    @property
+    def white(self) -> BoolArray:
+        """Whether whiteness stands at the level, per output (ny,)."""
+        return np.asarray(self.whiteness_p >= 1.0 - self.level)
+
+    @property
+    def independent(self) -> BoolArray:
+        """Whether independence of past inputs stands at the level, per pair (ny, nu)."""
+        return np.asarray(self.independence_p >= 1.0 - self.level)
+
+    @property
+    def passed(self) -> bool:
+        """Whether every output is white and every pair independent."""
+        return bool(self.white.all() and self.independent.all())
+
+
+def resid(
+    estimate: Estimate | StateSpace, data: IOData | Sequence[IOData], *, lags: int = 25, level: float = 0.99
+) -> ResidualTest:
+    """Test the one-step prediction errors of a model on data [Ljung1999, sec. 16.6; LjungBox1978].
+
+    Under the null hypothesis r_e(tau) ~ N(0, 1/N), and r_eu(tau) is normal with variance sum_k r_e(k) r_u(k) / N
+    [Ljung1999, sec. 16.6]. Means are removed first. On the data that a model was fitted to the tests are conservative,
+    since fitted parameters use up degrees of freedom.
+
+    Args:
+        estimate: The estimate, or the model itself.
+        data: Inputs and outputs, the fitted ones or fresh ones; one experiment or several.
+        lags: Largest lag.
+        level: Confidence level, between 0 and 1.
+
+    Returns:
+        Correlations, bounds, p-values and flags.
+
+    Raises:
+        SysidError: Channels that do not fit the model, lags or level out of range, residuals that vanish.
+    """
+    level = confidence_level(level)
+    experiments = as_experiments(data)
+    parts = [residuals(estimate, e)[e.window :] for e in experiments]
+    errors = np.concatenate(parts)
+    first = experiments[0]
+    shortest = min(len(part) for part in parts)
+    lags = whole_number("lags", lags, 1, shortest // 2 - 1)
+    n, (ny, nu) = len(errors), (first.ny, first.nu)
+    largest = float(np.abs(errors).max())
+    if not np.isfinite(largest) or largest <= 1e-14 * max(np.abs(e.y).max() for e in experiments):
+        raise SysidError("the residuals vanish or are not finite: there is nothing to test")
+    # an unstable predictor's residuals may be too large to square
+    e = [part / largest - part.mean(axis=0) / largest for part in parts]
+    v = [x.u[x.window :] - x.u[x.window :].mean(axis=0) for x in experiments]
+    e_size, v_size = (np.sqrt(np.mean(np.concatenate(s) ** 2, axis=0)) for s in (e, v))
+    if (e_size <= 1e-14).any():
+        raise SysidError("the residuals of an output vanish beside those of another: there is nothing to test")
+    if (v_size <= ROUNDING * max(np.abs(x.u).max() for x in experiments)).any():
+        raise SysidError("an input is constant: independence of it cannot be tested")
+    auto = covariance_function(e, e, lags)[lags:] / (e_size[:, None] * e_size)
+    cross = covariance_function(e, v, lags) / (e_size[:, None] * v_size)
+    z = float(norm.ppf(0.5 + 0.5 * level))
+    single = np.einsum("kii->ki", auto)[1:]
+    counts = np.array([sum(len(part) - k for part in parts) for k in range(lags + 1)])
+
+    bound, p_cross = np.empty((ny, nu)), np.empty((ny, nu))
+    for i in range(ny):
+        own = [part[:, i] for part in e]
+        _, r_e = autoregression(np.concatenate(own), lags)
+        reach = min(len(r_e), shortest) - 1
+        for j in range(nu):
+            given = [part[:, [j]] for part in v]
+            r_u = covariance_function(given, given, reach)[reach:, 0, 0] / v_size[j] ** 2
+            # the sum is a spectrum's integral and positive, but the sample correlations in it are not exact
+            variance = max(r_u[0] * r_e[0] + 2.0 * float(r_u[1:] @ r_e[1 : reach + 1]), 1.0 / n)
+            bound[i, j] = z * np.sqrt(variance / n)
+            p_cross[i, j] = independence_p(own, [part[:, 0] for part in given], int(lags))
+    outside = (np.abs(cross[lags:]) > bound).sum(axis=0)
+    return ResidualTest(
+        residuals=errors,
+        lags=np.arange(lags + 1),
+        autocorrelation=auto,
+        cross_lags=np.arange(-lags, lags + 1),
+        cross_correlation=cross,
+        level=level,
+        whiteness_bound=z / float(np.sqrt(n)),
+        independence_bound=bound,
+        whiteness_p=whiteness_p(single, counts),
+        independence_p=p_cross,
+        outside_whiteness=(np.abs(single) > z / np.sqrt(n)).sum(axis=0),
+        outside_independence=outside,
+        output_names=first.output_names or (),
+        input_names=first.input_names or (),
+    )

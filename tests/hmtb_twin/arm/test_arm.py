@@ -1,0 +1,195 @@
+import mujoco
+import numpy as np
+import pytest
+
+from hmtb_twin import JOINTS, POSES, VARIANTS, TwinError, linearize, load_arm
+from hmtb_twin.arm.rendering import scene_model
+from hmtb_twin.arm.servo_gains import servo_gains
+from hmtb_twin.parameters.payloads import PAYLOADS
+from hmtb_twin.parameters.resources import model_file
+from hmtb_twin.parameters.values import ACTUATORS, LINKS, MOTIONS, SERVOS
+
+
+@pytest.fixture(scope="module")
+def written() -> mujoco.MjModel:
+    return mujoco.MjModel.from_xml_path(str(model_file("hmtb/hmtb.xml")))
+
+
+def test_joints_stand_in_the_order_of_the_chain(written):
+    assert tuple(written.joint(i).name for i in range(written.njnt)) == JOINTS
+
+
+def test_model_file_holds_the_numbers_of_the_parameters(written, arm):
+    for field in (
+        "body_mass",
+        "body_inertia",
+        "body_ipos",
+        "body_pos",
+        "jnt_range",
+        "dof_damping",
+        "actuator_forcerange",
+    ):
+        np.testing.assert_allclose(getattr(written, field), getattr(arm.model, field), rtol=1e-7, atol=1e-12)
+    for field in ("actuator_dynprm", "actuator_gainprm", "actuator_biasprm"):
+        np.testing.assert_allclose(getattr(written, field), getattr(arm.model, field), rtol=1e-7, atol=1e-12)
+
+
+def test_inertials_are_those_of_the_links(written):
+    chain = [written.body(written.joint(name).bodyid[0]) for name in JOINTS] + [written.body("end_effector")]
+    for body, (name, link) in zip(chain, LINKS.items(), strict=True):
+        assert body.mass[0] == pytest.approx(link.mass), name
+        inertia = [link.axial_inertia, link.transverse_inertia, link.transverse_inertia]
+        np.testing.assert_allclose(np.sort(body.inertia), np.sort(inertia), rtol=1e-7)
+        np.testing.assert_allclose(body.ipos, [link.length / 2, 0, 0], rtol=1e-7)
+    payload = PAYLOADS["rpcm"]
+    assert written.body("rpcm").mass[0] == payload.mass
+    np.testing.assert_allclose(np.sort(written.body("rpcm").inertia), np.sort(payload.inertia), rtol=1e-7)
+
+
+def test_chain_has_the_published_reach(written):
+    data = mujoco.MjData(written)
+    mujoco.mj_forward(written, data)
+    pitch = data.body("upper_arm").xpos
+    assert np.linalg.norm(data.site("tool").xpos - pitch) == pytest.approx(1.67, abs=1e-9)
+
+
+def test_ranges_are_those_of_the_parameters(written):
+    for name in JOINTS:
+        np.testing.assert_allclose(written.joint(name).range, [MOTIONS[name].lower, MOTIONS[name].upper], rtol=1e-7)
+
+
+def test_keyframes_hold_the_arm_under_gravity(written):
+    data = mujoco.MjData(written)
+    for name, angles in POSES.items():
+        mujoco.mj_resetDataKeyframe(written, data, written.key(name).id)
+        np.testing.assert_allclose(data.qpos, angles, rtol=1e-8, atol=1e-12)
+        worst = 0.0
+        for _ in range(10_000):
+            mujoco.mj_step(written, data)
+            worst = max(worst, np.abs(data.qpos - angles).max())
+        assert np.degrees(worst) < 0.01, name
+        assert not any(warning.number for warning in data.warning)
+
+
+def test_operating_pose_is_far_from_limits_and_singularities(written):
+    angles = np.array(POSES["rpcm_holster_out_approach"])
+    margin = np.minimum(angles - written.jnt_range[:, 0], written.jnt_range[:, 1] - angles)
+    assert np.degrees(margin.min()) > 30.0
+    data = mujoco.MjData(written)
+    data.qpos[:] = angles
+    mujoco.mj_forward(written, data)
+    jacobian = np.empty((6, 7))
+    mujoco.mj_jacSite(written, data, jacobian[:3], jacobian[3:], written.site("tool").id)
+    # The roll is indexed: six joints move the tool.
+    assert np.linalg.cond(jacobian[:, 1:]) < 10.0
+
+
+def test_noise_over_the_control_range_raises_no_engine_warning(arm):
+    rng = np.random.default_rng(0)
+    data = arm.rest(arm.pose("home"))
+    limits = np.array([[MOTIONS[name].lower, MOTIONS[name].upper] for name in JOINTS])
+    for _ in range(200):
+        data.ctrl[0::2] = rng.uniform(limits[:, 0], limits[:, 1])
+        data.ctrl[1::2] = rng.uniform(-1, 1, 7) * [ACTUATORS[name].maximum_torque for name in JOINTS]
+        mujoco.mj_step(arm.model, data, nstep=50)
+    assert not any(warning.number for warning in data.warning)
+    assert np.isfinite(data.qpos).all()
+
+
+def test_shoulder_roll_is_locked_at_its_index(arm):
+    data = arm.rest(arm.pose("rpcm_holster_out_approach"))
+    data.ctrl[2] += 0.5
+    for _ in range(2000):
+        mujoco.mj_step(arm.model, data)
+    assert abs(data.qpos[1] - POSES["rpcm_holster_out_approach"][1]) > 0.4
+    assert abs(data.qpos[0]) < 1e-5
+
+
+def test_one_joint_held_by_its_neighbours_gets_the_wanted_poles(arm):
+    for name in JOINTS:
+        lag = ACTUATORS[name].pressure_lag
+        kp, kd = servo_gains(3.0, SERVOS[name], ACTUATORS[name])
+        poles = np.sort(np.roots([3.0 * lag, 3.0, kd, kp]).real)
+        for wanted in (SERVOS[name].slow_pole, SERVOS[name].fast_pole):
+            assert np.abs(poles - wanted).min() < 1e-6 * abs(wanted)
+
+
+def test_servo_refuses_a_lag_too_long_for_its_poles():
+    from dataclasses import replace
+
+    sluggish = replace(ACTUATORS["elbow_pitch"], trapped_volume=60_000.0)
+    with pytest.raises(TwinError, match="third pole"):
+        servo_gains(3.0, SERVOS["elbow_pitch"], sluggish)
+
+
+def test_without_payload_the_arm_is_lighter_and_still_holds():
+    bare = load_arm(payload="none")
+    assert bare.model.body_mass.sum() == pytest.approx(load_arm().model.body_mass.sum() - 4.1)
+    angles = bare.pose("rpcm_holster_out_approach")
+    data = bare.rest(angles)
+    mujoco.mj_step(bare.model, data, nstep=2000)
+    assert np.abs(data.qpos - angles).max() < 1e-5
+
+
+@pytest.mark.parametrize("variant", VARIANTS)
+@pytest.mark.parametrize("payload", PAYLOADS)
+def test_every_arm_holds_every_payload_and_stays_stable(variant, payload):
+    loaded = load_arm(variant, payload)
+    largest = [loaded.drives[name].maximum_torque for name in JOINTS]
+    for name in POSES:
+        angles = loaded.pose(name)
+        # A quarter of the torque is left to move with.
+        assert (np.abs(loaded.controller.gravity_torque(angles[None])[0]) < 0.75 * np.array(largest)).all()
+        data = loaded.rest(angles)
+        mujoco.mj_step(loaded.model, data, nstep=1000)
+        assert np.abs(data.qpos - angles).max() < 1e-9
+        truth = linearize(loaded, angles, amplitudes=())
+        assert np.abs(truth.model.poles()).max() < 0.985
+        for joint in JOINTS[1:]:
+            # The finite differences see the weight's slope to a millionth of the servo's stiffness.
+            assert truth.joint(joint).dc_gain == pytest.approx(1.0, abs=1e-5)
+
+
+def test_payload_follows_in_plant_controller_and_pictures():
+    for name, payload in PAYLOADS.items():
+        loaded = load_arm(payload=name)
+        if payload is None:
+            for model in (loaded.model, scene_model(loaded)):
+                assert "rpcm" not in [model.body(i).name for i in range(model.nbody)]
+            continue
+        body = loaded.model.body("rpcm")
+        assert body.mass[0] == pytest.approx(payload.mass)
+        np.testing.assert_allclose(np.sort(body.inertia), np.sort(payload.inertia), rtol=1e-7)
+        np.testing.assert_allclose(body.ipos, [payload.size[0] / 2, 0.0, 0.0], atol=1e-12)
+        box = scene_model(loaded).geom_size[scene_model(loaded).body("rpcm").geomadr[0]]
+        np.testing.assert_allclose(2.0 * box, payload.size)
+        # The plant's weight is the one that the controller feeds forward.
+        data = loaded.rest(loaded.pose("home"))
+        np.testing.assert_allclose(
+            data.qfrc_bias, loaded.controller.gravity_torque(loaded.pose("home")[None])[0], atol=1e-9
+        )
+
+
+def test_gains_stay_those_of_the_module(arm):
+    for payload in PAYLOADS:
+        assert load_arm(payload=payload).gains == arm.gains
+
+
+@pytest.mark.parametrize("payload", ["ballast", "mdm"])
+def test_seats_of_the_worksite_are_the_modules(payload):
+    with pytest.raises(TwinError, match=f"'{payload}' at the worksite given, expected rpcm or none"):
+        load_arm(payload=payload, worksite=True)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "given", "available"),
+    [({"variant": "flying"}, "flying", "nominal"), ({"payload": "brick"}, "brick", "rpcm")],
+)
+def test_unknown_names_are_answered_with_what_there_is(arguments, given, available):
+    with pytest.raises(TwinError, match=f"{given}.*{available}"):
+        load_arm(**arguments)
+
+
+def test_unknown_pose_is_answered_with_what_there_is(arm):
+    with pytest.raises(TwinError, match=r"'nowhere'.*home"):
+        arm.pose("nowhere")

@@ -1,0 +1,318 @@
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from hmtb_twin import TwinError, simulate
+from hmtb_twin.bus.faults import BusFaults
+from hmtb_twin.bus.record import BusRecord
+from hmtb_twin.bus.recorder_run import MEMORY, read_run, record_run, runs
+from hmtb_twin.bus.words import BAM, FORCE_STEP, MESSAGES, TORQUE_STEP
+
+STEPS = {"commanded": BAM, "measured": BAM, "wrench": np.array([FORCE_STEP] * 3 + [TORQUE_STEP] * 3)}
+VALUES = ("commanded", "measured", "wrench")
+
+
+@pytest.fixture(scope="module")
+def records(bus_record):
+    return [bus_record("one", 300, seed=1), bus_record("two", 200, seed=2, axes=("x", "y"))]
+
+
+@pytest.fixture(scope="module")
+def content(records, tmp_path_factory):
+    path = tmp_path_factory.mktemp("run") / "run.ch10"
+    record_run(records, path)
+    return path.read_bytes()
+
+
+@pytest.fixture(scope="module")
+def passed(content, tmp_path_factory):
+    """The records as they come out of an undamaged file."""
+    path = tmp_path_factory.mktemp("run") / "whole.ch10"
+    path.write_bytes(content)
+    return read_run(path).tests
+
+
+def nothing_made_up(found: BusRecord, passed: BusRecord) -> dict[str, np.ndarray]:
+    """Check that what was read is what was sent; return at which ticks each message was read."""
+    read = {}
+    for name in VALUES:
+        mine, theirs = getattr(found, name), getattr(passed, name)[: len(found)]
+        known = np.isfinite(mine)
+        assert (known.all(axis=1) == known.any(axis=1)).all()
+        np.testing.assert_array_equal(mine[known], theirs[known])
+        read[name] = known.all(axis=1)
+    known = np.isfinite(found.status)
+    np.testing.assert_array_equal(known, read["commanded"])
+    np.testing.assert_array_equal(found.status[known], passed.status[: len(found)][known])
+    return read
+
+
+def test_everything_passes_within_half_a_quantum(records, passed):
+    for given_, found in zip(records, passed, strict=True):
+        assert (found.name, found.dt, found.axes, len(found)) == (given_.name, 0.02, given_.axes, len(given_))
+        np.testing.assert_array_equal(found.measured, given_.measured)
+        np.testing.assert_array_equal(found.status, given_.status)
+        assert not found.saturated.any()
+        for name in VALUES:
+            assert (np.abs(getattr(found, name) - getattr(given_, name)) <= 0.5 * STEPS[name] * (1 + 1e-9)).all()
+            assert not found.lost.any()
+
+
+def test_a_log_passes_to_the_analyst_within_one_quantum(experiment, tmp_path):
+    log = simulate([experiment(duration=2.0)])[0]
+    record_run([BusRecord.of(log)], tmp_path / "log.ch10")
+    run = read_run(tmp_path / "log.ch10")
+    assert run.message == ""
+    bus, net = run.tests[0].iodata(), log.iodata()
+    np.testing.assert_array_equal(bus.y, net.y)
+    assert np.abs(bus.u - net.u).max() <= BAM
+    assert (bus.dt, bus.input_names, bus.output_names) == (net.dt, net.input_names, net.output_names)
+    assert (bus.input_units, bus.output_units, bus.missing) == (net.input_units, net.output_units, False)
+    np.testing.assert_array_equal(run.tests[0].status, log.status)
+
+
+def test_the_same_tests_make_the_same_file(records, content, tmp_path):
+    record_run(records, tmp_path / "again.ch10")
+    assert (tmp_path / "again.ch10").read_bytes() == content
+
+
+def test_what_does_not_fit_stands_at_the_end_and_says_so(bus_record, tmp_path):
+    record = bus_record("hard", 4)
+    wrench, commanded, measured = (np.array(getattr(record, name)) for name in ("wrench", "commanded", "measured"))
+    wrench[1, 0], wrench[1, 5] = 1e5, -1e5
+    commanded[2, 6], measured[3, 0] = 4.0, np.pi
+    record = replace(record, wrench=wrench, commanded=commanded, measured=measured)
+    done = record_run([record], tmp_path / "hard.ch10")
+    assert done.message == "hard.ch10: values of hard stand at the end of their words' range at 3 ticks, from 1 to 3"
+    found = read_run(tmp_path / "hard.ch10").tests[0]
+    assert found.wrench[1, 0] == 2048 - FORCE_STEP
+    assert found.wrench[1, 5] == -512
+    assert found.commanded[2, 6] == found.measured[3, 0] == BAM * (2**15 - 1)
+    np.testing.assert_array_equal(found.saturated, [0, 2**14 + 2**19, 2**6, 2**7])
+    record_run([found], tmp_path / "again.ch10")
+    np.testing.assert_array_equal(read_run(tmp_path / "again.ch10").tests[0].saturated, found.saturated)
+
+
+def test_memory_ends_after_twenty_minutes(bus_record, tmp_path, monkeypatch):
+    assert MEMORY == 20 * 60 * 50
+    monkeypatch.setattr("hmtb_twin.bus.recorder_run.MEMORY", 1000)
+    long = bus_record("long", 900)
+    short = bus_record("short", 300)
+    done = record_run([long, short, short], tmp_path / "full.ch10")
+    assert done.ticks == (900, 100, 0)
+    assert done.message == (
+        "full.ch10: memory full at tick 100 of short after 1000 ticks in all; the other 500 ticks were not recorded"
+    )
+    run = read_run(tmp_path / "full.ch10")
+    assert [len(test) for test in run.tests] == [900, 100, 0]
+    assert run.lost == 0
+    assert "short was to have 300 ticks, of which the memory held 100" in run.message
+
+
+def test_five_tests_make_a_run(bus_record, tmp_path):
+    four_minutes = [bus_record(f"t{k}", 12_000) for k in range(2)] * 4
+    assert [len(run) for run in runs(four_minutes)] == [5, 3]
+    assert [len(run) for run in runs([bus_record("a", 40_000), bus_record("b", 30_000)])] == [1, 1]
+    assert runs([]) == []
+    with pytest.raises(TwinError, match="6 tests given, expected 1 to 5"):
+        record_run([bus_record("s", 3)] * 6, tmp_path / "six.ch10")
+
+
+def test_another_rate_is_refused(bus_record, tmp_path):
+    with pytest.raises(TwinError, match=r"sampled every 0.01 s; the bus passes one tick every 0.02 s"):
+        record_run([replace(bus_record("fast", 10), dt=0.01)], tmp_path / "fast.ch10")
+
+
+def test_faults_lose_exactly_what_they_hit(records, passed, tmp_path):
+    faults = BusFaults(dropped=0.02, silent=0.01, invalid=0.002, short=0.01, seed=5)
+    record_run(records, tmp_path / "faulty.ch10", faults=faults)
+    first = (tmp_path / "faulty.ch10").read_bytes()
+    run = read_run(tmp_path / "faulty.ch10")
+    lost = 0
+    for found, sent in zip(run.tests, passed, strict=True):
+        assert len(found) == len(sent)
+        lost += sum(int((~read).sum()) for read in nothing_made_up(found, sent).values())
+    assert lost == run.lost > 50
+    ticks = [np.flatnonzero(test.lost) for test in run.tests]
+    start = f"faulty.ch10: {lost} of 1500 messages are missing, the first at tick {ticks[0][0]} of one, "
+    assert run.message.startswith(start + f"the last at tick {ticks[1][-1]} of two (")
+    for what in ("flagged no response", "flagged invalid word", "flagged wrong word count"):
+        assert what in run.message
+    assert run.message.endswith("every other message was read")
+    record_run(records, tmp_path / "faulty.ch10", faults=faults)
+    assert (tmp_path / "faulty.ch10").read_bytes() == first
+    record_run(records, tmp_path / "faulty.ch10", faults=replace(faults, seed=6))
+    assert (tmp_path / "faulty.ch10").read_bytes() != first
+
+
+def test_dropped_messages_are_found_by_their_rate(bus_record, tmp_path):
+    record_run([bus_record("drops", 12_000)], tmp_path / "drops.ch10", faults=BusFaults(dropped=0.01, seed=1))
+    run = read_run(tmp_path / "drops.ch10")
+    assert run.lost == pytest.approx(360, abs=4 * 360**0.5)
+    assert "flagged" not in run.message
+
+
+@pytest.mark.parametrize("name", ["dropped", "silent", "invalid", "short"])
+def test_a_rate_is_a_probability(name):
+    with pytest.raises(TwinError, match=f"{name}: a probability of 1.5 given, expected 0 to 1"):
+        BusFaults(**{name: 1.5})
+
+
+def test_lost_samples_are_declared_to_the_analyst(bus_record, tmp_path):
+    record = bus_record("gaps", 50)
+    measured, commanded = np.array(record.measured), np.array(record.commanded)
+    measured[10:12] = np.nan
+    record_run([replace(record, measured=measured)], tmp_path / "gaps.ch10")
+    data = read_run(tmp_path / "gaps.ch10").tests[0].iodata()
+    assert data.missing
+    np.testing.assert_array_equal(np.flatnonzero(~data.known[:, 0]), [10, 11])
+    commanded[[0, 30, 49]] = np.nan
+    record_run([replace(record, measured=measured, commanded=commanded)], tmp_path / "gaps.ch10")
+    found = read_run(tmp_path / "gaps.ch10").tests[0]
+    assert [len(part) for part in found.parts()] == [29, 18]
+    assert [part.missing for part in found.parts()] == [True, False]
+    with pytest.raises(TwinError, match=r"3 commands were lost between ticks 0 and 49; .* take the 2 parts"):
+        found.iodata()
+    with pytest.raises(TwinError, match=r"does not say what it excites: name the joint"):
+        replace(found, axes=()).parts()
+    np.testing.assert_array_equal(found.parts("wrist_yaw")[0].u[:, 0], found.commanded[1:30, 5])
+
+
+def test_every_cut_gives_every_whole_message(content, passed, tmp_path):
+    path = tmp_path / "cut.ch10"
+    rng = np.random.default_rng(0)
+    counts = []
+    setup = int.from_bytes(content[4:8], "little")
+    for end in [*range(setup + 150, setup + 300), *sorted(rng.integers(setup + 300, len(content), 30))]:
+        path.write_bytes(content[:end])
+        run = read_run(path)
+        read = [nothing_made_up(found, sent) for found, sent in zip(run.tests, passed, strict=True)]
+        counts.append(sum(int(ticks.sum()) for test in read for ticks in test.values()))
+        # Messages in the file before the cut: a message is there when its last byte is.
+        whole = sum(
+            content[:end].count(entry.length.to_bytes(2, "little") + entry.command.to_bytes(2, "little"))
+            for entry in MESSAGES
+        )
+        assert whole - 1 <= counts[-1] <= whole
+        assert run.lost == 1500 - counts[-1]
+        assert run.message.count("cut.ch10") == 1
+    assert counts == sorted(counts)
+
+
+def test_nothing_usable_is_one_line(content, tmp_path):
+    path = tmp_path / "cut.ch10"
+    setup = int.from_bytes(content[4:8], "little")
+    for end in (0, 1, 10, 24, 100, setup, setup + 60):
+        path.write_bytes(content[:end])
+        with pytest.raises(TwinError, match=r"cut.ch10: no message of the arm's bus"):
+            read_run(path)
+    path.write_bytes(b"time,u,y\n0,1,2\n" * 1000)
+    with pytest.raises(TwinError, match="no Chapter 10 packet"):
+        read_run(path)
+    with pytest.raises(TwinError, match="No such file"):
+        read_run(tmp_path / "absent.ch10")
+
+
+@settings(max_examples=40)
+@given(flips=st.lists(st.tuples(st.floats(0, 0.999999), st.integers(0, 7)), min_size=1, max_size=4))
+def test_a_flipped_bit_costs_one_message_at_most(content, passed, tmp_path_factory, flips):
+    spoilt = bytearray(content)
+    for place, bit in flips:
+        spoilt[int(place * len(content))] ^= 1 << bit
+    path = tmp_path_factory.mktemp("flip") / "flip.ch10"
+    path.write_bytes(spoilt)
+    run = read_run(path)
+    lost = 0
+    for found, sent in zip(run.tests, passed, strict=True):
+        lost += 3 * len(sent) - sum(int(ticks.sum()) for ticks in nothing_made_up(found, sent).values())
+    assert lost <= len(flips)
+    if bytes(spoilt) != content:
+        assert run.message != ""
+
+
+def test_every_bit_of_one_packet(content, passed, tmp_path):
+    """Header, channel-specific word, intra-packet headers, words, filler and checksum: one message lost at most."""
+    path = tmp_path / "bit.ch10"
+    start = int.from_bytes(content[4:8], "little")
+    start += int.from_bytes(content[start + 4 : start + 8], "little")
+    small = content[: start + 2 * int.from_bytes(content[start + 4 : start + 8], "little")]
+    path.write_bytes(small)
+    before = read_run(path).lost
+    length = int.from_bytes(content[start + 4 : start + 8], "little")
+    for position in [*range(start, start + 60), *range(start + 60, start + length, 3)]:
+        spoilt = bytearray(small)
+        spoilt[position] ^= 1 << position % 8
+        path.write_bytes(spoilt)
+        run = read_run(path)
+        for found, sent in zip(run.tests, passed, strict=True):
+            nothing_made_up(found, sent)
+        assert run.lost <= before + 1
+        assert run.message != ""
+
+
+@settings(max_examples=40)
+@given(st.data())
+def test_wild_damage_never_makes_anything_up(content, passed, tmp_path_factory, data):
+    spoilt = bytearray(content)
+    for _ in range(data.draw(st.integers(1, 4))):
+        at = data.draw(st.integers(0, len(spoilt) - 1))
+        match data.draw(st.sampled_from(["noise", "zeros", "remove", "insert", "repeat"])):
+            case "noise":
+                spoilt[at : at + 300] = np.random.default_rng(at).bytes(300)
+            case "zeros":
+                spoilt[at : at + 2000] = bytes(2000)
+            case "remove":
+                del spoilt[at : at + 777]
+            case "insert":
+                spoilt[at:at] = np.random.default_rng(at).bytes(501)
+            case "repeat":
+                spoilt[at:at] = spoilt[max(at - 1500, 0) : at]
+    path = tmp_path_factory.mktemp("wild") / "wild.ch10"
+    path.write_bytes(spoilt)
+    run = read_run(path)
+    for found, sent in zip(run.tests, passed, strict=True):
+        nothing_made_up(found, sent)
+    assert run.lost < 900
+
+
+def test_without_the_setup_record_the_messages_are_read(content, passed, tmp_path):
+    path = tmp_path / "bare.ch10"
+    path.write_bytes(content[int.from_bytes(content[4:8], "little") :])
+    run = read_run(path)
+    assert [(test.name, test.axes) for test in run.tests] == [("test-1", ()), ("test-2", ())]
+    assert run.lost == 0
+    assert "the set-up record is lost, and with it the names and lengths of the tests" in run.message
+    for found, sent in zip(run.tests, passed, strict=True):
+        nothing_made_up(found, sent)
+
+
+def test_two_recordings_in_one_file_are_refused(content, bus_record, tmp_path):
+    record_run([bus_record("other", 20)], tmp_path / "other.ch10")
+    (tmp_path / "both.ch10").write_bytes(content + (tmp_path / "other.ch10").read_bytes())
+    with pytest.raises(TwinError, match=r"both.ch10 holds 2 recordings; expected one"):
+        read_run(tmp_path / "both.ch10")
+    (tmp_path / "both.ch10").write_bytes(content + content)
+    assert read_run(tmp_path / "both.ch10").message == ""
+
+
+def test_unwritable_place(bus_record, tmp_path):
+    with pytest.raises(TwinError, match=r"cannot write the record .*absent"):
+        record_run([bus_record("a", 3)], tmp_path / "absent" / "a.ch10")
+
+
+def test_record_checks_itself(bus_record, tmp_path):
+    record = bus_record("a", 5)
+    with pytest.raises(TwinError, match=r"measured of shape \(5, 6\) given, expected \(5, 7\)"):
+        replace(record, measured=record.measured[:, 1:])
+    with pytest.raises(TwinError, match="status holds flags: whole numbers from 0 to 65535"):
+        replace(record, status=record.status + 0.5)
+    with pytest.raises(TwinError, match="wrench has infinite values"):
+        replace(record, wrench=record.wrench + np.inf)
+    with pytest.raises(ValueError, match="read-only"):
+        record.measured[0, 0] = 1.0
+    back = BusRecord.load(record.save(tmp_path / "a.nc"))
+    np.testing.assert_array_equal(back.columns(), record.columns())
+    assert (back.name, back.dt, back.axes) == (record.name, record.dt, record.axes)

@@ -1,0 +1,73 @@
+import binascii
+import re
+from pathlib import Path
+
+import numpy as np
+from hypothesis import given
+from hypothesis import strategies as st
+
+from hmtb_twin.bus.record import CHANNELS
+from hmtb_twin.bus.words import BAM, COUNTS_PER_TICK, MESSAGES, check_words, checksum, crc, interface_control_table
+from hmtb_twin.parameters.values import Recorder
+
+ROOT = Path(__file__).parents[3]
+
+
+def test_command_words_by_hand():
+    # Terminal 1 transmits 12 words of subaddress 1: 00001 1 00001 01100; it receives 13 words: 00001 0 00010 01101.
+    assert [f"{message.command:016b}" for message in MESSAGES] == [
+        "0000110000101100",
+        "0001010000101011",
+        "0000100001001101",
+    ]
+    assert [f"{message.status:016b}" for message in MESSAGES] == [
+        "0000100000000000",
+        "0001000000000000",
+        "0000100000000000",
+    ]
+
+
+def test_messages_fit_the_standard_and_the_tick():
+    ends = []
+    for message in MESSAGES:
+        assert 1 <= message.count <= 32
+        # 20 us per word, at most 12 us of response time, a gap of 4 us to the next; the counter counts 0.1 us
+        ends.append(message.slot + 10 * (20 * (2 + message.count) + 12 + 4))
+    assert all(end <= message.slot for end, message in zip(ends, MESSAGES[1:], strict=False))
+    assert ends[-1] < COUNTS_PER_TICK == 200_000
+
+
+def test_the_words_carry_every_channel_of_the_record():
+    for message in MESSAGES:
+        assert message.quantities == CHANNELS[message.name][0]
+        assert message.units == CHANNELS[message.name][1]
+    assert BAM == Recorder().resolver_step == np.deg2rad(180 / 32768)
+
+
+@given(st.lists(st.integers(0, 0xFFFF), min_size=1, max_size=30))
+def test_crc_is_that_of_the_standard_library(words):
+    table = np.array([words, words[::-1]], np.uint16)
+    expected = [binascii.crc_hqx(row.astype(">u2").tobytes(), 0xFFFF) for row in table]
+    np.testing.assert_array_equal(crc(table), expected)
+
+
+def test_checksum_by_hand():
+    # 8001 as it stands, 0003 rotated right once: 8001; together 0000; the third word rotates back by two places
+    assert checksum(np.array([[0x8001, 0x0003]], np.uint16))[0] == 0
+    # 0001, and 0001 rotated right: 8000; together 8001; rotated left twice: 0006
+    assert checksum(np.array([[0x0001, 0x0001]], np.uint16))[0] == 0x0006
+
+
+@given(st.lists(st.integers(0, 0xFFFF), min_size=2, max_size=30), st.data())
+def test_up_to_three_wrong_bits_never_pass(words, data):
+    message = np.array([*words, *check_words(np.array([words], np.uint16))[0]], np.uint16)
+    places = st.tuples(st.integers(0, len(message) - 1), st.integers(0, 15))
+    for word, bit in data.draw(st.lists(places, min_size=1, max_size=3, unique=True)):
+        message[word] ^= np.uint16(1 << bit)
+    assert (check_words(message[None, :-2])[0] != message[-2:]).any()
+
+
+def test_the_documented_table_is_this_one():
+    text = (ROOT / "docs/bus.md").read_text(encoding="utf-8")
+    assert "\n".join(interface_control_table()) in text
+    assert len(re.findall(r"^\| .*\| `checksum` \|", text, re.M)) == len(MESSAGES)

@@ -1,0 +1,183 @@
+import re
+from dataclasses import dataclass
+
+import numpy as np
+import pytest
+
+from hmtb_twin import JOINTS, Chain, Motion, Status, TwinError, View, load_arm, simulate
+from hmtb_twin.parameters.values import ACTUATORS, MOTIONS, RECORDER
+from scenarios import Scenario
+
+CHANNELS = ("commanded", "measured", "wrench", "true_angles", "load_pressure", "volts", "counts", "status")
+
+
+class Replay:
+    """An operator who moves the stick exactly as the excitation computer would."""
+
+    def __init__(self, volts: np.ndarray) -> None:
+        self._volts = iter(volts)
+        self.views: list[View] = []
+
+    def move(self, view: View) -> Motion:
+        self.views.append(view)
+        return Motion(next(self._volts))
+
+
+@pytest.mark.parametrize("mode", ["single_joint", "single_joint_rate", "cartesian", "cartesian_rate"])
+def test_an_operator_who_does_the_same_gives_the_same_log(experiment, mode):
+    axes = ("x", "z") if mode.startswith("cartesian") else ("shoulder_yaw", "elbow_pitch")
+
+    @dataclass(frozen=True)
+    class Operated(experiment):
+        def operator(self) -> Replay:
+            return Replay(experiment.volts(self))
+
+    plain = experiment(mode=mode, axes=axes, duration=2.0)
+    by_hand = simulate([Operated(mode=mode, axes=axes, duration=2.0)])[0]
+    played = simulate([plain])[0]
+    for name in CHANNELS:
+        np.testing.assert_array_equal(getattr(by_hand, name), getattr(played, name), err_msg=name)
+
+
+def test_an_operator_sees_the_tool_where_it_is(experiment):
+    seen = []
+
+    @dataclass(frozen=True)
+    class Watched(experiment):
+        def operator(self) -> Replay:
+            seen.append(Replay(experiment.volts(self)))
+            return seen[-1]
+
+    log = simulate([Watched(duration=1.0)])[0]
+    controller = load_arm().controller
+    for k in (0, 20, 49):
+        view = seen[0].views[k]
+        position, rotation = controller.tool_pose(log.true_angles[k])
+        assert view.time == pytest.approx(k * 0.02)
+        np.testing.assert_allclose(view.tool_position, position, atol=1e-12)
+        np.testing.assert_allclose(view.tool_rotation, rotation, atol=1e-12)
+        np.testing.assert_array_equal(view.wrench, log.wrench[k])
+
+
+def test_rate_mode_integrates_the_stick(experiment):
+    class Push(experiment):
+        def volts(self) -> np.ndarray:
+            return np.full((round(50 * self.duration), 1), 2.0)
+
+    quiet = Chain(noise=False, bias=False, adc=False)
+    log = simulate([Push(mode="single_joint_rate", axes=("wrist_yaw",), duration=2.0, chain=quiet)])[0]
+    turned = log.commanded[-1, 5] - load_arm().pose("rpcm_holster_out_approach")[5]
+    assert turned == pytest.approx(2.0 * 2.0 * Push().hand_controller.rate_gain)
+
+
+def test_saturation_and_limits_are_flagged(experiment):
+    log = simulate([experiment(amplitude=12.0, duration=2.0)])[0]
+    saturated = (np.abs(log.counts) >= 2047).any(axis=1)
+    np.testing.assert_array_equal((log.status & Status.CONVERTER_SATURATED) != 0, saturated)
+    assert saturated.all()
+    assert ((log.status & Status.VELOCITY_LIMITED) != 0).any()
+    free = simulate([experiment(amplitude=1.0, duration=2.0, chain=Chain(velocity_limit=False))])[0]
+    assert (free.status == 0).all()
+
+
+@pytest.fixture(scope="module")
+def stopped(experiment):
+    """A binary test of the shoulder pitch with the power off from 3 s to 6 s."""
+    return simulate([experiment(axes=("shoulder_pitch",), duration=9.0, shutdown=(3.0, 6.0))])[0]
+
+
+def test_shutdown_is_flagged_from_power_off_to_power_on(stopped):
+    off = (stopped.status & Status.SHUT_DOWN) != 0
+    np.testing.assert_array_equal(np.flatnonzero(off), np.arange(150, 300))
+
+
+def test_trapped_oil_holds_the_arm_but_for_its_leakage(stopped):
+    """Each joint creeps with the leakage flow that its load pressure drives."""
+    speed = np.diff(stopped.true_angles[200:299], axis=0).mean(axis=0) / stopped.dt
+    pressure = stopped.load_pressure[200:299].mean(axis=0)
+    actuators = [ACTUATORS[name] for name in JOINTS]
+    leakage = np.array([a.hydraulics.leakage * a.rated_flow / a.hydraulics.pressure for a in actuators])
+    expected = -leakage * pressure / np.array([a.displacement for a in actuators])
+    np.testing.assert_allclose(speed[1:], expected[1:], atol=2e-4)
+    assert 0.005 < abs(speed[2]) < 0.05
+
+
+def test_restart_is_bumpless(stopped):
+    """The command starts where the arm stands, and the arm does not jump."""
+    resolver = 5.0 * RECORDER.noise + RECORDER.resolver_step
+    assert np.abs(stopped.commanded[300] - stopped.true_angles[300])[1:].max() < resolver
+    sample = np.diff(stopped.true_angles[298:303], axis=0) / stopped.dt
+    assert np.abs(sample).max() < 0.05
+    # afterwards it follows the stick again
+    assert np.ptp(stopped.true_angles[310:, 2]) > 0.02
+
+
+def test_the_others_of_a_batch_do_not_notice_a_shutdown(experiment):
+    alone = simulate([experiment(duration=3.0)])[0]
+    company = simulate([experiment(name="stopped", duration=3.0, shutdown=(1.0,)), experiment(duration=3.0)])
+    for name in CHANNELS:
+        np.testing.assert_array_equal(getattr(alone, name), getattr(company[1], name), err_msg=name)
+    assert (company[0].status[50:] == Status.SHUT_DOWN).all()
+
+
+@pytest.mark.parametrize("times", [(0.0,), (0.005,), (5.0,), (3.999,), (2.0, 1.0), (3.0, 3.005), (float("nan"),)])
+def test_bad_shutdowns_are_refused(experiment, times):
+    with pytest.raises(TwinError, match="power off"):
+        simulate([experiment(duration=4.0, shutdown=times)])
+
+
+@pytest.mark.parametrize(
+    ("answer", "says"),
+    [
+        (Motion(np.zeros(6)), r"expected 1 finite numbers, one per axis, at 0.02 s"),
+        (Motion(np.array([np.nan])), r"expected 1 finite numbers"),
+        (Motion("up"), r"expected 1 numbers"),  # type: ignore[arg-type]
+        (None, r"gave NoneType, expected a Motion"),
+    ],
+)
+def test_an_operator_who_does_the_impossible_fails_alone(experiment, answer, says):
+    class Wrong:
+        def move(self, view: View) -> Motion:
+            return Motion(np.zeros(1)) if view.time < 0.01 else answer
+
+    @dataclass(frozen=True)
+    class Operated(experiment):
+        def operator(self) -> Wrong:
+            return Wrong()
+
+    logs = simulate([Operated(name="wrong", duration=1.0), experiment(duration=1.0)])
+    assert [log.name for log in logs] == ["binary"]
+    assert re.search(says, logs.failed["wrong"])
+
+
+def test_an_operator_must_be_able_to_move(experiment):
+    class Operated(experiment):
+        def operator(self) -> object:
+            return 3
+
+    with pytest.raises(TwinError, match=r"gave int, expected an object with a method move"):
+        simulate([Operated()])
+
+
+def test_the_log_names_its_operator_and_claims_no_recipe_it_cannot_keep():
+    class Own(Scenario):
+        def operator(self) -> Replay:
+            return Replay(np.zeros((50, 1)))
+
+    log = simulate([Own("own", ("wrist_yaw",), (), duration=1.0)])[0]
+    assert "scenario" not in log.provenance
+    assert log.provenance["operator"].endswith("Replay")
+
+
+def test_a_restart_beyond_a_range_begins_at_its_end_and_says_so(experiment):
+    class Push(experiment):
+        def volts(self) -> np.ndarray:
+            return np.full((round(50 * self.duration), len(self.axes)), 9.9)
+
+    push = Push(axes=JOINTS[1:], pose="home", duration=7.0, shutdown=(3.0, 6.0))
+    log = simulate([push])[0]
+    lower, upper = (np.array([getattr(MOTIONS[name], end) for name in JOINTS]) for end in ("lower", "upper"))
+    assert ((log.commanded >= lower) & (log.commanded <= upper)).all()
+    beyond = ((log.true_angles < lower - 1e-3) | (log.true_angles > upper + 1e-3)).any(axis=1)[150:301]
+    assert beyond.any(), "an arm at its limit creeps beyond it"
+    assert ((log.status[150:301] & Status.JOINT_LIMITED) != 0)[beyond].all()

@@ -1,0 +1,127 @@
+"""The closed form against Pinocchio's kinematics of the same model."""
+
+import numpy as np
+import pytest
+
+from hmtb_twin import TwinError
+from hmtb_twin.arm.controller_model import ControllerModel
+from hmtb_twin.control.tool_kinematics import Posture, ToolKinematics, WristAngles
+from hmtb_twin.parameters.resources import model_file
+from hmtb_twin.parameters.values import JOINTS, MOTIONS
+
+LOWER = np.array([MOTIONS[name].lower for name in JOINTS])
+UPPER = np.array([MOTIONS[name].upper for name in JOINTS])
+POSES = np.random.default_rng(0).uniform(LOWER + 0.1, UPPER - 0.1, (200, 7))
+
+
+@pytest.fixture(scope="module")
+def kinematics(arm) -> ToolKinematics:
+    return ToolKinematics(arm.controller)
+
+
+def wanted(controller, kinematics, angles):
+    position, rotation = controller.tool_pose(angles)
+    wrist = WristAngles(angles[2] - angles[3] + angles[4], angles[5], angles[6])
+    return *kinematics.wanted(angles[0], position.tolist(), rotation.tolist()), wrist
+
+
+def posture(controller, kinematics, angles) -> Posture:
+    return kinematics.posture(*angles[1:4], *wanted(controller, kinematics, angles))
+
+
+def test_wrist_takes_up_the_orientation(arm, kinematics):
+    for angles in POSES:
+        found = posture(arm.controller, kinematics, angles)
+        assert found.angles == pytest.approx(angles[1:], abs=1e-12)
+        assert found.error == pytest.approx((0, 0, 0), abs=1e-12)
+
+
+def test_inverse_finds_the_pose_on_its_own_side_of_the_yaw_axis(arm, kinematics):
+    for angles in POSES:
+        radius = posture(arm.controller, kinematics, angles).radius
+        # Next to the yaw axis the yaw is what little is left of the position.
+        if abs(radius) > 1e-2:
+            found = kinematics.reaching(*wanted(arm.controller, kinematics, angles), radius)
+            assert found.angles == pytest.approx(angles[1:], abs=1e-10)
+
+
+def test_out_of_reach_there_is_no_pose(arm, kinematics):
+    centre, rotation, wrist = wanted(arm.controller, kinematics, np.zeros(7))
+    assert kinematics.reaching((centre[0] + 1e-6, *centre[1:]), rotation, wrist) is None
+
+
+def test_rates_hold_the_orientation_and_give_the_jacobian(arm, kinematics):
+    for angles in POSES:
+        found = posture(arm.controller, kinematics, angles)
+        rates = found.rates()
+        moved = arm.controller.tool_jacobian(angles)[:, 1:] @ rates[:6]
+        _, rotation = arm.controller.tool_pose(angles)
+        roll, yaw = angles[:2]
+        c, s = np.cos(yaw), np.sin(yaw)
+        plane = np.array([[c, s, 0], [-s, c, 0], [0, 0, 1]])
+        c, s = np.cos(roll), np.sin(roll)
+        plane = plane @ np.array([[1, 0, 0], [0, c, s], [0, -s, c]])
+        scale = np.abs(rates).max()
+        assert np.abs(moved[3:]).max() < 1e-13 * scale
+        assert np.abs(plane @ rotation @ moved[:3] - found.jacobian()).max() < 1e-13 * scale
+        assert rates[6] == pytest.approx(found.jacobian()[0], abs=1e-13 * scale)
+
+
+def test_rigidity_bounds_the_smallest_singular_value(arm, kinematics):
+    for angles in POSES:
+        found = posture(arm.controller, kinematics, angles)
+        turned = found.rates()[:6] @ np.linalg.inv(found.jacobian())
+        assert found.rigidity == pytest.approx(1.0 / np.linalg.norm(turned), rel=1e-9)
+
+
+def test_resolved_step_is_that_of_the_jacobian(arm, kinematics):
+    for angles, push in zip(POSES, np.random.default_rng(1).uniform(-0.01, 0.01, (len(POSES), 3)), strict=True):
+        centre, rotation, wrist = wanted(arm.controller, kinematics, angles)
+        centre = tuple(np.add(centre, push).tolist())
+        found = kinematics.posture(*angles[1:4], centre, rotation, wrist)
+        assert found.resolved() == pytest.approx(np.linalg.solve(found.jacobian(), found.error), rel=1e-9, abs=1e-12)
+        change = np.array(found.moved(found.resolved())) - found.angles
+        assert change == pytest.approx(found.rates()[:6] @ found.resolved(), rel=1e-9, abs=1e-12)
+
+
+def test_angles_are_those_within_half_a_turn(arm, kinematics):
+    angles = np.array([0.0, 0.2, -1.5, 2.5, -1.5, 0.1, 3.1])
+    found = posture(arm.controller, kinematics, angles)
+    assert found.wrist.tilt == pytest.approx(-5.5)
+    centre, rotation, _ = wanted(arm.controller, kinematics, angles)
+    turned = kinematics.posture(0.2, -1.5, 2.5, centre, rotation, WristAngles(-5.5, 0.1, -3.2))
+    assert turned.wrist.roll == pytest.approx(3.1 - 2 * np.pi)
+
+
+@pytest.mark.parametrize(
+    ("old", "new"),
+    [
+        ('<joint name="elbow_pitch" axis="0 1 0"', '<joint name="elbow_pitch" axis="0 -1 0"'),
+        ('<body name="wrist_yaw_link" pos="0.15 0 0">', '<body name="wrist_yaw_link" pos="0.15 0.01 0">'),
+        ('<body name="forearm" pos="0.61 0 0">', '<body name="forearm" pos="0.61 0 0.05">'),
+    ],
+)
+def test_another_arm_is_refused(old, new):
+    text = model_file("hmtb/hmtb.xml").read_text(encoding="utf-8")
+    assert old in text
+    with pytest.raises(TwinError, match="other axes"):
+        ToolKinematics(ControllerModel(text.replace(old, new)))
+
+
+def test_other_lengths_are_read_from_the_model():
+    text = model_file("hmtb/hmtb.xml").read_text(encoding="utf-8")
+    for old, new in (
+        ('<body name="upper_arm" pos="0.1 0 0">', '<body name="upper_arm" pos="0.12 0.03 0.04">'),
+        ('<body name="shoulder_yaw_link" pos="0.15 0 0">', '<body name="shoulder_yaw_link" pos="0.17 0.02 0.05">'),
+        ('<site name="tool" pos="0.14 0 0"/>', '<site name="tool" pos="0.3 0 0"/>'),
+        ('<body name="wrist_yaw_link" pos="0.15 0 0">', '<body name="wrist_yaw_link" pos="0.15 -0.03 -0.02">'),
+    ):
+        assert old in text
+        text = text.replace(old, new)
+    controller = ControllerModel(text)
+
+    kinematics = ToolKinematics(controller)
+    for angles in POSES[:20]:
+        found = posture(controller, kinematics, angles)
+        assert found.angles == pytest.approx(angles[1:], abs=1e-12)
+        assert found.error == pytest.approx((0, 0, 0), abs=1e-12)

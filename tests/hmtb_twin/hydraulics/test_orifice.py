@@ -1,0 +1,577 @@
+"""The servo valves against their own equations written down a second time, against orifice law, and in the arm."""
+
+import runpy
+import sys
+from copy import copy
+from dataclasses import replace
+
+import mujoco
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from scipy.integrate import solve_ivp
+
+from hmtb_twin import JOINTS, STUDIED_JOINTS, JointLog, Plant, TwinError, linearize, load_arm, simulate
+from hmtb_twin.arm.other_valves import with_valve
+from hmtb_twin.hydraulics import orifice as orifice_module
+from hmtb_twin.hydraulics import valve_equations as eq
+from hmtb_twin.hydraulics.orifice import (
+    add_orifice_actuators,
+    arm_parameters,
+    install_valve_equations,
+    valve_parameters,
+)
+from hmtb_twin.parameters.servo_valve import POWER_UNIT, SERVO_VALVE
+from hmtb_twin.parameters.values import ACTUATORS, INDEXED_JOINTS, OPERATING_POSE, SAMPLE_TIME
+from hmtb_twin.run.orifice_balances import orifice_balances
+from hmtb_twin.truth.sample_map import sample_map
+
+ORIFICE = Plant(actuator="orifice")
+GAINS = {"shaft": (0.0, 0.0), "other": (0.0, 0.0)}
+SMOOTH = replace(ACTUATORS["elbow_pitch"], friction=None)
+
+
+@pytest.fixture(scope="module")
+def valve_arm():
+    return load_arm(plant=ORIFICE, friction=False)
+
+
+@pytest.fixture(scope="module")
+def valve_truth(valve_arm):
+    return linearize(valve_arm, amplitudes=(1e-6, 1e-5, 1e-4, 1e-3, 1e-2))
+
+
+def bench(actuator=SMOOTH, *, inertia=5.0, shafts=("shaft",), valve=SERVO_VALVE, power_unit=POWER_UNIT):
+    """Free shafts on servo valves of one supply; their controls are commanded angle and torque of each in turn."""
+    spec = mujoco.MjSpec()
+    spec.option.gravity = [0.0, 0.0, 0.0]
+    for name in shafts:
+        body = spec.worldbody.add_body(mass=1.0, inertia=[inertia] * 3, explicitinertial=True)
+        body.add_joint(name=name, axis=[0.0, 0.0, 1.0])
+    add_orifice_actuators(spec, dict.fromkeys(shafts, actuator), GAINS, valve=valve, power_unit=power_unit)
+    model = spec.compile()
+    data = mujoco.MjData(model)
+    data.act[0] = actuator.hydraulics.supply_pressure
+    data.act[1:].reshape(-1, eq.STATES)[:, eq.MEAN] = 0.5 * (data.act[0] + actuator.hydraulics.return_pressure)
+    return model, data
+
+
+def states(data):
+    return data.act[1:].reshape(-1, eq.STATES)
+
+
+def run(model, data, seconds):
+    mujoco.mj_step(model, data, nstep=round(seconds / model.opt.timestep))
+
+
+@pytest.mark.parametrize("name", ["shoulder_yaw", "elbow_pitch", "wrist_roll"])
+def test_bench_follows_the_equations_written_down_again(name):
+    actuator, inertia, valve, unit = replace(ACTUATORS[name], friction=None), 5.0, SERVO_VALVE, POWER_UNIT
+    model, data = bench(actuator, inertia=inertia)
+    oil = actuator.hydraulics
+    D, C = actuator.displacement, actuator.leakage
+    rated = D * actuator.no_load_speed
+    chamber = actuator.trapped_volume / (2.0 * oil.bulk_modulus)
+    omega, ps0, pr = 2 * np.pi * valve.frequency, oil.supply_pressure, oil.return_pressure
+
+    def law(drop):
+        return drop / (drop**2 + valve.transition_pressure**2) ** 0.25
+
+    size = rated / law((ps0 - pr) / 2)
+
+    def land(x, drop):
+        return size * (x + np.sqrt(x**2 + valve.clearance**2)) / 2 * law(drop)
+
+    def equations(_, state, torque):
+        w, ps, x, v, slow, pa, pb = state
+        load = pa - pb
+        static, total = valve.static_gain(actuator, 0.0), valve.loop_gain
+        assert static == total
+        ask = total * chamber / 2 * (torque / D - load) + C * torque / D + valve.compensated * D * w
+        x_dot_dot = omega**2 * (np.clip(ask / rated, -1, 1) - x) - 2 * valve.damping * omega * v
+        to_a, from_a = land(x, ps - pa), land(-x, pa - pr)
+        to_b, from_b = land(-x, ps - pb), land(x, pb - pr)
+        pump = np.clip(unit.droop * (ps0 - ps), 0, unit.largest_flow)
+        return [
+            D * load / inertia,
+            (pump - to_a - to_b) / unit.capacity,
+            v,
+            x_dot_dot,
+            (load - slow) / valve.washout_time,
+            (to_a - from_a - D * w - C * load) / chamber,
+            (to_b - from_b + D * w + C * load) / chamber,
+        ]
+
+    # Within the strokes and the pressures of the check valves: those are tested below.
+    torques = np.array([0.3, -0.25, 0.1]) * actuator.maximum_torque
+    state = np.array([0.0, ps0, 0, 0, 0, (ps0 + pr) / 2, (ps0 + pr) / 2])
+    for torque in torques:
+        data.ctrl[1] = torque
+        run(model, data, 0.1)
+        state = solve_ivp(equations, (0, 0.1), state, args=(torque,), rtol=1e-10, atol=1e-12, method="LSODA").y[:, -1]
+        spool, speed, _, slow, mean, load = states(data)[0]
+        got = [data.qvel[0], data.act[0], spool, speed / omega, slow, mean + load / 2, mean - load / 2]
+        state[3] /= omega
+        np.testing.assert_allclose(got, state, rtol=1e-5, atol=2e-6)
+        state[3] *= omega
+
+
+def test_python_and_mujoco_compute_the_same_rates():
+    arm = load_arm(plant=ORIFICE)
+    data = arm.rest(arm.pose("home"))
+    rng = np.random.default_rng(4)
+    for _ in range(20):
+        data.qpos[:] += 0.1 * rng.standard_normal(7)
+        data.qvel[:] = rng.standard_normal(7)
+        data.act[:] *= 1.0 + 0.1 * rng.standard_normal(arm.model.na)
+        data.act[1:].reshape(7, -1)[:, eq.SPOOL] += 0.3 * rng.standard_normal(7)
+        data.ctrl[0::2] += 0.1 * rng.standard_normal(7)
+        mujoco.mj_forward(arm.model, data)
+        rates = eq.arm_rates(arm_parameters(arm.model), data.act, data.ctrl, data.qpos, data.qvel)
+        np.testing.assert_allclose(data.act_dot, rates, rtol=1e-12, atol=1e-12)
+        force = data.actuator_force[0::2]
+        for j, name in enumerate(JOINTS):
+            p, own = arm_parameters(arm.model)[j], data.act[1:].reshape(7, -1)[j]
+            oil = arm.actuators[name].displacement * own[eq.LOAD]
+            assert force[j] == pytest.approx(oil - eq.friction_torque(p, own[eq.BRISTLES], data.qvel[j]), rel=1e-12)
+
+
+@given(st.lists(st.floats(-1.0, 1.0), min_size=5, max_size=5))
+def test_load_pressure_obeys_the_equation_of_the_linear_actuator(draw):
+    actuator = ACTUATORS["shoulder_pitch"]
+    p = valve_parameters(actuator, (0.0, 0.0))
+    state, rates = np.zeros(eq.STATES), np.empty(eq.STATES)
+    state[eq.SPOOL], state[eq.MEAN], state[eq.LOAD], w = draw[0], 12.0 + 2 * draw[1], 12 * draw[2], 5 * draw[3]
+    eq.joint_rates(p, state, 20.0, 100.0 * draw[4], w, rates)
+    a, b = state[eq.MEAN] + state[eq.LOAD] / 2, state[eq.MEAN] - state[eq.LOAD] / 2
+    to_a, from_a, to_b, from_b = eq.land_flows(p, state[eq.SPOOL], 20.0, a, b)
+    load_flow = (to_a - from_a + eq.check_flow(p, a) - to_b + from_b - eq.check_flow(p, b)) / 2
+    expected = load_flow - actuator.leakage * state[eq.LOAD] - actuator.displacement * w
+    assert actuator.compliance * rates[eq.LOAD] == pytest.approx(expected, rel=1e-9, abs=1e-9)
+
+
+@given(st.floats(-1.0, 1.0), st.floats(0.0, 25.0), st.floats(0.0, 25.0), st.floats(3.0, 25.0), st.floats(-0.1, 0.1))
+def test_no_valve_gives_energy(spool, a, b, supply, underlap):
+    p = valve_parameters(SMOOTH, (0.0, 0.0), replace(SERVO_VALVE, underlap=underlap))
+    back = p[eq.RETURN]
+    flows = eq.land_flows(p, spool, supply, a, b)
+    for flow, drop in zip(flows, (supply - a, a - back, supply - b, b - back), strict=True):
+        assert flow * drop >= 0.0
+    assert eq.check_flow(p, a) * (back - a) >= 0.0
+
+
+@pytest.mark.parametrize("load", [-0.5, 0.0, 0.5])
+def test_speed_under_load_is_that_of_the_orifice_law(load):
+    # An accumulator that holds the pressure: the law is stated at a known supply.
+    model, data = bench(power_unit=replace(POWER_UNIT, capacity=1e9))
+    data.qfrc_applied[0] = load * SMOOTH.maximum_torque
+    data.ctrl[1] = 1e5
+    run(model, data, 3.0)
+    assert states(data)[0, eq.SPOOL] == pytest.approx(1.0, abs=2e-3)
+    pressure = SMOOTH.hydraulics.pressure
+    assert states(data)[0, eq.LOAD] == pytest.approx(-load * pressure, rel=1e-4, abs=1e-4)
+    # An aiding load widens the drop over both lands, an opposing one narrows it; leakage takes its part.
+    share = eq.root((1 + load) * pressure / 2, SERVO_VALVE.transition_pressure)
+    share /= eq.root(pressure / 2, SERVO_VALVE.transition_pressure)
+    leakage = SMOOTH.leakage * -load * pressure / SMOOTH.displacement
+    assert data.qvel[0] == pytest.approx(SMOOTH.no_load_speed * share - leakage, rel=1e-3)
+    plain = SMOOTH.no_load_speed * np.sqrt(1 + load) - leakage
+    # The transition to laminar flow takes 1 % at half the nominal drop.
+    assert data.qvel[0] == pytest.approx(plain, rel=1.2e-2)
+
+
+def test_flow_is_asymmetric_under_a_standing_load():
+    speeds = []
+    for direction in (1.0, -1.0):
+        model, data = bench()
+        data.qfrc_applied[0] = -0.5 * SMOOTH.maximum_torque
+        data.ctrl[1] = direction * 1e5
+        run(model, data, 1.5)
+        speeds.append(abs(data.qvel[0]))
+    # sqrt(1 - 1/2) against sqrt(1 + 1/2): raising a load is slower than lowering it.
+    assert speeds[0] / speeds[1] == pytest.approx(np.sqrt(0.5 / 1.5), rel=0.05)
+
+
+def test_overlap_is_a_dead_band_and_underlap_leaks():
+    pressures = {}
+    for underlap in (-0.05, 0.0):
+        model, data = bench(inertia=1e9, valve=replace(SERVO_VALVE, underlap=underlap, clearance=1e-4))
+        gain = valve_parameters(SMOOTH, (0.0, 0.0))[eq.PRESSURE_GAIN]
+        # Asks for 4 % of the stroke: within the overlap nothing reaches the load.
+        data.ctrl[1] = 0.04 * SMOOTH.rated_flow / (gain + SMOOTH.leakage) * SMOOTH.displacement
+        run(model, data, 0.3)
+        pressures[underlap] = states(data)[0, eq.LOAD] / (data.ctrl[1] / SMOOTH.displacement)
+    assert pressures[0.0] == pytest.approx(1.0, abs=0.01)
+    assert abs(pressures[-0.05]) < 0.02
+    null = [
+        sum(
+            eq.land_flows(
+                valve_parameters(SMOOTH, (0.0, 0.0), replace(SERVO_VALVE, underlap=u)), 0.0, 20.7, 12.05, 12.05
+            )
+        )
+        for u in (-0.05, 0.0, 0.05)
+    ]
+    assert null[0] < 0.1 * null[1] < 0.02 * null[2]
+    # Null leakage at zero lap: half the clearance open at each of four lands.
+    assert null[1] == pytest.approx(4 * SERVO_VALVE.clearance / 2 * SMOOTH.rated_flow, rel=1e-6)
+
+
+def test_overlap_blunts_the_arm_and_the_supply_can_be_made_small(valve_arm):
+    moved = {}
+    for underlap in (0.0, -0.02):
+        arm = with_valve(valve_arm, valve=replace(SERVO_VALVE, underlap=underlap))
+        data = arm.rest(arm.pose("home"))
+        start = data.qpos[1]
+        # 2e-3 rad ask the shoulder yaw for less than 2 % of the stroke.
+        data.ctrl[2] += 2e-3
+        run(arm.model, data, 0.2)
+        moved[underlap] = data.qpos[1] - start
+    assert 0.0 < moved[-0.02] < 0.7 * moved[0.0]
+    arm = with_valve(valve_arm, power_unit=replace(POWER_UNIT, droop=5.0))
+    # A weak compensator lets null leakage alone draw the supply down.
+    assert arm.rest(arm.pose("home")).act[0] < valve_arm.rest(arm.pose("home")).act[0] - 1.0
+    with pytest.raises(TwinError, match='"linear" asked, expected "orifice"'):
+        with_valve(load_arm())
+
+
+def test_joints_share_a_supply_that_sags():
+    shafts = ("shaft", "other")
+    small = replace(POWER_UNIT, largest_flow=1.2 * SMOOTH.rated_flow)
+    speeds, pressures = [], []
+    for torque in (0.0, 1e5):
+        model, data = bench(shafts=shafts, power_unit=small)
+        data.ctrl[1], data.ctrl[3] = 1e5, torque
+        run(model, data, 15.0)
+        speeds.append(data.qvel[0])
+        pressures.append(data.act[0])
+    # Alone the pump feeds the joint; the two together take what it gives, and the pressure falls until they do.
+    assert pressures[0] > 20.0
+    null = 1.2 * SERVO_VALVE.clearance * SMOOTH.rated_flow
+    assert 2 * speeds[1] * SMOOTH.displacement == pytest.approx(small.largest_flow, abs=null)
+    assert speeds[1] == pytest.approx(0.6 * SMOOTH.no_load_speed, rel=0.02)
+    assert speeds[0] > 0.97 * SMOOTH.no_load_speed
+    assert pressures[1] < 12.0
+
+
+def test_spool_stops_at_full_stroke_and_pressures_stay_within_the_check_valves():
+    model, data = bench(ACTUATORS["shoulder_yaw"], inertia=25.0)
+    p = arm_parameters(model)[0]
+    lowest, highest, stroke = 99.0, 0.0, 0.0
+    for k in range(2000):
+        data.ctrl[1] = 1e5 if k // 200 % 2 else -1e5
+        mujoco.mj_step(model, data)
+        own = states(data)[0]
+        stroke = max(stroke, abs(own[eq.SPOOL]))
+        lowest = min(lowest, own[eq.MEAN] - abs(own[eq.LOAD]) / 2)
+        highest = max(highest, own[eq.MEAN] + abs(own[eq.LOAD]) / 2)
+    assert 1.0 <= stroke < 1.05
+    assert 0.0 < lowest < p[eq.RETURN]
+    assert p[eq.RELIEF] < highest < p[eq.RELIEF] + 3.0
+
+
+def test_spool_is_a_second_order_lag_with_a_limit():
+    valve = replace(SERVO_VALVE, clearance=1e-3)
+    model, data = bench(inertia=1e9, valve=valve)
+    gain = arm_parameters(model)[0][eq.PRESSURE_GAIN]
+    data.ctrl[1] = 0.02 * SMOOTH.rated_flow / (gain + SMOOTH.leakage) * SMOOTH.displacement
+    mujoco.mj_step(model, data)
+    omega, h = valve.angular_frequency, model.opt.timestep
+    # The first instants, before pressure answers: x = u (w t)^2 / 2 (1 - 2 z w t / 3 ...).
+    expected = 0.02 * (omega * h) ** 2 / 2 * (1 - 2 * valve.damping * omega * h / 3)
+    assert states(data)[0, eq.SPOOL] == pytest.approx(expected, rel=0.03)
+
+
+@pytest.mark.parametrize("name", JOINTS)
+def test_pressure_loop_has_margin(name, valve_arm):
+    static = SERVO_VALVE.static_gain(valve_arm.actuators[name], valve_arm.gains[name][1])
+    gain, phase = SERVO_VALVE.margins(static)
+    assert gain > 4.0
+    assert np.degrees(phase) > 60.0
+    # At the phase crossover of a plain loop, the spool's natural frequency, in closed form.
+    plain, _ = SERVO_VALVE.margins(SERVO_VALVE.loop_gain)
+    closed = 2 * SERVO_VALVE.damping * SERVO_VALVE.angular_frequency / SERVO_VALVE.loop_gain
+    assert plain == pytest.approx(closed, rel=1e-3)
+
+
+def test_bandwidths_stay_near_one_hertz_and_the_arm_is_well_damped(valve_truth, valve_arm):
+    for pose in (OPERATING_POSE, "home"):
+        truth = valve_truth if pose == OPERATING_POSE else linearize(valve_arm, pose, amplitudes=())
+        for name in STUDIED_JOINTS:
+            assert 0.9 < truth.joint(name).bandwidth_hz < 1.2
+            assert truth.joint(name).dc_gain == pytest.approx(1.0, abs=5e-3)
+        poles = np.concatenate([truth.joint(name).dominant_poles for name in STUDIED_JOINTS])
+        assert (-poles.real / np.abs(poles)).min() > 0.35
+        assert np.abs(truth.model.poles()).max() < 0.98
+
+
+def natural_poles(arm, pose):
+    period = arm.model.opt.timestep
+    step = sample_map(arm.model, arm.rest(arm.pose(pose)), period=period)[0]
+    return np.log(np.linalg.eigvals(step) + 0j) / period
+
+
+@pytest.mark.parametrize("supply", [10.0, 20.7, 24.0, 35.0])
+@pytest.mark.parametrize(
+    ("variant", "payload", "pose"),
+    [
+        ("nominal", "rpcm", "home"),
+        ("nominal", "none", "home"),
+        ("nominal", "none", OPERATING_POSE),
+        ("published", "rpcm", OPERATING_POSE),
+    ],
+)
+def test_arm_is_stable_and_damped_over_pressure_and_temperature(supply, variant, payload, pose):
+    for temperature in (0.0, 40.0, 100.0):
+        plant = replace(ORIFICE, friction="viscous", supply_pressure=supply, oil_temperature=temperature)
+        poles = natural_poles(load_arm(variant, payload, plant=plant), pose)
+        assert poles.real.max() < -0.5
+        # Above 80 Hz light joints ring on their oil.
+        swinging = poles[(poles.imag > 1.0) & (np.abs(poles) < 2.0 * np.pi * 80.0)]
+        assert (-swinging.real / np.abs(swinging)).min() > 0.15
+
+
+def test_load_flow_is_compensated_short_of_instability():
+    arm = load_arm(plant=replace(ORIFICE, friction="viscous"))
+    for more, stable in ((1.03, True), (1.06, False)):
+        valve = replace(SERVO_VALVE, compensated=more * SERVO_VALVE.compensated)
+        poles = natural_poles(with_valve(arm, valve=valve), OPERATING_POSE)
+        assert bool(poles.real.max() < 0.0) is stable
+
+
+def test_valves_of_ones_own_are_linearised(valve_arm, valve_truth):
+    slower = with_valve(valve_arm, valve=replace(SERVO_VALVE, compensated=0.98))
+    truth = linearize(slower, amplitudes=())
+    assert truth.joint("wrist_roll").bandwidth_hz < 0.8 * valve_truth.joint("wrist_roll").bandwidth_hz
+
+
+def test_oil_that_leaks_more_takes_the_place_of_the_amplifiers_slope(valve_arm):
+    actuator, kd = valve_arm.actuators["elbow_pitch"], valve_arm.gains["elbow_pitch"][1]
+    slopes = []
+    for temperature in (20.0, 40.0, 60.0):
+        one = replace(actuator, hydraulics=replace(actuator.hydraulics, oil_temperature=temperature))
+        slopes.append(SERVO_VALVE.static_gain(one, kd) * one.compliance + one.leakage)
+    np.testing.assert_allclose(slopes, actuator.displacement**2 / kd + actuator.leakage)
+    hot = replace(actuator, hydraulics=replace(actuator.hydraulics, oil_temperature=100.0))
+    assert SERVO_VALVE.static_gain(hot, 4.0 * kd) == 0.0
+
+
+def test_tangent_holds_in_proportion_to_amplitude(valve_truth):
+    errors = valve_truth.small_signal_error
+    assert errors[1e-6] < 1e-4
+    assert errors[1e-5] < 1e-4
+    for amplitude in (1e-5, 1e-4, 1e-3):
+        assert errors[10 * amplitude] / errors[amplitude] == pytest.approx(10.0, rel=0.1)
+    assert 0.03 < errors[1e-2] < 0.1
+    assert "50 Hz map" in valve_truth.provenance["method"]
+
+
+@pytest.mark.parametrize("pose", [OPERATING_POSE, "home"])
+def test_rest_is_an_equilibrium(pose, valve_arm):
+    data = valve_arm.rest(valve_arm.pose(pose))
+    angles, act = data.qpos.copy(), data.act.copy()
+    free = [name not in INDEXED_JOINTS for name in JOINTS]
+    offsets = np.abs(angles - valve_arm.pose(pose))[free]
+    # Null leakage costs a loaded valve some opening, and the servo some millirad.
+    assert 1e-5 < offsets.max() < 5e-3
+    run(valve_arm.model, data, 2.0)
+    assert np.abs(data.qpos - angles).max() < 1e-8
+    assert np.abs(data.act - act).max() < 1e-5
+
+
+def test_closed_valves_trap_the_oil_but_for_leakage(valve_arm):
+    data = valve_arm.rest(valve_arm.pose(OPERATING_POSE))
+    start, before = data.qpos.copy(), states(data)[:, eq.LOAD].copy()
+    data.ctrl[0::2] += 0.5
+    run(valve_arm.unpowered, data, 1.0)
+    assert np.abs(states(data)[:, eq.SPOOL]).max() < 1e-6
+    for j in (2, 3):
+        sunk = valve_arm.actuators[JOINTS[j]].leakage * before[j] / valve_arm.actuators[JOINTS[j]].displacement
+        assert start[j] - data.qpos[j] == pytest.approx(sunk, rel=0.15)
+
+
+def test_dry_friction_is_a_spring_until_breakaway():
+    arm = load_arm(plant=ORIFICE)
+    j, actuator = JOINTS.index("elbow_pitch"), arm.actuators["elbow_pitch"]
+    coulomb = actuator.coulomb_torque
+    breakaway = actuator.friction.static_ratio * coulomb
+    for torque, sticks in ((0.5 * coulomb, True), (4.0 * breakaway, False)):
+        data = arm.rest(arm.pose(OPERATING_POSE))
+        start = data.qpos[j]
+        data.ctrl[2 * j + 1] += torque
+        run(arm.model, data, 2.0)
+        stuck = torque / (arm.gains["elbow_pitch"][0] + coulomb / actuator.friction.presliding)
+        moved = data.qpos[j] - start
+        assert bool(moved == pytest.approx(stuck, rel=0.15)) is sticks
+        assert moved > 0.85 * stuck
+
+
+@pytest.mark.parametrize("friction", ["coulomb", "lugre"])
+def test_worn_seals_are_resolved_by_the_step(friction):
+    arm = load_arm(plant=replace(ORIFICE, friction=friction, friction_level=8.0))
+    angles = []
+    for refined in (1, 4):
+        model = copy(arm.model)
+        model.opt.timestep /= refined
+        data = arm.rest(arm.pose(OPERATING_POSE))
+        data.ctrl[2::2] += 0.05
+        run(model, data, 0.5)
+        angles.append(data.qpos.copy())
+    np.testing.assert_allclose(angles[0], angles[1], atol=1e-5)
+
+
+def test_logs_hold_spools_and_supply_and_do_not_depend_on_threads(experiment, tmp_path):
+    tests = [experiment(seed=seed, plant=ORIFICE, duration=2.0) for seed in range(3)]
+    logs, again = simulate(tests, threads=1), simulate(tests, threads=2)
+    assert not logs.failed
+    for one, other in zip(logs, again, strict=True):
+        for name in ("true_angles", "load_pressure", "spool", "supply_pressure", "wrench"):
+            np.testing.assert_array_equal(getattr(one, name), getattr(other, name))
+    log = logs[0]
+    assert np.abs(log.spool[:, 3]).max() > 10 * np.abs(log.spool[:, 1]).max()
+    assert 20.0 < log.supply_pressure.min() < log.supply_pressure.max() < 20.7
+    read = JointLog.load(log.save(tmp_path / "log.nc"))
+    np.testing.assert_array_equal(read.spool, log.spool)
+    np.testing.assert_array_equal(read.supply_pressure, log.supply_pressure)
+    plain = simulate([experiment(duration=0.2)])[0]
+    assert plain.spool is None
+    assert JointLog.load(plain.save(tmp_path / "plain.nc")).supply_pressure is None
+
+
+def test_shutdown_and_worksite_run_on_servo_valves(experiment):
+    stopped = experiment(plant=ORIFICE, duration=3.0, shutdown=(1.0, 2.0))
+    site = experiment(plant=ORIFICE, duration=1.0, worksite=True)
+    logs = simulate([stopped, site, replace(stopped, name="linear", plant=Plant())])
+    assert not logs.failed
+    off = slice(60, 100)
+    assert np.abs(logs[0].spool[off]).max() < 1e-6
+    # The arm sinks by leakage alone, as it does with linear actuators.
+    sunk, linear = (np.ptp(log.true_angles[off], axis=0)[2:5] for log in (logs[0], logs[2]))
+    np.testing.assert_allclose(sunk, linear, rtol=0.1)
+    assert sunk.max() < 0.02
+    assert np.abs(logs[0].spool[105:]).max() > 1e-3
+    assert logs[1].unit_pose is not None
+
+
+@pytest.mark.parametrize(("friction", "joints"), [("viscous", ("elbow_pitch",)), ("lugre", JOINTS[1:])])
+def test_books_of_oil_and_energy_balance(friction, joints):
+    arm = load_arm(plant=replace(ORIFICE, friction=friction))
+    command = np.tile(arm.pose(OPERATING_POSE), (60, 1))
+    bits = np.random.default_rng(3).choice([-0.067, 0.067], (10, len(joints)))
+    command[1:51, [JOINTS.index(name) for name in joints]] += np.repeat(bits, 5, axis=0)
+    oil, energy = orifice_balances(arm, command)
+    assert oil.throughput[2 * JOINTS.index("elbow_pitch")] > 1.0
+    assert oil.closure < 1e-6
+    # Every chamber of its own, but for rounding where nothing flows.
+    assert (np.abs(oil.residual) < 1e-6 * oil.throughput + 1e-6).all()
+    assert energy.closure < 1e-4
+    assert min(energy.throttled, energy.leaked, energy.dragged) > 0.0
+    assert (energy.rubbed > 0.0) is (friction == "lugre")
+
+
+def test_books_ask_for_servo_valves_and_commands_in_shape(valve_arm):
+    with pytest.raises(TwinError, match="linear actuators in free space"):
+        orifice_balances(load_arm(), np.zeros((5, 7)))
+    with pytest.raises(TwinError, match=r"\(5, 6\)"):
+        orifice_balances(valve_arm, np.zeros((5, 6)))
+
+
+def test_step_makes_whole_ticks_of_the_fourth_order_method(valve_arm):
+    assert valve_arm.model.opt.integrator == mujoco.mjtIntegrator.mjINT_RK4
+    substeps = SAMPLE_TIME / valve_arm.model.opt.timestep
+    # Simpson's rule over a tick wants an even number.
+    assert substeps == pytest.approx(2 * round(substeps / 2), abs=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("error", "words"),
+    [
+        ("ModuleNotFoundError(\"No module named 'numba'\", name='numba')", "is not installed"),
+        ("ImportError('Numba needs NumPy 2.2 or less')", r"cannot be loaded \(ImportError: Numba needs NumPy 2.2"),
+        ("AttributeError('module has no _ARRAY_API')", r"cannot be loaded \(AttributeError: module has no"),
+        ("SystemError('initialization failed')", r"cannot be loaded \(SystemError"),
+        ("OSError('libllvmlite.so: cannot open')", r"cannot be loaded \(OSError: libllvmlite"),
+    ],
+)
+def test_absent_or_failing_compiler_says_what_is_wrong_and_what_to_install(error, words, tmp_path, monkeypatch):
+    monkeypatch.delitem(sys.modules, "numba")
+    monkeypatch.syspath_prepend(tmp_path)
+    (tmp_path / "numba.py").write_text(f"raise {error}\n")
+    anew = runpy.run_path(eq.__file__)
+    monkeypatch.setattr(eq, "COMPILER", anew["COMPILER"])
+    monkeypatch.setattr(eq, "FAULT", anew["FAULT"])
+    with pytest.raises(TwinError, match=rf"Numba.*{words}.*pip install 'hmtb-twin\[orifice\]'.*linear"):
+        load_arm(plant=ORIFICE)
+
+
+@pytest.mark.parametrize("name", ["get_mjcb_act_dyn", "get_mjcb_act_bias"])
+def test_somebody_elses_callback_is_left_alone(name, monkeypatch):
+    for function in ("set_mjcb_act_dyn", "set_mjcb_act_bias"):
+        monkeypatch.setattr(mujoco, function, lambda _: pytest.fail("overwritten"))
+    for function in ("get_mjcb_act_dyn", "get_mjcb_act_bias"):
+        monkeypatch.setattr(mujoco, function, lambda taken=function == name: taken or None)
+    with pytest.raises(TwinError, match=name.removeprefix("get_")):
+        install_valve_equations()
+
+
+def test_without_a_folder_for_machine_code_the_equations_are_compiled_anew(monkeypatch):
+    machine_code, asked = install_valve_equations(), []
+
+    def compiled(offsets, *, cached=True):
+        asked.append(cached)
+        if cached:
+            raise RuntimeError("no locator available")
+        return machine_code
+
+    monkeypatch.setattr(eq, "compiled_callbacks", compiled)
+    assert orifice_module._compiled.__wrapped__() == machine_code
+    assert asked == [True, False]
+
+
+def test_equations_are_compiled_once():
+    assert install_valve_equations() == install_valve_equations()
+    assert orifice_module._compiled.cache_info().currsize == 1
+
+
+@pytest.mark.parametrize("name", ["act_dyn", "act_bias"])
+def test_removed_equations_are_put_back_wherever_an_arm_moves(name, experiment):
+    plant = replace(ORIFICE, friction="viscous")
+    kind, arm = experiment(duration=0.5, plant=plant), load_arm(plant=plant)
+    getter, setter = (getattr(mujoco, f"{verb}_mjcb_{name}") for verb in ("get", "set"))
+    uses = (
+        lambda: load_arm(plant=plant),
+        lambda: simulate([kind])[0].true_angles,
+        lambda: linearize(load_arm(plant=plant), amplitudes=()).model.A,
+        lambda: np.array(arm.rest(arm.pose("home")).act_dot),
+    )
+    for use in uses:
+        before, ours = use(), getter()
+        setter(None)
+        np.testing.assert_array_equal(use(), before)
+        assert getter() is ours
+
+
+@pytest.mark.parametrize("name", ["act_dyn", "act_bias"])
+def test_arm_does_not_move_on_somebody_elses_equations(name, experiment):
+    kind, arm = experiment(duration=0.5, plant=ORIFICE), load_arm(plant=ORIFICE)
+    ours = getattr(mujoco, f"get_mjcb_{name}")()
+    getattr(mujoco, f"set_mjcb_{name}")(lambda model, data, actuator: 0.0)
+    try:
+        for use in (lambda: load_arm(plant=ORIFICE), lambda: simulate([kind]), lambda: arm.rest(arm.pose("home"))):
+            with pytest.raises(TwinError, match=f"mjcb_{name}; the orifice valve needs it"):
+                use()
+    finally:
+        getattr(mujoco, f"set_mjcb_{name}")(ours)
+
+
+def test_other_peoples_user_actuators_are_left_alone():
+    install_valve_equations()
+    model = mujoco.MjModel.from_xml_string(
+        """<mujoco><worldbody><body><joint name="j"/><geom size="0.1"/></body></worldbody>
+        <actuator><general joint="j" dyntype="user" actdim="2" biastype="user"/></actuator></mujoco>"""
+    )
+    data = mujoco.MjData(model)
+    data.act[:], data.ctrl[0] = 1.0, 5.0
+    mujoco.mj_forward(model, data)
+    assert (data.act_dot == 0.0).all()
+    assert data.actuator_force[0] == 1.0

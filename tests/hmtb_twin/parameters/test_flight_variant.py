@@ -1,0 +1,172 @@
+"""The arm in orbit: weightless, electric, with brakes; and what it refuses."""
+
+from dataclasses import replace
+
+import mujoco
+import numpy as np
+import pytest
+import xarray as xr
+from scipy.integrate import solve_ivp
+
+from hmtb_twin import IDEAL, JOINTS, POSES, STUDIED_JOINTS, Arm, Plant, TwinError, linearize, load_arm, simulate
+from hmtb_twin.arm.rigid_bodies import BODIES
+from hmtb_twin.parameters.flight_variant import FLIGHT_DRIVES, FLIGHT_LINKS
+from hmtb_twin.parameters.values import LINKS
+from hmtb_twin.truth.linearization import linear
+
+
+@pytest.fixture(scope="module")
+def flight() -> Arm:
+    return load_arm("flight")
+
+
+def test_kinematics_are_the_ground_arms(flight, arm):
+    np.testing.assert_array_equal(flight.model.body_pos, arm.model.body_pos)
+    np.testing.assert_array_equal(flight.model.site_pos, arm.model.site_pos)
+    assert all(FLIGHT_LINKS[name].length == link.length for name, link in LINKS.items())
+
+
+def test_links_are_lighter_in_plant_and_controller(flight, arm):
+    assert flight.model.body_mass.sum() < 0.6 * arm.model.body_mass.sum()
+    for name, link in FLIGHT_LINKS.items():
+        body = flight.model.body(BODIES[name])
+        assert body.mass[0] == link.mass
+        assert sorted(body.inertia) == pytest.approx(sorted((link.axial_inertia, *(2 * [link.transverse_inertia]))))
+    # The controller's inertia matrix is the plant's, rotors included.
+    data = flight.rest(flight.pose("home"))
+    plants = np.empty((7, 7))
+    mujoco.mj_fullM(flight.model, data, plants)
+    np.testing.assert_allclose(flight.controller.inertia_matrix(flight.pose("home")), plants, atol=1e-12)
+
+
+def test_nothing_weighs_anything(flight):
+    for name in POSES:
+        assert not flight.controller.gravity_torque(flight.pose(name)[None]).any()
+        data = flight.rest(flight.pose(name))
+        assert not data.act[flight.pressure_states].any()
+        mujoco.mj_step(flight.model, data, nstep=2000)
+        np.testing.assert_array_equal(data.qpos, flight.pose(name))
+
+
+def test_arm_is_twice_as_fast_as_the_ground_arm(flight, truth):
+    for pose in POSES:
+        orbit = linearize(flight, pose)
+        for name in JOINTS[1:]:
+            joint = orbit.joint(name)
+            assert 1.8 < joint.bandwidth_hz < 2.2
+            assert joint.dc_gain == pytest.approx(1.0, abs=1e-8)
+        for name in STUDIED_JOINTS:
+            assert orbit.joint(name).bandwidth_hz > 1.7 * truth.joint(name).bandwidth_hz
+            assert orbit.joint(name).delay_samples == truth.joint(name).delay_samples
+            slow = orbit.joint(name).dominant_poles
+            assert np.abs(slow[slow.real > -60.0].imag).max() < 1e-6
+        assert orbit.small_signal_error[1e-3] < 1e-4
+        assert orbit.small_signal_error[1e-2] < 1e-2
+
+
+def test_drive_obeys_the_equations_of_a_geared_motor():
+    """A joint against its equations, integrated by SciPy: L di/dt = v - R i - K w, J dw/dt = K i - b w."""
+    drive = replace(FLIGHT_DRIVES["elbow_pitch"], friction=None)
+    motor, inertia, voltage = drive.motor, 4.0, 3.0
+    model = mujoco.MjModel.from_xml_string(f"""
+        <mujoco><option timestep="0.0001" integrator="implicitfast" gravity="0 0 0"/>
+          <worldbody><body><joint name="shaft" axis="0 0 1" armature="{motor.armature}"/>
+            <inertial pos="0 0 0" mass="1" diaginertia="{inertia} {inertia} {inertia}"/></body></worldbody>
+          <actuator><dcmotor joint="shaft" motorconst="{motor.constant}" resistance="{motor.resistance}"
+            inductance="{motor.inductance} 0" saturation="{motor.maximum_torque} 0 0" input="voltage"/></actuator>
+        </mujoco>""")
+    data = mujoco.MjData(model)
+    data.ctrl[0] = voltage
+    instants, speed = np.linspace(0.01, 0.3, 30), []
+    for instant in instants:
+        while data.time < instant - 1e-9:
+            mujoco.mj_step(model, data)
+        speed.append(data.qvel[0])
+
+    def equations(_, state):
+        w, i = state
+        current = (voltage - motor.resistance * i - motor.constant * w) / motor.inductance
+        return [motor.constant * i / (inertia + motor.armature), current]
+
+    exact = solve_ivp(equations, (0, 0.3), [0, 0], t_eval=instants, rtol=1e-10, atol=1e-12, method="LSODA").y[0]
+    np.testing.assert_allclose(speed, exact, atol=5e-3 * exact.max())
+    assert speed[-1] == pytest.approx(voltage / motor.constant, rel=1e-3)
+    assert drive.no_load_speed == pytest.approx(drive.bus_voltage / motor.constant)
+    assert motor.lag == pytest.approx(drive.electrical_lag)
+
+
+def test_torque_and_voltage_are_limited(flight):
+    for name in JOINTS:
+        drive = FLIGHT_DRIVES[name]
+        # The bus is good for the largest current at the fastest command.
+        fastest = flight.velocity_limits[JOINTS.index(name)]
+        assert drive.bus_voltage > drive.motor.constant * fastest + drive.resistance * drive.largest_current
+    smooth = load_arm("flight", friction=False)
+    data = smooth.rest(flight.pose("home"))
+    data.ctrl[2] += 1.0
+    mujoco.mj_step(smooth.model, data, nstep=40)
+    assert data.actuator_force[1] == pytest.approx(FLIGHT_DRIVES["shoulder_yaw"].maximum_torque, rel=1e-3)
+
+
+def test_tests_of_the_thesis_leave_the_arm_nearly_linear(experiment):
+    """Full sticks on slow commands: the reference of a model reference control is a linear model."""
+    truth = linearize(load_arm("flight"))
+    log = simulate([experiment(variant="flight", axes=STUDIED_JOINTS, duration=6.0, chain=IDEAL, hold=25)])[0]
+    columns = [JOINTS.index(name) for name in STUDIED_JOINTS]
+    predicted = linear(truth.model, log.commanded - truth.angles)[:, columns]
+    error = (log.measured - truth.angles)[:, columns] - predicted
+    assert (np.linalg.norm(error, axis=0) < 0.15 * np.linalg.norm(predicted, axis=0)).all()
+
+
+@pytest.mark.parametrize("friction", ["lugre", "coulomb", "none"])
+def test_brakes_hold_without_power(experiment, friction):
+    stopped = experiment(
+        variant="flight",
+        axes=("shoulder_pitch",),
+        duration=3.0,
+        shutdown=(1.04, 2.0),
+        plant=Plant(friction=friction),
+    )
+    angles = simulate([stopped])[0].true_angles
+    speed = np.abs(np.diff(angles, axis=0)).max(axis=1) * 50.0
+    assert speed[51] > 0.05
+    # Three ticks on, and until the power is back, nothing moves.
+    assert speed[55:100].max() < 1e-4
+    assert speed[101:].max() > 0.02
+
+
+def test_what_oil_needs_is_refused():
+    for plant, name in (
+        (Plant(actuator="orifice"), "actuator = 'orifice'"),
+        (Plant(supply_pressure=15.0), "supply_pressure = 15.0"),
+        (Plant(oil_temperature=20.0), "oil_temperature = 20.0"),
+    ):
+        with pytest.raises(TwinError, match=f"{name} given, but the drives of this arm are electric"):
+            load_arm("flight", plant=plant)
+    with pytest.raises(TwinError, match="electric"):
+        _ = load_arm("flight").actuators
+
+
+def test_friction_and_noise_apply(flight):
+    worn = load_arm("flight", plant=Plant(friction_level=3.0, process_noise=0.01))
+    for name in JOINTS:
+        assert worn.drives[name].coulomb_torque == pytest.approx(3.0 * flight.drives[name].coulomb_torque)
+        assert worn.drives[name].drag == flight.drives[name].drag
+    np.testing.assert_allclose(worn.process_noise, [0.01 * FLIGHT_DRIVES[name].rated_torque for name in JOINTS])
+    truth = linearize(worn)
+    assert np.abs(np.linalg.eigvals(truth.model.A - truth.model.K @ truth.model.C)).max() < 1.0
+
+
+def test_record_holds_currents_with_their_unit(experiment, tmp_path):
+    log = simulate([experiment(variant="flight", duration=1.0, plant=Plant(friction="none"))])[0]
+    assert log.provenance["drives"] == "electric"
+    path = log.save(tmp_path / "flight.nc")
+    with xr.open_dataset(path) as stored:
+        assert stored["load_pressure"].attrs["units"] == "A"
+    # At the first ticks the joint takes off: the current is what the torque command asks for.
+    assert 0.1 < np.abs(log.load_pressure[:, 3]).max() < FLIGHT_DRIVES["elbow_pitch"].largest_current
+
+
+def test_worksite_is_on_the_ground():
+    with pytest.raises(TwinError, match="'flight' at the worksite given, expected an arm on the ground"):
+        load_arm("flight", worksite=True)

@@ -1,0 +1,276 @@
+"""One specimen of the arm: its bodies, its drives, where it rests and what is true of it."""
+
+from dataclasses import replace
+from itertools import pairwise
+from xml.etree import ElementTree
+
+import mujoco
+import numpy as np
+import pinocchio as pin
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from hmtb_twin import JOINTS, NOMINAL_SPECIMEN, Arm, OverloadError, Plant, Specimen, TwinError, linearize, load_arm
+from hmtb_twin.arm.controller_model import ControllerModel
+from hmtb_twin.arm.rigid_bodies import BODIES
+from hmtb_twin.control.chain import IDEAL
+from hmtb_twin.parameters.resources import model_file
+from hmtb_twin.parameters.specimen import FARTHEST, LENGTHS, LINK_NAMES
+from hmtb_twin.parameters.values import ACTUATORS, LINKS, OPERATING_POSE, RECORDER
+from hmtb_twin.run.simulation import simulate
+from hmtb_twin.truth.linearization import sliding, small_signal_error
+
+
+def deviating(seed: int) -> Specimen:
+    """A specimen that is off in everything that moves it."""
+    rng = np.random.default_rng(seed)
+
+    def scattered(name: str, spread: float) -> tuple[float, ...]:
+        return tuple(np.exp(rng.normal(0.0, spread, LENGTHS[name])))
+
+    return Specimen(
+        mass=scattered("mass", 0.08),
+        stretch=tuple(rng.normal(0.0, 0.1, 24)),
+        shear=tuple(rng.normal(0.0, 0.1, 24)),
+        shift=tuple(rng.normal(0.0, 0.3, 24)),
+        payload_mass=1.2,
+        dry_friction=scattered("dry_friction", 0.3),
+        drag=scattered("drag", 0.3),
+        kp=scattered("kp", 0.05),
+        kd=scattered("kd", 0.05),
+        bulk_modulus=0.8,
+        leakage=1.5,
+    )
+
+
+def bodies(specimen: Specimen) -> dict[str, tuple[float, np.ndarray, np.ndarray]]:
+    """Mass, centre of mass and inertia of each link of the nominal arm on this specimen."""
+    found = specimen.bodies(
+        np.array([link.mass for link in LINKS.values()]),
+        np.array([[link.length / 2.0, 0.0, 0.0] for link in LINKS.values()]),
+        np.array([[link.axial_inertia, *2 * [link.transverse_inertia]] for link in LINKS.values()]),
+    )
+    return dict(zip(LINKS, zip(*found, strict=True), strict=True))
+
+
+@given(st.lists(st.floats(-FARTHEST, FARTHEST), min_size=9, max_size=9), st.floats(0.01, 100.0))
+@settings(max_examples=50)
+def test_the_log_cholesky_parameters_are_those_of_pinocchio(theta: list[float], factor: float) -> None:
+    """Of a body of unit mass and unit extents, whose pseudo-inertia is the identity."""
+    rest = (1.0,) * 7, (0.0,) * 21
+    specimen = Specimen(
+        mass=(factor, *rest[0]),
+        stretch=(*theta[:3], *rest[1]),
+        shear=(*theta[3:6], *rest[1]),
+        shift=(*theta[6:], *rest[1]),
+    )
+    masses, centres, inertias = specimen.bodies(np.ones(8), np.zeros((8, 3)), np.full((8, 3), 2.0))
+    np.testing.assert_array_equal(inertias[1:], np.tile(2.0 * np.eye(3), (7, 1, 1)))
+    mass, centre, inertia = masses[0], centres[0], inertias[0]
+    known = pin.Inertia.FromLogCholeskyParameters(
+        pin.LogCholeskyParameters(np.array([0.5 * np.log(factor), *theta[:3], *theta[3:6], *theta[6:]]))
+    )
+    assert mass == pytest.approx(known.mass, rel=1e-9)
+    np.testing.assert_allclose(centre, known.lever, atol=1e-9)
+    np.testing.assert_allclose(inertia, known.inertia, atol=1e-9 * np.trace(known.inertia))
+    moments = np.linalg.eigvalsh(inertia)
+    assert moments[0] > 0.0
+    assert moments[0] + moments[1] >= moments[2] * (1.0 - 1e-9)
+
+
+def test_the_farthest_bodies_can_be_simulated() -> None:
+    ends = np.random.default_rng(0).choice([-FARTHEST, FARTHEST], (3, 24))
+    arm = load_arm(specimen=Specimen(stretch=tuple(ends[0]), shear=tuple(ends[1]), shift=tuple(ends[2])))
+    assert (arm.model.body_inertia[1:] > 0.0).all()
+
+
+def test_mass_alone_is_a_plain_factor() -> None:
+    arm, heavy = load_arm(), load_arm(specimen=Specimen(mass=(1.25,) * 8, payload_mass=1.25))
+    np.testing.assert_allclose(heavy.model.body_mass, 1.25 * arm.model.body_mass, rtol=1e-15)
+    np.testing.assert_allclose(heavy.model.body_inertia, 1.25 * arm.model.body_inertia, rtol=1e-14)
+    np.testing.assert_array_equal(heavy.model.body_ipos, arm.model.body_ipos)
+    np.testing.assert_array_equal(heavy.model.dof_armature, arm.model.dof_armature)
+
+
+def test_the_plant_has_the_bodies_that_pinocchio_is_told_of() -> None:
+    specimen = deviating(1)
+    root = ElementTree.fromstring(model_file("hmtb/hmtb.xml").read_text(encoding="utf-8"))
+    written = {str(body.get("name")): body.find("inertial") for body in root.iter("body")}
+    for name, (mass, centre, inertia) in bodies(specimen).items():
+        inertial = written[BODIES[name]]
+        assert inertial is not None
+        inertial.attrib = {
+            "mass": repr(float(mass)),
+            "pos": " ".join(map(repr, map(float, centre))),
+            "fullinertia": " ".join(
+                repr(float(inertia[i, j])) for i, j in ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))
+            ),
+        }
+    unit = written["rpcm"]
+    assert unit is not None
+    unit.set("mass", repr(1.2 * float(unit.get("mass", ""))))
+    unit.set("diaginertia", " ".join(repr(1.2 * float(part)) for part in unit.get("diaginertia", "").split()))
+    known, arm = ControllerModel(ElementTree.tostring(root, encoding="unicode")), load_arm(specimen=specimen)
+    for angles in np.random.default_rng(0).uniform(0.0, 1.5, (5, 7)):
+        np.testing.assert_allclose(arm.weight(angles), known.gravity_torque(angles[None])[0], atol=1e-9)
+        np.testing.assert_allclose(arm.inertia(angles), known.inertia_matrix(angles), atol=1e-9)
+
+
+def test_the_controller_knows_the_variant_and_is_shared() -> None:
+    arm, other = load_arm(), load_arm(specimen=deviating(1))
+    assert other.controller is arm.controller
+    tuned, factors = np.array(list(arm.gains.values())), np.column_stack([other.specimen.kp, other.specimen.kd])
+    np.testing.assert_allclose(np.array(list(other.gains.values())), factors * tuned, rtol=1e-15)
+
+
+def test_what_the_drives_rub_and_run_on() -> None:
+    """The same seals and the same oil, asked for in two ways."""
+    worn, level = load_arm(specimen=Specimen(dry_friction=(2.0,) * 7)), load_arm(plant=Plant(friction_level=2.0))
+    np.testing.assert_array_equal(worn.model.actuator_biasprm, level.model.actuator_biasprm)
+    np.testing.assert_array_equal(worn.model.actuator_dynprm, level.model.actuator_dynprm)
+    smooth, quiet = load_arm(specimen=Specimen(dry_friction=(0.0,) * 7)), load_arm(friction=False)
+    assert smooth.model.na == quiet.model.na < worn.model.na
+    thick = Specimen(drag=(3.0,) * 7, bulk_modulus=0.5, leakage=4.0).applied("elbow_pitch", ACTUATORS["elbow_pitch"])
+    plain = ACTUATORS["elbow_pitch"]
+    assert thick.drag == pytest.approx(3.0 * plain.drag)
+    assert thick.compliance == pytest.approx(2.0 * plain.compliance)  # type: ignore[union-attr]
+    assert thick.leakage == pytest.approx(4.0 * plain.leakage)  # type: ignore[union-attr]
+    assert NOMINAL_SPECIMEN.applied("elbow_pitch", plain) is plain
+
+
+def drift(arm: Arm, pose: str, duration: float = 1.0) -> float:
+    """How far any joint goes from rest by itself, rad."""
+    data = arm.rest(arm.pose(pose))
+    start, farthest = data.qpos.copy(), 0.0
+    for _ in range(round(50 * duration)):
+        mujoco.mj_step(arm.model, data, nstep=round(0.02 / arm.model.opt.timestep))
+        farthest = max(farthest, float(np.abs(data.qpos - start)[:7].max()))
+    return farthest
+
+
+@pytest.mark.parametrize(
+    ("variant", "payload", "plant", "friction", "worksite", "still"),
+    [
+        ("nominal", "rpcm", Plant(), False, False, 1e-11),
+        ("published", "mdm", Plant(), False, False, 1e-11),
+        ("nominal", "rpcm", Plant(friction="coulomb"), True, False, 1e-9),
+        ("nominal", "rpcm", Plant(), False, True, 1e-9),
+        # Of the nominal arm with servo valves the pressures are settled to 1e-6 MPa too.
+        ("nominal", "rpcm", Plant("orifice"), False, False, 1e-8),
+    ],
+)
+def test_a_drooping_arm_stands_still_where_it_rests(variant, payload, plant, friction, worksite, still) -> None:
+    arm = load_arm(variant, payload, plant=plant, specimen=deviating(2), friction=friction, worksite=worksite)
+    angles = arm.pose(OPERATING_POSE)
+    droop = arm.rest(angles).qpos[:7] - angles
+    assert 3e-4 < np.abs(droop[1:]).max() < 0.05
+    # The indexed joint leans on its pin only.
+    assert 1e-10 < abs(droop[0]) < 1e-6
+    assert drift(arm, OPERATING_POSE) < still
+    kp = np.array([arm.gains[name][0] for name in JOINTS])
+    excess = arm.weight(angles + droop) - arm.controller.gravity_torque(angles[None])[0]
+    if plant.actuator == "linear":
+        np.testing.assert_allclose(-kp[1:] * droop[1:], excess[1:], atol=1e-9)
+
+
+@pytest.mark.parametrize("form", ["linear", "orifice"])
+def test_an_arm_heavier_than_its_drives_hold_is_refused(form) -> None:
+    """Its controller feeds forward what these would hold."""
+    arm = load_arm(plant=Plant(form), specimen=Specimen(mass=(6.0,) * 8))
+    with pytest.raises(OverloadError, match="cannot hold the arm at this pose: shoulder pitch needs"):
+        arm.rest(arm.pose(OPERATING_POSE))
+
+
+def test_gains_and_oil_alone_let_nothing_droop() -> None:
+    arm = load_arm(specimen=Specimen(kp=(1.2,) * 7, drag=(2.0,) * 7, bulk_modulus=0.5))
+    angles = arm.pose("home")
+    np.testing.assert_array_equal(arm.rest(angles).qpos, angles)
+
+
+@pytest.mark.parametrize(
+    ("variant", "pose", "form", "seed", "amplitude", "error"),
+    [
+        # At these amplitudes the nominal arm's error is 2.5e-6, 3.4e-6 and 6.0e-5.
+        ("nominal", OPERATING_POSE, "linear", 3, 1e-4, 4e-6),
+        ("nominal", OPERATING_POSE, "linear", 4, 1e-4, 4e-6),
+        ("published", "home", "linear", 3, 1e-4, 5e-6),
+        ("nominal", OPERATING_POSE, "orifice", 3, 1e-5, 8e-5),
+    ],
+)
+def test_the_truth_of_a_drooping_arm_is_as_good_as_that_of_a_nominal_one(
+    variant, pose, form, seed, amplitude, error
+) -> None:
+    arm = load_arm(variant, plant=Plant(form), specimen=deviating(seed))
+    truth = linearize(arm, pose, amplitudes=(amplitude,))
+    assert truth.specimen == arm.specimen
+    assert truth.small_signal_error[amplitude] < error
+    # The static gain is what it is because gravity pulls on the drooping arm otherwise than fed forward.
+    assert truth.joint("shoulder_pitch").dc_gain != pytest.approx(1.0, abs=1e-5)
+
+
+def test_the_truth_of_a_nominal_arm_is_not_that_of_a_specimen() -> None:
+    arm, nominal = load_arm(specimen=deviating(3)), linearize(load_arm(), amplitudes=())
+    assert small_signal_error(sliding(arm), nominal.model, nominal.angles, 1e-4) > 0.01
+
+
+def test_what_is_loaded_anew_is_the_same_arm() -> None:
+    arm = load_arm(specimen=deviating(1))
+    assert sliding(arm).specimen == arm.specimen
+    np.testing.assert_array_equal(arm.unpowered.body_mass, arm.model.body_mass)
+    np.testing.assert_array_equal(arm.unpowered.body_iquat, arm.model.body_iquat)
+    assert (arm.unpowered.body_mass[1:] != load_arm().model.body_mass[1:]).all()
+
+
+def test_noise_of_the_resolvers_is_that_of_the_specimen_in_log_and_truth(experiment) -> None:
+    still = replace(experiment(), amplitude=0.0, duration=20.0, chain=replace(IDEAL, resolver=True))
+    noisy = replace(still, specimen=Specimen(resolver_noise=4.0))
+    quiet, loud = simulate([still, noisy])
+    scatter = [np.std(log.measured - log.true_angles[0]) ** 2 for log in (quiet, loud)]
+    rounding = RECORDER.resolver_step**2 / 12.0
+    assert scatter[1] == pytest.approx((4.0 * RECORDER.noise) ** 2 + rounding, rel=0.05)
+    assert scatter[0] == pytest.approx(RECORDER.noise**2 + rounding, rel=0.05)
+    truth = linearize(load_arm(specimen=noisy.specimen), amplitudes=())
+    np.testing.assert_allclose(np.diag(truth.disturbances.resolvers), (4.0 * RECORDER.noise) ** 2 + rounding)
+
+
+@pytest.mark.parametrize(
+    ("given", "message"),
+    [
+        ({"mass": (1.0, 1.1)}, r"^specimen: 2 entries of mass given, expected 8, or none where nothing deviates$"),
+        ({"kp": (1.0,) * 6 + (0.0,)}, r"^specimen: kp\[6\] = 0.0 given, expected a number from 0.01 to 100$"),
+        ({"shift": (4.0,) * 24}, r"^specimen: shift\[0\] = 4.0 given, expected a number from -3 to 3$"),
+        ({"leakage": 0.0}, r"^specimen: leakage = 0.0 given, expected a number from 0.01 to 100$"),
+        ({"dry_friction": (-0.1,) * 7}, r"^specimen: dry_friction\[0\] = -0.1 given, expected a number from 0 to 100$"),
+        ({"bulk_modulus": float("nan")}, "bulk_modulus = nan given, expected a number"),
+        ({"payload_mass": True}, "payload_mass = True given, expected a number"),
+        ({"payload_mass": "1"}, "payload_mass = '1' given, expected a number"),
+        ({"mass": "heavy"}, r"mass = 'heavy' given, expected a tuple of numbers$"),
+        ({"mass": 1.1}, r"mass = 1.1 given, expected a tuple of numbers$"),
+    ],
+)
+def test_what_no_arm_can_be_is_refused(given, message) -> None:
+    with pytest.raises(TwinError, match=message):
+        Specimen(**given)
+
+
+def test_electric_drives_have_no_oil() -> None:
+    arm = load_arm("flight", specimen=Specimen(mass=(1.1,) * 8, kd=(1.1,) * 7))
+    np.testing.assert_allclose(arm.model.body_mass[1:-1], 1.1 * load_arm("flight").model.body_mass[1:-1])
+    for name in ("bulk_modulus", "leakage"):
+        with pytest.raises(TwinError, match=f"^specimen: {name} = 2.0 given, but the drives of this arm are electric"):
+            load_arm("flight", specimen=Specimen(**{name: 2.0}))
+    with pytest.raises(TwinError, match=r"expected a Specimen, such as"):
+        load_arm(specimen=None)  # type: ignore[arg-type]
+
+
+def test_what_deviates_nowhere_is_nominal_however_it_is_written() -> None:
+    written = Specimen(mass=[1] * 8, stretch=np.zeros(24), kd=(np.float64(1.0),) * 7)  # type: ignore[arg-type]
+    assert written == NOMINAL_SPECIMEN
+    assert hash(written) == hash(NOMINAL_SPECIMEN)
+    assert load_arm(specimen=written) is load_arm()
+    other = Specimen(kp=np.full(7, 1.5))  # type: ignore[arg-type]
+    assert {type(value) for value in other.kp} == {float}
+    assert other.deviations == {"kp": (1.5,) * 7}
+    assert len(LINK_NAMES) == 8
+    assert all(a != b for a, b in pairwise(LINK_NAMES))

@@ -1,0 +1,129 @@
+"""Arms drawn at random: the distributions, their streams and their tables."""
+
+import tomllib
+from dataclasses import fields, replace
+from zlib import crc32
+
+import numpy as np
+import pytest
+from scipy import stats
+
+from hmtb_twin import NOMINAL_SPECIMEN, Distribution, Plant, Specimen, TwinDistributions, TwinError, drawn, load_arm
+from hmtb_twin.parameters.specimen_draw import CUT
+
+POPULATION = TwinDistributions(
+    mass=Distribution("lognormal", 0.05),
+    stretch=Distribution("normal", 0.1),
+    shift=Distribution("uniform", 0.2),
+    payload_mass=Distribution("fixed", centre=1.2),
+    kp=Distribution("normal", 0.05, 1.02),
+    supply_pressure=Distribution("uniform", 3.0),
+    process_noise=Distribution("lognormal", 0.3, 0.005),
+)
+
+
+def test_the_same_seed_draws_the_same_arm_and_another_one_another() -> None:
+    seed = np.random.SeedSequence(7, spawn_key=(2,))
+    specimen, changes = drawn(POPULATION, seed)
+    assert drawn(POPULATION, seed) == (specimen, changes)
+    stream = np.random.SeedSequence(7, spawn_key=(2, crc32(b"mass")))
+    normal = np.random.Generator(np.random.PCG64(stream)).standard_normal(8)
+    np.testing.assert_allclose(specimen.mass, np.exp(0.05 * normal), rtol=1e-14)
+    others = [drawn(POPULATION, other)[0].mass for other in seed.spawn(3)]
+    assert len({specimen.mass, *others}) == 4
+    assert changes.keys() == {"supply_pressure", "process_noise"}
+    assert load_arm(plant=Plant(**changes), specimen=specimen).specimen == specimen
+
+
+@pytest.mark.parametrize("gone", POPULATION.stated)
+def test_a_distribution_less_changes_nothing_of_the_others(gone: str) -> None:
+    seed = np.random.SeedSequence(7)
+    (whole, changes), (less, fewer) = drawn(POPULATION, seed), drawn(replace(POPULATION, **{gone: None}), seed)
+    nominal = {**vars(NOMINAL_SPECIMEN), "supply_pressure": None, "process_noise": None}
+    before, after = {**nominal, **vars(whole), **changes}, {**nominal, **vars(less), **fewer}
+    assert before[gone] != nominal[gone]
+    assert after == {**before, gone: nominal[gone]}
+
+
+def test_quantities_of_one_distribution_are_drawn_apart() -> None:
+    specimen, _ = drawn(replace(POPULATION, kd=POPULATION.kp), np.random.SeedSequence(7))
+    assert not set(specimen.kp) & set(specimen.kd)
+
+
+@pytest.mark.parametrize(
+    ("distribution", "known"),
+    [
+        (Distribution("normal", 2.0, 5.0), stats.truncnorm(-CUT, CUT, 5.0, 2.0)),
+        (Distribution("uniform", 2.0, 5.0), stats.uniform(3.0, 4.0)),
+        (Distribution("lognormal", 0.5, 5.0), stats.lognorm(0.5, scale=5.0)),
+    ],
+)
+def test_numbers_are_distributed_as_said_and_within_what_is_checked(distribution, known) -> None:
+    numbers = distribution.draw(100_000, np.random.default_rng(0))
+    assert stats.kstest(numbers, known.cdf).pvalue > 0.01
+    lower, upper = distribution.support()
+    assert lower <= numbers.min() < numbers.max() <= upper
+    if distribution.kind != "uniform":
+        # Uncut, six of so many normal numbers would be beyond.
+        assert stats.binom(100_000, 2.0 * stats.norm.sf(CUT)).cdf(0) < 0.01
+
+
+def test_they_are_written_and_read_as_a_table() -> None:
+    text = POPULATION.to_toml()
+    assert 'kp = { kind = "normal", spread = 0.05, centre = 1.02 }' in text
+    assert 'mass = { kind = "lognormal", spread = 0.05 }' in text
+    assert TwinDistributions.from_table(tomllib.loads(text)) == POPULATION
+    assert hash(TwinDistributions.from_table(tomllib.loads(text))) == hash(POPULATION)
+    assert TwinDistributions.from_table({}) == TwinDistributions()
+    assert drawn(TwinDistributions(), np.random.SeedSequence(0)) == (NOMINAL_SPECIMEN, {})
+
+
+def test_every_quantity_of_a_specimen_may_scatter() -> None:
+    names = {entry.name for entry in fields(TwinDistributions)}
+    assert names > {entry.name for entry in fields(Specimen)}
+    everything = TwinDistributions(**{name: Distribution("uniform", 0.001) for name in names - {"process_noise"}})
+    specimen, changes = drawn(everything, np.random.SeedSequence(0))
+    assert set(specimen.deviations) | set(changes) | {"process_noise"} == names
+
+
+@pytest.mark.parametrize(
+    ("table", "message"),
+    [
+        ({"weight": {"kind": "fixed"}}, "^distributions: unknown key 'weight', available: mass, stretch"),
+        ({"mass": {"kind": "normal", "sigma": 0.1}}, "^mass: unknown key 'sigma', available: kind, spread, centre$"),
+        ({"mass": {"spread": 0.1}}, "^mass without a kind given, expected one of fixed, normal, uniform, lognormal$"),
+        ({"mass": {"kind": "gamma"}}, "^mass: unknown kind 'gamma' of distribution, available: fixed, normal"),
+        ({"mass": {"kind": "normal"}}, "^mass: spread = 0 of a normal distribution given, expected above 0$"),
+        (
+            {"mass": {"kind": "fixed", "spread": 0.1}},
+            "^mass: spread = 0.1 of a fixed distribution given, expected none$",
+        ),
+        (
+            {"mass": {"kind": "normal", "spread": True}},
+            "^mass: spread = True of a distribution given, expected a finite",
+        ),
+        (
+            {"mass": {"kind": "normal", "spread": float("inf")}},
+            "spread = inf of a distribution given, expected a finite",
+        ),
+        ({"mass": 0.1}, "^mass = 0.1 given, expected a table of kind, spread, centre$"),
+        (
+            {"mass": {"kind": "normal", "spread": 0.3}},
+            r"^mass from -0.2 to 2.2 would be drawn: specimen: mass\[0\] = -0",
+        ),
+        (
+            {"shift": {"kind": "lognormal", "spread": 0.3}},
+            "^shift: centre = 0 of a lognormal distribution given",
+        ),
+        ({"mass": {"kind": "lognormal", "spread": 1e9}}, "^mass from 0 to inf would be drawn: specimen"),
+        ({"process_noise": {"kind": "normal", "spread": 0.1}}, "^process_noise from -0.4 to 0.4 would be drawn: plant"),
+    ],
+)
+def test_what_no_population_can_be_is_refused(table, message) -> None:
+    with pytest.raises(TwinError, match=message):
+        TwinDistributions.from_table(table)
+
+
+def test_numbers_need_a_centre() -> None:
+    with pytest.raises(TwinError, match="without a centre"):
+        Distribution("normal", 0.1).draw(1, np.random.default_rng(0))

@@ -1,0 +1,200 @@
+import gc
+from dataclasses import replace
+from itertools import product
+from weakref import ref
+
+import numpy as np
+import pytest
+from mujoco import batch
+
+from hmtb_twin import Motion, OverloadError, Plant, Specimen, Status, TwinError, load_arm, simulate
+from hmtb_twin.arm.arm import _load
+from hmtb_twin.control.chain import Chain
+
+CHANNELS = (
+    *("commanded", "measured", "wrench", "true_angles", "load_pressure", "volts", "counts", "status"),
+    *("unit_pose", "contact_force", "spool", "supply_pressure"),
+)
+
+
+def equal(first, second) -> bool:
+    return all(np.array_equal(getattr(first, name), getattr(second, name)) for name in CHANNELS)
+
+
+def sliding_or_not(friction):
+    return replace(Chain(), friction=friction)
+
+
+@pytest.fixture
+def batches(monkeypatch):
+    """Rows of each batch that is made."""
+    made = []
+
+    class Counted(batch.Batch):
+        def __init__(self, model, nsim, nthread):
+            made.append(nsim)
+            super().__init__(model, nsim=nsim, nthread=nthread)
+
+    monkeypatch.setattr("hmtb_twin.run.batch_run.batch.Batch", Counted)
+    return made
+
+
+def test_different_arms_side_by_side_log_what_each_logs_alone(experiment, batches):
+    arms = product(("nominal", "published"), (True, False), ("rpcm", "none", "mdm"))
+    mixed = [
+        experiment(
+            name=f"{variant}-{friction}-{payload}",
+            variant=variant,
+            chain=sliding_or_not(friction),
+            payload=payload,
+            seed=seed,
+            # One of them is longer than what is computed ahead.
+            duration=6.0 if seed == 3 else 1.0 + 0.5 * (seed % 2),
+        )
+        for seed, (variant, friction, payload) in enumerate(arms)
+    ]
+    mixed += [
+        experiment(name="noisy", plant=Plant(friction_level=1.5, process_noise=0.02), duration=1.0),
+        experiment(name="heavy", specimen=Specimen(payload_mass=1.2, resolver_noise=2.0), duration=1.0),
+    ]
+    together = simulate(mixed, threads=2)
+    # With the unit or without, with bristles or without: all else is numbers.
+    assert sorted(batches) == [2, 2, 4, 6]
+    for one, log in zip(mixed, together, strict=True):
+        assert equal(simulate([one], threads=1)[0], log), one.name
+
+
+def test_other_steps_and_other_valves_stand_in_batches_of_their_own(experiment, batches):
+    mixed = [
+        experiment(name="flight", variant="flight", duration=0.5),
+        experiment(name="orifice", plant=Plant(actuator="orifice"), duration=0.5),
+        experiment(name="worn", plant=Plant(actuator="orifice", friction_level=1.5), duration=0.4),
+        experiment(duration=0.5),
+    ]
+    together = simulate(mixed)
+    assert sorted(batches) == [1, 1, 2]
+    assert together.steps == 25 * 160 + (25 + 20) * 20 + 25 * 40
+    assert all(equal(simulate([one])[0], log) for one, log in zip(mixed, together, strict=True))
+
+
+@pytest.mark.parametrize("worksite", [False, True])
+def test_each_arm_loses_its_own_power_and_is_given_it_back(experiment, worksite, batches):
+    mixed = [
+        experiment(
+            name=f"level-{level}",
+            plant=Plant(friction_level=level, process_noise=0.01),
+            shutdown=shutdown,
+            duration=1.5,
+            amplitude=3.0,
+            worksite=worksite,
+        )
+        for level, shutdown in ((0.5, (0.4,)), (1.0, (0.4, 0.8)), (1.5, (0.6, 1.0, 1.2)), (2.0, ()))
+    ]
+    together = simulate(mixed, threads=2)
+    assert batches == [4]
+    assert all(equal(simulate([one], threads=1)[0], log) for one, log in zip(mixed, together, strict=True))
+
+
+def test_units_are_taken_and_let_go_by_arms_of_their_own(experiment, batches):
+    class Opening:
+        def __init__(self, tick):
+            self.tick = tick
+
+        def move(self, view):
+            return Motion(np.full(1, 0.5), grip=round(50 * view.time) != self.tick)
+
+    class Handled(experiment):
+        def operator(self):
+            return Opening(10 * self.seed)
+
+    mixed = [
+        Handled(name=f"arm-{i}", seed=i, worksite=True, duration=1.0, specimen=specimen)
+        for i, specimen in enumerate((Specimen(), Specimen(payload_mass=1.2), Specimen(payload_mass=0.8)), start=1)
+    ]
+    together = simulate(mixed, threads=2)
+    assert batches == [3]
+    # Held again before it has fallen out of reach, each where it then is.
+    assert [np.flatnonzero((log.status & Status.UNIT_HELD) == 0).tolist() for log in together] == [[10], [20], [30]]
+    assert all(equal(simulate([one], threads=1)[0], log) for one, log in zip(mixed, together, strict=True))
+
+
+def test_each_arm_is_loaded_once_and_gone_after(experiment, monkeypatch):
+    loaded = []
+
+    def counted(*arguments, **options):
+        arm = load_arm(*arguments, **options)
+        loaded.append((arm.plant.friction_level, ref(arm), ref(arm.model)))
+        return arm
+
+    monkeypatch.setattr("hmtb_twin.run.simulation.load_arm", counted)
+    # Levels that no other test asks for: what it loads may still be held by it.
+    levels = 2 * [1.07, 1.11, 1.22]
+    logs = simulate(
+        [
+            experiment(name=str(i), plant=Plant(friction_level=level), duration=0.2, shutdown=(0.1,))
+            for i, level in enumerate(levels)
+        ]
+    )
+    assert [level for level, *_ in loaded] == [1.07, 1.11, 1.22]
+    # `load_arm` itself remembers a bounded number of arms.
+    _load.cache_clear()
+    gc.collect()
+    assert len(logs) == 6
+    assert all(arm() is None and model() is None for _, arm, model in loaded)
+
+
+def test_what_cannot_be_run_fails_by_itself_where_asked(experiment, monkeypatch):
+    def broken(variant, payload, **options):
+        if payload == "mdm":
+            raise ValueError("inertia must satisfy A + B >= C")
+        return load_arm(variant, payload, **options)
+
+    monkeypatch.setattr("hmtb_twin.run.simulation.load_arm", broken)
+    weak = experiment(name="weak", plant=Plant(supply_pressure=6.0))
+    unknown, uncompiled = experiment(name="unknown", variant="lunar"), experiment(name="uncompiled", payload="mdm")
+    good, other = experiment(duration=1.0), experiment(name="other", seed=2, duration=0.5)
+    told = []
+    mixed = [weak, good, unknown, uncompiled, other]
+    logs = simulate(mixed, keep_going=True, progress=lambda *ticks: told.append(ticks))
+    assert [log.name for log in logs] == ["binary", "other"]
+    assert list(logs.failed) == ["weak", "unknown", "uncompiled"]
+    assert logs.failed["weak"].startswith("at 6 MPa the drives cannot hold the arm")
+    assert logs.failed["weak"].endswith("(rpcm_holster_out_approach)")
+    assert "unknown variant 'lunar'" in logs.failed["unknown"]
+    assert "A + B >= C" in logs.failed["uncompiled"]
+    assert told[-1] == (75, 75)
+    assert equal(logs[0], simulate([good])[0])
+    for one, error in ((weak, OverloadError), (unknown, TwinError), (uncompiled, ValueError)):
+        with pytest.raises(error):
+            simulate([good, one])
+
+
+def test_nothing_that_can_be_run_leaves_reasons_only(experiment):
+    logs = simulate([experiment(name="weak", plant=Plant(supply_pressure=6.0))], keep_going=True)
+    assert len(logs) == 0
+    assert set(logs.failed) == {"weak"}
+    assert (logs.steps, logs.physics_seconds) == (0, 0.0)
+
+
+def test_an_error_of_the_engine_fails_its_row_not_the_batch(experiment, monkeypatch):
+    def broken(*arguments, plant, **options):
+        arm = load_arm(*arguments, plant=plant, **options)
+        if plant.friction_level == 2.0:
+            arm.unpowered.opt.solver = 99
+        return arm
+
+    monkeypatch.setattr("hmtb_twin.run.simulation.load_arm", broken)
+    mixed = [experiment(name=f"{level:g}", plant=Plant(friction_level=level), duration=1.0) for level in (1.0, 2.0)]
+    mixed[1] = replace(mixed[1], shutdown=(0.5,))
+    logs = simulate(mixed)
+    _load.cache_clear()
+    assert set(logs.failed) == {"2"}
+    assert logs.failed["2"].startswith("the physics engine stopped at 0.50 s: ")
+    assert equal(logs[0], simulate(mixed[:1])[0])
+
+
+def test_failures_of_one_name_and_seed_are_told_apart(experiment):
+    weak = Plant(supply_pressure=6.0)
+    mixed = [experiment(plant=weak, seed=seed) for seed in (1, 2, 1)] + [experiment(name="other", plant=weak)]
+    logs = simulate(mixed, keep_going=True)
+    assert list(logs.failed) == ["binary@1#0", "binary@2", "binary@1#2", "other"]

@@ -1,0 +1,160 @@
+"""Oil and energy of real runs of the whole arm: nothing is lost, nothing comes from nowhere."""
+
+from dataclasses import fields, replace
+from importlib.util import find_spec
+
+import mujoco
+import numpy as np
+import pytest
+
+from hmtb_twin import JOINTS, Arm, Plant, TwinError, load_arm
+from hmtb_twin.parameters.values import OPERATING_POSE
+from hmtb_twin.run.balances import FINEST, check_course
+from hmtb_twin.run.linear_balances import linear_balances
+from hmtb_twin.run.orifice_balances import orifice_balances
+
+OIL, ENERGY = 1e-6, 1e-4
+
+
+def binary(arm: Arm, joints: tuple[str, ...], amplitude: float = 0.067, rest: float = 2.0) -> np.ndarray:
+    """Pseudo-random binary commands (N, 7) on some joints for 5 s, then the pose again, rad."""
+    command = np.tile(arm.pose(OPERATING_POSE), (round(50 * (5.0 + rest)), 1))
+    bits = np.random.default_rng(3).choice([-amplitude, amplitude], (50, len(joints)))
+    command[:250, [JOINTS.index(name) for name in joints]] += np.repeat(bits, 5, axis=0)
+    command[0] = arm.pose(OPERATING_POSE)
+    return command
+
+
+@pytest.mark.parametrize("friction", ["none", "viscous", "coulomb", "lugre"])
+def test_books_of_a_binary_test_balance(friction):
+    arm = load_arm(plant=Plant(friction=friction))
+    oil, energy = linear_balances(arm, binary(arm, ("elbow_pitch",)))
+    assert oil.throughput[JOINTS.index("elbow_pitch")] > 10.0
+    assert oil.closure < OIL
+    assert energy.closure < ENERGY
+    for name in ("throttled", "leaked", "dragged", "rubbed"):
+        assert getattr(energy, name) > 0.0 or (name, friction) in {
+            ("dragged", "none"),
+            ("rubbed", "none"),
+            ("rubbed", "viscous"),
+        }
+    assert energy.rubbed == pytest.approx(0.0, abs=1e-9) or friction in ("coulomb", "lugre")
+    # The pin and the stops give nothing: what they take is the softness of a constraint.
+    assert abs(energy.constrained) < ENERGY * energy.supplied
+
+
+def test_books_balance_with_all_joints_moving_and_in_the_middle_of_a_motion():
+    arm = load_arm(plant=Plant(supply_pressure=15.0, oil_temperature=25.0))
+    oil, energy = linear_balances(arm, binary(arm, JOINTS[1:], 0.1, rest=0.0))
+    assert np.abs(oil.underway).max() > 0.0
+    assert oil.closure < OIL
+    assert energy.kinetic > 0.0
+    assert energy.closure < ENERGY
+
+
+def test_energy_closes_with_the_square_of_the_step():
+    arm = load_arm()
+    command = binary(arm, ("shoulder_pitch", "elbow_pitch"))[:120]
+    command[40:] = command[0]
+    coarse, fine = (linear_balances(arm, command, refined=n)[1].closure for n in (1, 3))
+    assert coarse / fine == pytest.approx(9.0, rel=0.25)
+
+
+def test_lowered_arm_gives_its_height_to_the_oil():
+    arm = load_arm(friction=False)
+    command = np.tile(arm.pose(OPERATING_POSE), (200, 1))
+    command[:, 2] -= np.linspace(0.0, 0.4, 200)
+    oil, energy = linear_balances(arm, command)
+    assert energy.potential < -50.0
+    assert energy.closure < ENERGY
+    # An independent figure of the height: the torque that holds the arm, over the angle.
+    lifted = np.trapezoid(arm.controller.gravity_torque(command)[:, 2], command[:, 2])
+    assert energy.potential == pytest.approx(lifted, rel=0.05)
+    assert oil.swept[2] == pytest.approx(-0.4 * arm.actuators["shoulder_pitch"].displacement, rel=0.1)
+
+
+def test_torque_limit_is_in_the_books():
+    # All joints jump at half the pressure: violent enough to need a finer step than the commands of the study.
+    arm = load_arm(plant=Plant(supply_pressure=10.0), friction=False)
+    command = np.tile(arm.pose("home"), (75, 1))
+    command[1:25] += 0.2
+    energy = linear_balances(arm, command, refined=4)[1]
+    assert abs(energy.limited) > 0.005 * energy.supplied
+    assert energy.closure < ENERGY
+
+
+def test_what_does_not_balance_shows():
+    arm = load_arm()
+    oil, energy = linear_balances(arm, binary(arm, ("elbow_pitch",), rest=0.0)[:50])
+    assert replace(oil, leaked=0.99 * oil.leaked).closure > 10.0 * OIL
+    large = [item.name for item in fields(energy) if abs(getattr(energy, item.name)) > 2e-3 * energy.supplied]
+    assert len(large) >= 5
+    for name in large:
+        assert replace(energy, **{name: 1.1 * getattr(energy, name)}).closure > ENERGY
+
+
+def test_balances_cannot_be_changed():
+    arm = load_arm()
+    oil, _ = linear_balances(arm, binary(arm, ("elbow_pitch",))[:5])
+    with pytest.raises(ValueError, match="read-only"):
+        oil.swept[0] = 1.0
+
+
+ODD = (0, -1, 1.5, True, "2", None, np.nan, 10**9)
+
+
+def calls():
+    forms = [pytest.param("linear", linear_balances, id="linear")]
+    if find_spec("numba"):
+        forms.append(pytest.param("orifice", orifice_balances, id="orifice"))
+    return forms
+
+
+def spoiled(value, dtype=float):
+    command = np.zeros((5, 7), dtype=dtype)
+    command[2, 3] = value
+    return command
+
+
+@pytest.mark.parametrize(("form", "balances"), calls())
+@pytest.mark.parametrize(
+    ("command", "refined", "words"),
+    [
+        (spoiled(np.nan), 1, "command of nan rad given to the elbow pitch at tick 2"),
+        (spoiled(np.inf), 1, "command of inf rad given to the elbow pitch at tick 2"),
+        (spoiled(-1e200), 1, r"command of -1e\+200 rad given .*expected finite angles within 6.283 rad"),
+        (spoiled(1.0j, complex), 1, "command of type complex128"),
+        (np.full((5, 7), "0"), 1, "command of type <U1"),
+        ("still", 1, "command of type <U5"),
+        (None, 1, "command of type object"),
+        ([[0.0] * 7, [0.0] * 6], 1, "no array of angles"),
+        (np.zeros(7), 1, r"shape \(7,\) given, expected \(N, 7\)"),
+        (np.zeros((7, 5)), 1, r"shape \(7, 5\) given"),
+        (np.zeros((0, 7)), 1, r"shape \(0, 7\) given"),
+        *((np.zeros((5, 7)), refined, f"refined = .*, expected a whole number from 1 to {FINEST}") for refined in ODD),
+    ],
+)
+def test_bad_runs_are_refused_before_anything_moves(
+    form, balances, command, refined, words, tmp_path, monkeypatch, capfd
+):
+    monkeypatch.chdir(tmp_path)
+    with pytest.raises(TwinError, match=words):
+        balances(load_arm(plant=Plant(actuator=form)), command, refined=refined)
+    assert not list(tmp_path.iterdir())
+    assert capfd.readouterr() == ("", "")
+
+
+def test_run_in_which_the_engine_started_anew_has_no_books(arm):
+    data = arm.rest(arm.pose(OPERATING_POSE))
+    check_course(data)
+    data.warning[mujoco.mjtWarning.mjWARN_BADQACC].number = 1
+    with pytest.raises(TwinError, match="warned of BADQACC in this run"):
+        check_course(data)
+
+
+def test_only_linear_actuators_in_free_space():
+    arm = load_arm()
+    with pytest.raises(TwinError, match=r"\(250, 6\).*\(N, 7\)"):
+        linear_balances(arm, np.zeros((250, 6)))
+    with pytest.raises(TwinError, match="worksite"):
+        linear_balances(load_arm(worksite=True), np.zeros((5, 7)))

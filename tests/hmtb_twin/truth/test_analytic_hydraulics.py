@@ -1,0 +1,302 @@
+"""The simulated actuators against linear hydraulics in closed form, one joint of the arm free and the others held.
+
+The bench is the arm's own compiled model: the other joints carry an enormous armature, gravity, pin and stops are off,
+and the servo's gains are zero, so that its feedforward torque asks for a valve flow. The wrist roll's shaft is light,
+its resonance near 100 Hz: where that is to be seen, its step is a fraction of the arm's, which suits 1 Hz servo loops.
+"""
+
+from copy import copy
+from dataclasses import dataclass, replace
+from math import pi, sqrt
+
+import mujoco
+import numpy as np
+import pytest
+from scipy.linalg import expm
+
+from hmtb_twin import JOINTS, Arm, Plant, TwinError, load_arm
+from hmtb_twin.parameters.values import OPERATING_POSE, Actuator
+from hmtb_twin.truth.analytic_hydraulics import LinearHydraulics, linear_hydraulics
+
+CONDITIONS = {
+    "nominal": Plant(),
+    "low and cold": Plant(supply_pressure=10.35, oil_temperature=10.0),
+    "high and hot": Plant(supply_pressure=30.0, oil_temperature=80.0),
+}
+REFINED = {"wrist_roll": 8}
+"""Steps of the bench in one of the arm, where a shaft's resonance asks for them."""
+FIXED = 1e9
+"""Armature that holds a joint, kg m^2."""
+
+
+@dataclass(frozen=True)
+class Bench:
+    """One free joint of an arm."""
+
+    model: mujoco.MjModel
+    joint: int
+    actuator: Actuator
+    theory: LinearHydraulics
+    angles: np.ndarray
+
+    def start(self) -> mujoco.MjData:
+        data = mujoco.MjData(self.model)
+        data.qpos[:] = self.angles
+        data.ctrl[0::2] = self.angles
+        mujoco.mj_forward(self.model, data)
+        return data
+
+    def ask(self, data: mujoco.MjData, flow: float) -> None:
+        """Ask the servo for the torque that makes it open the valve for a flow, cm^3/s."""
+        load_flow = self.actuator.displacement * data.qvel[self.joint]
+        lost = self.actuator.flow_pressure_gain
+        data.ctrl[2 * self.joint + 1] = (flow - load_flow) * self.actuator.displacement / lost
+
+    def run(self, flows: np.ndarray) -> np.ndarray:
+        """Return velocity and load pressure (N, 2) after each step of a run from rest."""
+        data, read = self.start(), np.empty((len(flows), 2))
+        for row, flow in zip(read, flows, strict=True):
+            self.ask(data, flow)
+            mujoco.mj_step(self.model, data)
+            row[:] = data.qvel[self.joint], data.act[self.joint]
+        return read
+
+
+def bench(name: str, plant: Plant = CONDITIONS["nominal"], *, valve: bool = True, refined: int = 1) -> Bench:
+    arm = load_arm(plant=plant, friction=False)
+    return held(arm, arm.model if valve else arm.unpowered, name, valve=valve, refined=refined)
+
+
+def held(arm: Arm, compiled: mujoco.MjModel, name: str, *, valve: bool = True, refined: int = 1) -> Bench:
+    joint, model = JOINTS.index(name), copy(compiled)
+    model.opt.gravity[:] = 0.0
+    model.opt.timestep /= refined
+    model.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_EQUALITY | mujoco.mjtDisableBit.mjDSBL_LIMIT
+    model.dof_armature[np.arange(len(JOINTS)) != joint] = FIXED
+    model.actuator_gainprm[joint, [4, 6]] = 0.0
+    angles = arm.pose(OPERATING_POSE)
+    actuator = replace(arm.actuators[name], valve_open=valve)
+    inertia = arm.controller.inertia_matrix(angles)[joint, joint]
+    return Bench(model, joint, actuator, linear_hydraulics(actuator, inertia), angles)
+
+
+def oscillator(poles: np.ndarray) -> tuple[float, float]:
+    """Natural frequency, rad/s, and damping ratio of two poles."""
+    product, total = np.prod(poles).real, np.sum(poles).real
+    return sqrt(product), -total / (2.0 * sqrt(product))
+
+
+def linearized(machine: Bench, drift: float = 0.0) -> np.ndarray:
+    """Poles of velocity and load pressure by finite differences of one physics step, rad/s, slowest first.
+
+    Args:
+        machine: The bench.
+        drift: Velocity about which to linearise, rad/s; a closed valve is closed only off its kink at zero.
+    """
+    model, data, i = machine.model, machine.start(), machine.joint
+    data.qvel[i] = drift
+    n = model.nv
+    A, B = np.empty((2 * n + model.na,) * 2), np.empty((2 * n + model.na, model.nu))
+    mujoco.mjd_transitionFD(model, data, 1e-5, True, A, B, None, None)
+    kept = [n + i, 2 * n + i]
+    step = A[np.ix_(kept, kept)]
+    if machine.actuator.valve_open:
+        # The servo makes up for the load flow D w; holding the valve still instead takes that away again.
+        per_speed = machine.actuator.displacement**2 / machine.actuator.flow_pressure_gain
+        step[:, 0] -= B[kept, 2 * i + 1] * per_speed
+    poles = np.log(np.linalg.eigvals(step).astype(complex)) / model.opt.timestep
+    return poles[np.argsort(-poles.real, kind="stable")]
+
+
+def example(**changes: float) -> LinearHydraulics:
+    numbers = {"inertia": 12.0, "displacement": 20.0, "compliance": 0.02, "flow_pressure_gain": 0.4, "drag": 0.7}
+    return LinearHydraulics(**{**numbers, "largest_flow": 90.0, **changes})
+
+
+def test_formulas_are_those_of_the_state_equations():
+    for theory in (example(), example(flow_pressure_gain=40.0)):
+        dynamics = np.array(
+            [
+                [-theory.drag / theory.inertia, theory.displacement / theory.inertia],
+                [-theory.displacement / theory.compliance, -theory.flow_pressure_gain / theory.compliance],
+            ]
+        )
+        np.testing.assert_allclose(np.poly(theory.poles).real, np.poly(dynamics), rtol=1e-12)
+        drive = np.array([0.0, 1.0 / theory.compliance])
+        steady = -np.linalg.solve(dynamics, drive)
+        assert theory.velocity_gain == pytest.approx(steady[0], rel=1e-12)
+        times = np.array([0.0, 1e-3, 0.03, 0.7])
+        exact = [steady - expm(dynamics * t) @ steady for t in times]
+        np.testing.assert_allclose(theory.step(times), exact, rtol=1e-9, atol=1e-15)
+        lines = np.array([0.0, 0.3, 5.0, 80.0])
+        exact = [np.linalg.solve(2j * pi * f * np.eye(2) - dynamics, drive) for f in lines]
+        np.testing.assert_allclose(theory.response(lines), exact, rtol=1e-12)
+
+
+def test_formulas_are_those_of_the_textbook():
+    actuator = load_arm(friction=False).actuators["elbow_pitch"]
+    inertia, beta = 15.0, actuator.hydraulics.bulk_modulus
+    D, V, K = actuator.displacement, actuator.trapped_volume, actuator.flow_pressure_gain
+    theory = linear_hydraulics(actuator, inertia)
+    assert theory.natural_frequency == pytest.approx(sqrt(4.0 * beta * D**2 / (V * inertia)), rel=1e-12)
+    classic = K / D * sqrt(beta * inertia / V) + actuator.drag / (4.0 * D) * sqrt(V / (beta * inertia))
+    assert theory.damping_ratio == pytest.approx(classic, rel=1e-12)
+    # What drag and leakage take is what the textbook neglects against one.
+    leaky, tight = 1.0 + actuator.hydraulics.leakage, 1.0 + theory.leak_ratio
+    assert theory.velocity_gain * tight == pytest.approx(1.0 / D, rel=1e-12)
+    assert theory.no_load_speed * tight == pytest.approx(actuator.rated_flow / D, rel=1e-12)
+    assert theory.stall_torque * leaky == pytest.approx(D * actuator.hydraulics.pressure, rel=1e-12)
+
+
+def test_servo_poles_are_those_that_the_gains_were_placed_for():
+    arm = load_arm(plant=Plant(friction="none"))
+    inertia = np.diag(arm.controller.inertia_matrix(arm.pose(OPERATING_POSE)))
+    for name, seen in zip(JOINTS, inertia, strict=True):
+        theory, servo = linear_hydraulics(arm.actuators[name], seen), arm.servos[name]
+        poles = theory.servo_poles(*arm.gains[name])
+        np.testing.assert_allclose(poles[:2], [servo.slow_pole, servo.fast_pole], rtol=1e-6)
+
+
+def test_without_inertia_there_is_no_resonance():
+    for changes in ({"inertia": 0.0}, {"compliance": -0.1}, {"displacement": np.nan}):
+        with pytest.raises(TwinError, match=f"{next(iter(changes))} = .* expected above 0"):
+            example(**changes)
+
+
+@pytest.mark.parametrize("conditions", CONDITIONS)
+@pytest.mark.parametrize("name", JOINTS)
+def test_linearised_step_has_the_hydraulic_poles(name, conditions):
+    machine = bench(name, CONDITIONS[conditions])
+    theory = machine.theory
+    poles = linearized(machine)
+    frequency, damping = oscillator(poles)
+    assert frequency == pytest.approx(theory.natural_frequency * sqrt(1.0 + theory.leak_ratio), rel=5e-3)
+    assert damping == pytest.approx(oscillator(theory.poles)[1], rel=5e-3)
+    if theory.damping_ratio > 1.0:
+        np.testing.assert_allclose(poles.imag, 0.0, atol=1e-9)
+    np.testing.assert_allclose(poles, theory.poles, rtol=1e-2)
+
+
+@pytest.mark.parametrize("name", JOINTS)
+def test_step_of_flow(name):
+    machine = bench(name, refined=REFINED.get(name, 1))
+    theory, h = machine.theory, machine.model.opt.timestep
+    flow = 0.1 * theory.largest_flow
+    read = machine.run(np.full(round(0.5 / h), flow))
+    ends = h * np.arange(1, len(read) + 1)
+    exact = flow * theory.step(ends)
+    # Semi-implicit Euler leaps: its velocities are those half a step later.
+    exact[:, 0] = flow * theory.step(ends + 0.5 * h)[:, 0]
+    error = np.abs(read - exact).max(axis=0) / np.abs(exact).max(axis=0)
+    assert error.max() < 2e-3
+
+
+@pytest.mark.parametrize("conditions", CONDITIONS)
+@pytest.mark.parametrize("name", ["shoulder_yaw", "elbow_pitch", "wrist_roll"])
+def test_frequency_response_to_a_multisine_of_flow(name, conditions):
+    machine = bench(name, CONDITIONS[conditions], refined=REFINED.get(name, 1))
+    theory, h = machine.theory, machine.model.opt.timestep
+    period = round(1.0 / h)
+    lines = np.unique(np.geomspace(1, 150 if name in REFINED else 60, 40).astype(int))
+    phases = np.random.default_rng(5).uniform(0.0, 2.0 * pi, len(lines))
+    middles = (np.arange(period) + 0.5) * h
+    flow = np.cos(2.0 * pi * np.multiply.outer(middles, lines) + phases).sum(axis=1)
+    flow *= 0.2 * theory.largest_flow / np.abs(flow).max()
+    settled = 1 + int(7.0 / abs(theory.poles[0].real))
+    read = machine.run(np.tile(flow, settled + 1))[-period:]
+    asked = np.fft.rfft(flow)[lines] * np.exp(-2j * pi * lines * 0.5 * h)
+    measured = np.fft.rfft(read, axis=0)[lines] / asked[:, None]
+    # A row is the state after a step; the velocity's instant is half a step later still.
+    measured *= np.exp(-2j * pi * np.multiply.outer(lines, [h + 0.5 * h, h]))
+    np.testing.assert_allclose(measured, theory.response(lines), rtol=1e-2)
+    # Second-order model by least squares of (s^2 + a1 s + a0) H = b.
+    s, h_w = 2j * pi * lines, measured[:, 0]
+    columns = np.column_stack([s * h_w, h_w, -np.ones_like(s)])
+    weight = 1.0 / np.abs(s**2 * h_w)
+    rows = np.vstack([(weight[:, None] * columns).real, (weight[:, None] * columns).imag])
+    right = -(weight * s**2 * h_w)
+    a1, a0, b = np.linalg.lstsq(rows, np.concatenate([right.real, right.imag]), rcond=None)[0]
+    assert sqrt(a0) == pytest.approx(oscillator(theory.poles)[0], rel=1e-2)
+    assert a1 / (2.0 * sqrt(a0)) == pytest.approx(oscillator(theory.poles)[1], rel=1e-2)
+    assert b / a0 == pytest.approx(theory.velocity_gain, rel=1e-2)
+
+
+@pytest.mark.parametrize("conditions", CONDITIONS)
+@pytest.mark.parametrize("name", JOINTS)
+def test_velocity_gain_no_load_speed_and_stall_torque(name, conditions):
+    machine = bench(name, CONDITIONS[conditions])
+    theory, actuator = machine.theory, machine.actuator
+    steps = round(10.0 / abs(theory.poles[0].real) / machine.model.opt.timestep)
+    for part in (0.1, 5.0):
+        data = machine.start()
+        # Far beyond its limit the valve is fully open whatever the joint does.
+        wanted = part * theory.largest_flow
+        for _ in range(steps):
+            machine.ask(data, wanted)
+            mujoco.mj_step(machine.model, data)
+        expected = theory.velocity_gain * wanted if part < 1.0 else theory.no_load_speed
+        assert data.qvel[machine.joint] == pytest.approx(expected, rel=1e-4)
+    machine.model.dof_armature[machine.joint] = FIXED
+    data = machine.start()
+    data.ctrl[2 * machine.joint + 1] = 10.0 * actuator.maximum_torque
+    mujoco.mj_step(machine.model, data, nstep=round(20.0 * actuator.pressure_lag / machine.model.opt.timestep) + 1)
+    assert data.actuator_force[machine.joint] == pytest.approx(theory.stall_torque, rel=1e-4)
+    assert theory.stall_torque < actuator.maximum_torque
+
+
+@pytest.mark.parametrize("conditions", CONDITIONS)
+@pytest.mark.parametrize("name", JOINTS)
+def test_closed_valve_rings_at_the_hydraulic_resonance(name, conditions):
+    machine = bench(name, CONDITIONS[conditions], valve=False, refined=REFINED.get(name, 1))
+    theory, model = machine.theory, machine.model
+    assert theory.damping_ratio < 0.3
+    data = machine.start()
+    data.act[machine.joint] = 1.0
+    cycles = 4
+    steps = round((cycles + 1.0) * 2.0 * pi / theory.natural_frequency / model.opt.timestep)
+    read = np.empty((steps, 2))
+    for row in read:
+        mujoco.mj_step(model, data)
+        row[:] = data.qvel[machine.joint], data.act[machine.joint]
+    speed, pressure = read.T
+    down = np.flatnonzero((speed[:-1] > 0.0) & (speed[1:] <= 0.0))
+    part = speed[down] / (speed[down] - speed[down + 1])
+    instants = (down + part) * model.opt.timestep
+    heights = pressure[down] + part * (pressure[down + 1] - pressure[down])
+    elapsed = instants[-1] - instants[0]
+    turned = 2.0 * pi * (len(down) - 1) / elapsed
+    decay = np.log(heights[0] / heights[-1]) / elapsed
+    frequency, damping = oscillator(np.array([-decay + 1j * turned, -decay - 1j * turned]))
+    assert len(down) >= cycles
+    assert frequency == pytest.approx(theory.natural_frequency, rel=1e-2)
+    assert damping == pytest.approx(theory.damping_ratio, rel=1e-2)
+    poles = linearized(machine, drift=1e-3)
+    assert oscillator(poles) == pytest.approx(oscillator(theory.poles), rel=1e-2)
+
+
+def test_fast_shaft_behind_a_closed_valve_needs_a_finer_step():
+    errors = []
+    for refined in (1, 2, 4):
+        machine = bench("wrist_roll", valve=False, refined=refined)
+        found, expected = oscillator(linearized(machine, drift=1e-3))[0], oscillator(machine.theory.poles)[0]
+        errors.append(abs(found / expected - 1.0))
+    assert 0.01 < errors[0] < 0.06
+    assert errors[0] / errors[1] == pytest.approx(4.0, rel=0.2)
+    assert errors[1] / errors[2] == pytest.approx(4.0, rel=0.1)
+
+
+@pytest.mark.parametrize("name", JOINTS)
+def test_servo_of_the_held_joint(name):
+    arm = load_arm(friction=False)
+    for refined, dominant in ((1, 2e-3), (8, 3e-4)):
+        machine = held(arm, arm.model, name, refined=refined)
+        i, n = machine.joint, machine.model.nv
+        machine.model.actuator_gainprm[i] = arm.model.actuator_gainprm[i]
+        A = np.empty((2 * n + machine.model.na,) * 2)
+        mujoco.mjd_transitionFD(machine.model, machine.start(), 1e-5, True, A, None, None, None)
+        kept = [i, n + i, 2 * n + i]
+        poles = np.log(np.linalg.eigvals(A[np.ix_(kept, kept)]).astype(complex)) / machine.model.opt.timestep
+        expected = machine.theory.servo_poles(*arm.gains[name])
+        assert poles.real.max() == pytest.approx(expected[0].real, rel=dominant)
+    # Two of the wrist roll's nearly coincide: their polynomial is known better than they are.
+    np.testing.assert_allclose(np.poly(poles).real, np.poly(expected).real, rtol=1e-2)

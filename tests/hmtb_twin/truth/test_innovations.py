@@ -1,0 +1,226 @@
+"""The true noise model: against spectra, against the Kalman recursion, against records of the twin."""
+
+from dataclasses import replace
+from functools import cache
+
+import numpy as np
+import pytest
+from scipy.stats import binom
+
+import sysid
+from hmtb_twin import IDEAL, JOINTS, Plant, Truth, TwinError, linearize, load_arm, simulate
+from hmtb_twin.truth.innovations import Disturbances, innovations_form
+from sysid import IOData, StateSpace
+
+LEVEL = 0.005
+NOISY = Plant(friction="viscous", process_noise=LEVEL)
+MOVING = JOINTS[1:]
+ELBOW = "elbow_pitch"
+
+
+@pytest.fixture(scope="module")
+def noisy() -> Truth:
+    return linearize(load_arm(plant=NOISY))
+
+
+@pytest.fixture(scope="module")
+def records(experiment, noisy) -> list[IOData]:
+    """Records of all moving joints at 3 mrad, without any imperfection but those of drives and resolvers."""
+    chain = replace(IDEAL, friction=True, resolver=True)
+    kind = experiment(axes=MOVING, duration=15.0, amplitude=0.05, plant=NOISY, chain=chain)
+    logs = simulate([replace(kind, name=f"noise {seed}", seed=seed) for seed in range(16)])
+    return [IOData((log.commanded - noisy.angles)[:, 1:], (log.measured - noisy.angles)[:, 1:], log.dt) for log in logs]
+
+
+def test_one_state_has_the_closed_form():
+    a, q, r = 0.9, 0.3, 2.0
+    model = StateSpace([[a]], [[1.0]], [[1.0]], [[0.0]], None, 0.02)
+    form = innovations_form(model, np.array([[np.sqrt(q)]]), np.array([[r]]))
+    # p^2 + p (r (1 - a^2) - q) - q r = 0
+    half = 0.5 * (q - r * (1 - a * a))
+    p = half + np.sqrt(half * half + q * r)
+    assert form.K[0, 0] == pytest.approx(a * p / (p + r), rel=1e-12)
+    assert form.innovation_covariance[0, 0] == pytest.approx(p + r, rel=1e-12)
+
+
+@pytest.mark.parametrize("level", [1e-8, 1e-5, 1e-4, 1e-2, 1.0])
+@pytest.mark.parametrize(
+    ("variant", "actuator"),
+    [("nominal", "linear"), ("nominal", "orifice"), ("flight", "linear"), ("published", "linear")],
+)
+def test_every_level_of_noise_has_its_noise_model(variant, actuator, level):
+    plant = Plant(actuator=actuator, friction="viscous", process_noise=1.0)
+    if actuator == "orifice":
+        pytest.importorskip("numba")
+    path, disturbances = unit_noise(variant, plant)
+    f = np.geomspace(0.01, 24.9, 40)
+    unit = replace(path, B=disturbances.drives).frequency_response(f)
+    for outputs in (range(7), [3], [5, 1]):
+        R = disturbances.resolvers[np.ix_(outputs, outputs)]
+        some = StateSpace(path.A, path.B, path.C[outputs], path.D[outputs], None, path.dt)
+        form = innovations_form(some, level * disturbances.drives, R)
+        shaped = form.noise_response(f)
+        found = shaped @ form.innovation_covariance @ shaped.conj().swapaxes(1, 2)
+        driven = level * unit[:, outputs]
+        wanted = driven @ driven.conj().swapaxes(1, 2) + R
+        scale = np.sqrt(np.einsum("fi,fj->fij", *(2 * [np.einsum("fii->fi", wanted).real])))
+        assert (np.abs(found - wanted) / scale).max() < 1e-9
+        # Little noise moves the gain by its variance, but for the square of it: no digits of K are lost in R.
+        if level == 1e-8:
+            twice = innovations_form(some, 2.0 * level * disturbances.drives, R)
+            np.testing.assert_allclose(twice.K, 4.0 * form.K, atol=1e-4 * np.abs(form.K).max())
+
+
+@cache
+def unit_noise(variant: str, plant: Plant) -> tuple[StateSpace, Disturbances]:
+    truth = linearize(load_arm(variant, plant=plant), amplitudes=())
+    return replace(truth.model, K=None), truth.disturbances
+
+
+def test_gain_is_where_the_kalman_recursion_goes(noisy):
+    model, G, R = noisy.model, noisy.disturbances.drives, noisy.disturbances.resolvers
+    P = np.zeros((model.order, model.order))
+    for _ in range(2000):
+        S = model.C @ P @ model.C.T + R
+        K = model.A @ P @ model.C.T @ np.linalg.inv(S)
+        P = model.A @ P @ model.A.T + G @ G.T - K @ S @ K.T
+    np.testing.assert_allclose(model.K, K, atol=1e-9 * np.abs(K).max())
+    np.testing.assert_allclose(model.innovation_covariance, S, atol=1e-9 * S.max())
+
+
+@pytest.mark.parametrize("measured", [JOINTS, (ELBOW,), ("wrist_roll", "shoulder_yaw")])
+def test_spectrum_of_the_noise_is_kept(noisy, measured):
+    outputs = [JOINTS.index(name) for name in measured]
+    form = noisy.subset(JOINTS, measured)
+    f = np.geomspace(0.01, 24.9, 60)
+    driven = replace(noisy.model, B=noisy.disturbances.drives).frequency_response(f)[:, outputs]
+    R = noisy.disturbances.resolvers[np.ix_(outputs, outputs)]
+    wanted = driven @ driven.conj().swapaxes(1, 2) + R
+    shaped = form.noise_response(f)
+    found = shaped @ form.innovation_covariance @ shaped.conj().swapaxes(1, 2)
+    scale = np.sqrt(np.einsum("fi,fj->fij", *(2 * [np.einsum("fii->fi", wanted).real])))
+    assert (np.abs(found - wanted) / scale).max() < 1e-9
+    assert np.abs(np.linalg.eigvals(form.A - form.K @ form.C)).max() < 1.0
+
+
+def test_one_joint_alone_knows_less_than_all_together(noisy):
+    for name in MOVING:
+        i = JOINTS.index(name)
+        alone = noisy.channel(name, name).innovation_covariance[0, 0]
+        assert alone >= noisy.model.innovation_covariance[i, i]
+    yaw, both = noisy.channel("wrist_yaw", "wrist_yaw"), noisy.subset(("wrist_yaw",), ("wrist_yaw", "shoulder_yaw"))
+    assert both.innovation_covariance[0, 0] < yaw.innovation_covariance[0, 0]
+
+
+def test_minimal_model_of_a_joint_keeps_its_noise(noisy):
+    f = np.geomspace(0.01, 24.9, 60)
+    for name in MOVING:
+        whole, joint = noisy.channel(name, name), noisy.joint(name)
+        assert joint.model.order < whole.order
+        np.testing.assert_allclose(joint.model.noise_response(f), whole.noise_response(f), atol=1e-6)
+        np.testing.assert_allclose(joint.model.frequency_response(f), whole.frequency_response(f), atol=1e-7)
+        assert joint.model.innovation_covariance == whole.innovation_covariance
+
+
+def test_noise_leaves_the_path_of_the_commands_alone(noisy, truth):
+    quiet = linearize(load_arm(plant=replace(NOISY, process_noise=0.0)))
+    for matrix in ("A", "B", "C"):
+        np.testing.assert_array_equal(getattr(quiet.model, matrix), getattr(noisy.model, matrix))
+    for name in MOVING:
+        np.testing.assert_allclose(quiet.joint(name).poles, noisy.joint(name).poles)
+    assert not quiet.model.gain.any()
+    np.testing.assert_array_equal(quiet.model.innovation_covariance, noisy.disturbances.resolvers)
+
+
+def test_residuals_of_the_true_predictor_are_white_at_the_nominal_rate(noisy, records):
+    model = noisy.subset(MOVING, MOVING)
+    p = np.array([sysid.resid(model, record).whiteness_p for record in records])
+    alone = noisy.subset(MOVING, (ELBOW,))
+    # The other commands are known, so that only noise is left of the coupling.
+    q = [
+        sysid.resid(alone, replace(record, y=record.y[:, [2]], output_names=None, output_units=None))
+        for record in records
+    ]
+    for values in (p.ravel(), np.concatenate([test.whiteness_p for test in q])):
+        rejected = int((values < 0.05).sum())
+        assert binom.sf(rejected - 1, len(values), 0.05) > 1e-3
+    # The test has power: a predictor without noise model fails it.
+    blind = replace(model, K=None)
+    assert (np.array([sysid.resid(blind, record).whiteness_p for record in records[:4]]) < 1e-6).all()
+
+
+def test_innovation_covariance_is_that_of_the_records(noisy, records):
+    model = noisy.subset(MOVING, MOVING)
+    errors = np.vstack([sysid.residuals(model, record, x0=np.zeros(model.order))[50:] for record in records])
+    # White innovations: (N S) is Wishart, its entries have variance (s_ii s_jj + s_ij^2) / N.
+    S, N = model.innovation_covariance, len(errors)
+    spread = np.sqrt((np.outer(np.diag(S), np.diag(S)) + S**2) / N)
+    assert (np.abs(errors.T @ errors / N - S) < 4.0 * spread).all()
+    assert (np.diag(S) > 1.3 * np.diag(noisy.disturbances.resolvers)[1:]).all()
+
+
+@pytest.mark.filterwarnings("ignore::sysid.SysidWarning")
+def test_no_estimator_predicts_fresh_records_better(experiment, noisy):
+    chain = replace(IDEAL, friction=True, resolver=True)
+    kind = experiment(axes=(ELBOW,), duration=30.0, amplitude=0.05, plant=NOISY, chain=chain)
+    logs = simulate([replace(kind, name=f"contest {seed}", seed=seed) for seed in (50, 51, 52, 53)])
+    i = JOINTS.index(ELBOW)
+    data = [IOData((x.commanded - noisy.angles)[:, i], (x.measured - noisy.angles)[:, i], x.dt) for x in logs]
+    true = noisy.channel(ELBOW, ELBOW)
+    estimators = (
+        lambda train: sysid.armax(train, 2, 2, 2, 2),
+        lambda train: sysid.bj(train, 2, 2, 2, 2, 2),
+        lambda train: sysid.n4sid(train, 3),
+        lambda train: sysid.pem_ss(train, sysid.n4sid(train, 4).model),
+    )
+    for train, fresh in zip(data[::2], data[1::2], strict=True):
+        best = sysid.residuals(true, fresh, x0=np.zeros(true.order))[50:, 0] ** 2
+        for estimator in estimators:
+            excess = sysid.residuals(estimator(train), fresh)[50:, 0] ** 2 - best
+            assert excess.mean() > -3.0 * excess.std() / np.sqrt(len(excess))
+            # And they come near: the floor is one that can be reached.
+            assert excess.mean() < 0.1 * best.mean()
+
+
+def test_rounding_counts_as_uniform_noise():
+    """The variance of rounding behind the resolver's own noise is step^2/12 to 1e-3, whatever the angle."""
+    from hmtb_twin.bus.recorder import read_resolvers
+    from hmtb_twin.parameters.values import RECORDER
+
+    rng = np.random.default_rng(0)
+    for fraction in (0.0, 0.25, 0.5):
+        angle = fraction * RECORDER.resolver_step
+        readings = read_resolvers(np.full(400_000, angle), rng.standard_normal(400_000), RECORDER, resolver=True)
+        variance = RECORDER.noise**2 + RECORDER.resolver_step**2 / 12.0
+        assert readings.mean() == pytest.approx(angle, abs=4 * np.sqrt(variance / 400_000))
+        assert readings.var() == pytest.approx(variance, rel=4 * np.sqrt(2 / 400_000))
+
+
+def test_subsets_name_their_channels_in_the_sequence_given(noisy):
+    form = noisy.subset(("elbow_pitch", "wrist_yaw"), ("wrist_roll",))
+    assert form.input_names == ("elbow_pitch commanded", "wrist_yaw commanded")
+    assert form.output_names == ("wrist_roll measured",)
+    np.testing.assert_array_equal(form.B, noisy.model.B[:, [3, 5]])
+
+
+@pytest.mark.parametrize("names", [(), ("elbow_pitch", "elbow_pitch"), "elbow_pitch"])
+def test_subsets_are_of_one_or_more_different_joints(noisy, names):
+    with pytest.raises(TwinError, match="one or more joints, each once"):
+        noisy.subset(names, ("elbow_pitch",))
+    with pytest.raises(TwinError, match="one or more joints, each once"):
+        noisy.subset(("elbow_pitch",), names)
+
+
+def test_noise_without_a_predictor_is_refused():
+    unstable = StateSpace([[1.5]], [[1.0]], [[0.0]], [[0.0]], None, 0.02)
+    with pytest.raises(TwinError, match="Riccati"):
+        innovations_form(unstable, np.array([[1.0]]), np.array([[1.0]]))
+    with pytest.raises(TwinError, match="not positive definite"):
+        innovations_form(unstable, np.array([[1.0]]), np.array([[0.0]]))
+
+
+def test_seen_growth_has_a_predictor():
+    form = innovations_form(StateSpace([[1.5]], [[1.0]], [[1.0]], [[0.0]], None, 0.02), np.eye(1), np.eye(1))
+    # p = a^2 p r / (p + r) + q
+    p = 0.5 * (2.25 + np.sqrt(2.25**2 + 4.0))
+    assert form.innovation_covariance[0, 0] == pytest.approx(p + 1.0, rel=1e-12)

@@ -1,0 +1,170 @@
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from hmtb_twin import JOINTS, STUDIED_JOINTS, Plant, TwinError, linearize, load_arm
+from hmtb_twin.parameters.values import MOTIONS, OPERATING_POSE, POSES
+from hmtb_twin.truth import linearization
+from hmtb_twin.truth.joint_range import CLEARANCE
+from hmtb_twin.truth.linearization import STEP, linear, simulated, small_signal_error
+
+
+def test_bandwidth_is_near_one_hertz(truth):
+    for name in STUDIED_JOINTS:
+        assert 0.9 <= truth.joint(name).bandwidth_hz <= 1.3
+
+
+def test_dominant_poles_are_real_and_where_they_were_wanted(truth):
+    for name in STUDIED_JOINTS:
+        poles = truth.joint(name).dominant_poles
+        assert np.abs(poles.imag).max() < 1e-6 or (np.abs(poles[np.abs(poles.imag) > 1e-6]) > 150).all()
+        visible = poles.real[poles.real > -60.0]
+        slow, fast = visible[visible > -10.0], visible[visible <= -10.0]
+        assert ((slow >= -9.5) & (slow <= -5.5)).all()
+        assert len(slow) >= 1
+        assert ((fast >= -44.0) & (fast <= -20.0)).all()
+        assert len(fast) == 1
+
+
+def test_gain_at_rest_is_one(truth):
+    for name in JOINTS[1:]:
+        assert truth.joint(name).dc_gain == pytest.approx(1.0, abs=1e-6)
+
+
+def test_delays_are_those_of_the_published_models(truth):
+    assert [truth.joint(name).delay_samples for name in STUDIED_JOINTS] == [2, 1, 2]
+
+
+@pytest.mark.parametrize(("variant", "payload"), [("nominal", "rpcm"), ("nominal", "mdm"), ("published", "rpcm")])
+def test_error_against_simulation_is_proportional_to_amplitude_over_three_decades(variant, payload):
+    errors = linearize(load_arm(variant, payload)).small_signal_error
+    assert list(errors) == [1e-5, 1e-4, 1e-3, 1e-2]
+    assert errors[1e-5] < 1e-6
+    for amplitude, error in errors.items():
+        assert error / amplitude == pytest.approx(errors[1e-3] / 1e-3, rel=0.03)
+
+
+def test_whole_map_predicts_all_joints_at_once(truth):
+    arm = load_arm(friction=False)
+    rng = np.random.default_rng(3)
+    offsets = 1e-5 * rng.choice([-1.0, 1.0], (200, 7))
+    offsets[:, 0] = 0.0
+    angles = arm.pose("rpcm_holster_out_approach")
+    response = linear(truth.model, offsets)
+    difference = simulated(arm, angles, angles + offsets) - response
+    assert np.linalg.norm(difference[:, 1:]) < 2e-6 * np.linalg.norm(response[:, 1:])
+
+
+def test_minimal_joint_model_keeps_the_response(truth):
+    f = np.geomspace(0.01, 24.9, 200)
+    for name in JOINTS[1:]:
+        whole = truth.channel(name, name).frequency_response(f)[:, 0, 0]
+        small = truth.joint(name).model.frequency_response(f)[:, 0, 0]
+        assert np.abs(whole - small).max() < 1e-7
+
+
+def test_friction_and_payload_of_the_arm(truth):
+    assert linearize(load_arm(friction=False)).joint("elbow_pitch").bandwidth_hz == pytest.approx(
+        truth.joint("elbow_pitch").bandwidth_hz, rel=1e-9
+    )
+    bare = linearize(load_arm(payload="none"))
+    assert bare.joint("elbow_pitch").bandwidth_hz != pytest.approx(truth.joint("elbow_pitch").bandwidth_hz, rel=1e-3)
+
+
+def test_truth_cannot_be_changed(truth):
+    with pytest.raises(ValueError, match="read-only"):
+        truth.angles[0] = 1.0
+    with pytest.raises(TypeError):
+        truth.small_signal_error[1e-3] = 0.0
+
+
+def test_unknown_joint(truth):
+    with pytest.raises(TwinError, match=r"'ankle'.*elbow_pitch"):
+        truth.joint("ankle")
+
+
+def test_indexed_joint_has_no_bandwidth(truth):
+    assert np.isnan(truth.joint("shoulder_roll").bandwidth_hz)
+
+
+def turned(joint, angle):
+    pose = np.array(POSES[OPERATING_POSE])
+    pose[JOINTS.index(joint)] = angle
+    return pose
+
+
+@pytest.mark.parametrize(
+    ("pose", "expected"),
+    [
+        (np.array([0.0, 9.0, 0.0, 1.0, 0.0, 0.0, 0.0]), r"shoulder_yaw = 515.662 deg given, .* -90 and 90 deg"),
+        (np.zeros(7), r"elbow_pitch = 0 deg given, expected between 0 and 150 deg, .* off the stops"),
+        (turned("elbow_pitch", MOTIONS["elbow_pitch"].upper), r"elbow_pitch = 150 deg given"),
+        (turned("wrist_yaw", MOTIONS["wrist_yaw"].lower + 0.9 * CLEARANCE), r"wrist_yaw = -89.9\d* deg given"),
+        (turned("shoulder_roll", 0.1), r"shoulder_roll = 5.72958 deg given, expected 0 deg, where its pin"),
+    ],
+)
+def test_poses_out_of_range_or_on_a_stop_are_refused(pose, expected):
+    with pytest.raises(TwinError, match=expected):
+        linearize(load_arm(), pose, amplitudes=())
+
+
+def test_nearest_pose_to_a_stop_is_clear_of_it():
+    assert CLEARANCE >= 10 * STEP
+    pose = turned("elbow_pitch", 1.001 * CLEARANCE)
+    amplitude = 0.1 * CLEARANCE
+    assert linearize(load_arm(), pose, amplitudes=(amplitude,)).small_signal_error[amplitude] < 1e-5
+
+
+def test_the_pin_is_where_the_poses_are(arm):
+    pin = arm.model.equality("shoulder_roll_index").data[0]
+    assert {angles[0] for angles in POSES.values()} == {pin} == {0.0}
+
+
+@pytest.mark.parametrize("pose", [["a"] * 7, [1j] * 7, {}, None, [0.0] * 6, [np.nan] * 7, 5, [True] * 7, [[1, 2], [3]]])
+def test_a_pose_is_seven_finite_numbers(pose):
+    with pytest.raises(TwinError, match="expected a name or 7 finite joint angles"):
+        linearize(load_arm(), pose)
+
+
+@pytest.mark.parametrize("amplitude", [0.0, -1e-3, float("nan"), float("inf"), 1e3, True, None, "1e-3", 1e-3j])
+def test_amplitudes_are_small_positive_numbers(arm, amplitude):
+    with pytest.raises(TwinError, match=r"expected above 0 and up to 6\.283 rad"):
+        linearize(arm, amplitudes=(amplitude,))
+
+
+def test_comparison_that_diverges_shows(arm, truth, monkeypatch):
+    def diverged(*given):
+        response = simulated(*given)
+        response[-1, JOINTS.index("elbow_pitch")] = np.nan
+        return response
+
+    smooth = load_arm(friction=False)
+    assert np.isfinite(small_signal_error(smooth, truth.model, truth.angles, 1e-3))
+    monkeypatch.setattr(linearization, "simulated", diverged)
+    # The elbow's is neither the first nor the last of the comparisons.
+    assert np.isnan(small_signal_error(smooth, truth.model, truth.angles, 1e-3))
+
+
+@pytest.mark.filterwarnings("error")
+def test_unstable_arm_has_a_linear_model_but_no_joint_truths(truth, monkeypatch):
+    sampled = linearization._sampled_model
+
+    def unstable(*given):
+        path, disturbances = sampled(*given)
+        return replace(path, A=path.A * 1.2 / np.abs(np.linalg.eigvals(path.A)).max()), disturbances
+
+    monkeypatch.setattr(linearization, "_sampled_model", unstable)
+    found = linearize(load_arm(plant=Plant(supply_pressure=50.0)))
+    assert found.spectral_radius == pytest.approx(1.2)
+    assert all(np.isnan(error) for error in found.small_signal_error.values())
+    conditions = r"at rpcm_holster_out_approach under .*supply_pressure = 50\.0"
+    with pytest.raises(TwinError, match=rf"^the arm is unstable {conditions}.*: spectral radius 1\.2 at 50 Hz"):
+        found.joint("elbow_pitch")
+    assert truth.spectral_radius < 1.0
+
+
+@pytest.mark.parametrize("amplitudes", [1e-3, "1", None])
+def test_amplitudes_come_in_a_sequence(arm, amplitudes):
+    with pytest.raises(TwinError, match=r"amplitudes = .* given, expected a sequence of numbers in rad"):
+        linearize(arm, amplitudes=amplitudes)

@@ -1,0 +1,62 @@
+"""The default physics step of each form of the actuator: halved or doubled, the bandwidths stay."""
+
+from importlib.util import find_spec
+from itertools import product
+
+import mujoco
+import numpy as np
+import pytest
+
+from hmtb_twin import NOMINAL_PLANT, VARIANTS, Arm, Plant, TwinError, linearize, load_arm
+from hmtb_twin.parameters.payloads import PAYLOADS
+from hmtb_twin.parameters.values import SAMPLE_TIME
+from hmtb_twin.truth.step_size import at_step, bandwidths
+
+COMPILED = pytest.mark.skipif(not find_spec("numba"), reason="orifice actuators need Numba")
+ARMS = [
+    *(("linear", *one) for one in product(VARIANTS, PAYLOADS)),
+    *(pytest.param("orifice", "nominal", payload, marks=COMPILED) for payload in ("rpcm", "none")),
+]
+DOUBLED = 1e-3
+"""Largest change of a bandwidth that a doubled step may make."""
+
+
+def change(arm: Arm, factor: float) -> float:
+    """Largest relative change of a bandwidth when the physics step is multiplied."""
+    ours, other = bandwidths(arm), bandwidths(at_step(arm, factor * arm.model.opt.timestep))
+    assert len(ours) == 6
+    return max(abs(other[name] / hz - 1.0) for name, hz in ours.items())
+
+
+@pytest.mark.parametrize(("form", "variant", "payload"), ARMS)
+def test_doubled_step_keeps_every_bandwidth(form, variant, payload):
+    # The orifice form is integrated to the fourth order: there the step has converged.
+    assert change(load_arm(variant, payload, plant=Plant(actuator=form)), 2.0) < (DOUBLED if form == "linear" else 1e-5)
+
+
+def test_step_of_the_linear_form_is_small_enough_and_not_only_at_a_turn_of_the_error():
+    # The error changes its sign between 1 and 4 ms: doubling alone would show too little.
+    assert change(load_arm(), 1.0 / 16.0) < 1.2 * DOUBLED
+
+
+def test_bandwidths_are_those_of_the_truth():
+    arm = load_arm()
+    truth = linearize(arm, amplitudes=())
+    for name, hz in bandwidths(arm).items():
+        assert hz == pytest.approx(truth.joint(name).bandwidth_hz, rel=1e-6)
+
+
+def test_integrator_and_step_are_those_asked_for():
+    arm = load_arm()
+    other = at_step(arm, 0.004, mujoco.mjtIntegrator.mjINT_EULER)
+    assert (other.model.opt.timestep, other.model.opt.integrator) == (0.004, mujoco.mjtIntegrator.mjINT_EULER)
+    assert at_step(arm, 0.004).model.opt.integrator == arm.model.opt.integrator
+    assert arm.model.opt.timestep == VARIANTS["nominal"].step == 0.0005
+    assert load_arm("flight").model.opt.timestep == VARIANTS["flight"].step == 0.000125
+    assert bandwidths(other)["elbow_pitch"] != pytest.approx(bandwidths(arm)["elbow_pitch"], rel=1e-3)
+
+
+@pytest.mark.parametrize("step", [0.0, -0.001, 0.003, 0.04, np.inf])
+def test_step_that_is_no_part_of_a_tick(step):
+    with pytest.raises(TwinError, match=f"{SAMPLE_TIME} s"):
+        at_step(load_arm(plant=NOMINAL_PLANT), step)

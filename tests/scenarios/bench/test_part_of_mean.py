@@ -1,0 +1,23 @@
+"""A mean over too few records is told without a verdict, and how many are needed."""
+
+import numpy as np
+import pytest
+
+from scenarios.bench.part_of_mean import Judgement, Values, part_of_mean
+from scenarios.bench.theory import Expectation
+
+
+@pytest.mark.parametrize(
+    ("values", "run", "passed", "why"),
+    [
+        (1, 1, None, "no verdict: 1 of 1 records have a value, at least 2 are needed"),
+        (4, 9, None, "no verdict: 4 of 9 records have a value, at least 5 are needed"),
+        (5, 9, True, ""),
+    ],
+)
+def test_how_many_records_are_needed(values: int, run: int, passed: bool | None, why: str) -> None:
+    """Two, and half of those that were run."""
+    single = np.linspace(0.0, 2.0, 101)
+    given = Values("p1", np.ones(values), run, single, Expectation(True))
+    part = part_of_mean(given, Judgement(expected=1.0), 0.01)
+    assert (part.passed, part.why) == (passed, why)

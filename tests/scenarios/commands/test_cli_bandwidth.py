@@ -1,0 +1,179 @@
+"""`hmtb bandwidth`: rows, answer, table and figure, and what it refuses."""
+
+import csv
+import json
+from dataclasses import fields, replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from hmtb_twin import JOINTS, JointLog, simulate
+from scenarios.commands.cli import main
+from scenarios.experiments.registry import load
+
+FAST = ("--duration", "16", "--joints", "elbow_pitch", "--no-bla")
+
+
+def printed(capsys: pytest.CaptureFixture[str], *words: str) -> dict:
+    assert main(["bandwidth", *words, "--json"]) == 0
+    return json.loads(capsys.readouterr().out)
+
+
+def test_rows_of_every_method_and_seed(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
+    found = printed(capsys, *FAST, "--methods", "oe", "spa", "--seeds", "2", "--out", str(tmp_path / "made"))
+    rows = found["rows"]
+    assert [(row["seed"], row["method"]) for row in rows] == [(1, "oe"), (1, "spa"), (2, "oe"), (2, "spa")]
+    assert {"joint", "method", "scenario", "seed", "hz", "ci95", "true_hz", "bla_hz", "published_hz"} <= set(rows[0])
+    assert rows[0]["scenario"] == "siso-5-elbow_pitch"
+    assert rows[0]["true_hz"] == pytest.approx(1.086, abs=0.001)
+    assert rows[0]["hz"] == pytest.approx(1.05, abs=0.03)
+    assert rows[0]["ci95"][0] < rows[0]["hz"] < rows[0]["ci95"][1]
+    assert rows[0]["hz"] != rows[2]["hz"]  # another sequence, other noise
+    assert rows[0]["bla_hz"] is None
+    assert (rows[1]["hz"], rows[1]["refused"]) == (None, True)
+    assert "every 0.5 Hz" in rows[1]["reason"]
+    assert found["published"]["elbow_pitch"]["ARMAX (4.12)"] == pytest.approx(1.198, abs=0.001)
+    assert found["answer"].startswith("This is a look, not a result")
+    assert "2 of 4 bandwidths are about 1 Hz" in found["answer"]
+    with (tmp_path / "made" / "bandwidth.csv").open() as file:
+        table = list(csv.DictReader(file))
+    assert [float(line["true_hz"]) for line in table] == [row["true_hz"] for row in rows]
+    assert table[0]["orders"] == "nb=2 nf=2 nk=2"
+    assert (tmp_path / "made" / "bandwidth.png").stat().st_size > 10_000
+    assert "<svg" in (tmp_path / "made" / "bandwidth.svg").read_text()
+
+
+def test_records_that_are_there_give_the_same(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
+    ours = printed(capsys, *FAST, "--methods", "armax")
+    assert main(["simulate", "siso-5-elbow_pitch", "--duration", "16", "--out", str(tmp_path)]) == 0
+    capsys.readouterr()
+    theirs = printed(capsys, "--data", str(tmp_path / "siso-5-elbow_pitch.nc"), "--methods", "armax", "--no-bla")
+    assert theirs["rows"][0]["hz"] == ours["rows"][0]["hz"]
+    assert theirs["rows"][0]["test"] == "5"
+    assert theirs["condition"] == ours["condition"] == "nominal, with friction"
+
+
+def test_the_table_says_what_is_not_claimed(capsys: pytest.CaptureFixture[str]) -> None:
+    words = ("--duration", "16", "--joints", "shoulder_yaw", "--variant", "published", "--no-friction", "--no-bla")
+    assert main(["bandwidth", *words, "--methods", "oe"]) == 0
+    said = capsys.readouterr().out
+    assert "shoulder_yaw, published, without friction" in said
+    assert "not claimed (model: 0.1" in said
+    assert "excites nothing below 0.5 Hz" in said
+    assert "does not stand for the arm itself: 0.16 Hz (shoulder yaw)" in said
+
+
+@pytest.mark.parametrize(
+    ("words", "says"),
+    [
+        (("--joints", "elbow"), "did you mean 'elbow_pitch'"),
+        (("--joints", "wrist_roll"), "unknown joint 'wrist_roll'"),
+        (("--methods", "okd"), "did you mean 'okid'"),
+        (("--tests", "9"), "unknown test 9"),
+        (("--tests", "five"), "given five"),
+        (("--seeds", "0"), "seeds must be 1 to 1000, given 0"),
+        (("--seeds", "1000000000"), "seeds must be 1 to 1000, given 1000000000"),
+        (("--seed", "-1"), "a seed is a whole number from 0 to 2^63 - 1, given -1"),
+        (("--seed", str(2**63)), f"2^63 - 1, given {2**63}"),
+        (("--data", "x.nc", "--seed", "-1", "--no-bla"), "2^63 - 1, given -1"),
+        (("--duration", "6"), "a duration of 6 s given, expected 10 s or more"),
+        (("--variant", "nominl"), "nominl"),
+        (("--threads", "0"), "threads must be 1 or more, given 0"),
+        (("--methods",), "no methods given"),
+        (("--data", "x.csv"), "expected a log of hmtb simulate"),
+        (("--data", "x.nc", "--tests", "5", "--no-friction"), "leave out --tests, --no-friction"),
+        (("--data", "missing.nc"), "no file missing.nc"),
+    ],
+)
+def test_bad_input_is_one_line(capsys: pytest.CaptureFixture[str], words: tuple[str, ...], says: str) -> None:
+    assert main(["bandwidth", *words]) == 2
+    out, err = capsys.readouterr()
+    assert out == ""
+    assert says in err
+    assert len(err.splitlines()) == 1
+
+
+def test_a_log_of_several_axes_or_of_two_arms_is_refused(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
+    for name, words in {"several": ("mimo-1",), "one": ("siso-5-elbow_pitch",)}.items():
+        assert main(["simulate", *words, "--duration", "10", "--out", str(tmp_path / name)]) == 0
+    text = Path(tmp_path / "two.toml")
+    capsys.readouterr()
+    assert main(["scenarios", "show", "siso-5-elbow_pitch"]) == 0
+    shown = capsys.readouterr().out.replace('variant = "nominal"', 'variant = "published"')
+    text.write_text(shown)
+    assert main(["simulate", str(text), "--duration", "10", "--out", str(tmp_path / "two")]) == 0
+    capsys.readouterr()
+    one, two = (str(next((tmp_path / name).glob("*.nc"))) for name in ("one", "two"))
+    assert main(["bandwidth", "--data", str(next((tmp_path / "several").glob("*.nc"))), "--no-bla"]) == 2
+    assert "mimo-1 excites x, y, z; expected a log that excites one joint" in capsys.readouterr().err
+    assert main(["bandwidth", "--data", one, two, "--no-bla"]) == 2
+    assert "the logs are of 2 arms" in capsys.readouterr().err
+
+
+@pytest.fixture(scope="module")
+def log(tmp_path_factory: pytest.TempPathFactory) -> JointLog:
+    """Sixteen seconds of the elbow's PRBS test."""
+    (found,) = simulate([replace(load("siso-5-elbow_pitch"), duration=16.0)]).logs
+    return found
+
+
+def complaint(capsys: pytest.CaptureFixture[str], *paths: Path) -> str:
+    assert main(["bandwidth", "--no-bla", "--methods", "arx", "--data", *map(str, paths)]) == 2
+    out, err = capsys.readouterr()
+    assert (out, err.count("\n")) == ("", 1)
+    return err
+
+
+def test_a_record_counts_once(capsys: pytest.CaptureFixture[str], tmp_path: Path, log: JointLog) -> None:
+    path = log.save(tmp_path / "a.nc")
+    cut = shortened(log, 12.0).save(tmp_path / "b.nc")
+    named = replace(log, name="another", seed=log.seed + 1).save(tmp_path / "c.nc")
+    for other in (path, cut):
+        said = f"the log of siso-5-elbow_pitch, seed {log.seed}, is given twice; expected every record once"
+        assert said in complaint(capsys, path, other)
+    assert "is given twice, also as siso-5-elbow_pitch" in complaint(capsys, path, named)
+
+
+def test_identify_finds_the_same_where_it_leaves_out_the_same(
+    capsys: pytest.CaptureFixture[str], tmp_path: Path, log: JointLog
+) -> None:
+    path = str(log.save(tmp_path / "a.nc"))
+    ours = printed(capsys, "--data", path, "--methods", "okid", "--no-bla")["rows"][0]["hz"]
+    found = []
+    for words in ((), ("--skip", "4")):
+        assert main(["identify", path, "--method", "okid", "--orders", "2", "5", *words, "--json"]) == 0
+        found.append(json.loads(capsys.readouterr().out)["bandwidth_hz"])
+    assert found[1] == pytest.approx(ours, rel=1e-5)
+    assert found[0] != pytest.approx(ours, rel=1e-4)
+
+
+def test_a_log_that_is_too_short_to_settle_is_refused(
+    capsys: pytest.CaptureFixture[str], tmp_path: Path, log: JointLog
+) -> None:
+    path = shortened(log, 0.4).save(tmp_path / "short.nc")
+    assert "a log of 0.4 s given, expected 10 s or more: the arm settles for 4 s" in complaint(capsys, path)
+
+
+def test_a_log_with_something_missing_is_told_by_its_file(
+    capsys: pytest.CaptureFixture[str], tmp_path: Path, log: JointLog
+) -> None:
+    measured = log.measured.copy()
+    measured[500:510, JOINTS.index("elbow_pitch")] = np.nan
+    path = replace(log, measured=measured).save(tmp_path / "nanlog.nc")
+    said = "nanlog.nc: 10 measured angles are no numbers, the first that of elbow_pitch at sample 500; expected a log"
+    assert said in complaint(capsys, path)
+    for words in ((), ("--missing",)):
+        assert main(["identify", str(path), "--method", "arx", "--orders", "2", "2", *words]) == 2
+        assert said in capsys.readouterr().err
+    # What is missing of another joint is no matter here.
+    assert main(["identify", str(path), "--joint", "shoulder_yaw", "--method", "arx", "--orders", "2", "2"]) in (0, 2)
+    assert "no numbers" not in capsys.readouterr().err
+
+
+def shortened(log: JointLog, duration: float) -> JointLog:
+    count = round(duration / log.dt)
+    channels = {
+        entry.name: value[:count] for entry in fields(log) if isinstance(value := getattr(log, entry.name), np.ndarray)
+    }
+    return replace(log, **channels)

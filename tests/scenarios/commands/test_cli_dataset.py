@@ -1,0 +1,176 @@
+"""`hmtb dataset`: its commands, their help, and one clear line for everything that a user can get wrong."""
+
+import json
+import re
+import tomllib
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+
+import pytest
+
+from scenarios.commands.cli import COMMANDS, main
+from scenarios.commands.dataset import DATASET
+from scenarios.datasets.chunk import Made, run_chunk
+from scenarios.datasets.plan import Plan
+from scenarios.datasets.spec import DataSetSpec, load_spec, shipped
+
+
+def run(capsys: pytest.CaptureFixture[str], *words: object) -> tuple[int, str, str]:
+    code = main([str(word) for word in words])
+    out, err = capsys.readouterr()
+    return code, out, err
+
+
+@pytest.mark.parametrize("words", [["dataset"], ["dataset", "--help"], ["dataset", "-h"]])
+def test_help_names_every_command(capsys: pytest.CaptureFixture[str], words: list[str]) -> None:
+    code, out, err = run(capsys, *words)
+    assert (code, err) == (0, "")
+    assert all(f"• {name} " in out for name in DATASET)
+    assert "dataset" in COMMANDS
+    assert "• dataset " in run(capsys, "--help")[1]
+
+
+@pytest.mark.parametrize("name", DATASET)
+def test_every_command_has_help(capsys: pytest.CaptureFixture[str], name: str) -> None:
+    code, out, err = run(capsys, "dataset", name, "--help")
+    assert (code, err) == (0, "")
+    assert out.startswith(f"usage: hmtb dataset {name} ")
+
+
+@pytest.mark.parametrize("columns", ["40", "200"])
+@pytest.mark.parametrize(
+    ("words", "says"),
+    [
+        ("nonsense", "unknown command 'nonsense'; there are: list, show, build"),
+        ("buld hmtb-siso-v1", "unknown command 'buld': did you mean 'build'? There are: list, show, build"),
+        ("build", "missing SPEC; see hmtb dataset build --help"),
+        ("build hmtb-siso-v1 --out", "--out needs a value; see hmtb dataset build --help"),
+        ("build hmtb-siso-v1 --workers two", "--workers: expected a whole number, given two"),
+        ("build hmtb-siso-v1 elsewhere", "unexpected argument 'elsewhere'; see hmtb dataset build --help"),
+        ("build hmtb-sisu-v1", "unknown data set 'hmtb-sisu-v1': did you mean 'hmtb-siso-v1'"),
+        ("build mine.toml", "no file mine.toml: expected a spec"),
+        ("show", "missing SPEC"),
+    ],
+)
+def test_usage_errors_are_one_line(
+    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch, columns: str, words: str, says: str
+) -> None:
+    monkeypatch.setenv("COLUMNS", columns)
+    code, out, err = run(capsys, "dataset", *words.split())
+    assert (code, out, err.count("\n")) == (2, "", 1)
+    assert err.startswith("hmtb: ")
+    assert says in err
+
+
+def test_data_sets_are_listed_and_shown(capsys: pytest.CaptureFixture[str]) -> None:
+    listed = json.loads(run(capsys, "dataset", "list", "--json")[1])["data_sets"]
+    assert [entry["label"] for entry in listed] == list(shipped())
+    spec = load_spec("hmtb-siso-v1")
+    out = run(capsys, "dataset", "show", "hmtb-siso-v1")[1]
+    assert DataSetSpec.from_toml(out) == spec
+    assert json.loads(run(capsys, "dataset", "show", "hmtb-siso-v1", "--json")[1]) == tomllib.loads(spec.to_toml())
+
+
+TINY = """
+name = "least"
+version = 1
+title = "Two records"
+seed = 1
+window = 4
+
+[[records]]
+name = "one"
+part = "train"
+axes = ["elbow_pitch"]
+duration = 1.0
+excitation = { kind = "prbs", amplitude = 1.0 }
+
+[[records]]
+name = "two"
+part = "test"
+axes = ["elbow_pitch"]
+duration = 1.0
+excitation = { kind = "white_noise", amplitude = 0.5 }
+"""
+
+WEAK = 'supply_pressure = { kind = "uniform", spread = 2.5, centre = 8.0 }\n'
+"""Drives of which some hold the arm and others do not."""
+
+
+@pytest.fixture
+def least(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """A spec whose records alone are built; what is made of them has tests of its own."""
+    monkeypatch.setattr("scenarios.datasets.finish.STAGES", ())
+    monkeypatch.setattr("scenarios.datasets.finish.PAPERS", ())
+    monkeypatch.setattr("scenarios.datasets.chunk.ARM_TRUTH", ())
+    path = tmp_path / "least.toml"
+    path.write_text(TINY)
+    return path
+
+
+def test_build_says_what_was_built_and_never_builds_it_again(
+    capsys: pytest.CaptureFixture[str], least: Path, tmp_path: Path
+) -> None:
+    words = ("dataset", "build", least, "--out", tmp_path / "deep" / "out", "--workers", "1")
+    code, out, err = run(capsys, *words, "--json")
+    assert (code, err) == (0, "")
+    said = json.loads(out)
+    assert said == {
+        "path": str(tmp_path / "deep" / "out" / "least-v1"),
+        "experiments": 2,
+        "failed": {},
+        "hash": json.loads((Path(said["path"]) / "experiments.json").read_text())["hash"],
+    }
+    code, out, err = run(capsys, *words)
+    assert (code, out, err.count("\n")) == (2, "", 1)
+    assert "already there: a version is never overwritten" in err
+
+
+def test_an_interrupted_build_says_how_to_go_on_and_goes_on(
+    capsys: pytest.CaptureFixture[str], least: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    words = ("dataset", "build", str(least), "--out", str(tmp_path), "--rows", "1")
+    with monkeypatch.context() as patch:
+        calls = iter((run_chunk,))
+
+        def interrupted(plan: Plan, numbers: Sequence[int], **given: object) -> Iterator[Made]:
+            for one in calls:
+                return one(plan, numbers)
+            raise KeyboardInterrupt
+
+        patch.setattr("scenarios.datasets.executor.run_chunk", interrupted)
+        code, out, err = run(capsys, *words)
+    assert (code, out) == (130, "")
+    kept = f"1 of 2 experiments kept in {tmp_path / 'least-v1.unfinished'}"
+    assert err == f"hmtb: interrupted; {kept}; to go on: hmtb {' '.join(words)}\n"
+    code, out, err = run(capsys, *words)
+    assert (code, err) == (0, "")
+    assert out.startswith(f"{tmp_path / 'least-v1'}: 2 experiments, 0 failed, hash ")
+
+
+def test_failures_are_told_and_the_exit_code_is_one(
+    capsys: pytest.CaptureFixture[str], least: Path, tmp_path: Path
+) -> None:
+    least.write_text(TINY + "\n[twins]\ncount = 3\n" + WEAK)
+    words = ("dataset", "build", least, "--out", tmp_path)
+    code, out, err = run(capsys, *words, "--json")
+    assert (code, err) == (1, "")
+    said = json.loads(out)
+    assert said["experiments"] == 2
+    assert list(said["failed"]) == ["twin-0-one", "twin-0-two", "twin-1-one", "twin-1-two"]
+    assert all("the drives cannot hold the arm" in why for why in said["failed"].values())
+    (tmp_path / "least-v1").rename(tmp_path / "elsewhere")
+    code, out, err = run(capsys, *words)
+    assert (code, err) == (1, "")
+    # A reason that many share is said once.
+    assert out.startswith("failed: twin-0-one and 1 more: ") and out.count("failed: ") == 2
+    assert "2 experiments, 4 failed" in out
+
+
+@pytest.mark.parametrize("name", DATASET)
+def test_help_breaks_no_line_in_a_sentence(name: str) -> None:
+    """The parser keeps line breaks within the description of an option, so each stands in one line."""
+    path = Path(__file__).parents[3] / f"scenarios/commands/dataset_{name}.py"
+    described = path.read_text(encoding="utf-8").split("    Args:\n", 1)[1].split('"""', 1)[0]
+    lines = described.rstrip().splitlines()
+    assert lines and all(re.match(r" {8}\w+: ", line) for line in lines), lines

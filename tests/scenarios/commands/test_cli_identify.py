@@ -1,0 +1,322 @@
+"""`hmtb identify` for anyone's data: every estimator, several channels, gaps, any table, its operating point."""
+
+import json
+import re
+from collections.abc import Mapping
+from pathlib import Path
+
+import numpy as np
+import pytest
+import xarray as xr
+from scipy.io import savemat
+from scipy.signal import lfilter
+
+from scenarios.commands.cli import main
+from scenarios.identification.estimators import ESTIMATORS
+from sysid import IOData, SysidError, arx, compare, oe
+from sysid.polynomial.fit_with_offset import constant, levelled
+
+DT = 0.02
+ORDERS = {
+    "arx": "1 1",
+    "armax": "1 1 1",
+    "oe": "1 1",
+    "bj": "1 1 1 1",
+    "iv4": "1 1",
+    "okid": "1 4",
+    "n4sid": "1",
+    "pem_ss": "1",
+}
+
+
+def result(capsys: pytest.CaptureFixture[str], *words: object) -> dict:
+    assert main(["identify", *map(str, words), "--json"]) == 0
+    return json.loads(capsys.readouterr().out)
+
+
+def complaint(capsys: pytest.CaptureFixture[str], *words: object) -> str:
+    assert main(["identify", *map(str, words), "--json"]) == 2
+    out, err = capsys.readouterr()
+    assert out == ""
+    assert err.count("\n") == 1
+    return err
+
+
+def signals(noise: float = 0.01, samples: int = 1200, seed: int = 0) -> tuple[np.ndarray, np.ndarray]:
+    rng = np.random.default_rng(seed)
+    u = np.repeat(rng.choice([-1.0, 1.0], samples // 2), 2)
+    return u, lfilter([0, 0.1], [1, -0.9], u) + noise * rng.standard_normal(samples)
+
+
+def table(path: Path, columns: Mapping[str, np.ndarray], *, header: bool = True, delimiter: str = ",") -> Path:
+    head = delimiter.join(columns) if header else ""
+    np.savetxt(
+        path, np.column_stack(list(columns.values())), delimiter=delimiter, header=head, comments="", fmt="%.17g"
+    )
+    return path
+
+
+@pytest.fixture
+def csv(tmp_path: Path) -> Path:
+    u, y = signals()
+    return table(tmp_path / "robot.csv", {"t": DT * np.arange(len(u)), "u": u, "y": y})
+
+
+@pytest.mark.parametrize("method", ESTIMATORS)
+def test_every_estimator_finds_the_pole(capsys: pytest.CaptureFixture[str], csv: Path, method: str) -> None:
+    found = result(capsys, csv, "--method", method, "--orders", *ORDERS[method].split())
+    assert found["poles"][0] == pytest.approx([0.9, 0.0], abs=0.03)
+    assert found["method"] == method
+    assert set(found["fit"]) == {"simulation", "one_step", "steps", "ahead"}
+    assert found["bandwidth_hz"] == pytest.approx(0.84, rel=0.3)
+    if method != "n4sid":
+        assert found["ci95"][0] < found["bandwidth_hz"] < found["ci95"][1]
+    assert len(found["parameters"]) == len(found["deviations"])
+
+
+def test_the_poles_are_those_from_input_to_output(capsys: pytest.CaptureFixture[str], csv: Path) -> None:
+    found = result(capsys, csv, "--method", "bj", "--orders", "1", "1", "1", "1")
+    assert len(found["poles"]) == 1  # that of the noise model is not among them
+
+
+@pytest.mark.parametrize("method", ["arx", "armax", "oe", "bj", "iv4", "okid", "n4sid", "pem_ss"])
+def test_a_noise_free_start_from_rest_is_explained_whole(
+    capsys: pytest.CaptureFixture[str], tmp_path: Path, method: str
+) -> None:
+    """From rest to another level: the mean of the output is not its level at the mean of the input."""
+    u, _ = signals(0.0)
+    path = table(
+        tmp_path / "rest.csv", {"dt": np.full(len(u), DT), "u": u + 1.5, "y": lfilter([0, 0.1], [1, -0.9], u + 1.5)}
+    )
+    found = result(capsys, path, "--method", method, "--orders", *ORDERS[method].split())
+    assert f"{found['fit']['simulation'][0]:.2f}" == "100.00"
+    assert found["dc_gain"] == pytest.approx(1.0, abs=1e-4)
+    at = found["operating_point"]
+    # gain one, nothing else; a subspace method does not minimise the errors that the level is found from
+    assert at["output"][0] == pytest.approx(at["input"][0], abs=5e-3 if method == "n4sid" else 1e-4)
+
+
+def test_a_constant_on_the_output_is_found_with_the_model() -> None:
+    rng = np.random.default_rng(3)
+    errors = []
+    for _ in range(30):
+        u = rng.standard_normal(400)
+        u[:200] += 1.0
+        y = lfilter([0, 0.05], [1, -0.95], u) + 0.05 * rng.standard_normal(400) + 7.0
+        found = levelled(lambda parts: oe(parts, 1, 1, 1), [IOData(u, y, DT)])
+        errors.append(found.output[0] - found.estimate.dc_gain()[0, 0] * found.input[0] - 7.0)
+    assert abs(np.mean(errors)) < 3 * np.std(errors) / np.sqrt(30)
+    assert np.std(errors) < 0.02
+
+
+def test_the_level_never_costs_fit() -> None:
+    u, y = signals(0.2, seed=5)
+    for record in (IOData(u, y, DT), IOData(u, np.cumsum(y), DT)):
+        plain = arx(record.detrend(), 2, 2, 1)
+        found = levelled(lambda parts: arx(parts, 2, 2, 1), [record])
+        assert found.estimate.loss <= plain.loss * (1 + 1e-9)
+
+
+def test_an_estimator_that_fails_without_the_level_leaves_the_model_before() -> None:
+    u, _ = signals(0.0)
+    calls = []
+
+    def once(parts):
+        calls.append(parts)
+        if len(calls) > 1:
+            raise SysidError("no")
+        return oe(parts, 1, 1, 1)
+
+    found = levelled(once, [IOData(u + 2, lfilter([0, 0.1], [1, -0.9], u + 2), DT)])
+    assert len(calls) == 2
+    assert found.estimate.method == "oe"
+
+
+def test_a_constant_over_several_parts_with_gaps_and_windows() -> None:
+    u, y = signals(0.0)
+    model = oe(IOData(u, y, DT), 1, 1, 1).model
+    lost = y + 3.0
+    lost[50:60] = np.nan
+    parts = [
+        IOData(u[:500], np.r_[np.full(20, 99.0), lost[20:500]], DT, window=20, missing=True),
+        IOData(u[500:], y[500:] + 3.0, DT),
+    ]
+    level, before, after = constant(model, parts)
+    assert level[0] == pytest.approx(3.0)
+    assert after < 1e-12 * before
+
+
+def test_keep_mean_takes_the_values_as_they_are(capsys: pytest.CaptureFixture[str], csv: Path) -> None:
+    found = result(capsys, csv, "--method", "oe", "--orders", "1", "1", "--keep-mean")
+    assert found["operating_point"] is None
+
+
+@pytest.fixture
+def two(tmp_path: Path) -> Path:
+    rng = np.random.default_rng(1)
+    u = rng.standard_normal((1500, 2))
+    first = lfilter([0, 0.1], [1, -0.9], u[:, 0]) + lfilter([0, 0.3], [1, -0.6], u[:, 1])
+    second = lfilter([0, 0.2], [1, -0.6], u[:, 1])
+    y = np.column_stack([first, second]) + 0.01 * rng.standard_normal((1500, 2))
+    return table(
+        tmp_path / "two.csv",
+        {"t": DT * np.arange(1500), "left": u[:, 0], "right": u[:, 1], "elbow": y[:, 0], "wrist": y[:, 1]},
+    )
+
+
+def test_several_inputs(capsys: pytest.CaptureFixture[str], two: Path) -> None:
+    channels = ("--input", "left", "right", "--output", "elbow")
+    found = result(capsys, two, *channels, "--method", "oe", "--orders", "1", "1")
+    assert (found["inputs"], found["outputs"]) == (["left", "right"], ["elbow"])
+    assert sorted(pole[0] for pole in found["poles"]) == pytest.approx([0.6, 0.9], abs=0.02)
+    assert np.shape(found["bandwidth_hz"]) == (1, 2)
+    assert np.shape(found["ci95"]) == (1, 2, 2)
+    np.testing.assert_allclose(found["dc_gain"], [[1.0, 0.75]], rtol=0.05)
+
+
+@pytest.mark.parametrize(("method", "orders"), [("okid", "2 6"), ("n4sid", "2"), ("pem_ss", "2")])
+def test_several_outputs(capsys: pytest.CaptureFixture[str], two: Path, method: str, orders: str) -> None:
+    channels = ("--input", "left", "right", "--output", "elbow", "wrist")
+    words = (two, *channels, "--method", method, "--orders", *orders.split())
+    found = result(capsys, *words)
+    np.testing.assert_allclose(found["dc_gain"], [[1.0, 0.75], [0.0, 0.5]], atol=0.06)
+    assert len(found["fit"]["simulation"]) == 2
+    assert main(["identify", *map(str, words)]) == 0
+    shown = capsys.readouterr().out
+    assert "bandwidth (-3 dB), right → wrist" in shown
+    assert "elbow" in next(line for line in shown.splitlines() if "fit in simulation" in line)
+
+
+def test_methods_for_one_output_say_which_take_several(capsys: pytest.CaptureFixture[str], two: Path) -> None:
+    said = complaint(
+        capsys, two, "--input", "left", "--output", "elbow", "wrist", "--method", "oe", "--orders", "1", "1"
+    )
+    assert "oe takes one output, given 2; for several there are: okid, n4sid, pem_ss" in said
+
+
+def test_a_matrix_in_a_mat_file_is_several_inputs(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
+    u = np.random.default_rng(0).standard_normal((400, 2))
+    y = lfilter([0, 0.1], [1, -0.9], u[:, 0]) + lfilter([0, 0.3], [1, -0.6], u[:, 1])
+    savemat(tmp_path / "wide.mat", {"u": u, "y": y, "dt": DT})
+    found = result(capsys, tmp_path / "wide.mat", "--method", "oe", "--orders", "1", "1")
+    assert found["inputs"] == ["u1", "u2"]
+    assert found["fit"]["simulation"][0] > 99.99
+
+
+@pytest.mark.parametrize("method", ESTIMATORS)
+def test_missing_outputs_are_declared(capsys: pytest.CaptureFixture[str], tmp_path: Path, method: str) -> None:
+    u, y = signals(samples=500)
+    y[200:230] = np.nan
+    if method != "n4sid":
+        y[np.random.default_rng(0).random(len(y)) < 0.02] = np.nan
+    path = table(tmp_path / "gaps.csv", {"t": DT * np.arange(len(u)), "u": u, "y": y})
+    words = (path, "--method", method, "--orders", *ORDERS[method].split())
+    assert "--missing takes NaN or empty cells" in complaint(capsys, *words)
+    found = result(capsys, *words, "--missing")
+    assert found["poles"][0][0] == pytest.approx(0.9, abs=0.03)
+    expected = "2 parts between lost samples" if method == "n4sid" else "of 500 output samples are missing"
+    assert expected in found["warnings"][0]
+    assert found["fit"]["simulation"][0] > 90
+
+
+@pytest.mark.parametrize(("ending", "delimiter"), [("dat", " "), ("txt", "\t"), ("data", ";"), ("", ",")])
+def test_any_table_is_read(capsys: pytest.CaptureFixture[str], tmp_path: Path, ending: str, delimiter: str) -> None:
+    u, y = signals()
+    path = table(tmp_path / f"robot.{ending}".rstrip("."), {"u": u, "y": y}, header=False, delimiter=delimiter)
+    found = result(capsys, path, "--dt", "0.05", "--method", "oe", "--orders", "1", "1")
+    assert found["dt"] == 0.05
+    assert found["poles"][0][0] == pytest.approx(0.9, abs=0.02)
+
+
+def test_a_bare_table_of_more_columns_says_how_to_name_them(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
+    u, y = signals()
+    path = table(tmp_path / "bare.dat", {"a": u, "b": -u, "c": y}, header=False, delimiter=" ")
+    words = (path, "--dt", "0.02", "--method", "arx", "--orders", "1", "1")
+    said = complaint(capsys, *words)
+    assert "3 columns without a header" in said
+    assert "u, y in this sequence, 2 in all; --input and --output name them, inputs first" in said
+    named = (*words, "--input", "u", "idle", "--output", "y")
+    assert result(capsys, *named)["inputs"] == ["u", "idle"]
+
+
+def test_plain_netcdf_is_read_by_its_variables(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
+    u, y = signals()
+    stored = xr.Dataset({"torque": ("time", u), "angle": ("time", y)}, {"time": DT * np.arange(len(u))})
+    stored["angle"].attrs["units"] = "rad"
+    stored.to_netcdf(tmp_path / "robot.nc", engine="h5netcdf")
+    method = ("--method", "oe", "--orders", "1", "1")
+    found = result(capsys, tmp_path / "robot.nc", "--input", "torque", "--output", "angle", *method)
+    assert found["dt"] == pytest.approx(DT)
+    assert found["poles"][0][0] == pytest.approx(0.9, abs=0.02)
+    said = complaint(capsys, tmp_path / "robot.nc", "--output", "angle", *method)
+    assert "unknown column 'u'; there are" in said
+    assert "choose by --input" in said
+
+
+def test_what_is_printed(capsys: pytest.CaptureFixture[str], csv: Path) -> None:
+    words = (csv, "--method", "armax", "--orders", "1", "1", "1", "--steps", "5")
+    assert main(["identify", *map(str, words)]) == 0
+    lines = capsys.readouterr().out.splitlines()
+    found = result(capsys, *words)
+    shown = {re.split(r"\s{2,}", line.strip())[0]: line for line in lines}
+    assert f"{found['fit']['ahead'][0]:.2f} %" in shown["fit 5 steps ahead"]
+    assert f"{found['fpe']:.4g}; AIC {found['aic']:.5g}" in shown["final prediction error"]
+    assert "yes (p = " in shown["residuals white"]
+    assert "yes (p = " in shown["residuals independent of the input"]
+    (line,) = (line for line in shown.values() if line.split()[:1] == ["a1"])
+    assert line.split() == ["a1", f"{found['parameters']['a1']:.6g}", f"{found['deviations']['a1']:.2g}"]
+    assert found["residuals"]["passed"]
+
+
+def test_another_record_is_judged_about_its_own_level(
+    capsys: pytest.CaptureFixture[str], tmp_path: Path, csv: Path
+) -> None:
+    u, y = signals(seed=9)
+    other = table(tmp_path / "other.csv", {"t": DT * np.arange(len(u)), "u": u + 2.0, "y": y + 2.0 + 5.0})
+    words = ("--method", "oe", "--orders", "1", "1")
+    own = result(capsys, csv, *words, "--validate", csv)
+    assert own["fit"] == result(capsys, csv, *words)["fit"]
+    apart = result(capsys, csv, *words, "--validate", other)
+    record = IOData(u, y, DT)
+    model = oe(IOData(*signals(), DT), 1, 1, 1)
+    assert apart["fit"]["simulation"][0] == pytest.approx(compare(model, record)[0].simulation[0], abs=0.05)
+
+
+def test_figures(capsys: pytest.CaptureFixture[str], tmp_path: Path, csv: Path, two: Path) -> None:
+    found = result(capsys, csv, "--method", "oe", "--orders", "1", "1", "--out", tmp_path / "figures")
+    names = ["record", "outputs", "bode", "step", "roots", "residuals"]
+    assert found["figures"] == [str(tmp_path / "figures" / f"robot-{name}.png") for name in names]
+    assert all(Path(path).stat().st_size > 5000 for path in found["figures"])
+    channels = ("--input", "left", "right", "--output", "elbow", "wrist")
+    several = result(capsys, two, *channels, "--method", "n4sid", "--orders", "2", "--out", tmp_path / "figures")
+    assert len(several["figures"]) == 6
+
+
+def test_inputs_that_move_together_are_told_once(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
+    u, y = signals()
+    other = signals(seed=1)[0]
+    near = u + 1e-3 * np.random.default_rng(2).standard_normal(len(u))
+    path = table(tmp_path / "two.csv", {"t": DT * np.arange(len(u)), "a": u, "b": near, "c": other, "y": y})
+    words = (path, "--output", "y", "--method", "arx", "--orders", "1", "1")
+    (told,) = (w for w in result(capsys, *words, "--input", "a", "b")["warnings"] if "move together" in w)
+    assert told.startswith("the inputs a, b move together (condition ")
+    assert not any("move together" in w for w in result(capsys, *words, "--input", "a", "c")["warnings"])
+
+
+def test_what_holds_for_every_path_is_said_once_and_without_python(
+    capsys: pytest.CaptureFixture[str], tmp_path: Path
+) -> None:
+    t = DT * np.arange(1200)
+    u = np.column_stack([sum(np.sin(2 * np.pi * f * t + f) for f in tones) for tones in ((3, 5, 7), (3, 6, 8))])
+    y = lfilter([0, 0.1], [1, -0.9], u, axis=0) + 0.01 * np.random.default_rng(0).standard_normal((1200, 2))
+    path = table(tmp_path / "two.csv", {"t": t, "a": u[:, 0], "b": u[:, 1], "y": y[:, 0], "z": y[:, 1]})
+    words = (path, "--input", "a", "b", "--output", "y", "z", "--method", "n4sid", "--orders", "2")
+    warnings = result(capsys, *words)["warnings"]
+    assert sum("nothing below 3 Hz is excited" in text for text in warnings) == 1
+    assert not any("→" in text for text in warnings if "nothing below 3 Hz is excited" in text)
+
+
+def test_advice_in_words_of_python_is_left_out() -> None:
+    from scenarios.identification.identification import _for_users
+
+    assert _for_users("the model is unstable: 1.1; stable=True forbids it") == "the model is unstable: 1.1"

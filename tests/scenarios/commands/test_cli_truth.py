@@ -1,0 +1,292 @@
+"""`hmtb truth`: every kind of truth, its figure, the maps, and one line for what is wrong."""
+
+import functools
+import json
+import re
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from hmtb_twin import NOMINAL_PLANT, STUDIED_JOINTS, Plant, linearize, load_arm, simulate
+from hmtb_twin.parameters.values import Actuator
+from scenarios import load
+from scenarios.commands.cli import main
+from scenarios.experiments.multisines import MultisineExperiment, Multisines
+from scenarios.truth import truth_summary
+from scenarios.truth.bandwidth_caution import cautions
+from scenarios.truth.best_linear import best_linear
+from scenarios.truth.maps import Density
+from scenarios.truth.truth_figure import truth_figure
+
+
+def run(capsys: pytest.CaptureFixture[str], *words: object) -> str:
+    """Run what must succeed, with nothing on stderr."""
+    code = main(["truth", *map(str, words)])
+    out, err = capsys.readouterr()
+    assert (code, err) == (0, "")
+    return out
+
+
+def result(capsys: pytest.CaptureFixture[str], *words: object) -> dict:
+    return json.loads(run(capsys, *words, "--json"), parse_constant=lambda name: pytest.fail(f"{name} is not JSON"))
+
+
+def test_table_tells_resonance_and_errors(capsys: pytest.CaptureFixture[str]) -> None:
+    out = run(capsys)
+    assert "hydraulic resonance" in out
+    assert "Relative error of the linear model" in out
+    (row,) = (line for line in out.splitlines() if line.startswith(" elbow_pitch"))
+    assert "-6.0, -6.5, -9.1" in row
+
+
+def test_json_tells_all_of_the_small_signal_truth(capsys: pytest.CaptureFixture[str]) -> None:
+    found = result(capsys)
+    assert found["plant"] == vars(NOMINAL_PLANT)
+    truth = linearize(load_arm(), amplitudes=())
+    for name in STUDIED_JOINTS:
+        entry, true = found["joints"][name], truth.joint(name)
+        assert entry["bandwidth_hz"] == pytest.approx(true.bandwidth_hz)
+        assert [pole["re"] for pole in entry["dominant"]] == pytest.approx(true.dominant_poles.real)
+        assert all(0.0 < pole["damping_ratio"] <= 1.0 for pole in entry["dominant"])
+        oil = entry["hydraulics"]
+        assert oil["resonance_hz"] == pytest.approx(
+            np.sqrt(4 * 700 * actuator(name).displacement ** 2 / (actuator(name).trapped_volume * oil["inertia_kgm2"]))
+            / (2 * np.pi)
+        )
+    assert "noise" not in found
+    assert found["files"] == []
+
+
+def actuator(name: str) -> Actuator:
+    return load_arm().actuators[name]
+
+
+def test_conditions_are_those_asked_for(capsys: pytest.CaptureFixture[str]) -> None:
+    found = result(capsys, "--oil-temperature", 5, "--supply-pressure", 15, "--friction-level", 2, "--payload", "none")
+    plant = Plant(oil_temperature=5.0, supply_pressure=15.0, friction_level=2.0)
+    assert found["plant"] == vars(plant)
+    true = linearize(load_arm(payload="none", plant=plant), amplitudes=()).joint("wrist_roll")
+    assert found["joints"]["wrist_roll"]["bandwidth_hz"] == pytest.approx(true.bandwidth_hz)
+
+
+def test_process_noise_brings_the_noise_model(capsys: pytest.CaptureFixture[str]) -> None:
+    found = result(capsys, "--process-noise", 0.001)
+    truth = linearize(load_arm(plant=Plant(process_noise=0.001)), amplitudes=())
+    assert np.array(found["noise"]["K"]) == pytest.approx(truth.model.gain)
+    assert found["joints"]["elbow_pitch"]["innovation_sd_rad"] == pytest.approx(
+        float(np.sqrt(truth.joint("elbow_pitch").model.innovation_covariance[0, 0]))
+    )
+    assert "Innovations of each joint seen alone" in run(capsys, "--process-noise", 0.001)
+
+
+def test_pose_by_angles(capsys: pytest.CaptureFixture[str]) -> None:
+    degrees = (0, 20, 50, 30, -50, 0, 0)
+    found = result(capsys, "--pose", ",".join(map(str, degrees)))
+    true = linearize(load_arm(), np.radians(degrees), amplitudes=()).joint("shoulder_yaw")
+    assert found["joints"]["shoulder_yaw"]["bandwidth_hz"] == pytest.approx(true.bandwidth_hz)
+    assert found["angles_rad"] == pytest.approx(np.radians(degrees))
+    assert "0,20,50,30,-50,0,0 deg" in run(capsys, "--pose", ",".join(map(str, degrees)))
+
+
+def test_electric_drives_have_no_oil(capsys: pytest.CaptureFixture[str]) -> None:
+    out = run(capsys, "--variant", "flight")
+    assert "hydraulic" not in out
+    assert "oil" not in out
+    assert "hydraulics" not in result(capsys, "--variant", "flight")["joints"]["elbow_pitch"]
+
+
+@pytest.mark.parametrize("columns", ["60", "100"])
+def test_help_is_wrapped_and_its_examples_keep_their_lines(
+    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch, columns: str
+) -> None:
+    monkeypatch.setenv("COLUMNS", columns)
+    out = run(capsys, "--help")
+    prose = re.split(r"\n\W*options\b", out)[0]
+    assert all(len(line) <= int(columns) for line in prose.splitlines())
+    assert "\n\n\n" not in prose.rstrip("\n")
+    for example in ("--out truth.svg", "--pose 0,20,50,30,-50,0,0 --oil-temperature 15", "--maps --out maps"):
+        assert f"  hmtb truth {example}" in prose.splitlines()
+    assert "need a pose by name" in " ".join(prose.split())
+
+
+def test_dry_friction_is_said_to_be_left_out(capsys: pytest.CaptureFixture[str]) -> None:
+    assert "Dry friction is not in these numbers; see --bla" in run(capsys)
+    assert "Dry friction" not in run(capsys, "--friction", "none")
+
+
+def test_cautions_tell_where_a_bandwidth_says_little() -> None:
+    """While the bristles bend a joint is another one, between stick and slip no linear one; sliding it is fine."""
+    arm = load_arm()
+    truth = linearize(arm, amplitudes=())
+    said = {}
+    for rms in (4e-4, 3e-3, 3e-2):
+        setting = MultisineExperiment("yaw", ("shoulder_yaw",))
+        said[rms] = " ".join(cautions(best_linear(setting, Multisines(rms=rms, realisations=2)), truth))
+    assert "% of a slow command" in said[4e-4]
+    assert "distortion is" in said[3e-3]
+    assert said[3e-2] == ""
+
+
+def drawn_words(path: Path) -> str:
+    """All text of a figure."""
+    return " ".join(re.findall(r"<!-- (.*?) -->", path.read_text(encoding="utf-8"), re.S) or [])
+
+
+def test_title_tells_conditions_that_are_not_nominal() -> None:
+    def title(**changes: object) -> str:
+        arm = load_arm(plant=Plant(**changes))
+        return truth_figure(truth_summary.truth_summary(arm, linearize(arm))).get_suptitle()
+
+    assert title().endswith("nominal conditions")
+    said = title(oil_temperature=15.0, supply_pressure=18.0, friction_level=2.0, process_noise=0.001)
+    for part in ("oil at 15 °C", "supply pressure 18 MPa", "friction 2 times", "process noise 0.001"):
+        assert part.lower() in said.lower()
+    assert "nominal conditions" not in said
+
+
+def test_measured_bandwidths_bear_their_intervals() -> None:
+    arm = load_arm()
+    found = best_linear(MultisineExperiment("elbow", ("elbow_pitch",)), Multisines(rms=0.02, realisations=2))
+    summary = replace(truth_summary.truth_summary(arm, linearize(arm)), best_linear={"elbow_pitch": found})
+    (bars,) = truth_figure(summary).axes[0].containers
+    (segment,) = bars.lines[2][0].get_segments()
+    low, high = (float(end[0, 0]) for end in found.bandwidth.ci95)
+    assert segment[:, 0] == pytest.approx((low, high))
+
+
+@pytest.mark.parametrize("ending", ["svg", "png", "pdf"])
+def test_figure(capsys: pytest.CaptureFixture[str], tmp_path: Path, ending: str) -> None:
+    path = tmp_path / "deep" / f"truth.{ending}"
+    assert f"figure: {path}" in run(capsys, "--out", path)
+    start = {"svg": b"<?xml", "png": b"\x89PNG", "pdf": b"%PDF"}[ending]
+    assert path.read_bytes().startswith(start)
+
+
+def test_best_linear_columns(
+    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    monkeypatch.setattr(truth_summary, "REALISATIONS", 2)
+    # Measured once for both ways of printing.
+    measure = functools.cache(truth_summary.measured_best_linear)
+    monkeypatch.setattr(truth_summary, "measured_best_linear", lambda *given, progress, **rest: measure(*given, **rest))
+    words = ("--bla", 0.02, "--out", tmp_path / "truth.png")
+    found = result(capsys, *words)["best_linear"]
+    assert set(found) == set(STUDIED_JOINTS)
+    for name, entry in found.items():
+        low, high = entry["ci95"]
+        assert low < entry["bandwidth_hz"] < high
+        true = linearize(load_arm(), amplitudes=()).joint(name).bandwidth_hz
+        assert 0.5 * true < entry["bandwidth_hz"] < true, "dry friction lowers it"
+        assert entry["distortion_percent"] > 0.5
+    out = run(capsys, *words)
+    assert "best linear" in out
+    assert "0.02 rad rms" in out
+    assert "Dry friction is not in these numbers but for the best linear ones" in out
+
+
+def test_attainable_on_a_log(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
+    assert main(["simulate", "siso-5-elbow_pitch", "--duration", "30", "--out", str(tmp_path)]) == 0
+    capsys.readouterr()
+    log = tmp_path / "siso-5-elbow_pitch.nc"
+    found = result(capsys, "--data", log)["attainable"]["elbow_pitch"]
+    floors = found["simulation"]
+    assert floors["any_model"]["fit"] >= floors["best_linear"]["fit"] >= floors["small_signal"]["fit"] > 50.0
+    out = run(capsys, "--data", log, "--out", tmp_path / "floors.svg")
+    assert "Attainable on siso-5-elbow_pitch" in out
+    assert "Chance: on 1500 samples" in out
+    with_floors, without = tmp_path / "floors.svg", tmp_path / "plain.svg"
+    run(capsys, "--out", without)
+    assert "attainable on siso-5-elbow_pitch" in drawn_words(with_floors)
+    assert "attainable" not in drawn_words(without)
+    assert "leave out the options" in complaint(capsys, "--data", log, "--payload", "none")
+    for option, value, logged in (
+        ("variant", "flight", "nominal"),
+        ("friction-level", "2.0", "1.0"),
+        ("pose", "home", "rpcm_holster_out_approach"),
+    ):
+        said = complaint(capsys, "--data", log, f"--{option}", value)
+        assert f"--{option} {value} given, the log has {option.replace('-', '_')} = {logged}" in said
+    run(capsys, "--data", log, "--variant", "nominal", "--supply-pressure", "20.7")
+    assert "expected a log" in complaint(capsys, "--data", tmp_path / "log.csv")
+    assert "missing.nc" in complaint(capsys, "--data", tmp_path / "missing.nc")
+
+
+def test_the_nominal_default_does_not_pass_for_an_option(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
+    """A log of another arm needs no option; naming the nominal arm contradicts it."""
+    log = tmp_path / "published.nc"
+    experiment = replace(load("siso-5-elbow_pitch"), name="published", variant="published", duration=30.0)
+    simulate([experiment])[0].save(log)
+    assert result(capsys, "--data", log)["variant"] == "published"
+    said = complaint(capsys, "--data", log, "--variant", "nominal")
+    assert "--variant nominal given, the log has variant = published" in said
+
+
+def test_maps_by_one_command(
+    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    coarse = Density(plane=(3, 3), cut=3, sample=5, condition=3, amplitudes=())
+    monkeypatch.setattr(Density, "scaled", classmethod(lambda cls, factor: coarse))
+    assert main(["truth", "--maps", "--out", str(tmp_path / "here.svg")]) == 2
+    assert "expected a folder" in capsys.readouterr().err
+    out = run(capsys, "--maps", "--out", tmp_path / "here")
+    assert f"maps: {tmp_path / 'here' / 'maps.html'}" in out
+    files = {path.name for path in (tmp_path / "here").iterdir()}
+    assert files >= {"maps.html", "workspace.svg", "workspace.csv", "truth.svg"}
+
+
+def complaint(capsys: pytest.CaptureFixture[str], *words: object) -> str:
+    """Run what must be refused: exit 2, nothing on stdout, one line on stderr."""
+    code = main(["truth", *map(str, words)])
+    out, err = capsys.readouterr()
+    assert (code, out) == (2, "")
+    assert err.startswith("hmtb: ")
+    assert err.count("\n") == 1
+    return err
+
+
+@pytest.mark.parametrize(
+    ("words", "expected"),
+    [
+        ("--actuator servo", "available: linear, orifice"),
+        ("--friction stick", "available: none, viscous, coulomb, lugre"),
+        ("--friction-level -1", "friction_level = -1.0 given, expected 0 to 100"),
+        ("--supply-pressure 2", "supply_pressure = 2.0 given"),
+        (
+            "--supply-pressure 6",
+            "at 6 MPa the drives cannot hold the arm at this pose: shoulder pitch needs 296 N m and has 155",
+        ),
+        ("--oil-temperature 120", "oil_temperature = 120.0 given"),
+        ("--process-noise nan", "process_noise = nan given"),
+        ("--pose homm", "did you mean 'home'?"),
+        ("--pose 0,20,50", "7 angles in degrees"),
+        ("--pose 0,20,50,90,-50,0,zero", "7 angles in degrees"),
+        ("--pose 0,20,50,160,-50,0,0", "elbow_pitch = 160 deg given, expected between 0 and 150 deg"),
+        ("--pose 999,20,50,90,-50,0,0", "shoulder_roll = 999 deg given, expected 0 deg, where its pin"),
+        ("--pose 0,20,50,30,-50,0,0 --bla 0.01", "give --pose a name"),
+        ("--pose 0,20,50,30,-50,0,0 --maps", "give --pose a name"),
+        ("--bla 0", "rms = 0.0 given"),
+        ("--bla 1e-9", "an amplitude of 1e-09 rad given, expected 0.000164 rad or more"),
+        ("--bla 0.9", "peaks"),
+        ("--out truth.gif", "expected a figure: .svg, .png, .pdf"),
+        ("--maps --density 0", "density of the maps: 0 given"),
+        ("--seed -1", "seed"),
+        ("--bla 0.01 --threads 0", "threads = 0 given"),
+        ("--threads 0", "threads = 0 given"),
+        ("--threads 2", "--threads 2 given without --bla or --maps"),
+        ("--maps --threads 0", "threads = 0 given"),
+        ("--density 0", "--density 0 given without --maps"),
+        ("--density 1", "--density 1 given without --maps"),
+        (
+            "--variant flight --supply-pressure 15",
+            "supply_pressure = 15.0 given, but the drives of this arm are electric",
+        ),
+    ],
+)
+def test_bad_values_are_one_line(
+    capsys: pytest.CaptureFixture[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch, words: str, expected: str
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    assert expected in complaint(capsys, *words.split())
+    assert list(tmp_path.iterdir()) == []

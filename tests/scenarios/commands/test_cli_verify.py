@@ -1,0 +1,161 @@
+"""`hmtb verify`: what is given is understood or refused in a line; results are printed, written, told as JSON."""
+
+import json
+from pathlib import Path
+
+import pytest
+from tests.scenarios.bench_run.few import Few, Here
+
+from scenarios.bench.result import Result
+from scenarios.commands.cli import main
+
+pytestmark = pytest.mark.usefixtures("nursery")
+
+MODULE = """
+import sysid
+
+def my_estimator(data, task):
+    raise RuntimeError("of no use")
+"""
+
+
+@pytest.fixture
+def executor(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Here:
+    """In an empty folder, with one small figure, everything in this process."""
+    monkeypatch.chdir(tmp_path)
+    here = Here()
+    monkeypatch.setattr("scenarios.bench.selection.ALL_FIGURES", (Few(),))
+    monkeypatch.setattr("scenarios.bench.local.Local", lambda *workers: here)
+    return here
+
+
+def complaint(capsys: pytest.CaptureFixture[str], *words: str) -> str:
+    assert main(["verify", *words]) == 2
+    out, err = capsys.readouterr()
+    assert out == "" and err.count("\n") == 1
+    return err
+
+
+def test_figures_are_printed_written_and_told(
+    executor: Here, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main(["verify", "perfect", "--quick", "--seed", "3"]) == 0
+    out, err = capsys.readouterr()
+    assert "Parameters within their intervals" in out and "✓ passes" in out
+    assert "4 requests, 4 answered by a stable model" in out
+    assert "fails no figure that it should pass" in out
+    # those of the first record of each problem come before
+    assert "still to do, of 4 requests: 2 requests, " in err
+    result = Result.read(tmp_path / "results" / "perfect.json")
+    assert (result.effort, result.seed, result.outcomes) == ("quick", 3, {"model": 4})
+    assert result.command == "hmtb verify perfect --quick --seed 3"
+    assert main(["verify", "perfect", "--quick", "--seed", "3", "--json"]) == 0
+    told = json.loads(capsys.readouterr().out)
+    assert executor.asked == 4  # nothing is done again
+    assert told["passed"] is True
+    figure = told["figures"]["few"]
+    assert (figure["passed"], figure["expected"], figure["interval"]) == (True, 2.0, [1.0, 3.0])
+    assert figure["value"] == result.figures["few"].value
+
+
+def test_several_stand_side_by_side_and_one_that_fails_is_told_by_the_exit_code(
+    executor: Here, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (tmp_path / "mine.py").write_text(MODULE)
+    words = ["verify", "perfect", "mine.py:my_estimator", "--structure", "oe", "--quick", "--figures", "few"]
+    assert main(words) == 1
+    out = capsys.readouterr().out
+    assert "Side by side" in out and "✗ fails" in out
+    assert "4 x error: RuntimeError: of no use (mine.py, line 5)" in out
+    assert "my_estimator: fails 1 figure: Parameters within their intervals" in out
+    result = Result.read(tmp_path / "results" / "my_estimator.json")
+    assert result.command == "hmtb verify mine.py:my_estimator --structure oe --quick --figures few"
+    assert (result.contestant.target, result.contestant.home) == ("mine.py:my_estimator", "")
+    assert main([*words, "--json"]) == 1
+    told = json.loads(capsys.readouterr().out)
+    assert {name: entry["passed"] for name, entry in told["estimators"].items()} == {
+        "perfect": True,
+        "my_estimator": False,
+    }
+    assert told["passed"] is False and told["estimators"]["my_estimator"]["outcomes"] == {"error": 4}
+
+
+def test_an_interrupted_run_says_how_to_go_on(
+    executor: Here, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    executor.after = 3
+    assert main(["verify", "perfect", "--quick"]) == 130
+    err = capsys.readouterr().err
+    kept = Path("results") / "journals"
+    assert f"interrupted; 3 of 4 trials kept in {kept}; to go on: hmtb verify perfect --quick" in err
+    executor.after = 10
+    assert main(["verify", "perfect", "--quick"]) == 0
+    assert executor.asked == 4
+
+
+def test_a_lesser_run_is_refused_beside_a_fuller_result_and_a_fuller_one_is_not(
+    executor: Here, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main(["verify", "perfect", "--quick", "--records", "1"]) == 1  # too few for its figure
+    assert main(["verify", "perfect", "--quick"]) == 0
+    capsys.readouterr()
+    says = complaint(capsys, "perfect", "--quick", "--records", "1")
+    assert "perfect.json has the result of a fuller run, with records that this run does not ask" in says
+    assert "give another --out, or move that file away" in says
+    assert executor.asked == 4
+    assert main(["verify", "perfect", "--quick", "--records", "1", "--out", "less"]) == 1
+    assert main(["verify", "perfect"]) == 0
+    assert Result.read(tmp_path / "results" / "perfect.json").effort == "full"
+
+
+def test_the_list_says_what_can_run_here(executor: Here, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["verify", "--list", "--json"]) == 0
+    told = json.loads(capsys.readouterr().out)["estimators"]
+    assert told["our-oe"]["available"] and told["our-oe"]["structure"] == "oe"
+    assert all(entry["available"] or entry["why"] for entry in told.values())
+    assert main(["verify", "--list"]) == 0
+    out = capsys.readouterr().out
+    assert all(name[:12] in out for name in told)
+
+
+@pytest.mark.parametrize(
+    ("words", "says"),
+    [
+        ((), "no estimator given; expected MODULE:FUNCTION"),
+        (("our-oee",), "unknown estimator 'our-oee': did you mean 'our-oe'"),
+        (("nowhere:estimator",), "no module 'nowhere' is found"),
+        (("nowhere.py:estimator",), "there is no file 'nowhere.py'"),
+        (("mine:",), "expected MODULE:FUNCTION or FILE.py:FUNCTION"),
+        (("my-file.py:estimator",), "expected a file whose name can be imported"),
+        (("our-oe", "our-oe"), "given twice: our-oe"),
+        (("our-oe", "--name", "mine"), "--name mine given without an estimator of your own"),
+        (("mine:a", "mine:b", "--name", "c"), "--name c given with 2 estimators of your own, expected one"),
+        (("mine:my_estimator", "--stays"), "--stays given without --command"),
+        (("--command", "'"), "which is no command line"),
+        (("--command", " "), "an empty --command given"),
+        (("perfect", "--figures", "fewer"), "unknown figure 'fewer': did you mean 'few'?"),
+        (("perfect", "--seed", "-1"), "seed -1 given"),
+        (("perfect", "--seconds", "0"), "a limit of 0 s given, expected a finite time"),
+        (("perfect", "--memory-gib", "0.01"), "bytes given, expected at least"),
+        (("perfect", "--memory-gib", "nan"), "--memory-gib nan given, expected more than 0"),
+        (("perfect", "--memory-gib", "1e300"), "--memory-gib 1e+300 given"),
+        (("mine.py:my_estimator", "--name", "\x1b[31m"), "that can be printed; --name"),
+        (("mine.py:my_estimator", "--name", "m" * 101), "expected at most 100 characters"),
+        (("perfect", "--cluster", "here"), "expected the address of a Dask scheduler"),
+        (("perfect", "--cluster", "tcp://a:1", "--workers", "2"), "--workers and --cluster given"),
+        (("perfect", "--structure", "tf"), "structure"),
+    ],
+)
+def test_what_cannot_be_is_refused_before_anything_is_made(
+    executor: Here, tmp_path: Path, capsys: pytest.CaptureFixture[str], words: tuple[str, ...], says: str
+) -> None:
+    (tmp_path / "mine.py").write_text(MODULE)
+    (tmp_path / "my-file.py").write_text(MODULE)
+    assert says in complaint(capsys, *words)
+    assert not (tmp_path / "results").exists()
+
+
+def test_processes_are_at_least_one(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
+    assert "workers must be 1 or more, given 0" in complaint(
+        capsys, "perfect", "--workers", "0", "--out", str(tmp_path / "out")
+    )

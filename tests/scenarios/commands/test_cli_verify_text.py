@@ -1,0 +1,188 @@
+"""What `hmtb verify` says in words: bandwidths with the answer, why figures fail, how far a run is."""
+
+import math
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+
+from scenarios.bench.cost import Pilot, kind, pilot_of
+from scenarios.bench.measured import Measured
+from scenarios.bench.metric import Figure, Part
+from scenarios.bench.result import Result
+from scenarios.bench.work import Done, Piece, spread
+from scenarios.commands.verify_bandwidths import answer, bandwidth_rows, show_bandwidths
+from scenarios.commands.verify_progress import verify_progress
+from scenarios.commands.verify_reasons import show_reasons
+from scenarios.commands.verify_tables import show
+from scenarios.estimators.contestant import Contestant, Limits
+from scenarios.problems.trial import Trial
+
+NAN = float("nan")
+INFINITE = (-math.inf, math.inf)
+ROWS = (("elbow_pitch", 40.0, 1.02, 1.04, 8), ("elbow_pitch", 5.0, 0.9, 0.6, 5), ("shoulder_yaw", 5.0, NAN, NAN, 0))
+
+
+def bandwidth() -> Figure:
+    parts = [Part(f"{row[0]} multisine {row[1]:g} mrad", row[2], row[3], (0.8, 1.1), INFINITE, None) for row in ROWS]
+    classes = [
+        {
+            "joint": joint,
+            "excitation": "multisine",
+            "mrad": mrad,
+            "small_signal": 1.1,
+            "best_linear": best,
+            "near": near,
+        }
+        | {"models": 8}
+        for joint, mrad, _, best, near in ROWS
+    ]
+    return Figure(
+        "bandwidth",
+        "Recovered bandwidth",
+        "Hz",
+        0.9,
+        0.6,
+        (0.8, 1.1),
+        None,
+        0.0,
+        "",
+        tuple(parts),
+        {"classes": classes},
+    )
+
+
+def test_bandwidths_joint_by_joint_and_the_answer(capsys: pytest.CaptureFixture[str]) -> None:
+    rows = bandwidth_rows({"bandwidth": bandwidth()})
+    assert [(row["joint"], row["mrad"], row["near"]) for row in rows] == [
+        ("elbow_pitch", 5.0, 5),
+        ("elbow_pitch", 40.0, 8),
+        ("shoulder_yaw", 5.0, 0),
+    ]
+    show_bandwidths(rows)
+    out = capsys.readouterr().out
+    assert "5 of 8" in out and "0.8 to 1.1" in out
+    text = answer(rows)
+    assert "finds in 13 of 24 records and in the median of 2 of 3 rows" in text
+    assert "truth is about 1 Hz in 1 of them, and its median lies within 10 % of that truth in 1" in text
+    assert "elbow_pitch multisine 5 mrad: 0.9 Hz, where 0.6 Hz is true." in text
+    assert answer(rows[2:]).endswith("the best linear truth is about 1 Hz in 0 of them.")
+    assert bandwidth_rows({}) == []
+    assert bandwidth_rows({"bandwidth": replace(bandwidth(), parts=(), curves={})}) == []
+
+
+def figure(name: str, *parts: Part, passed: bool | None) -> Figure:
+    return Figure(name, f"{name.title()}: of something", "", 1.0, 1.0, (0.0, 2.0), passed, 1e-4, "what; more", parts)
+
+
+def test_a_block_for_each_figure_that_does_not_pass(capsys: pytest.CaptureFixture[str]) -> None:
+    failed = [Part(f"p{k}", 10.0 * k, 1.0, (0.0, 2.0), (-math.inf, 2.0), False) for k in range(1, 8)]
+    expected = Part("p8", 3.0, 1.0, (0.0, 2.0), (5.0, math.inf), False, theory=False, why="it is biased")
+    figures = [
+        figure("first", Part("p0", 1.0, 1.0, (0.0, 2.0), (0.5, 2.0), True), passed=True),
+        figure("second", *failed, expected, passed=False),
+        figure("third", expected, passed=True),
+        figure("fourth", replace(expected, limits=(0.5, 2.0)), passed=True),
+        replace(figure("fifth", passed=None), why="what; too few records"),
+        bandwidth(),
+    ]
+    show_reasons(figures, verbose=False)
+    assert capsys.readouterr().out.splitlines() == [
+        "✗ Second: of something: fails",
+        "    what",
+        *(f"    p{k}  {10 * k}  limit: at most 2" for k in range(7, 2, -1)),
+        "    and 2 more: --verbose has them",
+        "△ Third: of something: fails as theory says",
+        "    it is biased",
+        "    p8  3  limit: at least 5",
+        "△ Fourth: of something: fails as theory says",
+        "    theory says the same as of “Third”",
+        "    p8  3  limits: 0.5 to 2",
+        "– Fifth: of something: too few records",
+        "",
+    ]
+    show_reasons(figures, verbose=True)
+    out = capsys.readouterr().out
+    assert "✓ First: of something: passes\n    what; more\n" in out
+    assert "    p1  10  limit: at most 2\n    p8   3  limit: at least 5 △\n" in out
+
+
+def test_a_part_that_fails_without_a_limit_says_why(capsys: pytest.CaptureFixture[str]) -> None:
+    some = Part("p1", 1.0, 1.0, (0.0, 2.0), INFINITE, False, why="claimed of 3 of 20 records")
+    none = Part("p2", 1.0, 0.0, (0.0, 2.0), (0.0, 0.0), False)
+    show_reasons([figure("first", some, none, passed=False)], verbose=False)
+    lines = capsys.readouterr().out.splitlines()
+    assert "    p1  1  claimed of 3 of 20 records" in lines and "    p2  1  limit: 0" in lines
+
+
+@pytest.mark.parametrize(
+    ("kinds", "kept", "more"),
+    [
+        (5, 5, ""),
+        (6, 6, "  and 1 more, for another reason: the file has them"),
+        (9, 9, "  and 10 more, for 4 other reasons: the file has them"),
+        (30, 20, "  and 325 more, for 15 other reasons or more: the file has some"),
+    ],
+)
+def test_reasons_that_are_not_printed_are_counted(
+    kinds: int, kept: int, more: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """All failures are accounted for, also where the file has not all of their reasons."""
+    counts = {f"error: {k}": kinds - k for k in range(kinds)}
+    outcomes = {"model": 5, "refused": 3, "error": sum(counts.values())}
+    reasons = dict(list(counts.items())[:kept])
+    effort = "quick, at most 20 records of a problem"
+    show([Result(Contestant("mine", "a:b"), Limits(), effort, 0, "", "", {}, "", outcomes, reasons, 0.5, {})], tmp_path)
+    out = capsys.readouterr().out
+    lines = out.splitlines()
+    assert " ".join(out.split()).startswith("mine: quick bench, at most 20 records of a problem, seed 0 ")
+    assert f"  {kinds - 4} x error: 4" in lines and not any("error: 5" in line for line in lines)
+    assert [line for line in lines if "more, for" in line] == [more] * bool(more)
+
+
+@pytest.mark.parametrize(
+    ("method", "number", "words"),
+    [
+        ("observer", 2, "fails no figure that it should pass; 2 figures fail as theory says of an observer method"),
+        ("pem", 1, "fails no figure that it should pass; 1 figure fails as theory says of prediction error"),
+        ("subspace", 0, "fails no figure that it should pass"),
+    ],
+)
+def test_the_last_line_counts_what_theory_excuses(
+    method: str, number: int, words: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    fine = Part("p1", 1.0, 1.0, (0.9, 1.1), (0.5, 1.5), True)
+    figures = {}
+    for place in range(3):
+        bad = [Part("p2", 9.0, 1.0, (8.0, 9.9), (0.5, 1.5), False, theory=False, why="so it is")] * (place < number)
+        figures[f"f{place}"] = Figure(f"f{place}", "One", "", 1.0, 1.0, (0.9, 1.1), True, 0.0, "", (fine, *bad))
+    one = Contestant("mine", "a:b", method=method)
+    show([Result(one, Limits(), "quick", 0, "", "", {}, "", {"model": 1}, {}, 0.5, figures)], tmp_path)
+    assert capsys.readouterr().out.splitlines()[-1] == f"mine: {words}"
+
+
+def test_lines_of_progress_tell_what_is_left_once_that_is_known(capsys: pytest.CaptureFixture[str]) -> None:
+    now = [0.0]
+    with verify_progress("run", clock=lambda: now[0]) as told:
+        for now[0], done, left in ((9.0, 1, None), (11.0, 2, None), (20.0, 3, 60.0), (42.0, 4, 300.0), (80.0, 9, 0.0)):
+            told(done, 9, left)
+    assert capsys.readouterr().err.splitlines() == [
+        "run: 2 of 9 requests, the first of each kind",
+        "run: 4 of 9 requests, about 5 min left",
+        "run: 9 of 9 requests",
+    ]
+
+
+def test_the_first_of_each_kind_tells_the_cost_and_families_are_spread() -> None:
+    names = [*(f"twin-a-w{k}" for k in range(4)), "p1@300", "p1@300", "p1"]
+    some = [Piece(name, draw, (("fit", 0),)) for draw, name in enumerate(names)]
+    first, others = pilot_of(some)
+    assert [piece.draw for piece in first] == [0, 4, 6] and len(others) == 4
+    assert [kind(piece.problem) for piece in first] == ["twin-a", "p1@300", "p1"]
+    pilot = Pilot()
+    for piece in first:
+        pilot.learn(Done(0, Measured(Trial(piece.problem, piece.draw), "crash"), 1.0 + piece.draw))
+    assert [pilot.seconds(piece) for piece in others] == [1.0, 1.0, 1.0, 5.0]
+    cost = pilot.cost(others, 2)
+    assert (cost.calls, cost.core_seconds, cost.wall) == (4, 8.0, 4.0)
+    assert "".join(piece.problem[0] for piece in spread(some)) == "tptptpt"

@@ -1,0 +1,170 @@
+"""`hmtb waveform`: files, plots, and what they are good for."""
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from scenarios.commands.cli import main
+from scenarios.experiments.waveform import read_points
+
+
+def run(capsys: pytest.CaptureFixture[str], *words: object) -> tuple[int, str, str]:
+    code = main([str(word) for word in words])
+    out, err = capsys.readouterr()
+    return code, out, err
+
+
+def result(capsys: pytest.CaptureFixture[str], *words: object) -> dict:
+    """Run with --json; stdout is one object and stderr is empty."""
+    code, out, err = run(capsys, *words, "--json")
+    assert (code, err) == (0, ""), err
+    return json.loads(out, parse_constant=lambda name: pytest.fail(f"{name} is not JSON"))
+
+
+def complaint(capsys: pytest.CaptureFixture[str], *words: object) -> str:
+    """Run what must be refused: exit 2, nothing on stdout, one line on stderr."""
+    code, out, err = run(capsys, *words)
+    assert (code, out, err.count("\n")) == (2, "", 1)
+    return err
+
+
+WAVEFORMS = {
+    "sine": "--frequency 1",
+    "two_sines": "--frequency 1.25",
+    "multisine": "--f-min 1 --f-max 5 --odd --seed 3",
+    "prbs": "--clock 3 --seed 2 --register 12",
+    "sign_recursion": "--memory 0.3 --as-printed --seed 2",
+    "chirp": "--f-start 1 --f-end 5",
+    "chirp_as_printed": "--f-low 1 --f-high 2 --f-center 3",
+    "chirp_franklin": "--f-start 1 --f-end 5 --ramp 0.2 --offset 0.1",
+    "bipolar_ramping_pulse": "--frequency 1 --pulse-width 0.1 --growing",
+    "white_noise": "--seed 3",
+}
+
+
+def test_every_waveform_has_flags_for_everything_it_takes(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
+    from inspect import signature
+
+    from scenarios.experiments.excitation import KINDS
+
+    assert set(WAVEFORMS) == set(KINDS) - {"points"}
+    for kind, words in WAVEFORMS.items():
+        typed = ["--amplitude", "0.5", *words.split()]
+        found = result(capsys, "waveform", kind, *typed, "--out", tmp_path)
+        flags = {word[2:].replace("-", "_") for word in typed if word.startswith("--")}
+        assert flags == set(signature(KINDS[kind]).parameters)
+        assert set(found["parameters"]) == flags
+        assert found["parameters"]["amplitude"] == 0.5
+    out = run(capsys, "waveform", "prbs", "--out", tmp_path)[1]
+    assert "mean / V" in out
+    assert "update rate / Hz" in out
+
+
+def test_waveform_complains_in_the_flags_as_typed(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
+    waveform = ("waveform", "--out", tmp_path / "none")
+    said = complaint(capsys, *waveform, "chirp_as_printed", "--f-low", "1", "--f-high", "2")
+    assert "chirp_as_printed needs --f-center; it takes --f-low, --f-high, --f-center, --amplitude" in said
+    assert "multisine has no --f-start" in complaint(capsys, *waveform, "multisine", "--f-start", "1")
+    assert not (tmp_path / "none").exists()
+
+
+def test_waveform_writes_the_file_and_the_plot(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
+    found = result(capsys, "waveform", "two_sines", "--frequency", "2.5", "--out", tmp_path)
+    assert found["order_of_excitation"] == 4
+    points = np.loadtxt(found["points"])
+    assert points.shape == (100,)
+    assert Path(found["plot"]).read_bytes().startswith(b"\x89PNG")
+
+
+def test_a_written_file_reads_back_to_the_last_bit(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
+    found = result(capsys, "waveform", "chirp", "--f-start", "5", "--f-end", "10", "--out", tmp_path)
+    again = result(capsys, "waveform", "file", "--path", found["points"], "--out", tmp_path / "again")
+    assert again["points"] == found["points"]
+    assert Path(again["plot"]) == tmp_path / "again" / "chirp.png"
+    for key in ("order_of_excitation", "mean_v", "rms_v", "period_s"):
+        assert again[key] == found[key]
+    t = np.arange(100) / 50
+    np.testing.assert_allclose(read_points(found["points"]), np.cos(2 * np.pi * (5 * t + 5 * t**2 / 4)), atol=1e-12)
+
+
+def test_a_file_of_few_digits_excites_no_more_than_its_tones(
+    capsys: pytest.CaptureFixture[str], tmp_path: Path
+) -> None:
+    path = tmp_path / "mine.txt"
+    np.savetxt(path, np.sin(2 * np.pi * 3 * np.arange(100) / 50), fmt="%.9g")
+    assert result(capsys, "waveform", "file", "--path", path, "--out", tmp_path)["order_of_excitation"] == 2
+
+
+def test_it_says_for_which_models_a_waveform_is_too_poor(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
+    found = result(capsys, "waveform", "two_sines", "--frequency", "2.5", "--out", tmp_path)
+    (warning,) = found["warnings"]
+    assert found["needed_order"]["armax 5 3 5 2"] == 8
+    assert found["needed_order"]["oe 2 2 1"] == found["needed_order"]["armax 2 2 2 1"] == 4
+    assert found["needed_order"]["okid 2 5"] == 6
+    assert warning == (
+        "order of excitation 4 is too low for 4 of the 8 models of the study: okid (6), oe (7 to 8), armax (8)"
+    )
+    (warning,) = result(capsys, "waveform", "sine", "--frequency", "5", "--out", tmp_path)["warnings"]
+    assert warning == "order of excitation 2 is too low for every model of the study: they need 4 to 8"
+    assert result(capsys, "waveform", "prbs", "--out", tmp_path)["warnings"] == []
+    out = run(capsys, "waveform", "sine", "--frequency", "5", "--out", tmp_path)[1]
+    assert "warning: order of excitation 2 is too low" in " ".join(out.split())
+
+
+def test_the_estimators_warn_by_the_same_rule() -> None:
+    import warnings
+
+    import sysid
+    from scenarios.experiments.needed_order import needed_orders
+    from scenarios.identification.estimators import estimate
+
+    t, rng = np.arange(2000), np.random.default_rng(1)
+    for label, needed in needed_orders().items():
+        method, *orders = label.split()
+        for order, weak in ((needed - needed % 2 - 2 * (needed % 2 == 0), True), (needed + needed % 2, False)):
+            # A sum of m sinusoids has order 2 m.
+            u = sum(np.sin(2 * np.pi * (0.03 + 0.05 * k) * t + k**2) for k in range(order // 2))
+            data = sysid.IOData(u, np.convolve(u, [0, 0, 0.5, 0.3])[: len(u)] + 0.1 * rng.standard_normal(2000), 0.02)
+            with warnings.catch_warnings(record=True) as caught:
+                warnings.simplefilter("always")
+                estimate(data, method, [int(value) for value in orders])
+            said = [str(entry.message) for entry in caught if "persistently exciting" in str(entry.message)]
+            assert bool(said) == weak, (label, order, said)
+            assert all(f"of order {order} only, the model needs {needed}" in text for text in said)
+
+
+def test_a_path_belongs_to_a_file_and_nothing_else(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
+    out = ("--out", tmp_path)
+    assert "hmtb waveform file --path FILE" in complaint(capsys, "waveform", "file", *out)
+    assert "hmtb waveform file --path FILE" in complaint(capsys, "waveform", "points", *out)
+    assert "prbs has no --path" in complaint(capsys, "waveform", "prbs", "--path", "x.txt", *out)
+    assert "No such file" in complaint(capsys, "waveform", "file", "--path", tmp_path / "none.txt", *out)
+    assert "did you mean 'file'" in complaint(capsys, "waveform", "fil", *out)
+    assert "points" not in complaint(capsys, "waveform", "square", *out)
+    said = complaint(capsys, "waveform", "file", "mine.txt", *out)
+    assert "unexpected argument 'mine.txt'; did you mean --path mine.txt?" in said
+
+
+@pytest.mark.parametrize("word", ["nan", "inf", "two"])
+def test_what_is_no_number_is_named_with_its_line(
+    capsys: pytest.CaptureFixture[str], tmp_path: Path, word: str
+) -> None:
+    path = tmp_path / "mine.txt"
+    path.write_text("1\n" * 41 + f"{word}\n" + "1\n" * 58, encoding="utf-8")
+    said = complaint(capsys, "waveform", "file", "--path", path, "--out", tmp_path)
+    assert f"line 42: expected a {'number' if word == 'two' else 'finite number'} in V, given '{word}'" in said
+
+
+def test_points_beyond_the_converter_are_told(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
+    path = tmp_path / "high.txt"
+    path.write_text("12\n-9\n" + "0.5\n" * 97 + "-11\n", encoding="utf-8")
+    for words, count in (
+        (("file", "--path", path), 2),
+        (("prbs", "--amplitude", "11"), 100),
+        (("prbs", "--amplitude", "9.9"), 0),
+    ):
+        warnings = result(capsys, "waveform", *words, "--out", tmp_path / "out")["warnings"]
+        told = [text for text in warnings if "±10 V of the excitation computer's converter" in text]
+        assert [text.split()[0] for text in told] == [str(count)] * bool(count)

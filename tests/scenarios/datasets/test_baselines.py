@@ -1,0 +1,225 @@
+"""Floors and baselines: the right model reaches the floor, none goes below, and every row is made again."""
+
+import csv
+import json
+import shutil
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from hmtb_twin.control.modes import joint_index
+from hmtb_twin.truth.linearization import simulated
+from scenarios.commands.cli import main
+from scenarios.datasets.baseline_table import BaselineStage, differences, read_table, report, row, table
+from scenarios.datasets.baselines import Bench, baseline
+from scenarios.datasets.build import build
+from scenarios.datasets.data_record import DataRecord
+from scenarios.datasets.data_set import DataSet, open_data_set
+from scenarios.datasets.layout import ATTAINABLE, BASELINES, attainable_file
+from scenarios.datasets.plan import Plan
+from scenarios.datasets.score import score, score_model
+from scenarios.datasets.spec import DataSetSpec
+from scenarios.datasets.spec_tables import BaselinesAsked, Method
+from scenarios.datasets.stored_log import stored_log
+from scenarios.experiments.logged_arm import experiment_arm
+from scenarios.files.errors import ScenarioError
+from sysid import IOData
+
+SMALL = """
+name = "small"
+version = 1
+title = "With friction and without"
+seed = 11
+
+[truth]
+floors = 1
+
+[baselines]
+models = ["hold", "gain", "arx:4/4", "armax:3/3/3", "iv4:2/2", "oe:2/2", "okid:2/5", "n4sid:3", "truth"]
+
+[[records]]
+name = "prbs"
+part = "train"
+axes = ["elbow_pitch"]
+duration = 40.0
+frictions = ["viscous", "lugre"]
+draw_waveforms = true
+excitation = { kind = "prbs", amplitude = 1.0, clock = 2, register = 15 }
+
+[[records]]
+name = "noise"
+part = "test"
+axes = ["elbow_pitch"]
+duration = 30.0
+frictions = ["viscous", "lugre"]
+draw_waveforms = true
+excitation = { kind = "white_noise", amplitude = 2.0 }
+"""
+
+
+@pytest.fixture(scope="module")
+def small(tmp_path_factory: pytest.TempPathFactory) -> DataSet:
+    return open_data_set(build(DataSetSpec.from_toml(SMALL), tmp_path_factory.mktemp("small"), workers=1).path)
+
+
+@pytest.fixture(scope="module")
+def floors(small: DataSet) -> dict[str, dict[str, str]]:
+    with (small.folder / ATTAINABLE).open(newline="") as stream:
+        return {line["experiment"]: line for line in csv.DictReader(stream)}
+
+
+class Physics:
+    """The twin itself as a model: it is told the commands of a record, and the arm."""
+
+    def __init__(self, small: DataSet, record: DataRecord) -> None:
+        self.entry = next(entry for entry in Plan(small.spec) if entry.name == record.name)
+
+    def predicted(self, record: IOData, steps: int) -> np.ndarray:
+        """Return the angle of the arm that starts at rest."""
+        arm, experiment = experiment_arm(self.entry.experiment), self.entry.experiment
+        pose = arm.pose(experiment.pose)
+        commands = np.tile(pose, (len(record), 1))
+        column = joint_index("elbow_pitch")
+        commands[:, column] = record.u[:, 0]
+        return (simulated(arm, pose, commands) + arm.rest(pose).qpos[:7])[:, [column]]
+
+
+def test_the_right_model_reaches_the_stated_score(small: DataSet, floors: dict[str, dict[str, str]]) -> None:
+    """With dry friction and without, the twin simulated from the commands alone leaves the noise of the recorder."""
+    scores = score_model(lambda record: Physics(small, record), small)
+    assert [one.experiment for one in scores.scores] == list(floors)
+    for one in scores.scores:
+        stated = floors[one.experiment]
+        assert float(stated["attainable_by_chance"]) <= one.value
+        assert one.value == pytest.approx(float(stated["attainable"]), rel=1e-6)
+
+
+def test_without_friction_the_small_signal_truth_reaches_it_within_chance(
+    small: DataSet, floors: dict[str, dict[str, str]]
+) -> None:
+    values = {
+        one.experiment: one.value for one in baseline(Bench(small, small.spec.baselines), Method("truth")).test.scores
+    }
+    smooth, rough = floors["noise-viscous"], floors["noise-lugre"]
+    lower, floor = float(smooth["attainable_by_chance"]), float(smooth["attainable"])
+    # An initial state and a constant more or less: what chance takes off a floor it may put on it.
+    assert lower <= values["noise-viscous"] <= floor + 3.0 * (floor - lower)
+    # Stuck joints are beyond linear systems, the more so beyond that of small signals.
+    assert values["noise-lugre"] > 2.0 * float(rough["attainable"])
+    assert float(rough["attainable"]) < float(rough["best_linear"]) < float(rough["small_signal"])
+
+
+def test_no_baseline_goes_below_a_floor(small: DataSet, floors: dict[str, dict[str, str]]) -> None:
+    published = sorted((small.folder / "baselines").iterdir())
+    assert len(published) == len(small.spec.baselines.models)
+    for path in published:
+        for experiment, joint, value in json.loads(path.read_text())["test"]:
+            stated = floors[experiment]
+            assert joint == stated["joint"]
+            assert float(value) >= float(stated["attainable_by_chance"]), f"{path.stem} on {experiment}"
+            if path.stem != "truth":
+                assert float(value) >= 0.999 * float(stated["best_linear"]), f"{path.stem} on {experiment}"
+
+
+def test_floors_tell_of_what_they_rest_on(small: DataSet, floors: dict[str, dict[str, str]]) -> None:
+    for name, stated in floors.items():
+        whole = json.loads((small.folder / attainable_file(name)).read_text())["joints"]["elbow_pitch"]
+        assert stated["unit"] == "mrad"
+        assert int(stated["samples"]) == whole["samples"] == 1400
+        assert 1000.0 * whole["simulation"]["any_model"]["rmse"] == pytest.approx(float(stated["attainable"]), rel=1e-9)
+        assert 1000.0 * whole["by_chance"]["simulation"]["any_model"] == pytest.approx(
+            float(stated["attainable_by_chance"]), rel=1e-9
+        )
+
+
+def test_every_row_is_made_again_by_its_command(small: DataSet, monkeypatch: pytest.MonkeyPatch) -> None:
+    rows = read_table(small.folder / BASELINES)
+    assert [one["method"] for one in rows] == [method.name for method in small.spec.baselines.methods]
+    monkeypatch.chdir(small.folder.parent)
+    for one in rows:
+        words = one["command"].split()
+        assert words[:4] == ["hmtb", "dataset", "baselines", "small-v1"]
+        assert main([*words[1:], "--json"]) == 0
+
+
+def test_a_row_that_differs_is_said_so(small: DataSet, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    copy = tmp_path / "small-v1"
+    shutil.copytree(small.folder, copy)
+    rows = [dict(one) for one in read_table(copy / BASELINES)]
+    rows[0]["test"] = f"{float(rows[0]['test']) * (1 + 1e-8):.11g}"
+    (copy / BASELINES).write_bytes(table(rows))
+    assert main(["dataset", "baselines", str(copy), "--method", "hold"]) == 1
+    assert "published" in capsys.readouterr().out
+    assert main(["dataset", "baselines", str(copy), "--method", "arx", "--orders", "1", "1"]) == 0
+    assert "no such row is published" in capsys.readouterr().out
+    with pytest.raises(ScenarioError, match="a row has more or fewer columns"):
+        (copy / BASELINES).write_text("a,b\n1\n")
+        read_table(copy / BASELINES)
+    assert differences({"test": "1", "test_x": "", "orders": "2"}, {"test": "1.0000000001", "test_x": "3"}) == (
+        "test_x = none, published 3",
+    )
+
+
+def test_models_come_from_the_training_part_of_their_own_arm(small: DataSet) -> None:
+    bench = Bench(small, BaselinesAsked())
+    assert [one.name for one in bench.training(small.record("noise-lugre"))] == ["prbs-lugre"]
+    assert [one.name for one in bench.training(small.record("noise-viscous"))] == ["prbs-viscous"]
+    found = baseline(bench, Method("gain"))
+    assert set(found.trained) == {"prbs-viscous", "prbs-lugre"}
+    assert found.validation is None
+    assert row(bench, found)["validation"] == ""
+    # Of another arm where there is none of its own.
+    other = replace(bench, data_set=replace(small, listings=tuple(x for x in small.listings if x.name != "prbs-lugre")))
+    assert [one.name for one in other.training(small.record("noise-lugre"))] == ["prbs-viscous"]
+    none = replace(bench, data_set=replace(small, listings=tuple(x for x in small.listings if x.part != "train")))
+    assert "no training records of elbow_pitch" in report(none, Method("gain"))["row"]["failed"]
+
+
+def test_methods_are_understood_strictly() -> None:
+    assert Method.parsed("oe:2/2") == Method("oe", (2, 2, 1))
+    assert str(Method.parsed("okid:2")) == "okid:2/5"
+    for text, match in (
+        ("oe:2", "oe takes the orders"),
+        ("hold:1", "method hold given orders"),
+        ("ox:2/2", "unknown method 'ox'"),
+        ("oe:2/-2", "expected a method with its orders"),
+    ):
+        with pytest.raises(ScenarioError, match=match):
+            Method.parsed(text)
+    with pytest.raises(ScenarioError, match="each once"):
+        BaselinesAsked(models=("oe:2/2", "oe:2/2/1"))
+
+
+def test_a_log_comes_back_from_its_files(small: DataSet, tmp_path: Path) -> None:
+    entry = next(entry for entry in Plan(small.spec) if entry.name == "noise-lugre")
+    log, record = stored_log(small.folder, entry), small.record("noise-lugre")
+    np.testing.assert_array_equal(log.iodata().y[:, 0], record.y)
+    np.testing.assert_array_equal(
+        log.commanded[:, joint_index("shoulder_yaw")][0],
+        experiment_arm(entry.experiment).pose(entry.experiment.pose)[1],
+    )
+    assert np.abs(log.true_angles[1:-1, 3] - log.measured[2:, 3]).max() < 1e-3
+    assert log.provenance["pose"] == entry.experiment.pose
+
+
+def test_scores_of_the_command_are_those_of_the_function(
+    small: DataSet, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    hats = {record.name: record.y + 0.001 for record in small.test}
+    for name, hat in hats.items():
+        (tmp_path / f"{name}.csv").write_text("elbow_pitch\n" + "\n".join(map(repr, hat.tolist())))
+    assert main(["dataset", "score", str(tmp_path), "--data", str(small.folder), "--json"]) == 0
+    found = json.loads(capsys.readouterr().out)
+    assert found["mean"] == pytest.approx(1.0)
+    assert found["mean"] == score(hats, small).mean
+    assert (found["metric"], found["unit"], found["steps"]) == ("rmse", "mrad", 0)
+    assert main(["dataset", "score", str(tmp_path), "--data", str(small.folder)]) == 0
+    assert "score: 1 mrad (rmse in simulation, mean over all records and outputs)" in capsys.readouterr().out
+    assert main(["dataset", "score", str(tmp_path / "none"), "--data", str(small.folder)]) == 2
+
+
+def test_a_spec_that_asks_for_no_baselines_gets_no_table(tiny_spec: DataSetSpec):
+    assert tuple(BaselineStage().pieces(Plan(tiny_spec)))
+    assert tuple(BaselineStage().pieces(Plan(replace(tiny_spec, baselines=BaselinesAsked(models=()))))) == ()

@@ -1,0 +1,226 @@
+"""Best linear approximations of a data set: one for each class of excitation, and read back with its interval."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from hmtb_twin.control.control_station import ControlStation
+from hmtb_twin.control.modes import joint_index
+from scenarios.datasets import best_linear_truth
+from scenarios.datasets.arm_truth import arm_truth
+from scenarios.datasets.best_linear_truth import (
+    BestLinearStage,
+    best_linear_contents,
+    excitation_class,
+    matched,
+    own_realisations,
+    read_best_linear,
+)
+from scenarios.datasets.build import build
+from scenarios.datasets.data_set import open_data_set
+from scenarios.datasets.plan import Plan
+from scenarios.datasets.spec import DataSetSpec
+from scenarios.datasets.spec_tables import TruthAsked
+from scenarios.experiments.logged_arm import experiment_arm
+from scenarios.experiments.multisines import multisine_experiments
+from scenarios.files.errors import ScenarioError
+from scenarios.files.netcdf import read_netcdf
+from scenarios.truth.best_linear import best_linear
+from sysid import bla
+
+SPEC = DataSetSpec.from_toml("""
+name = "approximated"
+version = 1
+title = "Classes of excitation"
+seed = 3
+
+[truth]
+best_linear = ["multisine", "prbs", "both"]
+
+[[records]]
+name = "multisine"
+part = "train"
+axes = ["elbow_pitch"]
+amplitudes = [0.01, 0.03]
+frictions = ["none"]
+draw_waveforms = true
+multisines = { f_min = 0.4, f_max = 4.0, period = 2.56, realisations = 3, periods = 2, settling = 1 }
+
+[[records]]
+name = "prbs"
+part = "train"
+axes = ["shoulder_yaw", "elbow_pitch"]
+each_axis = true
+repeats = 2
+duration = 20.0
+draw_waveforms = true
+excitation = { kind = "prbs", amplitude = 1.0, clock = 2, register = 9 }
+
+[[records]]
+name = "both"
+part = "test"
+axes = ["shoulder_yaw", "elbow_pitch"]
+duration = 20.0
+excitation = { kind = "white_noise", amplitude = 1.0 }
+""")
+
+
+def test_there_is_a_piece_for_each_class() -> None:
+    """Realisations and repeats differ by chance; arm, joints and amplitude do not."""
+    plan = Plan(SPEC)
+    assert BestLinearStage().pieces(plan) == [
+        "multisine-10mrad-01",
+        "multisine-30mrad-01",
+        "prbs-shoulder_yaw-r1",
+        "prbs-elbow_pitch-r1",
+        "both",
+    ]
+    assert BestLinearStage().pieces(Plan(replace(SPEC, truth=replace(SPEC.truth, best_linear=())))) == []
+    assert len({excitation_class(entry) for entry in plan}) == 5
+
+
+def test_the_file_is_the_approximation_and_lies_about_the_truth(tmp_path: Path) -> None:
+    entry = Plan(SPEC)[0]
+    contents = best_linear_contents(SPEC, entry, threads=1)
+    path = tmp_path / "best.nc"
+    path.write_bytes(contents.to_bytes())
+    read = read_best_linear(path)
+    found = best_linear(*matched(SPEC, entry), measured=entry.joints, threads=2)
+    np.testing.assert_array_equal(read.response, found.servo.response.response)
+    np.testing.assert_array_equal(read.covariance, found.servo.response.covariance)
+    assert read.degrees_of_freedom == found.servo.response.degrees_of_freedom
+    assert read.output_names == ("elbow_pitch",)
+    assert contents.variables["distortion"].values == found.distortion_percent
+    # Without friction it is the small-signal truth but for chance.
+    truth = arm_truth(experiment_arm(entry.experiment), entry.experiment.pose)
+    expected = truth.channel("elbow_pitch", "elbow_pitch").frequency_response(read.frequencies)
+    np.testing.assert_allclose(np.abs(read.response / expected), 1.0, atol=0.02)
+    low, high = contents.variables["bandwidth_ci95"].values[:, 0, 0]
+    assert low < contents.variables["bandwidth"].values[0, 0] < high
+    assert high - low < 0.1
+    with pytest.raises(ScenarioError, match="no best linear approximation: expected the format"):
+        path.write_bytes(replace(contents, attributes={}).to_bytes())
+        read_best_linear(path)
+
+
+def test_a_binary_sequence_is_matched_in_strength_and_band() -> None:
+    entry = next(entry for entry in Plan(SPEC) if entry.name == "prbs-elbow_pitch-r1")
+    setting, multisines = matched(SPEC, entry)
+    assert setting.axes == ("elbow_pitch",)
+    assert multisines.realisations == 8
+    arm, experiment = experiment_arm(entry.experiment), entry.experiment
+    station = ControlStation(experiment, arm, np.random.default_rng(experiment.seed).spawn(2)[0])
+    command = station.commands[:, joint_index("elbow_pitch")]
+    power = np.abs(np.fft.rfft(command - command.mean())) ** 2
+    inside = power[: round(multisines.f_max * 20.0) + 1].sum() / power.sum()
+    assert inside == pytest.approx(0.95, abs=0.02)
+    # The velocity limit takes some of what is asked for.
+    assert multisines.rms > command.std()
+    stations = (
+        ControlStation(one, arm, np.random.default_rng(one.seed).spawn(2)[0])
+        for one in multisine_experiments(setting, multisines)
+    )
+    played = [station.commands[multisines.samples :, joint_index("elbow_pitch")] for station in stations]
+    assert np.sqrt(np.mean(np.var(played, axis=1))) == pytest.approx(command.std(), rel=0.02)
+
+
+def test_several_joints_at_once_need_multisines() -> None:
+    with pytest.raises(ScenarioError, match="excites shoulder_yaw, elbow_pitch at once"):
+        best_linear_contents(SPEC, Plan(SPEC)[-1])
+
+
+def test_what_is_asked_of_the_truth_is_checked_and_written_whole() -> None:
+    assert DataSetSpec.from_toml(SPEC.to_toml()) == SPEC
+    for table, match in (
+        ({"amplitudes": (0.0,)}, "above 0 and up to 1 rad"),
+        ({"amplitudes": (0.1, 0.1)}, "expected each once"),
+        ({"floors": -1}, "floors = -1 given, expected 0 or more"),
+        ({"search_steps": -1}, "search_steps = -1 given, expected 0 or more"),
+        ({"realisations": 1}, "realisations = 1 given, expected 2 or more"),
+    ):
+        with pytest.raises(ScenarioError, match=match):
+            TruthAsked(**table)  # type: ignore[arg-type]
+    with pytest.raises(ScenarioError, match=r"truth\.best_linear: unknown block 'prsb': did you mean 'prbs'"):
+        replace(SPEC, truth=TruthAsked(best_linear=("prsb",)))
+
+
+OWN = DataSetSpec.from_toml("""
+name = "own"
+version = 1
+title = "Multisines that are a measurement"
+seed = 5
+
+[truth]
+best_linear = ["new"]
+realisations = 4
+floors = 0
+
+[baselines]
+models = []
+
+[[records]]
+name = "known"
+part = "train"
+axes = ["elbow_pitch"]
+frictions = ["none"]
+draw_waveforms = true
+multisines = { f_min = 0.4, f_max = 4.0, period = 2.56, realisations = 2, periods = 2, settling = 1 }
+
+[[records]]
+name = "stronger"
+part = "train"
+axes = ["elbow_pitch"]
+frictions = ["none"]
+draw_waveforms = true
+multisines = { rms = 0.02, f_min = 0.4, f_max = 4.0, period = 2.56, realisations = 2, periods = 2, settling = 1 }
+
+[[records]]
+name = "new"
+part = "test"
+axes = ["elbow_pitch"]
+frictions = ["none"]
+draw_waveforms = true
+multisines = { f_min = 0.4, f_max = 4.0, period = 2.56, realisations = 2, periods = 2, settling = 1 }
+""")
+
+
+@pytest.mark.filterwarnings("ignore:.* is not periodic")
+def test_own_realisations_of_a_class_are_the_measurement(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Records of one class count whatever their part, others do not; only what is missing is simulated."""
+    folder = build(OWN, tmp_path, workers=1).path
+    plan = Plan(OWN)
+    entry = next(entry for entry in plan if entry.name == "new-01")
+    own = own_realisations(plan, folder, entry)
+    assert [one.name for one, _ in own] == ["known-01", "known-02", "new-01", "new-02"]
+    records = [
+        record.iodata() for block in ("known", "new") for record in open_data_set(folder).select(block=block).records()
+    ]
+    expected = bla([replace(record, window=128) for record in records], 128, lines=entry.experiment.multisines.lines)
+    path = folder / entry.best_linear
+    np.testing.assert_array_equal(read_best_linear(path).response, expected.response.response)
+    assert read_netcdf(path).attributes["realisations"] == 4
+    with monkeypatch.context() as patched:
+        patched.setattr(best_linear_truth, "simulate", None)
+        best_linear_contents(OWN, entry, own=own)
+        with pytest.raises(TypeError):
+            best_linear_contents(OWN, entry, own=own[:3])
+    # Two at least are simulated: a measurement of one realisation is none.
+    more = best_linear_contents(OWN, entry, own=own[:3], threads=1)
+    assert more.attributes["realisations"] == 5
+    assert more.attributes["provenance_realisations simulated"] == "2"
+    (folder / plan[0].data).unlink()
+    assert [one.name for one, _ in own_realisations(plan, folder, entry)] == ["known-02", "new-01", "new-02"]
+
+
+def test_silent_lines_and_other_excitations_keep_records_apart(tmp_path: Path) -> None:
+    """Odd multisines of two seeds have different lines; nothing but a multisine has realisations."""
+    odd = tuple(replace(block, multisines=replace(block.multisines, odd=True)) for block in OWN.records)
+    plan = Plan(replace(OWN, records=odd))
+    for entry in plan:
+        (tmp_path / entry.data).parent.mkdir(parents=True, exist_ok=True)
+        (tmp_path / entry.data).touch()
+    with pytest.raises(ScenarioError, match="new-01"):
+        own_realisations(plan, tmp_path, next(entry for entry in plan if entry.name == "new-01"))
+    assert own_realisations(Plan(SPEC), tmp_path, Plan(SPEC)[-1]) == ()

@@ -1,0 +1,492 @@
+"""A build loses nothing: wherever it ends before its end, the next one goes on, and the bytes are the same."""
+
+import errno
+import fcntl
+import json
+import os
+import shutil
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+
+from hmtb_twin import Plant, TwinError
+from hmtb_twin.hydraulics import valve_equations
+from scenarios.datasets import build_record, chunk, finish
+from scenarios.datasets.build import Built, build
+from scenarios.datasets.build_progress import Progress
+from scenarios.datasets.chunk import Made, run_chunk
+from scenarios.datasets.index import read_index
+from scenarios.datasets.manifest import line_of
+from scenarios.datasets.plan import Entry, Plan
+from scenarios.datasets.spec import DataSetSpec
+from scenarios.files import durable_write as safe_write
+from scenarios.files.errors import ScenarioError
+
+
+class Words:
+    """A stage that counts how often a piece is made."""
+
+    name = "words"
+
+    def __init__(self, spoilt: str = "") -> None:
+        self.made: list[str] = []
+        self.spoilt = spoilt
+
+    def pieces(self, plan: Plan) -> tuple[str, ...]:
+        return ("one", "two", "three")
+
+    def make(self, plan: Plan, folder: Path, piece: str) -> Mapping[str, bytes]:
+        assert read_index(folder)["data_set"] == plan.spec.label
+        self.made.append(piece)
+        if piece == self.spoilt:
+            raise ScenarioError(f"{piece} is no word")
+        return {f"words/{piece}.txt": piece.encode()}
+
+
+@pytest.fixture(scope="module", autouse=True)
+def stage() -> Iterator[Words]:
+    """The stages of these tests: what is made beside the records has tests of its own."""
+    stage = Words()
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(finish, "STAGES", (stage,))
+        patch.setattr(finish, "PAPERS", (lambda folder, spec, index: {"README.md": index["hash"].encode()},))
+        patch.setattr(chunk, "ARM_TRUTH", ())
+        yield stage
+
+
+@pytest.fixture
+def words(stage: Words, monkeypatch: pytest.MonkeyPatch) -> Words:
+    """The stage, nothing made yet."""
+    monkeypatch.setattr(stage, "made", [])
+    return stage
+
+
+@pytest.fixture(scope="module")
+def records(stage: Words, tiny_spec: DataSetSpec) -> dict[int, Made]:
+    """What comes of each experiment, run once for all tests."""
+    plan = Plan(tiny_spec)
+    return {made.number: made for made in run_chunk(plan, range(len(plan)), threads=1)}
+
+
+class Recorded:
+    """Gives out records made before, and may be interrupted on the way."""
+
+    def __init__(self, records: Mapping[int, Made], *, most: int = 99, error: BaseException | None = None) -> None:
+        self.records, self.most, self.error = records, most, error
+        self.asked: list[int] = []
+
+    def __call__(self, plan: Plan, chunks: Iterator[Sequence[int]], ticked: Callable[[int], None], /) -> Iterator[Made]:
+        for numbers in chunks:
+            for number in numbers:
+                if len(self.asked) == self.most:
+                    raise self.error or KeyboardInterrupt
+                self.asked.append(number)
+                yield self.records[number]
+
+
+@pytest.fixture(scope="module")
+def expected(
+    tiny_spec: DataSetSpec, records: dict[int, Made], tmp_path_factory: pytest.TempPathFactory
+) -> Mapping[str, bytes]:
+    """Every file of an undisturbed build, by its place."""
+    return files(build(tiny_spec, tmp_path_factory.mktemp("undisturbed"), executor=Recorded(records)).path)
+
+
+def files(folder: Path) -> dict[str, bytes]:
+    return {path.relative_to(folder).as_posix(): path.read_bytes() for path in folder.rglob("*") if path.is_file()}
+
+
+def begun(spec: DataSetSpec, records: Mapping[int, Made], out: Path, most: int = 2) -> Path:
+    """The folder of a build that was interrupted."""
+    with pytest.raises(KeyboardInterrupt):
+        build(spec, out, executor=Recorded(records, most=most))
+    return out / f"{spec.label}.unfinished"
+
+
+def test_the_bytes_do_not_depend_on_threads_and_chunks(
+    tiny_spec: DataSetSpec, expected: Mapping[str, bytes], tmp_path: Path
+) -> None:
+    seen: list[Progress] = []
+    built = build(tiny_spec, tmp_path, workers=2, rows=1, progress=seen.append)
+    assert (built.experiments, built.failed) == (3, {})
+    assert files(built.path) == expected
+    assert not {"lock"} & set(expected)
+    of_records = [one for one in seen if one.step == "records"]
+    assert of_records[0].done == 0
+    assert of_records[-1].done == of_records[-1].total == 3
+    assert of_records[-1].seconds == of_records[-1].seconds_total == 12.0
+    assert [one.seconds for one in of_records] == sorted(one.seconds for one in of_records)
+    assert seen[-1] == Progress("finish", 1, 1)
+
+
+def test_the_index_and_the_checksums_hold_every_file(
+    tiny_spec: DataSetSpec, expected: Mapping[str, bytes], records: dict[int, Made]
+) -> None:
+    sums = dict(line.split("  ")[::-1] for line in expected["SHA256SUMS"].decode().splitlines())
+    assert set(sums) == set(expected) - {"SHA256SUMS"}
+    index = json.loads(expected["experiments.json"])
+    assert [entry["name"] for entry in index["experiments"]] == [entry.name for entry in Plan(tiny_spec)]
+    for number, entry in enumerate(index["experiments"]):
+        assert entry["arrays"] == records[number].arrays
+        assert entry["file"] in expected
+
+
+def test_experiments_may_come_in_any_order(
+    tiny_spec: DataSetSpec, records: dict[int, Made], expected: Mapping[str, bytes], tmp_path: Path
+) -> None:
+    def backwards(plan: Plan, chunks: Iterator[Sequence[int]], ticked: Callable[[int], None], /) -> Iterator[Made]:
+        return (records[number] for numbers in reversed(list(chunks)) for number in reversed(numbers))
+
+    assert files(build(tiny_spec, tmp_path, executor=backwards).path) == expected
+
+
+def test_what_is_done_when_interrupted_is_not_done_again(
+    tiny_spec: DataSetSpec, records: dict[int, Made], expected: Mapping[str, bytes], tmp_path: Path
+) -> None:
+    begun(tiny_spec, records, tmp_path)
+    rest = Recorded(records)
+    assert files(build(tiny_spec, tmp_path, executor=rest).path) == expected
+    assert rest.asked == [2]
+    assert os.listdir(tmp_path) == ["tiny-v1"]
+
+
+def test_what_is_done_when_an_executor_fails_is_kept(
+    tiny_spec: DataSetSpec, records: dict[int, Made], expected: Mapping[str, bytes], tmp_path: Path
+) -> None:
+    with pytest.raises(ScenarioError, match="no scheduler"):
+        build(tiny_spec, tmp_path, executor=Recorded(records, most=1, error=ScenarioError("no scheduler")))
+    rest = Recorded(records)
+    assert files(build(tiny_spec, tmp_path, executor=rest).path) == expected
+    assert rest.asked == [1, 2]
+
+
+def cut_off(folder: Path) -> None:
+    path = folder / "manifest.jsonl"
+    path.write_bytes(path.read_bytes()[:-9])
+
+
+def spoilt(folder: Path) -> None:
+    path = folder / "manifest.jsonl"
+    path.write_bytes(path.read_bytes().replace(b'"seed": ', b'"seed": 1', 1))
+
+
+def zeros(folder: Path) -> None:
+    with (folder / "manifest.jsonl").open("ab") as stream:
+        stream.write(bytes(512) + b"\n")
+
+
+def garbage(folder: Path) -> None:
+    """Lines that are no lines, and lines with a right checksum that make no sense."""
+    whole = {"about": {"name": "x"}, "files": {}, "arrays": {}}
+    lines = [b"[" * 200_000 + b"\n", line_of({"number": 0}), line_of({**whole, "number": 0, "files": {"x": 1}})]
+    lines += [line_of({**whole, "number": number}) for number in (3, 10**30, -1, True, 0.0, "0", [0])]
+    lines += [line_of({"stage": ["words"], "piece": "one", "files": {}}), line_of({"stage": "words", "files": {}})]
+    with (folder / "manifest.jsonl").open("ab") as stream:
+        stream.writelines(lines)
+
+
+def damaged(folder: Path) -> None:
+    path = folder / "data" / "train" / "binary-shoulder_yaw.nc"
+    content = bytearray(path.read_bytes())
+    content[len(content) // 2] ^= 1
+    path.write_bytes(content)
+
+
+def missing(folder: Path) -> None:
+    (folder / "truth" / "signals" / "binary-shoulder_yaw.nc").unlink()
+
+
+def unnoted(folder: Path) -> None:
+    (folder / "data" / "test").mkdir()
+    (folder / "data" / "test" / "noise.nc").write_bytes(b"another")
+
+
+def partial(folder: Path) -> None:
+    (folder / "data" / "train" / "binary-elbow_pitch.nc.partial").write_bytes(b"half")
+    (folder / "experiments.json.partial").write_bytes(b"half")
+
+
+def no_manifest(folder: Path) -> None:
+    (folder / "manifest.jsonl").unlink()
+
+
+def only_the_spec(folder: Path) -> None:
+    for path in folder.iterdir():
+        if path.name != "spec.toml":
+            shutil.rmtree(path) if path.is_dir() else path.unlink()
+
+
+@pytest.mark.parametrize(
+    ("harm", "again"),
+    [
+        (cut_off, [1, 2]),
+        (spoilt, [0, 2]),
+        (zeros, [2]),
+        (garbage, [2]),
+        (damaged, [0, 2]),
+        (missing, [0, 2]),
+        (unnoted, [2]),
+        (partial, [2]),
+        (no_manifest, [0, 1, 2]),
+        (only_the_spec, [0, 1, 2]),
+    ],
+)
+def test_what_a_crash_leaves_is_mended(
+    tiny_spec: DataSetSpec,
+    records: dict[int, Made],
+    expected: Mapping[str, bytes],
+    tmp_path: Path,
+    harm: Callable[[Path], None],
+    again: list[int],
+) -> None:
+    harm(begun(tiny_spec, records, tmp_path))
+    rest = Recorded(records)
+    assert files(build(tiny_spec, tmp_path, executor=rest).path) == expected
+    assert rest.asked == again
+
+
+@pytest.mark.parametrize("name", ["write_index", "write_sums", "read_index", "sync_folder", "unlock_file"])
+def test_an_end_that_is_cut_short_is_gone_through_again(
+    tiny_spec: DataSetSpec,
+    records: dict[int, Made],
+    expected: Mapping[str, bytes],
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    name: str,
+) -> None:
+    def killed(*_: object) -> None:
+        raise SystemExit
+
+    with monkeypatch.context() as patch:
+        patch.setattr(finish, name, killed)
+        with pytest.raises(SystemExit):
+            build(tiny_spec, tmp_path, executor=Recorded(records))
+    rest = Recorded(records)
+    built = build(tiny_spec, tmp_path, executor=rest)
+    assert rest.asked == []
+    assert built == Built(tmp_path / "tiny-v1", 3, {}, read_index(built.path)["hash"])
+    assert files(built.path) == expected
+
+
+def test_a_piece_of_a_stage_is_made_once(
+    tiny_spec: DataSetSpec,
+    records: dict[int, Made],
+    expected: Mapping[str, bytes],
+    tmp_path: Path,
+    words: Words,
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    make = words.make
+
+    def stopped(plan: Plan, folder: Path, piece: str) -> Mapping[str, bytes]:
+        if piece == "three":
+            raise KeyboardInterrupt
+        return make(plan, folder, piece)
+
+    with monkeypatch.context() as patch:
+        patch.setattr(words, "make", stopped)
+        with pytest.raises(KeyboardInterrupt):
+            build(tiny_spec, tmp_path, executor=Recorded(records))
+    # The disk has spoilt one meanwhile; it is noted last then, which the manifest must not show at the end.
+    (tmp_path / "tiny-v1.unfinished" / "words" / "one.txt").write_bytes(b"One")
+    assert files(build(tiny_spec, tmp_path, executor=Recorded(records)).path) == expected
+    assert words.made == ["one", "two", "one", "three"]
+
+
+def test_what_fails_is_noted_and_does_not_stop_the_rest(
+    tiny_spec: DataSetSpec,
+    records: dict[int, Made],
+    tmp_path: Path,
+    words: Words,
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr(words, "spoilt", "two")
+    broken = {**records, 1: Made(1, records[1].about, failed="the drives are too weak")}
+    with pytest.raises(KeyboardInterrupt):
+        build(tiny_spec, tmp_path, executor=Recorded(broken, most=2))
+    rest = Recorded(broken)
+    built = build(tiny_spec, tmp_path, executor=rest)
+    assert rest.asked == [2]
+    name = Plan(tiny_spec)[1].name
+    assert built.failed == {name: "the drives are too weak", "words: two": "two is no word"}
+    assert built.experiments == 2
+    entry = read_index(built.path)["experiments"][1]
+    assert (entry["name"], entry["failed"], entry["arrays"]) == (name, "the drives are too weak", {})
+    assert not (built.path / entry["file"]).exists()
+
+
+def test_an_experiment_that_cannot_be_run_and_a_truth_that_cannot_be_told_are_noted(
+    tiny_spec: DataSetSpec, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def untold(plan: Plan, entry: Entry) -> Mapping[str, object]:
+        raise ScenarioError(f"nothing is true of {entry.arm}")
+
+    short = tuple(replace(block, duration=0.2) for block in tiny_spec.records)
+    plan = Plan(replace(tiny_spec, window=0, records=short))
+    entries = list(plan)
+    weak = replace(entries[2].experiment, plant=Plant(supply_pressure=6.0))
+    entries[2] = replace(entries[2], experiment=weak)
+    monkeypatch.setattr(Plan, "__getitem__", lambda _, number: entries[number])
+    monkeypatch.setattr(chunk, "ARM_TRUTH", (untold,))
+    found = list(run_chunk(plan, range(3), threads=1))
+    assert [bool(made.failed) for made in found] == [False, False, True]
+    assert "the drives cannot hold the arm" in found[2].failed
+    assert [made.missing for made in found] == [{"truth/arms/arm-0.nc": "nothing is true of arm-0"}, {}, {}]
+    assert [len(made.files) for made in found] == [2, 2, 0]
+
+
+@pytest.mark.parametrize("call", (0, 1, 4, 9, 14, 21))
+def test_a_full_disk_is_one_line_and_costs_nothing(
+    tiny_spec: DataSetSpec,
+    records: dict[int, Made],
+    expected: Mapping[str, bytes],
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    call: int,
+) -> None:
+    calls = iter(range(1000))
+
+    def full(descriptor: int) -> None:
+        if next(calls) >= call:
+            raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+
+    with monkeypatch.context() as patch:
+        patch.setattr(safe_write.os, "fsync", full)
+        with pytest.raises(ScenarioError, match=f"tiny-v1.*: {os.strerror(errno.ENOSPC)}"):
+            build(tiny_spec, tmp_path, executor=Recorded(records))
+    assert not (tmp_path / "tiny-v1").exists()
+    assert not list(tmp_path.rglob("*.partial"))
+    assert files(build(tiny_spec, tmp_path, executor=Recorded(records)).path) == expected
+
+
+def test_two_builders_do_not_share_a_folder(
+    tiny_spec: DataSetSpec, records: dict[int, Made], expected: Mapping[str, bytes], tmp_path: Path
+) -> None:
+    folder = begun(tiny_spec, records, tmp_path)
+    with (folder / "lock").open("w") as other:
+        fcntl.flock(other, fcntl.LOCK_EX)
+        before = files(folder)
+        with pytest.raises(ScenarioError, match="another build is at work in this folder"):
+            build(tiny_spec, tmp_path, executor=Recorded(records))
+        assert files(folder) == before
+    assert files(build(tiny_spec, tmp_path, executor=Recorded(records)).path) == expected
+
+
+def test_a_build_begun_otherwise_is_not_gone_on_with(
+    tiny_spec: DataSetSpec, records: dict[int, Made], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    folder = begun(tiny_spec, records, tmp_path)
+    before = files(folder)
+    for spec, says in (
+        (replace(tiny_spec, seed=8), "seed = 7 then, 8 now"),
+        (replace(tiny_spec, records=tiny_spec.records[::-1]), "another records in the spec"),
+    ):
+        with pytest.raises(ScenarioError, match=says):
+            build(spec, tmp_path, executor=Recorded(records))
+    with monkeypatch.context() as patch:
+        patch.setattr(build_record, "versions", lambda: {**json.loads(before["build.json"])["versions"], "numpy": "1"})
+        patch.setattr(build_record, "fingerprint", lambda: "0" * 64)
+        with pytest.raises(ScenarioError, match=r"numpy \S+ then, 1 now; source of this software \w+ then, 0000"):
+            build(tiny_spec, tmp_path, executor=Recorded(records))
+    assert files(folder) == before
+    (folder / "spec.toml").write_text("a = " + 5000 * "[")
+    with pytest.raises(ScenarioError, match=r"another records in the spec|then, 'tiny' now"):
+        build(tiny_spec, tmp_path, executor=Recorded(records))
+    (folder / "build.json").write_text("{")
+    with pytest.raises(ScenarioError, match=r"build\.json is damaged"):
+        build(tiny_spec, tmp_path, executor=Recorded(records))
+
+
+def test_nothing_that_is_there_is_overwritten(tiny_spec: DataSetSpec, records: dict[int, Made], tmp_path: Path) -> None:
+    def refused(out: Path, says: str) -> None:
+        before = files(tmp_path)
+        with pytest.raises(ScenarioError, match=says):
+            build(tiny_spec, out, executor=Recorded(records))
+        assert files(tmp_path) == before
+
+    done = build(tiny_spec, tmp_path / "a", executor=Recorded(records))
+    refused(done.path.parent, "already there: a version is never overwritten")
+    (tmp_path / "b").mkdir()
+    (tmp_path / "b" / "tiny-v1").write_text("mine")
+    refused(tmp_path / "b", "already there")
+    (tmp_path / "c").mkdir()
+    (tmp_path / "c" / "tiny-v1.unfinished").write_text("mine")
+    refused(tmp_path / "c", r"tiny-v1\.unfinished: a file of that name is there")
+    (tmp_path / "d" / "tiny-v1.unfinished").mkdir(parents=True)
+    (tmp_path / "d" / "tiny-v1.unfinished" / "letter.txt").write_text("mine")
+    refused(tmp_path / "d", r"holds no build but letter\.txt")
+    refused(tmp_path / "b" / "tiny-v1", "tiny-v1: a file of that name is there")
+
+
+def test_a_folder_that_cannot_be_written_is_one_line(tiny_spec: DataSetSpec, tmp_path: Path) -> None:
+    tmp_path.chmod(0o500)
+    user = os.geteuid()
+    if user == 0:
+        os.seteuid(65534)  # nobody; root writes everywhere
+    try:
+        with pytest.raises(ScenarioError, match=r"^cannot write or read \S+: Permission denied$"):
+            build(tiny_spec, tmp_path)
+    finally:
+        os.seteuid(user)
+        tmp_path.chmod(0o700)
+
+
+def test_a_set_without_any_record_is_not_published_and_can_be_tried_again(
+    tiny_spec: DataSetSpec, records: dict[int, Made], expected: Mapping[str, bytes], tmp_path: Path
+) -> None:
+    broken = {n: Made(n, made.about, failed=f"{made.about['name']}: too weak") for n, made in records.items()}
+    for _ in range(2):
+        with pytest.raises(
+            ScenarioError, match=r"none of 3 experiments has a record, .*; 3 of them: too weak\. The same"
+        ):
+            build(tiny_spec, tmp_path, executor=Recorded(broken))
+    assert os.listdir(tmp_path) == ["tiny-v1.unfinished"]
+    assert files(build(tiny_spec, tmp_path, executor=Recorded(records)).path) == expected
+
+
+def test_what_a_spec_needs_is_looked_for_before_anything_is_made(
+    tiny_spec: DataSetSpec, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(valve_equations, "COMPILER", False)
+    first, *others = tiny_spec.records
+    with pytest.raises(TwinError, match="Numba, which compiles its equations"):
+        build(replace(tiny_spec, records=(replace(first, actuators=("linear", "orifice")), *others)), tmp_path)
+    with pytest.raises(ScenarioError, match="workers = 1025 given, expected 1 to 1024"):
+        build(tiny_spec, tmp_path, workers=1025)
+    assert not list(tmp_path.iterdir())
+
+
+def test_a_folder_where_a_file_should_be_is_named(
+    tiny_spec: DataSetSpec, records: dict[int, Made], expected: Mapping[str, bytes], tmp_path: Path
+) -> None:
+    in_the_way = begun(tiny_spec, records, tmp_path) / "data" / "test" / "noise.nc"
+    in_the_way.mkdir(parents=True)
+    with pytest.raises(ScenarioError, match=r"/data/test/noise\.nc: a folder of that name is there, .* remove it"):
+        build(tiny_spec, tmp_path, executor=Recorded(records))
+    in_the_way.rmdir()
+    assert files(build(tiny_spec, tmp_path, executor=Recorded(records)).path) == expected
+
+
+def test_files_of_nobody_are_not_published(
+    tiny_spec: DataSetSpec, records: dict[int, Made], expected: Mapping[str, bytes], tmp_path: Path
+) -> None:
+    folder = begun(tiny_spec, records, tmp_path)
+    strays = [folder / "letter.txt", folder / "data" / "train" / "solution.nc"]
+    for stray in strays:
+        stray.write_text("mine")
+    with pytest.raises(ScenarioError, match=r"'data/train/solution\.nc', 'letter\.txt', which no part of the build"):
+        build(tiny_spec, tmp_path, executor=Recorded(records))
+    for stray in strays:
+        stray.unlink()
+    assert files(build(tiny_spec, tmp_path, executor=Recorded(records)).path) == expected
+
+
+def test_an_executor_that_leaves_experiments_out_is_found_out(
+    tiny_spec: DataSetSpec, records: dict[int, Made], tmp_path: Path
+) -> None:
+    with pytest.raises(ScenarioError, match="3 experiments were given to run, and nothing has come of them"):
+        build(tiny_spec, tmp_path, executor=lambda plan, chunks, ticked: iter(()))
+    with pytest.raises(ScenarioError, match="rows = 0 given"):
+        build(tiny_spec, tmp_path, rows=0)

@@ -1,0 +1,203 @@
+"""The papers of a data set: standard readers take them, and they say what is there."""
+
+import csv
+import io
+import json
+import re
+import shutil
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+import yaml
+
+from hmtb_twin import Status
+from scenarios.datasets import metadata as papers_module
+from scenarios.datasets.citation import citation_cff, datacite
+from scenarios.datasets.index import read_index
+from scenarios.datasets.metadata import PAPERS, papers
+from scenarios.datasets.spec import DataSetSpec
+from scenarios.datasets.spec_tables import Twins
+from scenarios.experiments.excitation_computer import Excitation
+from scenarios.files.errors import ScenarioError
+from scenarios.files.hashes import file_hash
+from scenarios.files.netcdf import read_netcdf
+
+
+@pytest.fixture(scope="module")
+def croissants() -> object:
+    return pytest.importorskip("mlcroissant")
+
+
+def test_the_same_folder_gives_the_same_bytes_as_the_build_wrote(tiny: Path, tiny_spec: DataSetSpec) -> None:
+    made = papers(tiny, tiny_spec, read_index(tiny))
+    assert set(made) == set(PAPERS)
+    assert {name: (tiny / name).read_bytes() for name in made} == made
+
+
+def test_croissant_validates_and_its_records_are_those_of_the_index(tiny: Path, croissants: object) -> None:
+    read = croissants.Dataset(jsonld=str(tiny / "croissant.json"))  # type: ignore[attr-defined]
+    assert not read.metadata.ctx.issues.errors
+    assert not read.metadata.ctx.issues.warnings
+    rows = list(read.records("experiments"))
+    entries = read_index(tiny)["experiments"]
+    assert [row["experiments/name"].decode() for row in rows] == [entry["name"] for entry in entries]
+    assert [row["experiments/samples"] for row in rows] == [200, 200, 200]
+    assert rows[0]["experiments/sha256"].decode() == file_hash(tiny / rows[0]["experiments/file"].decode())
+
+
+def test_a_croissant_of_sets_of_files_validates(
+    tiny: Path, tiny_spec: DataSetSpec, croissants: object, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    monkeypatch.setattr(papers_module, "MOST_LISTED", 3)
+    monkeypatch.setattr(papers_module, "FEW", 1)
+    shutil.copytree(tiny, tmp_path / "copy")
+    for name, content in papers(tiny, tiny_spec, read_index(tiny)).items():
+        (tmp_path / "copy" / name).write_bytes(content)
+    record = json.loads((tmp_path / "copy" / "croissant.json").read_text(encoding="utf-8"))
+    sets = {one["@id"]: one["includes"] for one in record["distribution"] if one["@type"] == "cr:FileSet"}
+    assert sets["data-train-nc"] == "data/train/*.nc"
+    assert sets["truth-signals-nc"] == "truth/signals/*.nc"
+    assert "data/train/binary-elbow_pitch.nc" not in {one["@id"] for one in record["distribution"]}
+    read = croissants.Dataset(jsonld=str(tmp_path / "copy" / "croissant.json"))  # type: ignore[attr-defined]
+    assert not read.metadata.ctx.issues.errors
+    assert len(list(read.records("experiments"))) == 3
+
+
+def test_the_data_package_validates_with_every_size_and_hash(tiny: Path, tmp_path: Path) -> None:
+    frictionless = pytest.importorskip("frictionless")
+    report = frictionless.validate(str(tiny / "datapackage.json"))
+    assert report.valid, report.flatten(["name", "type", "note"])
+    listed = {one["path"] for one in json.loads((tiny / "datapackage.json").read_text(encoding="utf-8"))["resources"]}
+    there = {path.relative_to(tiny).as_posix() for path in tiny.rglob("*") if path.is_file()}
+    assert there - listed == {"SHA256SUMS", "manifest.jsonl", "croissant.json", "datapackage.json"}
+    shutil.copytree(tiny, tmp_path / "copy")
+    with (tmp_path / "copy" / "experiments.csv").open("a", encoding="utf-8") as stream:
+        stream.write("x\n")
+    assert not frictionless.validate(str(tmp_path / "copy" / "datapackage.json")).valid
+
+
+def test_the_citation_file_has_what_the_format_asks_for(tiny: Path, tiny_spec: DataSetSpec) -> None:
+    cited = yaml.safe_load((tiny / "CITATION.cff").read_text(encoding="utf-8"))
+    assert cited.keys() >= {"cff-version", "message", "title", "authors"}
+    assert (cited["cff-version"], cited["type"], cited["license"]) == ("1.2.0", "dataset", "CC-BY-4.0")
+    # Readers of the schema want texts where YAML would see a number or a day.
+    assert (cited["version"], cited["date-released"]) == ("1", "2026-01-31")
+    assert cited["identifiers"][0]["value"] == "sha256:" + read_index(tiny)["hash"]
+    named = replace(tiny_spec, creators=("Noether, Emmy", 'A "group": #1'), title="Süß: [1, 2] # no comment")
+    again = yaml.safe_load(citation_cff(named, "0" * 64))
+    assert again["authors"] == [{"family-names": "Noether", "given-names": "Emmy"}, {"name": 'A "group": #1'}]
+    assert again["title"] == named.title
+
+
+def test_the_record_for_doi_registries_has_the_mandatory_properties(tiny: Path, tiny_spec: DataSetSpec) -> None:
+    record = json.loads((tiny / "datacite.json").read_text(encoding="utf-8"))
+    assert record.keys() >= {"creators", "titles", "publisher", "publicationYear", "types", "schemaVersion"}
+    assert record["publicationYear"] == "2026"
+    assert record["types"]["resourceTypeGeneral"] == "Dataset"
+    assert record["schemaVersion"] == "http://datacite.org/schema/kernel-4"
+    assert record["rightsList"][0]["rightsIdentifier"] == "CC-BY-4.0"
+    assert "publicationYear" not in datacite(replace(tiny_spec, date=""), "0" * 64, (), ())
+
+
+def test_the_licence_stands_there_in_full(tiny: Path) -> None:
+    text = (tiny / "LICENSE").read_text(encoding="utf-8")
+    assert text.startswith("The data set tiny-v1, by The HMTB twin contributors, is licensed under\n")
+    for number in range(1, 9):
+        assert re.search(rf"^Section {number} ", text, re.M)
+
+
+def test_the_datasheet_answers_and_its_code_loads_a_record(tiny: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    text = (tiny / "README.md").read_text(encoding="utf-8")
+    for heading in ("Motivation", "Composition", "Channels", "Truth", "Collection", "Use", "Score", "Limitations"):
+        assert f"\n## {heading}\n" in text
+    assert "| train | 2 | 400 |" in text
+    assert "first **20 samples**" in text
+    assert read_index(tiny)["hash"] in text
+    code = re.search(r"```python\n(.*?)```", text, re.S)
+    assert code is not None
+    assert len(code[1].splitlines()) == 5
+    monkeypatch.chdir(tiny)
+    loaded: dict[str, object] = {}
+    exec(code[1], loaded)
+    assert loaded["u"].shape == loaded["y"].shape == (200, 1)  # type: ignore[attr-defined]
+    assert (loaded["dt"], loaded["window"]) == (0.02, 20)
+    loaded["record"].close()  # type: ignore[attr-defined]
+
+
+def test_an_experiment_without_a_record_is_told_of(tiny: Path, tiny_spec: DataSetSpec) -> None:
+    index = read_index(tiny)
+    index["experiments"][0] |= {"failed": "the arm | was overloaded"}
+    made = papers(tiny, tiny_spec, index)
+    rows = list(csv.DictReader(io.StringIO(made["experiments.csv"].decode())))
+    assert [row["status"] for row in rows] == ["the arm | was overloaded", "ok", "ok"]
+    assert (rows[0]["samples"], rows[0]["sha256"]) == ("0", "-")
+    assert "1 experiment has no record" in made["README.md"].decode()
+
+
+@pytest.mark.parametrize("given", [{"date": "31.1.2026"}, {"date": "2026-1-31"}, {"url": "ftp://x"}, {"creators": ()}])
+def test_what_the_papers_could_not_say_is_refused(tiny_spec: DataSetSpec, given: dict[str, object]) -> None:
+    with pytest.raises(ScenarioError, match=next(iter(given))):
+        replace(tiny_spec, **given)  # type: ignore[arg-type]
+
+
+def test_the_datasheet_of_hidden_truth_says_what_is_withheld(tiny: Path, tiny_spec: DataSetSpec) -> None:
+    hidden = replace(tiny_spec, seed=None, commitment="5" * 64)
+    text = papers(tiny, hidden, read_index(tiny))["README.md"].decode()
+    assert "**Is anything withheld?** Yes" in text
+    assert "5" * 64 in text
+    assert "hmtb dataset build" not in text
+    assert "from the seed" not in text
+    assert "Outputs of test records are withheld" in text
+    assert "withheld" not in (tiny / "README.md").read_text(encoding="utf-8")
+
+
+def test_the_datasheet_says_how_much_was_limited_and_the_table_by_record(tiny: Path, tiny_spec: DataSetSpec) -> None:
+    with (tiny / "experiments.csv").open(encoding="utf-8", newline="") as stream:
+        rows = list(csv.DictReader(stream))
+    for row in rows:
+        status = read_netcdf(tiny / row["file"]).variables["status"].values
+        assert int(row["velocity_limited"]) == np.count_nonzero(status & Status.VELOCITY_LIMITED) > 0
+        assert row["clipped"] == "0"
+    train = [int(row["velocity_limited"]) for row in rows if row["part"] == "train"]
+    text = (tiny / "README.md").read_text(encoding="utf-8")
+    assert re.search(rf"^\| train \| 2 \| 400 \|.*\| {sum(train) / 4:.3g} \| identification \|$", text, re.M)
+    assert "a converter stood at an end" not in text.split("## Channels")[0]
+    # The excitation computer gives ten volts at most.
+    loud = replace(tiny_spec.records[0], excitation=(Excitation("prbs", {"amplitude": 11.0}),))
+    again = papers(tiny, replace(tiny_spec, records=(loud, tiny_spec.records[1])), read_index(tiny))
+    (clipped,) = {row["clipped"] for row in csv.DictReader(io.StringIO(again["experiments.csv"].decode()))} - {"0"}
+    assert 0 < int(clipped) <= 200
+    assert "In 2 of the 2 records of `binary` a converter stood at an end of its range" in again["README.md"].decode()
+
+
+def test_the_sizes_count_what_is_there(tiny: Path) -> None:
+    said = json.loads((tiny / "datacite.json").read_text(encoding="utf-8"))["sizes"]
+    size = sum(path.stat().st_size for path in (tiny / "data").rglob("*.nc"))
+    files = sum(path.is_file() for path in tiny.rglob("*"))
+    assert said == ["3 records", f"{size} bytes of records", f"{files} files"]
+
+
+def test_baselines_say_of_how_many_records_they_are(tiny: Path, tiny_spec: DataSetSpec, tmp_path: Path) -> None:
+    assert "| arx | 2 2 1 | " in (text := (tiny / "README.md").read_text(encoding="utf-8"))
+    assert all(row.endswith("| mrad | 1 of 1 |") for row in re.findall(r"^\| (?:hold|arx|truth) \|.*$", text, re.M))
+    copy = shutil.copytree(tiny, tmp_path / "copy")
+    table = (copy / "baselines.csv").read_text(encoding="utf-8")
+    rows = list(csv.DictReader(io.StringIO(table)))
+    with (copy / "baselines.csv").open("w", encoding="utf-8", newline="") as stream:
+        writer = csv.DictWriter(stream, list(rows[0]))
+        writer.writeheader()
+        writer.writerows({**row, "twins": "0 4"} for row in rows)
+    fleet = papers(copy, replace(tiny_spec, twins=Twins(1)), read_index(tiny))["README.md"].decode()
+    assert "those of the twins 0, 4 of\n1." in fleet
+    assert "1 randomised twin was drawn" in fleet
+
+
+def test_a_page_on_the_web_is_cited_and_answers_questions(tiny: Path, tiny_spec: DataSetSpec) -> None:
+    placed = papers(tiny, replace(tiny_spec, url="https://example.org/tiny"), read_index(tiny))
+    text = placed["README.md"].decode()
+    assert "version 1. https://example.org/tiny\n" in text
+    assert "**Who answers questions?** The HMTB twin contributors, at <https://example.org/tiny>." in text
+    assert json.loads(placed["datacite.json"])["url"] == "https://example.org/tiny"
+    assert "The spec names no page" in (tiny / "README.md").read_text(encoding="utf-8")

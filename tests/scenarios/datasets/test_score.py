@@ -1,0 +1,203 @@
+"""The score: its formulas, its rules about what may be seen, and what it refuses."""
+
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from scipy.io import savemat
+
+from scenarios.datasets.data_record import DataRecord
+from scenarios.datasets.data_set import DataSet, open_data_set
+from scenarios.datasets.model_predictor import Hold, ModelPredictor, StackedPredictor, StaticGain
+from scenarios.datasets.predictions import read_predictions
+from scenarios.datasets.score import Score, Scores, metric, score, score_model
+from scenarios.datasets.spec_tables import Scoring
+from scenarios.files.errors import ScenarioError
+from scenarios.files.netcdf import Contents, Variable
+from sysid import IOData, StateSpace, block_diagonal, fit_percent
+
+
+@pytest.fixture(scope="module")
+def opened(tiny: Path) -> DataSet:
+    return open_data_set(tiny)
+
+
+@pytest.fixture(scope="module")
+def record(opened: DataSet) -> DataRecord:
+    return opened.test[0]
+
+
+def test_metrics_are_those_of_the_books() -> None:
+    rng = np.random.default_rng(0)
+    y = rng.standard_normal((500, 2)) * [1.0, 3.0]
+    hat = y + rng.standard_normal((500, 2))
+    rmse = np.sqrt(np.mean((y - hat) ** 2, axis=0))
+    np.testing.assert_allclose(metric(Scoring("rmse", "rad"), y, hat), rmse)
+    np.testing.assert_allclose(metric(Scoring("rmse", "deg"), y, hat), np.degrees(rmse))
+    np.testing.assert_allclose(metric(Scoring("nrmse"), y, hat), 100.0 * rmse / y.std(axis=0))
+    np.testing.assert_allclose(metric(Scoring("fit"), y, hat), fit_percent(y, hat))
+
+
+def test_a_model_beyond_all_numbers_has_an_infinite_error_and_missing_outputs_none() -> None:
+    y, hat = np.ones((3, 1)), np.array([[1.0], [np.nan], [np.inf]])
+    assert metric(Scoring(), y, hat) == np.inf
+    with pytest.raises(ScenarioError, match="measured outputs are missing"):
+        metric(Scoring(), hat, y)
+    with pytest.raises(ScenarioError, match="nrmse is not defined"):
+        metric(Scoring("nrmse"), y, y)
+
+
+def test_means_count_every_record_and_output_once() -> None:
+    scores = Scores(Scoring(), (Score("a", "elbow_pitch", 1.0), Score("b", "elbow_pitch", 3.0), Score("b", "yaw", 5.0)))
+    assert scores.mean == 3.0
+    assert scores.by_joint == {"elbow_pitch": 2.0, "yaw": 5.0}
+
+
+def test_the_window_is_not_scored_and_its_predictions_are_not_looked_at(opened: DataSet, record: DataRecord) -> None:
+    window = record.state_initialization_window_length or 0
+    hat = np.array(record.y)
+    hat[:window] = np.nan
+    hat[window:] += 0.001
+    assert score({record.name: hat}, opened).mean == pytest.approx(1.0)
+    hat[window] += 1.0
+    scored = len(hat) - window
+    assert score({record.name: hat}, opened).mean == pytest.approx(
+        1000.0 * np.sqrt((1.001**2 + (scored - 1) * 1e-6) / scored)
+    )
+
+
+def test_a_model_sees_no_output_behind_the_window(record: DataRecord) -> None:
+    """Outputs behind the window are replaced by rubbish: the simulation stays the same to the bit."""
+    data = record.iodata()
+    assert data.window == 20
+    rubbish = np.where(np.arange(len(data))[:, None] < data.window, data.y, 7.0)
+    model = StateSpace([[0.9, 0.1], [0.0, 0.8]], [[0.1], [0.2]], [[1.0, 0.0]], [[0.0]], [[0.3], [0.1]], data.dt)
+    point = {"inputs": data.u[0], "outputs": data.y[0]}
+    for predictor in (ModelPredictor(model), ModelPredictor(model, **point), Hold(data.y[0])):
+        simulated = [predictor.predicted(replace(data, y=y), 0) for y in (data.y, rubbish)]
+        np.testing.assert_array_equal(*simulated)
+    # Three steps ahead the output at t knows those up to t - 3.
+    late = np.where(np.arange(len(data))[:, None] <= 100, data.y, 7.0)
+    for predictor in (ModelPredictor(model), Hold(data.y[0])):
+        one, other = (predictor.predicted(replace(data, y=y), 3) for y in (data.y, late))
+        np.testing.assert_array_equal(one[:104], other[:104])
+        assert not np.array_equal(one[104:], other[104:])
+
+
+def test_without_operating_point_a_model_finds_state_and_level_in_the_window() -> None:
+    rng = np.random.default_rng(1)
+    model = StateSpace([[0.9, 0.1], [0.0, 0.8]], [[0.1], [0.2]], [[1.0, 0.0]], [[0.0]], None, 0.02)
+    u, state, y = rng.standard_normal((300, 1)), np.array([3.0, -2.0]), []
+    for row in u:
+        y.append(model.C @ state)
+        state = model.A @ state + model.B @ row
+    data = IOData(u + 0.4, np.array(y) - 1.3, 0.02, window=40)
+    np.testing.assert_allclose(ModelPredictor(model).predicted(data, 0), data.y, atol=1e-9)
+    known = ModelPredictor(model, np.array([0.4]), np.array([-1.3]))
+    np.testing.assert_allclose(known.predicted(data, 0), data.y, atol=1e-9)
+    # Without a window it starts at rest at its operating point; without that nothing tells the level.
+    assert known.predicted(replace(data, window=0), 0)[0] == pytest.approx(-1.3)
+    with pytest.raises(ScenarioError, match="no initialisation window"):
+        ModelPredictor(model).predicted(replace(data, window=0), 0)
+    with pytest.raises(ScenarioError, match="one of them given"):
+        ModelPredictor(model, inputs=np.zeros(1))
+
+
+def test_predictors_of_single_outputs_are_stacked() -> None:
+    rng = np.random.default_rng(2)
+    gain = np.array([[1.0, 0.5], [0.0, 2.0]])
+    u = rng.standard_normal((50, 2))
+    data = IOData(u, u @ gain.T + [0.1, 0.2], 0.02, window=10)
+    whole = StaticGain.fitted([data])
+    np.testing.assert_allclose(whole.gain, gain, atol=1e-12)
+    np.testing.assert_allclose(whole.level, [0.1, 0.2], atol=1e-12)
+    rows = StackedPredictor(tuple(StaticGain.fitted([data.select(outputs=[i])]) for i in range(2)))
+    np.testing.assert_allclose(rows.predicted(data, 0), whole.predicted(data, 0), atol=1e-12)
+
+
+def test_score_of_a_model_is_the_score_of_its_predictions(opened: DataSet, record: DataRecord) -> None:
+    model = StateSpace([[0.9]], [[0.1]], [[1.0]], [[0.0]], None, 0.02)
+    hat = ModelPredictor(model).predicted(record.iodata(), 0)
+    of_model = score_model(model, opened)
+    assert of_model == score({record.name: hat}, opened)
+    assert of_model == score_model(lambda one: ModelPredictor(model), opened)
+    assert of_model.scores[0].joint == "elbow_pitch"
+    with pytest.raises(ValueError, match="the data have 1 input"):
+        score_model(block_diagonal([model, model]), opened)
+
+
+def as_csv(path: Path, values: np.ndarray) -> None:
+    path.write_text("elbow_pitch\n" + "".join(f"{value!r}\n" for value in values.tolist()))
+
+
+def as_netcdf(path: Path, values: np.ndarray) -> None:
+    output = Variable(("output",), np.array(["elbow_pitch"]), {})
+    path.write_bytes(
+        Contents({"y": Variable(("sample", "output"), values[:, None], {}), "output": output}, {}).to_bytes()
+    )
+
+
+def as_mat(path: Path, values: np.ndarray) -> None:
+    savemat(path, {"y": values[:, None]})
+
+
+@pytest.mark.parametrize(("ending", "write"), [(".csv", as_csv), (".nc", as_netcdf), (".mat", as_mat)])
+def test_files_of_every_format_give_the_same_numbers(
+    opened: DataSet, record: DataRecord, tmp_path: Path, ending: str, write: Callable[[Path, np.ndarray], None]
+) -> None:
+    hat = record.y + np.random.default_rng(0).standard_normal(len(record)) * 1e-3
+    write(tmp_path / f"{record.name}{ending}", hat)
+    (tmp_path / "notes.md").write_text("what is no prediction is left alone")
+    np.testing.assert_array_equal(read_predictions(tmp_path, opened.test)[record.name][:, 0], hat)
+    assert score(tmp_path, opened) == score([tmp_path / f"{record.name}{ending}"], opened)
+    assert score(tmp_path, opened) == score({record.name: hat}, opened)
+
+
+def test_predictions_that_do_not_fit_are_refused(opened: DataSet, record: DataRecord, tmp_path: Path) -> None:
+    path = tmp_path / f"{record.name}.csv"
+
+    def refused(match: str) -> None:
+        with pytest.raises(ScenarioError, match=match):
+            score(tmp_path, opened)
+
+    refused(f"no predictions of {record.name}: 0 of 1 files there")
+    as_csv(path, record.y[:-1])
+    refused(r"predictions of shape \(199, 1\) given, expected \(200, 1\): 200 samples of elbow_pitch")
+    wrong = np.array(record.y)
+    wrong[[30, 50]] = np.nan
+    as_csv(path, wrong)
+    refused("2 numbers behind the window are not finite, the first at sample 30 of elbow_pitch")
+    path.write_text("elbow\n0.0\n")
+    refused("outputs elbow given, expected elbow_pitch in this order")
+    path.write_text("elbow_pitch\n0.0,1.0\n")
+    refused("row 2: '0.0,1.0' given, expected 1 numbers")
+    path.write_text("elbow_pitch\n0.5\n0;5\n")
+    refused("row 3: '0;5' given, expected 1 numbers")
+    as_mat(tmp_path / f"{record.name}.mat", record.y)
+    refused("has two files of predictions")
+    path.unlink()
+    savemat(tmp_path / f"{record.name}.mat", {"y": record.y[None, :]})
+    refused("time runs along the first axis")
+    savemat(tmp_path / f"{record.name}.mat", {"z": record.y})
+    refused("has no matrix y")
+    as_csv(tmp_path / "binary-elbow_pitch.csv", record.y)
+    refused("binary-elbow_pitch.csv is of no record to predict")
+    (tmp_path / "notes.md").write_text("x")
+    with pytest.raises(ScenarioError, match="expected a folder or files"):
+        score(tmp_path / "notes.md", opened)
+    with pytest.raises(ScenarioError, match="no predictions at"):
+        score(tmp_path / "absent", opened)
+    with pytest.raises(ScenarioError, match="other is no record of the test part"):
+        score({record.name: record.y, "other": record.y}, opened)
+    with pytest.raises(ScenarioError, match="expected real numbers"):
+        score({record.name: record.y.astype(complex)}, opened)
+
+
+def test_only_a_root_mean_square_error_has_a_unit_of_angles() -> None:
+    assert [Scoring(metric).unit for metric in ("rmse", "nrmse", "fit")] == ["mrad", "%", "%"]
+    assert Scoring("rmse", "deg").unit == "deg"
+    for given in (("nrmse", "mrad"), ("fit", "rad"), ("rmse", "%")):
+        with pytest.raises(ScenarioError, match="unit"):
+            Scoring(*given)

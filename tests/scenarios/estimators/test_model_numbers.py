@@ -1,0 +1,191 @@
+"""From numbers to a model: every way to say one, and all that is refused."""
+
+import numpy as np
+import pytest
+
+import sysid
+from scenarios.estimators.model_names import NAMES
+from scenarios.estimators.model_numbers import answer_of, unstable
+from scenarios.estimators.no_model import NoModelError
+from scenarios.estimators.task import Task
+
+F = np.array([0.5, 2.0, 10.0])
+OE = Task("oe", {"nb": 2, "nf": 2, "nk": 1}, 2, F)
+NUM, DEN = [0.0, 0.2, 0.1], [1.0, -1.5, 0.7]
+MATRICES = {"A": [[0.5]], "B": [[1.0]], "C": [[2.0]]}
+
+
+def numbers(**values):
+    return {name: np.array(value, dtype=float) for name, value in {"dt": 0.02, **values}.items()}
+
+
+def record(nu: int = 1, ny: int = 1) -> sysid.IOData:
+    rng = np.random.default_rng(1)
+    return sysid.IOData(rng.standard_normal((50, nu)), rng.standard_normal((50, ny)), 0.02)
+
+
+def response(num, den):
+    """In powers of z."""
+    z = np.exp(2j * np.pi * 0.02 * F)
+    return np.polyval(num, z) / np.polyval(den, z)
+
+
+def test_all_ways_to_say_a_model_say_the_same() -> None:
+    expected = response(NUM, DEN)
+    companion = sysid.innovations_form(sysid.Polynomials(B=NUM, F=DEN), 0.02)
+    ways = [
+        numbers(num=NUM, den=DEN),
+        numbers(num=np.multiply(2.0, [NUM]).T, den=np.multiply(2.0, [DEN])),
+        numbers(poly_b=NUM, poly_f=DEN),
+        numbers(poly_a=DEN, poly_b=NUM, poly_c=[1.0, 0.3]),
+        numbers(A=companion.A, B=companion.B.ravel(), C=companion.C.ravel(), D=0.0),
+        numbers(A=companion.A, B=companion.B, C=companion.C, poly_b=NUM, poly_f=DEN),
+    ]
+    for way in ways:
+        answer = answer_of(way, record(), OE)
+        np.testing.assert_allclose(answer.model.frequency_response(F)[:, 0, 0], expected, rtol=1e-12)
+
+
+def test_fractions_of_several_channels() -> None:
+    num = np.array([[NUM, [0.0, 1.0, 0.0]], [[0.5, 0.0, 0.0], [0.0, 0.0, 0.0]]])
+    den = np.array([[DEN, [1.0, 0.0, 0.0]], [[1.0, -0.9, 0.0], [1.0, 0.0, 0.0]]])
+    model = answer_of(numbers(num=num, den=den), record(2, 2), Task("ss", {"order": 2}, 2, F)).model
+    found = model.frequency_response(F)
+    for i, j in np.ndindex(2, 2):
+        np.testing.assert_allclose(found[:, i, j], response(num[i, j], den[i, j]), rtol=1e-12, atol=1e-15)
+
+
+def test_polynomials_of_several_inputs_with_their_covariance() -> None:
+    """Inputs one after the other, zeros behind the shorter rows."""
+    model = numbers(poly_b=[[0.0, 1.0, 0.5], [0.0, 0.0, 2.0]], poly_f=[[1.0, -0.5], [1.0, 0.0]], covariance=np.eye(4))
+    answer = answer_of(model, record(2), Task("ss", {"order": 3}, 3, F))
+    assert answer.response_covariance.shape == (3, 1, 2, 2, 2)
+    # The second input has b1 alone: the response moves by exp(-2 i w) times its deviation.
+    turn = np.exp(-4j * np.pi * 0.02 * F)
+    expected = np.array([[turn.real**2, turn.real * turn.imag], [turn.real * turn.imag, turn.imag**2]])
+    np.testing.assert_allclose(answer.response_covariance[:, 0, 1], np.moveaxis(expected, -1, 0), rtol=1e-6, atol=1e-9)
+
+
+def test_covariance_of_response_and_bandwidth_follow_from_that_of_the_parameters() -> None:
+    rng = np.random.default_rng(5)
+    root = 1e-4 * rng.standard_normal((4, 4))
+    covariance = root @ root.T
+    answer = answer_of(numbers(num=NUM, den=DEN, covariance=covariance), record(), OE)
+    z = np.exp(2j * np.pi * 0.02 * F)
+    delay = z[:, None] ** -np.arange(3)
+    b, f = delay @ NUM, delay @ DEN
+    slopes = np.column_stack((delay[:, 1] / f, delay[:, 2] / f, -b / f**2 * delay[:, 1], -b / f**2 * delay[:, 2]))
+    parts = np.stack((slopes.real, slopes.imag), axis=1)
+    np.testing.assert_allclose(
+        answer.response_covariance[:, 0, 0], parts @ covariance @ parts.transpose(0, 2, 1), rtol=1e-3
+    )
+    low, high = answer.bandwidth_ci95
+    assert low < answer.model.bandwidth() < high
+    assert np.log(high / low)[0, 0] == pytest.approx(1.96 * 2 * _deviation(covariance), rel=1e-2)
+
+
+def _deviation(covariance: np.ndarray) -> float:
+    """Of the logarithm of the bandwidth, by small steps along independent directions."""
+    theta = np.array([*NUM[1:], *DEN[1:]])
+
+    def log_bandwidth(t: np.ndarray) -> float:
+        model = sysid.innovations_form(sysid.Polynomials(B=[0.0, *t[:2]], F=[1.0, *t[2:]]), 0.02)
+        return float(np.log(model.bandwidth()[0, 0]))
+
+    steps = 1e-3 * np.linalg.cholesky(covariance).T
+    return float(np.linalg.norm([(log_bandwidth(theta + s) - log_bandwidth(theta - s)) / 2e-3 for s in steps]))
+
+
+def test_what_an_estimator_claims_goes_before_what_follows() -> None:
+    claimed = np.tile(np.eye(2), (3, 1, 1))
+    model = numbers(num=NUM, den=DEN, covariance=np.eye(4), response_covariance=claimed, bandwidth_ci95=[1.0, 2.0])
+    answer = answer_of(model, record(), OE)
+    np.testing.assert_array_equal(answer.response_covariance[:, 0, 0], claimed)
+    assert [end.item() for end in answer.bandwidth_ci95] == [1.0, 2.0]
+
+
+def test_zeros_among_the_parameters_are_parameters_where_the_orders_ask_for_them() -> None:
+    """An estimate of 0 does not make a model of lower order of it."""
+    model = numbers(poly_b=[0.0, 0.0, 0.1], poly_f=[1.0, -0.5, 0.0], covariance=np.eye(4))
+    assert answer_of(model, record(), OE).covariance.shape == (4, 4)
+    with pytest.raises(NoModelError, match=r"expected one of 3 or 2 parameters"):
+        answer_of(model, record(), Task("ss", {"order": 2}, 2, F))
+
+
+def test_zeros_that_fill_up_a_fraction_are_no_parameters() -> None:
+    """A delay makes the numerator longer than the denominator."""
+    num, den, covariance = [0.0, 0.0, 0.2, 0.1], [1.0, -1.5, 0.7, 0.0], np.diag([1.0, 4.0, 9.0, 16.0])
+    for task in (Task("oe", {"nb": 2, "nf": 2, "nk": 2}, 2, F), Task("ss", {"order": 3}, 3, F)):
+        answer = answer_of(numbers(num=num, den=den, covariance=covariance), record(), task)
+        full = np.diag([1.0, 4.0, 9.0, 16.0, 0.0])
+        padded = answer_of(numbers(num=num, den=den, covariance=full), record(), Task("ss", {"order": 3}, 3, F))
+        np.testing.assert_allclose(answer.response_covariance, padded.response_covariance, rtol=1e-9)
+
+
+def test_poles_of_the_noise_and_of_states_apart_do_not_make_a_model_unstable() -> None:
+    stable = numbers(poly_b=[0.0, 1.0], poly_f=[1.0, -0.5], poly_d=[1.0, -1.2])
+    assert not unstable(answer_of(stable, record(), OE).model)
+    on_the_circle = numbers(poly_b=[0.0, 1.0], poly_f=[1.0, -1.0])
+    assert "1 of 1 poles" in unstable(answer_of(on_the_circle, record(), OE).model)
+
+
+@pytest.mark.parametrize(
+    ("given", "kind", "why"),
+    [
+        ({}, "malformed", "dt given, expected dt and either A, B, C"),
+        ({"A": [[1.0]], "num": NUM, "den": DEN}, "malformed", "A, den, dt, num given"),
+        ({**MATRICES, "num": NUM, "den": DEN}, "malformed", "expected dt and either"),
+        ({**MATRICES, "E": [[1.0]]}, "malformed", "unknown 'E' given"),
+        ({**MATRICES, "poly_a": [1.0]}, "malformed", "expected dt and either"),
+        ({**MATRICES, "dt": [0.02, 0.02]}, "malformed", "no sampling time given"),
+        ({**MATRICES, "dt": 0.0}, "malformed", "dt = 0 given, expected a discrete-time model"),
+        ({**MATRICES, "dt": np.nan}, "not_finite", "dt has 1 of 1"),
+        ({**MATRICES, "B": [[1.0, 2.0]]}, "malformed", r"B of shape (1, 2) given, expected (1, 1)"),
+        ({**MATRICES, "A": np.eye(2), "B": [[1.0, 1.0]]}, "malformed", r"B of shape (1, 2) given, expected (2, 1)"),
+        ({**MATRICES, "A": np.eye(101)}, "malformed", "at most 100 states"),
+        ({"dt": 0.02, "num": np.ones(102), "den": np.eye(1, 102)[0]}, "malformed", "num of shape (102,) given"),
+        ({**MATRICES, "B": [[np.inf]]}, "not_finite", "B has 1 of 1"),
+        ({**MATRICES, "B": [[1e70]]}, "malformed", "numbers above 1e+60"),
+        ({**MATRICES, "B": [[1e50]], "C": [[1e50]]}, "not_finite", "whose response is"),
+        ({**MATRICES, "covariance": [[1.0]]}, "malformed", "without polynomials"),
+        ({**MATRICES, "innovation_covariance": -1.0}, "malformed", "innovation_covariance has a negative eigenvalue"),
+        ({"num": [1.0], "den": DEN}, "malformed", "num with 1 and den with 3 coefficients"),
+        ({"num": NUM, "den": [0.0, 1.0, 0.5]}, "malformed", "den begins with 0"),
+        ({"num": NUM, "den": [1e-60, 1.0, 0.5]}, "model", ""),
+        ({"num": np.eye(2), "den": DEN}, "malformed", "expected a row of coefficients"),
+        ({"poly_b": [0.0, 1.0], "poly_f": [2.0, 1.0]}, "malformed", "poly_f begins with 2, expected 1"),
+        ({"num": NUM, "den": DEN, "covariance": np.eye(3)}, "malformed", "expected one of 4 parameters"),
+        ({"num": NUM, "den": DEN, "covariance": np.ones(4)}, "malformed", "covariance of shape (4,)"),
+        ({"num": NUM, "den": DEN, "covariance": np.triu(np.ones((4, 4)))}, "malformed", "covariance is not symmetric"),
+        ({**MATRICES, "response_covariance": np.ones((3, 2))}, "malformed", "expected (3, 1, 1, 2, 2)"),
+        (
+            {**MATRICES, "response_covariance": -np.tile(np.eye(2), (3, 1, 1))},
+            "malformed",
+            "negative eigenvalue at 0.5",
+        ),
+        ({**MATRICES, "bandwidth_ci95": [2.0, 1.0]}, "malformed", "0 <= lower <= upper"),
+        ({**MATRICES, "bandwidth_ci95": [1.0, np.inf]}, "not_finite", "bandwidth_ci95"),
+        ({**MATRICES, "bandwidth_ci95": [np.nan, np.nan]}, "model", ""),
+    ],
+)
+def test_what_is_no_model_is_said_to_be_none(given: dict[str, object], kind: str, why: str) -> None:
+    if kind == "model":
+        assert answer_of(numbers(**given), record(), OE).model.order > 0
+        return
+    with pytest.raises(NoModelError) as caught:
+        answer_of(numbers(**given), record(), OE)
+    assert (caught.value.kind, why in str(caught.value)) == (kind, True), str(caught.value)
+
+
+def test_rounding_does_not_make_a_covariance_of_ours_one_no_more() -> None:
+    """Parameters of very different size, known only together."""
+    rng = np.random.default_rng(2)
+    direction = rng.standard_normal(4)
+    scale = np.array([1e-6, 1.0, 1e4, 1e-2])
+    covariance = np.outer(scale, scale) * (np.outer(direction, direction) + 1e-15 * rng.standard_normal((4, 4)))
+    answer = answer_of(numbers(num=NUM, den=DEN, covariance=covariance), record(), OE)
+    assert answer.covariance is not None
+
+
+def test_names_are_listed_once() -> None:
+    assert len(set(NAMES)) == len(NAMES)

@@ -1,0 +1,179 @@
+"""Films and pictures of an experiment."""
+
+import json
+import sys
+from contextlib import nullcontext
+from pathlib import Path
+
+import av
+import mujoco
+import numpy as np
+import pytest
+from PIL import Image
+
+from hmtb_twin import JointLog, TwinError, load_arm, render, simulate
+from hmtb_twin.parameters.resources import model_file
+from scenarios import Excitation, Scenario
+from scenarios.commands.cli import main
+
+
+@pytest.fixture(scope="module")
+def opengl() -> None:
+    """Leaves a test out where the machine cannot render."""
+    try:
+        render(load_arm(), width=16, height=16)
+    except TwinError as error:
+        pytest.skip(str(error))
+
+
+@pytest.fixture(scope="module")
+def log(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    fast = Excitation("sine", {"frequency": 0.5, "amplitude": 4.0})
+    made = simulate([Scenario("swing", ("shoulder_yaw",), (fast,), duration=2.0)])[0]
+    return made.save(tmp_path_factory.mktemp("film") / "swing.nc")
+
+
+@pytest.mark.usefixtures("opengl")
+def test_a_film_shows_the_arm_move(log: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    film = tmp_path / "swing.mp4"
+    size = ["--width", "160", "--height", "120"]
+    assert main(["video", str(log), "--out", str(film), "--fps", "5", *size, "--json"]) == 0
+    assert json.loads(capsys.readouterr().out) == {
+        "film": str(film),
+        "scenario": "swing",
+        "frames": 10,
+        "cameras": ["overview"],
+    }
+    with av.open(str(film)) as container:
+        pictures = [frame.to_ndarray(format="rgb24") for frame in container.decode(video=0)]
+    assert len(pictures) == 10
+    assert pictures[0].shape == (120, 160, 3)
+    moved = np.abs(pictures[5][20:].astype(float) - pictures[0][20:])
+    assert (moved > 40).mean() > 0.005, "the arm swings 10 degrees in half a second"
+
+
+@pytest.mark.usefixtures("opengl")
+def test_an_empty_hand_is_shown_empty() -> None:
+    bare, loaded = (render(load_arm(payload=name), "overview", 160, 120) for name in ("none", "rpcm"))
+    assert np.ptp(bare) > 100
+    assert (np.abs(bare.astype(float) - loaded).max(axis=2) > 40).sum() > 10
+
+
+@pytest.mark.usefixtures("opengl")
+def test_several_cameras_in_one_picture(log: Path, tmp_path: Path) -> None:
+    deck = tmp_path / "deck.png"
+    assert main(["video", str(log), "--camera", "deck", "--width", "80", "--height", "60", "--out", str(deck)]) == 0
+    picture = np.asarray(Image.open(deck))
+    assert picture.shape == (120, 160, 3)
+    quarters = [picture[a : a + 60, b : b + 80] for a in (0, 60) for b in (0, 80)]
+    assert all(quarter.std() > 10 for quarter in quarters)
+    assert not np.array_equal(quarters[1], quarters[2])
+
+
+@pytest.mark.usefixtures("opengl")
+def test_a_gif_and_a_speed(log: Path, tmp_path: Path) -> None:
+    gif = tmp_path / "swing.gif"
+    words = ["--fps", "4", "--speed", "2", "--width", "64", "--height", "48", "--start", "0.5", "--duration", "1"]
+    assert main(["video", str(log), "--out", str(gif), *words]) == 0
+    with Image.open(gif) as animation:
+        assert animation.n_frames == 3
+
+
+@pytest.mark.parametrize(
+    ("words", "says"),
+    [
+        (["--out", "x.avi"], "'.avi'"),
+        (["--camera", "moon", "--out", "x.png"], "wrist_camera, deck"),
+        (["--start", "9"], "lasts from 0 to 2 s"),
+        (["--fps", "0"], "--fps must be above 0"),
+        (["--width", "5", "--out", "x.png"], "16 to 4096"),
+        (["--seed", "3"], "is recorded"),
+    ],
+)
+def test_what_cannot_be_filmed_is_one_line(
+    log: Path,
+    words: list[str],
+    says: str,
+    capsys: pytest.CaptureFixture[str],
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    assert main(["video", str(log), *words]) == 2
+    complaint = capsys.readouterr().err
+    assert says in complaint
+    assert complaint.count("\n") == 1
+    assert not list(tmp_path.iterdir()), "nothing half-written is left"
+
+
+def test_the_viewer_needs_a_display(capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> None:
+    for variable in ("DISPLAY", "WAYLAND_DISPLAY"):
+        monkeypatch.delenv(variable, raising=False)
+    monkeypatch.setattr("sys.platform", "linux")
+    assert main(["view"]) == 2
+    assert "hmtb video films without one" in capsys.readouterr().err
+
+
+def test_a_log_plays_back_tick_by_tick(log: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A window that a test can look into, in place of MuJoCo's."""
+    import scenarios.experiments.playback as viewer
+
+    poses = []
+
+    class Window:
+        def __init__(self, model, data, **_):  # type: ignore[no-untyped-def]
+            self.data, self.cam, self.lock = data, mujoco.MjvCamera(), nullcontext
+
+        def __enter__(self):  # type: ignore[no-untyped-def]
+            return self
+
+        def __exit__(self, *_):  # type: ignore[no-untyped-def]
+            return None
+
+        def is_running(self) -> bool:
+            return True
+
+        def sync(self) -> None:
+            poses.append((self.data.time, self.data.qpos[:7].copy()))
+
+    monkeypatch.setattr(viewer, "_viewer", lambda: type("Module", (), {"launch_passive": Window}))
+    record = JointLog.load(log)
+    viewer.play(record, speed=20.0)
+    assert len(poses) > 2
+    for time, angles in poses:
+        np.testing.assert_array_equal(angles, record.true_angles[round(time / record.dt)])
+
+
+@pytest.mark.parametrize(
+    ("words", "says"),
+    [
+        (["--start", "500"], "nothing to show from 500 s; swing lasts from 0 to 2 s"),
+        (["--start", "5", "--duration", "1"], "nothing to show from 5 s for 1 s; swing"),
+    ],
+)
+def test_what_is_not_in_the_record_is_not_shown(
+    log: Path, words: list[str], says: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main(["video", str(log), *words, "--out", "x.png"]) == 2
+    assert says in capsys.readouterr().err
+
+
+def test_help_names_every_camera(capsys: pytest.CaptureFixture[str]) -> None:
+    scene = mujoco.MjModel.from_xml_path(str(model_file("hmtb/scene.xml")))
+    assert main(["video", "--help"]) == 0
+    help_text = capsys.readouterr().out
+    for number in range(scene.ncam):
+        assert scene.camera(number).name in help_text
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="only there the display is known before a window opens")
+def test_without_a_display_nothing_is_simulated_or_announced(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    for name in ("DISPLAY", "WAYLAND_DISPLAY"):
+        monkeypatch.delenv(name, raising=False)
+    monkeypatch.setattr("scenarios.experiments.playback.played", lambda *words, **options: pytest.fail("simulated"))
+    assert main(["view", "siso-1-elbow_pitch"]) == 2
+    out, err = capsys.readouterr()
+    assert out == ""
+    assert "no display here" in err

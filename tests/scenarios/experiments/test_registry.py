@@ -1,0 +1,108 @@
+"""Registered scenarios: Table 1, by name and by tag."""
+
+from pathlib import Path
+
+import pytest
+
+from scenarios import Excitation, Scenario, ScenarioError, load, names
+from scenarios.experiments.registry import Registry, table1
+
+
+def test_table_1_is_there() -> None:
+    joints = ("shoulder_yaw", "shoulder_pitch", "elbow_pitch")
+    expected = {f"siso-{number}-{joint}" for number in range(1, 9) for joint in joints}
+    assert set(names("table1")) == set(names("thesis")) == expected
+    assert len({load(name).seed for name in expected}) == 24
+    for name in expected:
+        scenario = load(name)
+        assert scenario.duration == 240.0
+        assert scenario.axes == (name.split("-", 2)[2],)
+        assert scenario.volts().shape == (12_000, 1)
+
+
+def test_table_1_is_there_for_the_other_joints() -> None:
+    joints = ("wrist_pitch", "wrist_yaw", "wrist_roll")
+    assert set(names("other-joints")) == {f"siso-{number}-{joint}" for number in range(1, 9) for joint in joints}
+    assert set(names("siso")) == {*names("table1"), *names("other-joints")}
+    assert len({load(name).seed for name in names("siso")}) == 48
+    for name in names("other-joints"):
+        assert load(name).excitation == load(name.replace(load(name).axes[0], "elbow_pitch")).excitation
+
+
+# [Morris1996, table 2]
+TABLE_2 = [
+    ("sine", 1, {"frequency": 5.0}),
+    ("sine", 2, {"frequency": 5.0}),
+    ("sine", 2, {"frequency": 10.0}),
+    ("two_sines", 1, {"frequency": 1.25}),
+    ("two_sines", 2, {"frequency": 1.25}),
+    ("two_sines", 2, {"frequency": 2.5}),
+    ("prbs", 1, {}),
+    ("prbs", 2, {}),
+    ("bipolar_ramping_pulse", 4, {"frequency": 1.0, "pulse_width": 0.1, "growing": False}),
+    ("chirp", 1, {"f_start": 0.0, "f_end": 1.0}),
+    ("chirp", 1, {"f_start": 0.0, "f_end": 5.0}),
+    ("chirp", 1, {"f_start": 5.0, "f_end": 10.0}),
+    ("chirp", 1, {"f_start": 5.0, "f_end": 15.0}),
+]
+
+
+def test_table_2_is_there() -> None:
+    assert names("table2") == tuple(f"mimo-{number}" for number in range(1, 14))
+    for name, (kind, amplitude, parameters) in zip(names("table2"), TABLE_2, strict=True):
+        scenario = load(name)
+        (excitation,) = scenario.excitation
+        assert (excitation.kind, excitation.parameters["amplitude"]) == (kind, amplitude)
+        assert {key: excitation.parameters[key] for key in parameters} == parameters
+        assert (scenario.mode, scenario.axes, scenario.duration) == ("cartesian", ("x", "y", "z"), 240.0)
+        assert scenario.hand_controller.compensation == 0.95
+        volts = scenario.volts()
+        assert volts.shape == (12_000, 3)
+        assert (volts == volts[:, :1]).all()
+
+
+def test_independent_channels_have_three_different_waveforms() -> None:
+    assert names("independent") == ("mimo-7-independent", "mimo-8-independent")
+    for name in names("independent"):
+        volts = load(name).volts()
+        assert len({column.tobytes() for column in volts.T}) == 3
+        assert volts.max() == load(name.removesuffix("-independent")).volts().max()
+
+
+@pytest.mark.parametrize(("number", "peak"), [(1, 1), (2, 1), (3, 2), (4, 1), (5, 1), (6, 2), (7, 4), (8, 1)])
+def test_amplitudes_of_table_1(number: int, peak: float) -> None:
+    for excitation in load(f"siso-{number}-elbow_pitch").excitation:
+        assert excitation.parameters["amplitude"] == peak
+
+
+def test_printed_scenario_can_be_saved_and_loaded(tmp_path: Path) -> None:
+    path = tmp_path / "mine.toml"
+    path.write_text(load("siso-5-shoulder_yaw").to_toml(), encoding="utf-8")
+    assert load(path) == load("siso-5-shoulder_yaw")
+    assert load(str(path)) == load("siso-5-shoulder_yaw")
+
+
+def test_duplicates_are_rejected() -> None:
+    registry = Registry()
+    scenario = Scenario("one", ("elbow_pitch",), (Excitation("prbs"),))
+    registry.add(scenario)
+    with pytest.raises(ScenarioError, match="'one' is already registered"):
+        registry.add(scenario)
+
+
+def test_unknown_names_say_what_there_is(tmp_path: Path) -> None:
+    with pytest.raises(ScenarioError, match=r"did you mean 'siso-5-shoulder_yaw' or .* There are 65, listed by"):
+        load("siso5-shoulder_yaw")
+    with pytest.raises(ScenarioError, match=r"^unknown scenario 'x'; there are 65, listed by: hmtb scenarios list$"):
+        load("x")
+    with pytest.raises(ScenarioError, match=r"unknown tag 'siro'.*did you mean 'siso'"):
+        names("siro")
+    with pytest.raises(ScenarioError, match="cannot read scenario file"):
+        load(tmp_path / "missing.toml")
+
+
+def test_names_by_tag() -> None:
+    of_table1 = {entry.name for entry in table1() if entry.excitation[0].kind == "prbs"}
+    assert set(names("prbs")) & set(names("table1")) == of_table1
+    assert {load(name).excitation[0].kind for name in names("prbs")} == {"prbs"}
+    assert names() == tuple(dict.fromkeys(names()))

@@ -1,0 +1,185 @@
+"""A scenario is a TOML file, read strictly."""
+
+import pickle
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from hmtb_twin import JOINTS, Chain, HandController, Plant, Specimen
+from scenarios import Excitation, Scenario, ScenarioError, load
+from scenarios.experiments.scenario import NAME
+
+EXCITATIONS = st.one_of(
+    st.builds(
+        lambda amplitude, clock, seed: Excitation("prbs", {"amplitude": amplitude, "clock": clock, "seed": seed}),
+        st.floats(0.01, 10),
+        st.integers(1, 33),
+        st.integers(0, 2**31),
+    ),
+    st.builds(lambda n: Excitation("sine", {"frequency": n / 2}), st.integers(1, 49)),
+    st.builds(lambda g: Excitation("bipolar_ramping_pulse", {"growing": g}), st.booleans()),
+    st.builds(
+        lambda points, frequency, count: Excitation("points", {"points": tuple(points)}, frequency, count),
+        st.lists(st.floats(-10, 10), min_size=100, max_size=100),
+        st.one_of(st.none(), st.floats(1e-3, 1e3)),
+        st.one_of(st.none(), st.integers(1, 1000)),
+    ),
+)
+
+
+@st.composite
+def scenarios(draw: st.DrawFn) -> Scenario:
+    axes = tuple(draw(st.lists(st.sampled_from(JOINTS[1:]), min_size=1, max_size=3, unique=True)))
+    count = draw(st.sampled_from([1, len(axes)]))
+    return Scenario(
+        name=draw(st.from_regex(NAME, fullmatch=True)),
+        axes=axes,
+        excitation=tuple(draw(st.lists(EXCITATIONS, min_size=count, max_size=count))),
+        duration=draw(st.floats(0.02, 1e4)),
+        seed=draw(st.integers(0, 2**63 - 1)),
+        independent_channels=True,
+        plant=draw(
+            st.builds(
+                Plant,
+                actuator=st.sampled_from(["linear", "orifice"]),
+                friction=st.sampled_from(["none", "viscous", "coulomb", "lugre"]),
+                oil_temperature=st.floats(0.0, 100.0),
+                process_noise=st.floats(0.0, 1.0),
+            )
+        ),
+        specimen=draw(
+            st.builds(
+                Specimen,
+                payload_mass=st.floats(0.01, 100.0),
+                shift=st.lists(st.floats(-3.0, 3.0), min_size=24, max_size=24),
+                kp=st.lists(st.floats(0.01, 100.0), min_size=7, max_size=7) | st.just(()),
+            )
+        ),
+        chain=draw(st.builds(Chain, friction=st.booleans(), adc=st.booleans())),
+        hand_controller=draw(st.builds(HandController, gain=st.floats(0.01, 0.1), hold=st.integers(1, 5))),
+        description=draw(st.text()),
+        tags=tuple(draw(st.lists(st.text(), max_size=3))),
+    )
+
+
+@given(scenarios())
+def test_toml_round_trip(scenario: Scenario) -> None:
+    again = Scenario.from_toml(scenario.to_toml())
+    assert again == scenario
+    assert hash(again) == hash(scenario)
+    assert pickle.loads(pickle.dumps(scenario)) == scenario
+
+
+MINIMAL = """
+name = "mine"
+axes = ["elbow_pitch"]
+[excitation]
+kind = "sine"
+frequency = 5
+"""
+
+
+def test_numbers_and_texts_of_numpy_are_written_as_those_of_python() -> None:
+    plant = Plant(np.str_("linear"), friction_level=np.float64(2.0), supply_pressure=np.float32(20.1), process_noise=0)
+    scenario = replace(
+        Scenario.from_toml(MINIMAL), plant=plant, duration=np.float64(3.0), seed=np.int64(5), worksite=np.bool_(False)
+    )
+    text = scenario.to_toml()
+    assert "np." not in text
+    assert "friction_level = 2.0" in text
+    assert Scenario.from_toml(text) == scenario
+
+
+def test_a_short_file_gets_the_defaults() -> None:
+    scenario = Scenario.from_toml(MINIMAL)
+    assert scenario.duration == 240.0
+    assert dict(scenario.excitation[0].parameters) == {"frequency": 5.0, "amplitude": 1.0}
+    assert scenario.volts().shape == (12_000, 1)
+
+
+def test_volts_are_shared_or_one_per_axis() -> None:
+    axes = ("shoulder_yaw", "elbow_pitch")
+    sine, prbs = Excitation("sine", {"frequency": 5.0}), Excitation("prbs")
+    shared = Scenario("shared", axes, (sine,), duration=2.0).volts()
+    np.testing.assert_array_equal(shared[:, 0], shared[:, 1])
+    apart = Scenario("apart", axes, (sine, prbs), duration=2.0).volts()
+    assert apart.shape == (100, 2)
+    asked = np.column_stack([sine.waveform().points, prbs.waveform().points])
+    np.testing.assert_allclose(apart, asked, atol=0.5 * 20 / 4096 + 1e-12)
+    smooth = Scenario("smooth", axes, (sine, prbs), duration=2.0, chain=Chain(dac=False)).volts()
+    np.testing.assert_allclose(smooth, asked, rtol=1e-15)
+
+
+def test_reseeding_draws_another_seed_for_every_name_and_keeps_the_file() -> None:
+    one = Scenario("one", ("elbow_pitch",), (Excitation("prbs"),))
+    two = Scenario("two", ("elbow_pitch",), (Excitation("prbs"),))
+    assert one.reseeded(1) == one.reseeded(1)
+    assert len({one.reseeded(1).seed, one.reseeded(2).seed, two.reseeded(1).seed}) == 3
+    assert one.reseeded(1).excitation == one.excitation
+
+
+@pytest.mark.parametrize(
+    ("change", "says"),
+    [
+        (lambda t: t.replace("elbow_pitch", "elbow_ptich"), "did you mean 'elbow_pitch'.*shoulder_yaw"),
+        (lambda t: t.replace('"sine"', '"sin"'), "unknown excitation 'sin'.*did you mean 'sine'.*prbs"),
+        (lambda t: t.replace("frequency", "frequencies"), "unknown parameter 'frequencies'.*amplitude"),
+        (lambda t: t.replace("frequency = 5", ""), "needs frequency"),
+        (lambda t: t.replace("frequency = 5", "frequency = true"), "must be a finite number, given True"),
+        (lambda t: t.replace("frequency = 5", "frequency = nan"), "must be a finite number, given nan"),
+        (lambda t: t.replace("frequency = 5", "frequency = 5.1"), "5.1 Hz does not repeat"),
+        (lambda t: "durations = 3\n" + t, "unknown key 'durations'.*did you mean 'duration'"),
+        (lambda t: "duration = '3'\n" + t, "duration must be a finite number"),
+        (lambda t: "duration = 0.001\n" + t, "duration of 0.02 to"),
+        (lambda t: "seed = 1.5\n" + t, "seed must be a whole number"),
+        (lambda t: "seed = -1\n" + t, "a seed is a whole number"),
+        (lambda t: t + "\n[chain]\nnoise = 1\n", "chain.noise must be true or false"),
+        (lambda t: "tags = 'a'\n" + t, "tags must be a list of texts"),
+        (lambda t: "variant = 'nominals'\n" + t, "unknown variant 'nominals'.*nominal"),
+        (lambda t: "payload = 'rpmc'\n" + t, "unknown payload 'rpmc'.*rpcm"),
+        (lambda t: "pose = 'hom'\n" + t, "unknown pose 'hom'.*home"),
+        (lambda t: t.replace('["elbow_pitch"]', "[]"), "one or more different entries"),
+        (lambda t: t.replace('name = "mine"', ""), "missing name"),
+        (lambda t: t + "kind = 3", "not a TOML file"),
+        (lambda t: t + "[plant]\nprocess_noise = 2\n", "mine.toml: plant: process_noise = 2.0 given, expected 0 to 1"),
+        (lambda t: t + "[plant]\nfriction = 'ice'\n", "mine.toml: plant: unknown friction 'ice', available: none"),
+        (lambda t: t + "[specimen]\nmass = [1.1]\n", "mine.toml: specimen: 1 entries of mass given, expected 8"),
+        (lambda t: t + "[specimen]\nkp = 1.1\n", "mine.toml: specimen.kp must be a list of finite numbers"),
+        (lambda t: t + "[specimen]\nkg = 1.1\n", "mine.toml: specimen: unknown key 'kg'"),
+        (lambda t: t + "[plant]\nfriction_level = true\n", "mine.toml: plant.friction_level must be a finite number"),
+        (lambda t: t + "iterations = 1.5\n", "iterations must be a whole number"),
+        (lambda t: t + "iterations = 0\n", "iterations must be 1 or more, given 0"),
+        (lambda t: t + "repeat_frequency = 0.0\n", "repeat_frequency must be above 0 and up to 1000 Hz, given 0"),
+        (lambda t: t.replace("sine", "points"), "excitation 'points': unknown parameter 'frequency'"),
+        (lambda t: t.replace("sine", "file"), "excitation 'file' takes a path and repeat_frequency"),
+        (lambda t: t.replace("[excitation]\nkind", "[excitation]\nsort"), "must be a table with a kind"),
+    ],
+)
+def test_a_wrong_file_is_refused_with_what_there_is(change: object, says: str) -> None:
+    with pytest.raises(ScenarioError, match=says):
+        Scenario.from_toml(change(MINIMAL), source="mine.toml")  # type: ignore[operator]
+
+
+def test_one_excitation_per_axis_or_one_for_all() -> None:
+    sine = Excitation("sine", {"frequency": 5.0})
+    with pytest.raises(ScenarioError, match="2 excitations for 1 axes"):
+        Scenario("two", ("elbow_pitch",), (sine, sine))
+
+
+@pytest.mark.parametrize(
+    ("changes", "told"),
+    [
+        ({"variant": "flight", "plant": Plant(supply_pressure=15.0)}, "supply_pressure = 15.0.*electric"),
+        ({"variant": "flight", "worksite": True}, "'flight' at the worksite"),
+        ({"payload": "mdm", "worksite": True}, "'mdm' at the worksite given, expected rpcm or none"),
+        ({"plant": None}, "plant = None given, expected a Plant"),
+        ({"specimen": None}, "specimen = None given, expected a Specimen"),
+        ({"variant": "flight", "specimen": Specimen(leakage=2.0)}, "leakage = 2.0 given.*electric"),
+    ],
+)
+def test_arms_that_cannot_be_loaded_are_refused(changes, told):
+    with pytest.raises(ScenarioError, match=told):
+        replace(load("siso-1-elbow_pitch"), **changes)

@@ -1,0 +1,18 @@
+"""A result says with which version it was made, installed or not."""
+
+import re
+from importlib.metadata import PackageNotFoundError
+
+import pytest
+
+from scenarios.files import provenance
+
+
+def test_the_version_of_the_source_stands_for_a_package_that_is_not_installed(monkeypatch: pytest.MonkeyPatch) -> None:
+    def missing(name: str) -> str:
+        raise PackageNotFoundError(name)
+
+    monkeypatch.setattr(provenance, "version", missing)
+    found = provenance.versions()
+    assert re.fullmatch(r"\d+\.\d+\S* from source", found["hmtb-twin"])
+    assert found["mujoco"] == "not installed as a package"

@@ -1,0 +1,168 @@
+"""The best linear approximation of the twin: the small-signal truth where the arm is linear, apart where it is not."""
+
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+from scipy.stats import binom, kstest
+
+from hmtb_twin import IDEAL, STUDIED_JOINTS, Chain, HandController, Plant, Specimen, linearize, load_arm
+from scenarios import ScenarioError, load
+from scenarios.experiments.excitation_computer import BOARD
+from scenarios.experiments.multisines import MultisineExperiment, Multisines, multisine_experiments
+from scenarios.truth.best_linear import best_linear
+from sysid import SysidError
+from sysid.validation.interval_agreement import agreement
+
+QUIET = replace(IDEAL, resolver=True)
+SHORT = Multisines(realisations=8, period=5.12, f_min=0.1)
+YAW = MultisineExperiment("yaw", ("shoulder_yaw",), chain=QUIET)
+
+
+@pytest.mark.slow
+def test_without_friction_it_is_the_small_signal_truth_line_by_line() -> None:
+    truth = linearize(load_arm(friction=False), amplitudes=())
+    lines, whole, held = [], [], 0
+    for joint in STUDIED_JOINTS:
+        for seed in range(2):
+            setting = MultisineExperiment("agreement", (joint,), chain=QUIET, seed=seed)
+            found = best_linear(setting, replace(SHORT, seed=seed))
+            result = found.servo_agreement(truth)
+            lines.append(result.p.ravel())
+            whole.append(result.p_all.item())
+            held += bool(found.bandwidth.covers(truth.joint(joint).bandwidth_hz).item())
+    p = np.concatenate(lines)
+    assert kstest(p, "uniform").pvalue > 0.01
+    low, high = binom.interval(0.99, len(p), 0.05)
+    assert low <= np.sum(p < 0.05) <= high
+    assert min(whole) > 0.01 / len(whole)
+    assert held >= binom.ppf(0.01, len(whole), 0.95)
+
+
+def test_the_test_would_see_a_bandwidth_that_is_off_by_two_percent() -> None:
+    found = best_linear(YAW, SHORT)
+    f = found.servo.response.frequencies
+    model = found.small_signal.channel("shoulder_yaw", "shoulder_yaw")
+    assert agreement(found.servo, model.frequency_response(f)).p_all.item() > 1e-3
+    assert agreement(found.servo, model.frequency_response(f / 1.02)).p_all.item() < 1e-6
+
+
+def test_several_joints_at_once_give_the_coupled_truth() -> None:
+    setting = MultisineExperiment("mimo", ("shoulder_pitch", "elbow_pitch"), chain=QUIET)
+    found = best_linear(setting, replace(SHORT, realisations=5), measured=("elbow_pitch", "shoulder_pitch"))
+    assert found.servo.response.response.shape == (25, 2, 2)
+    result = found.servo_agreement()
+    np.testing.assert_array_less(1e-3, result.p_all)
+    # The first row is the elbow's: its own command is the second input.
+    assert np.abs(found.servo.response.response[0, 0]) @ [0, 1] == pytest.approx(1.0, abs=0.05)
+
+
+def test_friction_takes_gain_and_bandwidth_away_and_shows_as_odd_distortion() -> None:
+    setting = replace(YAW, chain=replace(QUIET, friction=True))
+    found = best_linear(setting, Multisines(realisations=4, odd=True))
+    departure = found.servo_agreement()
+    assert departure.p_all.item() < 1e-9
+    assert departure.gain_db[:, 0, 0].mean() < -0.1
+    assert found.bandwidth.ci95[1].item() < found.small_signal.joint("shoulder_yaw").bandwidth_hz
+    assert found.distortion_percent.item() > 1.0
+    assert found.silent is not None
+    assert found.silent.odd.item() > 10 * found.silent.even.item()
+    quiet = best_linear(replace(YAW, name="sliding"), Multisines(realisations=4, odd=True))
+    assert quiet.distortion_percent.item() < 0.3
+    assert quiet.silent is not None
+    assert quiet.silent.odd.item() < 0.1 * found.silent.odd.item()
+    # The recorder's own noise and rounding.
+    assert quiet.silent.noise.item() == pytest.approx(1.04e-4 * np.sqrt(50 / 256), rel=0.05)
+
+
+def test_limits_and_rounding_lie_before_the_recorded_command() -> None:
+    """What reaches the servo is recorded, so that its response is the truth; from the stick it is not."""
+    limited = best_linear(
+        replace(YAW, chain=replace(QUIET, velocity_limit=True)), replace(SHORT, rms=0.03, realisations=5)
+    )
+    assert limited.slewing > 0.3
+    assert limited.servo_agreement().p_all.item() > 1e-3
+    assert limited.chain_agreement().p_all.item() < 1e-9
+    assert limited.chain_agreement().gain_db[-3:].mean() < -3.0
+    assert limited.command_rms.item() < 0.8 * 0.03
+    rounded = best_linear(
+        replace(YAW, chain=replace(QUIET, dac=True, adc=True)), replace(SHORT, rms=0.001, realisations=5)
+    )
+    assert rounded.servo_agreement().p_all.item() > 1e-3
+    step = HandController().gain * HandController().adc_step
+    uniform = step / np.sqrt(12.0)
+    error = np.sqrt(np.abs(rounded.command_rms.item() ** 2 - 0.001**2))
+    assert error < 2 * uniform
+
+
+def test_the_same_seeds_give_the_same_bits_on_any_number_of_threads() -> None:
+    short = replace(SHORT, realisations=2)
+    one, two, other = (
+        best_linear(replace(YAW, seed=seed), short, threads=threads) for seed, threads in ((0, 1), (0, 2), (1, 1))
+    )
+    np.testing.assert_array_equal(one.servo.response.response, two.servo.response.response)
+    assert not np.array_equal(one.servo.response.response, other.servo.response.response)
+
+
+def test_any_single_joint_experiment_is_a_setting() -> None:
+    scenario = replace(load("siso-5-elbow_pitch"), payload="none", plant=Plant(friction_level=3.0), seed=9)
+    scenario = replace(scenario, specimen=Specimen(mass=(1.1,) * 8))
+    records = multisine_experiments(scenario, SHORT)
+    assert len({record.seed for record in records}) == len(records) == 8
+    first = records[0]
+    assert (first.axes, first.payload, first.plant, first.specimen, first.duration) == (
+        ("elbow_pitch",),
+        "none",
+        scenario.plant,
+        scenario.specimen,
+        SHORT.duration,
+    )
+    found = best_linear(scenario, replace(SHORT, realisations=2))
+    assert found.provenance["plant_friction_level"] == "3.0"
+    assert found.provenance["multisines_rms"] == "0.01"
+    assert found.small_signal.payload == "none"
+    assert found.small_signal.specimen == scenario.specimen
+
+
+@pytest.mark.parametrize(
+    ("setting", "multisines", "message"),
+    [
+        (replace(YAW, mode="single_joint_rate"), SHORT, "mode single_joint_rate given, expected single_joint"),
+        (replace(YAW, shutdown=(1.0,)), SHORT, "emergency shutdown"),
+        (
+            replace(YAW, hand_controller=HandController(hold=3), chain=replace(QUIET, hold=True)),
+            SHORT,
+            "expected one whose hold divides the period of 256 samples",
+        ),
+        (YAW, replace(SHORT, rms=0.5), "peaks of .* V; expected less than the converter's 10 V"),
+    ],
+)
+def test_what_cannot_be_measured_is_refused(setting: MultisineExperiment, multisines: Multisines, message: str) -> None:
+    with pytest.raises(ScenarioError, match=message):
+        best_linear(setting, multisines)
+
+
+@pytest.mark.parametrize("chain", [Chain(), replace(QUIET, adc=True), replace(QUIET, dac=True)])
+def test_a_command_below_half_a_count_is_no_excitation(chain: Chain) -> None:
+    """With noise on the wires the command moves, but what moves it is the noise."""
+    least = 0.5 * max(HandController().adc_step, BOARD.dac_step) * HandController().gain
+    for rms in (1e-9, 0.99 * least):
+        with pytest.raises(ScenarioError, match=r"expected 0.000164 rad or more: below half a count of the converters"):
+            best_linear(replace(YAW, chain=chain), replace(SHORT, rms=rms, realisations=2))
+    assert multisine_experiments(replace(YAW, chain=chain), replace(SHORT, rms=1.01 * least))
+    assert multisine_experiments(YAW, replace(SHORT, rms=1e-9)), "nothing rounds there"
+
+
+def test_a_stick_in_its_deadband_is_no_excitation() -> None:
+    stiff = replace(YAW, hand_controller=HandController(deadband=1.0))
+    with pytest.raises(SysidError, match="no power at the line"):
+        best_linear(stiff, replace(SHORT, realisations=2))
+
+
+@pytest.mark.parametrize("measured", ["elbow_pitch", 5, (), ("elbow_pitch", "elbow_pitch")])
+def test_measured_joints_are_a_sequence(measured: Any) -> None:
+    with pytest.raises(
+        ScenarioError, match=r"measured = .* given, expected one or more of shoulder_roll, .* each once"
+    ):
+        best_linear(YAW, SHORT, measured=measured)

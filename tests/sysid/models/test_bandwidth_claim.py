@@ -1,0 +1,109 @@
+"""What is said of a bandwidth that the record does not bear, also by `hmtb identify`."""
+
+import json
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from scipy.signal import lfilter
+
+from scenarios.commands.cli import main
+from sysid import IOData, oe
+from sysid.models.bandwidth_claim import claim, lowest_excited
+
+DT = 0.02
+
+
+def identified(capsys: pytest.CaptureFixture[str], path: Path, u: np.ndarray, y: np.ndarray, *words: str) -> dict:
+    np.savetxt(path, np.column_stack([DT * np.arange(len(u)), u, y]), delimiter=",", header="t,u,y", comments="")
+    assert main(["identify", str(path), *words, "--json"]) == 0
+    found = json.loads(capsys.readouterr().out)
+    assert main(["identify", str(path), *words]) == 0
+    found["shown"] = capsys.readouterr().out
+    return found
+
+
+def refused(found: dict) -> None:
+    assert found["bandwidth_hz"] is None
+    assert found["ci95"] == [None, None]
+    (line,) = (line for line in found["shown"].splitlines() if "bandwidth (-3 dB)" in line)
+    assert line.rstrip().endswith("—")
+
+
+def test_an_integrator_has_none(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
+    u = np.random.default_rng(0).standard_normal(2000)
+    found = identified(
+        capsys,
+        tmp_path / "i.csv",
+        u,
+        lfilter([0, 0.1], [1, -1], u),
+        "--method=arx",
+        "--orders",
+        "1",
+        "1",
+        "--keep-mean",
+    )
+    refused(found)
+    assert any("integrates" in text for text in found["warnings"])
+
+
+def test_an_interval_over_decades_is_no_interval() -> None:
+    rng = np.random.default_rng(1)
+    u = rng.standard_normal(2000)
+    record = IOData(u, lfilter([0, 0.1], [1, -0.9], u) + 0.01 * rng.standard_normal(2000), DT).detrend()
+    found = oe(record, 1, 1, 1)
+    assert claim(found, record).hz == found.bandwidth().hz[0, 0]
+    assert claim(found, record).warnings == ()
+    vague = claim(replace(found, covariance=1e7 * found.covariance), record)
+    assert np.isnan([vague.hz, vague.low, vague.high]).all()
+    assert vague.refused
+    assert "spans more than a factor of 100" in vague.warnings[0]
+
+
+def test_a_record_shorter_than_a_period_of_the_bandwidth_does_not_tell_it(
+    capsys: pytest.CaptureFixture[str], tmp_path: Path
+) -> None:
+    u = np.random.default_rng(5).standard_normal(400)
+    y = lfilter([0, 0.1], [1, -0.9], u)
+    for samples, claimed in ((8, False), (40, False), (400, True)):
+        words = ("--method", "arx", "--orders", "1", "1", "--keep-mean")
+        found = identified(capsys, tmp_path / f"{samples}.csv", u[:samples], y[:samples], *words)
+        if claimed:
+            assert found["bandwidth_hz"] == pytest.approx(0.839, rel=0.01)
+            continue
+        refused(found)
+        said = f"the record of {samples * DT:.3g} s holds no whole period of anything below {1 / samples / DT:.2g} Hz"
+        assert any(said in text for text in found["warnings"])
+
+
+def test_a_bandwidth_below_the_excitation_is_not_claimed(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
+    rng = np.random.default_rng(2)
+    u = np.sin(2 * np.pi * 5.0 * DT * np.arange(4000)) + np.sin(2 * np.pi * 8.0 * DT * np.arange(4000))
+    y = lfilter([0, 0.1], [1, -0.9], u) + 1e-3 * rng.standard_normal(4000)
+    found = identified(capsys, tmp_path / "h.csv", u, y, "--method", "oe", "--orders", "1", "1")
+    refused(found)
+    assert any("excites nothing below 5 Hz" in text for text in found["warnings"])
+
+
+@pytest.mark.parametrize("skip", [0, 37])
+def test_a_periodic_file_extrapolates_to_zero(capsys: pytest.CaptureFixture[str], tmp_path: Path, skip: int) -> None:
+    rng = np.random.default_rng(3)
+    period = np.repeat(rng.choice([-1.0, 1.0], 50), 2)
+    u = np.tile(period, 42)[skip:] + 1e-3 * rng.standard_normal(4200 - skip)
+    y = lfilter([0, 0.1], [1, -0.9], u) + 1e-3 * rng.standard_normal(len(u))
+    found = identified(capsys, tmp_path / "p.csv", u, y, "--method", "oe", "--orders", "1", "1")
+    assert found["bandwidth_hz"] == pytest.approx(0.839, rel=0.02)
+    expected = "nothing below 0.5 Hz is excited; the gain at 0 Hz, and with it the bandwidth, is extrapolated"
+    assert found["warnings"] == [expected]
+    assert f"warning: {expected}" in found["shown"]
+
+
+def test_broad_excitation_reaches_down_to_zero() -> None:
+    rng = np.random.default_rng(4)
+    white = rng.standard_normal(2000)
+    tone = np.sin(2 * np.pi * 3.0 * DT * np.arange(2000))
+    for u in (white, lfilter([1], [1, -0.95], white), tone + 0.3 * white):
+        assert lowest_excited(IOData(u, u, DT).detrend()) == 0.0
+    assert lowest_excited(IOData(tone, tone, DT)) == pytest.approx(3.0)
+    assert lowest_excited(IOData(tone + 1.0, tone, DT)) == 0.0  # a mean that is left in excites 0 Hz

@@ -1,0 +1,87 @@
+"""The time before a record: at rest, backcast, or free."""
+
+from typing import Any
+
+import numpy as np
+import pytest
+import scipy.linalg
+from scipy.signal import lfilter
+
+from sysid import IOData, Past, armax, bj, oe, residuals
+from sysid.polynomial.error_jacobian import error_jacobian
+from sysid.polynomial.orders import make_orders
+
+
+@pytest.mark.filterwarnings("ignore:the parameters are poorly determined", "ignore:[CD] has a root")
+@pytest.mark.parametrize(
+    ("estimator", "orders"), [(armax, (2, 2, 2)), (oe, (2, 2)), (bj, (2, 1, 1, 2))], ids=["armax", "oe", "bj"]
+)
+def test_zero_is_exact_from_rest_from_the_first_sample_on(estimator: Any, orders: tuple[int, ...]) -> None:
+    u = np.random.default_rng(0).standard_normal(60)
+    data = IOData(u, lfilter([0, 1.0, 0.5], [1, -1.5, 0.7], u), 0.1)
+    estimate = estimator(data, *orders, past=Past.ZERO)
+    np.testing.assert_allclose(
+        estimate.model.markov(20)[:, 0, 0], lfilter([0, 1.0, 0.5], [1, -1.5, 0.7], np.eye(20)[0])
+    )
+    assert estimate.diagnostics["rows"] == 60
+    assert estimate.diagnostics["initial_conditions"] == 0
+
+
+def test_zero_biases_a_record_from_the_middle(p2: Any) -> None:
+    data = IOData(p2.input, p2.noise_free, 0.02)[777:1777]
+    free, rest = oe(data, 2, 2).parameters, oe(data, 2, 2, past=Past.ZERO).parameters
+    assert np.abs(free - p2.parameters).max() < 1e-9
+    assert np.abs(rest - p2.parameters).max() > 1e-3
+
+
+@pytest.mark.filterwarnings("ignore::sysid.SysidWarning")
+@pytest.mark.parametrize("inputs", [1, 2])
+@pytest.mark.parametrize(
+    ("estimator", "orders"),
+    [
+        (armax, (2, 2, 2, 1)),
+        (armax, (5, 3, 2, 2)),
+        (armax, (1, 4, 1, 3)),
+        (armax, (2, 1, 4, 0)),
+        (oe, (2, 2, 1)),
+        (oe, (2, 2, 3)),
+        (oe, (4, 1, 2)),
+        (bj, (2, 2, 2, 2, 1)),
+        (bj, (3, 1, 2, 1, 2)),
+        (bj, (3, 2, 1, 1, 2)),
+    ],
+)
+def test_free_past_uses_every_sample_that_a_free_initial_state_does(
+    estimator: Any, orders: tuple[int, ...], inputs: int
+) -> None:
+    """The least sum of squares is that of the innovations form with its initial state fitted to the whole record."""
+    rng = np.random.default_rng(3)
+    u = rng.standard_normal((250, inputs))
+    v = lfilter([1, -0.5], [1, -0.8, 0.3], rng.standard_normal(250))
+    y = lfilter([0, 1, 0.5], [1, -1.2, 0.5], u, axis=0).sum(axis=1) + v
+    data = IOData(u, y, 0.1)[50:]
+    estimate = estimator(data, *orders)
+    total = float(np.sum(residuals(estimate.model, data) ** 2))
+    assert estimate.diagnostics["sum_of_squares"] == pytest.approx(total, rel=1e-12)
+
+
+def test_backcasting_is_unconditional_least_squares() -> None:
+    """Of a pure disturbance: y' R^-1 y, with R the covariance matrix of the whole record."""
+    c, d = np.array([1, 0.9, 0.3]), np.array([1, -0.7])
+    rng = np.random.default_rng(0)
+    y = lfilter(c, d, rng.standard_normal(60))[20:]
+    data = IOData(rng.standard_normal(40), y, 0.1)
+    orders = make_orders(1, nb=1, nk=0, nc=2, nd=1)
+    theta = orders.join(np.ones(1), [np.zeros(1)], c, d)
+    cost = float(np.sum(error_jacobian(data, orders, theta, Past.BACKCAST).columns[:, -1] ** 2))
+    h = lfilter(c, d, np.eye(500)[0])
+    covariance = scipy.linalg.toeplitz([h[k:] @ h[: len(h) - k] for k in range(40)])
+    assert cost == pytest.approx(float(y @ np.linalg.solve(covariance, y)), rel=1e-5)
+
+
+@pytest.mark.parametrize("past", Past)
+def test_long_records_do_not_care(p3: Any, past: Past) -> None:
+    data = p3.draw(3)
+    plain, other = armax(data, 2, 2, 2), armax(data, 2, 2, 2, past=past)
+    assert np.all(np.abs(other.parameters - plain.parameters) < 0.5 * np.sqrt(np.diag(plain.covariance)))
+    np.testing.assert_allclose(other.covariance, plain.covariance, rtol=0.1, atol=1e-5)

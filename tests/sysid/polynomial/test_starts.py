@@ -1,0 +1,61 @@
+"""Beginnings: without noise each method finds the model; with noise each comes near."""
+
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+import pytest
+from scipy.signal import lfilter
+
+from sysid.polynomial.bj_initial_estimates import bj_starts
+from sysid.polynomial.initial_estimates import armax_starts, oe_starts, reduced_denominator, reduced_path
+from sysid.polynomial.long_arx import long_arx_family
+from sysid.polynomial.orders import make_orders
+from sysid.polynomial.prediction_error import admissible, linearise
+from sysid.polynomial.search import search
+
+
+def test_reduction_finds_the_dynamics_of_exact_responses() -> None:
+    f = np.poly([0.9, 0.5 + 0.4j, 0.5 - 0.4j]).real
+    pulse = np.eye(1, 90)[0]
+    responses = [lfilter([0, 1.0, 0.3], f, pulse)[1:], lfilter([1.0], f, pulse)[1:]]
+    np.testing.assert_allclose(reduced_denominator(responses, 3, 40), f, atol=1e-9)
+
+
+def test_reduction_of_a_delayed_path(exact_system: Callable[[int, int], Any]) -> None:
+    truth = exact_system(3, 3)
+    orders = make_orders(1, nb=3, nf=3, nk=3)
+    model = long_arx_family([truth.data], orders, 9).model(9)
+    theta = reduced_path([truth.data], orders, model)
+    np.testing.assert_allclose(theta[3:], truth.A[1:], atol=1e-8)
+    # B bears the unknown past, which the minimisation takes out
+    np.testing.assert_allclose(theta[:3], truth.B[3:], atol=1e-2)
+
+
+@pytest.mark.parametrize(
+    ("problem", "structure", "beginnings"),
+    [
+        ("p3", {"na": 2, "nb": 2, "nc": 2, "nk": 1}, armax_starts),
+        ("p2", {"nb": 2, "nf": 2, "nk": 1}, oe_starts),
+        ("p4", {"nb": 2, "nc": 2, "nd": 2, "nf": 2, "nk": 1}, bj_starts),
+    ],
+)
+def test_the_first_beginnings_lie_in_the_valley(
+    problem: str, structure: dict[str, int], beginnings: Any, request: pytest.FixtureRequest
+) -> None:
+    truth = request.getfixturevalue(problem)
+    data, orders = [truth.draw(5)], make_orders(1, **structure)
+    at_truth = linearise(data, orders, truth.parameters).cost
+    starts = list(beginnings(data, orders))
+    assert len({start.name for start in starts}) == len(starts) >= 5
+    assert all(admissible(orders, start.theta) for start in starts)
+    assert all(linearise(data, orders, start.theta).cost < 1.5 * at_truth for start in starts[:2])
+
+
+def test_two_that_agree_end_the_search(p3: Any) -> None:
+    data, orders = [p3.draw(5)], make_orders(1, na=2, nb=2, nc=2, nk=1)
+    found = search(data, orders, armax_starts(data, orders))
+    assert len(found.costs) == 2
+    assert found.best.converged
+    # a search that may take no step cannot be content, and tries everything
+    assert len(search(data, orders, armax_starts(data, orders), max_iterations=0).costs) >= 2
