@@ -7,10 +7,10 @@ from typing import Any
 import numpy as np
 
 from sysid.models.estimate import Estimate
+from sysid.polynomial.completed_records import completed
 from sysid.polynomial.excitation import check_excitation
 from sysid.polynomial.initial_conditions import Past
 from sysid.polynomial.initial_estimates import check_room_to_start
-from sysid.polynomial.missing_outputs import completed
 from sysid.polynomial.operating_point import check_means
 from sysid.polynomial.orders import Orders
 from sysid.polynomial.polynomial_estimate import check_enough_data, check_single_output, make_estimate

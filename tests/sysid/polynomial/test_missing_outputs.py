@@ -24,7 +24,8 @@ from sysid import (
     okid,
     pem_ss,
 )
-from sysid.polynomial.missing_outputs import MissingOutputs, completed
+from sysid.polynomial.completed_records import completed
+from sysid.polynomial.missing_outputs import MissingOutputs
 from sysid.polynomial.orders import Orders, make_orders
 from sysid.polynomial.prediction_error import linearise
 
