@@ -7,9 +7,10 @@ from pathlib import Path
 
 from scenarios.datasets.challenge_key import Key, read_key, unpack
 from scenarios.datasets.challenge_secret import public_spec
-from scenarios.datasets.check import REGENERATED, Checked, Progress, examine, folder_files
+from scenarios.datasets.check import REGENERATED, Checked, Progress, examine
 from scenarios.datasets.checked_index import Index, checked_index
 from scenarios.datasets.data_record import published
+from scenarios.datasets.folder_files import folder_files
 from scenarios.datasets.index import read_index
 from scenarios.datasets.layout import SPEC, SUMS
 from scenarios.datasets.regeneration import regeneration

@@ -9,8 +9,8 @@ from pathlib import Path
 from typing import Any
 
 from scenarios.datasets.challenge_publish import published_about
-from scenarios.datasets.check import Files
 from scenarios.datasets.chunk import about
+from scenarios.datasets.folder_files import Files
 from scenarios.datasets.index import array_line
 from scenarios.datasets.layout import INDEX, MANIFEST, SPEC
 from scenarios.datasets.manifest import entry_of

@@ -6,7 +6,7 @@ from typing import Any
 from hmtb_twin.parameters.values import SAMPLE_RATE
 from scenarios.datasets.data_record import GIVEN, WINDOW
 from scenarios.datasets.experiment_file import FORMAT
-from scenarios.datasets.metadata import SPDX
+from scenarios.datasets.license import SPDX
 from scenarios.datasets.spec import DataSetSpec
 
 SIGNALS = {"u": ("input", "sample", "input"), "y": ("output", "sample", "output")}

@@ -4,7 +4,7 @@ import json
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from scenarios.datasets.metadata import NAME, SPDX, URL
+from scenarios.datasets.license import NAME, SPDX, URL
 from scenarios.datasets.spec import DataSetSpec
 
 THESIS = "Comparison of System Identification Techniques for the Hydraulic Manipulator Test Bed (HMTB)"

@@ -9,7 +9,8 @@ from typing import Any
 
 from scenarios.datasets.citation import METHODS, bibtex
 from scenarios.datasets.experiment_table import COLUMNS
-from scenarios.datasets.metadata import NETCDF, URL, Listed
+from scenarios.datasets.license import URL
+from scenarios.datasets.listing import NETCDF, Listed
 from scenarios.datasets.spec import DataSetSpec
 
 TABLE = "experiments"

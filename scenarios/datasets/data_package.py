@@ -7,7 +7,8 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from scenarios.datasets.experiment_table import COLUMNS
-from scenarios.datasets.metadata import NAME, SPDX, URL, Listed
+from scenarios.datasets.license import NAME, SPDX, URL
+from scenarios.datasets.listing import Listed
 from scenarios.datasets.spec import DataSetSpec
 
 KINDS = (("integer", int), ("number", float))

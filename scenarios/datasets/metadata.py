@@ -1,10 +1,8 @@
-"""The metadata of a data set: README, licence, citation, catalogue."""
+"""The papers of a data set: what a stranger needs to understand, cite, find and check it."""
 
 import json
 from collections import Counter
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
-from importlib.resources import files
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -13,101 +11,10 @@ from scenarios.datasets.croissant import croissant
 from scenarios.datasets.data_package import data_package, experiments_schema, table_schema
 from scenarios.datasets.datasheet import datasheet
 from scenarios.datasets.experiment_table import experiment_csv, experiment_rows
-from scenarios.datasets.layout import LOCK, MANIFEST, SUMS
+from scenarios.datasets.license import license_text
+from scenarios.datasets.listing import MOST_LISTED, NETCDF, file_paths, listed, listed_text
 from scenarios.datasets.plan import Plan
 from scenarios.datasets.spec import DataSetSpec
-from scenarios.files.hashes import bytes_hash, file_hash
-
-SPDX = "CC-BY-4.0"
-"""Its identifier."""
-
-NAME = "Creative Commons Attribution 4.0 International"
-"""Its name."""
-
-URL = "https://creativecommons.org/licenses/by/4.0/"
-"""Where its summary stands; the full text is at `legalcode` below it."""
-
-
-def license_text(label: str, creators: tuple[str, ...]) -> str:
-    """The notice for a data set and the full text of the licence; Creative Commons gave that text to the public domain.
-
-    Args:
-        label: Name of the data set with its version.
-        creators: Who is to be named.
-    """
-    notice = (
-        f"The data set {label}, by {'; '.join(creators)}, is licensed under\n"
-        f"{NAME} (SPDX: {SPDX}).\n"
-        f"Summary: {URL}\nFull text, also below: {URL}legalcode\n"
-    )
-    text = files("scenarios").joinpath("data", "licenses", "CC-BY-4.0.txt").read_text(encoding="utf-8")
-    return f"{notice}\n{'=' * 71}\n\n{text.strip()}\n"
-
-
-MOST_LISTED = 1000
-"""Files that a catalogue lists one by one; of more it names the folders, and SHA256SUMS has every file."""
-
-NETCDF = "application/x-netcdf"
-"""Media type of the records."""
-
-MEDIA = {
-    ".nc": NETCDF,
-    ".csv": "text/csv",
-    ".json": "application/json",
-    ".toml": "application/toml",
-    ".md": "text/markdown",
-    ".cff": "application/yaml",
-    ".parquet": "application/vnd.apache.parquet",
-}
-"""Media types by ending; other files are plain text."""
-
-
-@dataclass(frozen=True)
-class Listed:
-    """A file.
-
-    Attributes:
-        path: Its place in the folder.
-        size: In bytes.
-        sha256: Its hash.
-    """
-
-    path: str
-    size: int
-    sha256: str
-
-    @property
-    def suffix(self) -> str:
-        """Ending of its name."""
-        return Path(self.path).suffix
-
-    @property
-    def media(self) -> str:
-        """Its media type."""
-        return MEDIA.get(self.suffix, "text/plain")
-
-
-def file_paths(folder: Path, *, without: Sequence[str] = ()) -> list[str]:
-    """Places of the files of a data set in order, but for its checksums, the notes of the build and those given.
-
-    Args:
-        folder: That of the data set.
-        without: Places to leave out.
-    """
-    found = (path.relative_to(folder).as_posix() for path in folder.rglob("*") if path.is_file())
-    return sorted(p for p in found if p not in (SUMS, MANIFEST, LOCK, *without) and not p.endswith(".partial"))
-
-
-def listed(folder: Path, path: str) -> Listed:
-    """A file on the disk."""
-    return Listed(path, (folder / path).stat().st_size, file_hash(folder / path))
-
-
-def listed_text(path: str, text: str) -> Listed:
-    """A file that is yet to be written."""
-    content = text.encode()
-    return Listed(path, len(content), bytes_hash(content))
-
 
 TABLE = "experiments.csv"
 """The experiments as a table."""

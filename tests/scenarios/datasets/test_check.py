@@ -16,8 +16,9 @@ import xarray as xr
 
 from scenarios.commands.cli import main
 from scenarios.datasets import regeneration
-from scenarios.datasets.check import Checked, check, examine, folder_files
+from scenarios.datasets.check import Checked, check, examine
 from scenarios.datasets.checked_record import record_problems
+from scenarios.datasets.folder_files import folder_files
 from scenarios.datasets.index import array_line, read_index
 from scenarios.datasets.netcdf_inspector import Inspector
 from scenarios.datasets.netcdf_probe import glance
