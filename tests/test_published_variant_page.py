@@ -9,11 +9,19 @@ from types import ModuleType
 import numpy as np
 import pytest
 
+from docs.images.published_servos import (
+    PITCH_PLANE,
+    TARGETS,
+    YAW_PLANE,
+    coupled,
+    dominant_poles,
+    solved_servos,
+    tables,
+)
 from hmtb_twin import linearize, load_arm, simulate
+from hmtb_twin.parameters.published_variant import PUBLISHED_SERVOS
 from scenarios.experiments.preparation import settled
-from scenarios.truth.closeness import tables
-from scenarios.truth.published import YAW_ARMAX
-from scenarios.truth.published_servos import TARGETS, dominant_poles
+from scenarios.truth.published import SHOULDER_PITCH_OE, YAW_ARMAX, YAW_OE
 
 ROOT = Path(__file__).parents[1]
 PAGE = (ROOT / "docs/published-variant.md").read_text(encoding="utf-8")
@@ -34,7 +42,7 @@ def same(found: str, expected: str) -> None:
 
 
 def test_closeness_is_that_of_the_arm() -> None:
-    same(block("python -m scenarios.truth.closeness"), tables(linearize(load_arm("published"))).strip())
+    same(block("python -m docs.images.published_servos"), tables(linearize(load_arm("published"))).strip())
 
 
 def test_every_dominant_pole_of_the_targets_is_as_close_as_the_page_says() -> None:
@@ -82,6 +90,28 @@ def test_what_the_complex_pair_would_take() -> None:
     assert 1e3 * lag == pytest.approx(30.0, abs=0.5)
     assert lag / actuator.pressure_lag == pytest.approx(15.0, abs=0.5)
     assert actuator.hydraulics.bulk_modulus * actuator.pressure_lag / lag == pytest.approx(48.0, abs=0.5)
+
+
+@pytest.mark.parametrize("plane", [YAW_PLANE, PITCH_PLANE], ids=["yaw", "pitch"])
+def test_the_servos_are_found_again(plane) -> None:
+    for name, servo in solved_servos(plane).items():
+        assert servo.slow_pole == pytest.approx(PUBLISHED_SERVOS[name].slow_pole, rel=1e-3)
+        assert servo.fast_pole == pytest.approx(PUBLISHED_SERVOS[name].fast_pole, rel=1e-3)
+
+
+def test_dominant_poles_of_a_print() -> None:
+    np.testing.assert_allclose(dominant_poles(SHOULDER_PITCH_OE), 50.0 * np.log([0.8884, 0.0892]), rtol=1e-3)
+    # Of (4.8) one pole is delay and one lies on the negative axis.
+    np.testing.assert_allclose(dominant_poles(YAW_OE), 50.0 * np.log([0.94265]), rtol=1e-3)
+
+
+def test_the_closed_form_is_the_arm_but_for_the_step_of_the_physics() -> None:
+    truth = linearize(load_arm("published"))
+    for plane in (YAW_PLANE, PITCH_PLANE):
+        poles = np.linalg.eigvals(coupled(plane.joints, PUBLISHED_SERVOS)[0])
+        found = truth.joint(plane.joints[0]).natural_poles
+        for pole in poles[poles.real > -30.0]:
+            assert np.abs(found / pole - 1.0).min() < 0.005
 
 
 def rows() -> dict[str, list[str]]:

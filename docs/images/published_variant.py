@@ -8,9 +8,9 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
+from docs.images.published_servos import TARGETS, dominant_poles
 from hmtb_twin import STUDIED_JOINTS, Truth, linearize, load_arm
 from scenarios.truth.published import YAW_ARMAX, YAW_OKID, published
-from scenarios.truth.published_servos import TARGETS, dominant_poles
 from sysid import StateSpace
 from sysid.plots.palette import GRID, PALETTE
 

@@ -2,7 +2,7 @@
 
 Shoulder yaw ARMAX (4.7), shoulder pitch OE (4.10) and elbow pitch ARMAX (4.12) are the models that the thesis chose.
 The servo poles below are solutions for the coupled arm, so that the arm's poles, not these, are the printed ones;
-`python -m scenarios.truth.published_servos`
+`python -m docs.images.published_servos`
 finds them again. The bus delays are the nominal ones, which are the printed nk.
 What could not be matched is told in docs/published-variant.md.
 """

@@ -18,13 +18,13 @@ import numpy as np
 from scipy.signal import cont2discrete, lfilter
 
 import sysid
+from docs.images.published_servos import YAW_PLANE, coupled
 from hmtb_twin import simulate
 from hmtb_twin.parameters.plant import NOMINAL_PLANT, Plant
 from hmtb_twin.parameters.values import BUS, HAND_CONTROLLER, JOINTS, RECORDER, SAMPLE_TIME, SERVOS, HandController
 from scenarios import Scenario, load
 from scenarios.experiments.preparation import settled
 from scenarios.truth.published import YAW_ARMAX, YAW_OE, YAW_OKID
-from scenarios.truth.published_servos import YAW_PLANE, coupled
 from sysid import IOData, StateSpace
 
 JOINT = "shoulder_yaw"

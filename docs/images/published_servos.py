@@ -1,22 +1,25 @@
-"""Servo poles for which the coupled arm answers as the printed models do: where the variant `published` comes from.
+"""The servo poles of the variant `published`, and how close the arm then comes to each printed model.
 
 Each servo places the poles of its joint as if the neighbours stood still; in the arm they move, and the poles with
 them. The wanted poles are therefore solved for on the coupled rigid arm with its pressure lags, which is linear in
-closed form at a pose. Run as a module it prints them.
+closed form at a pose. `python -m docs.images.published_servos` prints the poles and the tables of
+docs/published-variant.md.
 """
 
 import sys
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.optimize import least_squares
 
+from hmtb_twin import JointTruth, Truth, linearize, load_arm
 from hmtb_twin.arm.controller_model import controller_model
 from hmtb_twin.arm.servo_gains import servo_gains
 from hmtb_twin.parameters.values import ACTUATORS, BUS, JOINTS, OPERATING_POSE, POSES, SAMPLE_TIME, SERVOS, Servo
 from scenarios.files.errors import ScenarioError
-from scenarios.truth.published import ELBOW_PITCH_ARMAX, SHOULDER_PITCH_OE, YAW_ARMAX, PublishedModel
+from scenarios.truth.published import ELBOW_PITCH_ARMAX, PUBLISHED, SHOULDER_PITCH_OE, YAW_ARMAX, PublishedModel
+from sysid import StateSpace
 
 TARGETS = (YAW_ARMAX, SHOULDER_PITCH_OE, ELBOW_PITCH_ARMAX)
 """What the variant is fitted to: the models of the thesis' three-joint "SysID model" [Morris1996, eq. 4.14]."""
@@ -110,7 +113,7 @@ def coupled(joints: Sequence[str], servos: Mapping[str, Servo]) -> tuple[np.ndar
     return A, np.vstack([none, none, (np.diag(kp) + gravity) / lag[:, None]])
 
 
-def solved(plane: Plane) -> dict[str, Servo]:
+def solved_servos(plane: Plane) -> dict[str, Servo]:
     """Find the servos of a plane.
 
     Least squares over the characteristic polynomial at the dominant poles, relative to its value at 0, which is zero
@@ -133,8 +136,8 @@ def solved(plane: Plane) -> dict[str, Servo]:
 
     def errors(logarithms: np.ndarray) -> np.ndarray:
         A, B = coupled(plane.joints, _servos(plane, -np.exp(logarithms)))
-        found = np.linalg.eigvals(A)
-        misses = [np.prod(1.0 - pole / found) for pole in poles]
+        eigenvalues = np.linalg.eigvals(A)
+        misses = [np.prod(1.0 - pole / eigenvalues) for pole in poles]
         answers = np.linalg.solve(1j * w[:, None, None] * np.eye(len(A)) - A, B)
         for joint, goal in wanted:
             i = plane.joints.index(joint)
@@ -143,10 +146,10 @@ def solved(plane: Plane) -> dict[str, Servo]:
         return np.array(misses, dtype=complex).view(float)
 
     start = np.log(-np.array(plane.start))
-    found = least_squares(errors, start, method="lm", diff_step=1e-6, xtol=1e-10, ftol=1e-10, gtol=1e-10)
-    if not found.success:
-        raise ScenarioError(f"the servo poles of {', '.join(plane.joints)} were not found: {found.message}")
-    return _servos(plane, -np.exp(found.x))
+    solution = least_squares(errors, start, method="lm", diff_step=1e-6, xtol=1e-10, ftol=1e-10, gtol=1e-10)
+    if not solution.success:
+        raise ScenarioError(f"the servo poles of {', '.join(plane.joints)} were not found: {solution.message}")
+    return _servos(plane, -np.exp(solution.x))
 
 
 def _servos(plane: Plane, poles: np.ndarray) -> dict[str, Servo]:
@@ -157,7 +160,148 @@ def _servos(plane: Plane, poles: np.ndarray) -> dict[str, Servo]:
     return servos
 
 
+@dataclass(frozen=True)
+class PoleMatch:
+    """A printed pole and the arm's nearest.
+
+    Attributes:
+        printed: The printed pole in the z plane.
+        share: Part of the printed gain at 0 Hz that it carries.
+        nearest: The arm's nearest pole in the s plane, rad/s.
+        nearest_share: Part of the arm's gain at 0 Hz that it carries.
+        error: Distance over the printed pole's modulus, both in the s plane.
+    """
+
+    printed: complex
+    share: float
+    nearest: complex
+    nearest_share: float
+    error: float
+
+    @property
+    def natural(self) -> complex:
+        """The printed pole in the s plane, rad/s."""
+        return complex(50.0 * np.log(self.printed))
+
+
+@dataclass(frozen=True)
+class Closeness:
+    """A printed model beside the truth about its joint.
+
+    Attributes:
+        printed: The printed model.
+        truth: The truth.
+        poles: Its poles, slowest first; those at z = 0, which are delay, left out.
+        response_error: Largest difference of the responses from 0.05 to 5 Hz, each relative to its own gain at 0 Hz.
+    """
+
+    printed: PublishedModel
+    truth: JointTruth
+    poles: tuple[PoleMatch, ...]
+    response_error: float
+
+
+def closeness(truth: Truth) -> tuple[Closeness, ...]:
+    """Compare an arm with every printed model.
+
+    Args:
+        truth: Its truth.
+
+    Returns:
+        One comparison for each printed model.
+    """
+    return tuple(_closeness(model, truth.joint(model.joint)) for model in PUBLISHED)
+
+
+def _closeness(printed: PublishedModel, truth: JointTruth) -> Closeness:
+    return Closeness(
+        printed,
+        truth,
+        tuple(_matches(printed.model, truth)),
+        float(np.abs(_relative(printed.model) - _relative(truth.model)).max()),
+    )
+
+
+def _relative(model: StateSpace) -> np.ndarray:
+    return model.frequency_response(FREQUENCIES)[:, 0, 0] / model.dc_gain()[0, 0]
+
+
+def _matches(model: StateSpace, truth: JointTruth) -> Iterator[PoleMatch]:
+    z, shares = _shares(model)
+    arm, arm_shares = _shares(truth.model)
+    arm_poles = truth.natural_poles
+    for i in np.argsort(-np.abs(z)):
+        if abs(z[i]) > 1e-6:
+            natural = np.log(z[i]) / model.dt
+            nearest = int(np.argmin(np.abs(arm_poles - natural)))
+            error = float(abs(arm_poles[nearest] / natural - 1.0))
+            own = float(arm_shares[np.argmin(np.abs(arm - np.exp(arm_poles[nearest] * model.dt)))])
+            yield PoleMatch(complex(z[i]), float(shares[i]), complex(arm_poles[nearest]), own, error)
+
+
+def _shares(model: StateSpace) -> tuple[np.ndarray, np.ndarray]:
+    """Poles in the z plane, and the part of the gain at 0 Hz that each carries."""
+    z, vectors = np.linalg.eig(model.A.astype(complex))
+    residues = (model.C @ vectors)[0] * np.linalg.solve(vectors, model.B.astype(complex))[:, 0]
+    return z, np.abs(residues / (1.0 - z)) / abs(model.dc_gain()[0, 0])
+
+
+def tables(truth: Truth) -> str:
+    """Write the closeness of an arm to every printed model as two Markdown tables."""
+    compared = closeness(truth)
+    lines = [
+        "| joint | printed model | bandwidth: printed, arm | DC gain: printed, arm | nk: printed, arm | response |",
+        "|---|---|---:|---:|---:|---:|",
+    ]
+    for entry in compared:
+        lines.append(
+            f"| {_joint(entry)} | {_label(entry)} "
+            f"| {entry.printed.bandwidth_hz:.3f}, {entry.truth.bandwidth_hz:.3f} Hz "
+            f"| {entry.printed.model.dc_gain()[0, 0]:.2f}, {entry.truth.dc_gain:.2f} "
+            f"| {_delay(entry.printed.model)}, {entry.truth.delay_samples} | {entry.response_error:.3f} |"
+        )
+    lines += [
+        "",
+        "| joint | printed model | pole, z | pole, rad/s | part of the DC gain "
+        "| arm's nearest, rad/s | off by | part of the arm's |",
+        "|---|---|---:|---:|---:|---:|---:|---:|",
+    ]
+    for entry in compared:
+        for pole in entry.poles:
+            if pole.printed.imag < -1e-9:
+                continue
+            # A negative real pole is the image of no pole that an arm without delay could have.
+            natural, nearest = "none", "none | |"
+            if pole.printed.real > 0.0:
+                natural = _complex(pole.natural, 2)
+                nearest = f"{_complex(pole.nearest, 2)} | {100 * pole.error:.1f} % | {100 * pole.nearest_share:.1f} %"
+            lines.append(
+                f"| {_joint(entry)} | {_label(entry)} | {_complex(pole.printed, 3)} | {natural} "
+                f"| {100 * pole.share:.1f} % | {nearest} |"
+            )
+    return "\n".join(lines) + "\n"
+
+
+def _joint(entry: Closeness) -> str:
+    return entry.printed.joint.replace("_", " ")
+
+
+def _label(entry: Closeness) -> str:
+    return f"**{entry.printed.label}**" if entry.printed in TARGETS else entry.printed.label
+
+
+def _delay(model: StateSpace) -> int:
+    return int(np.flatnonzero(model.markov(5)[:, 0, 0])[0])
+
+
+def _complex(value: complex, digits: int) -> str:
+    if abs(value.imag) < 1e-9:
+        return f"{value.real:.{digits}f}"
+    return f"{value.real:.{digits}f} ± {abs(value.imag):.{digits}f}j"
+
+
 if __name__ == "__main__":
     for plane in (YAW_PLANE, PITCH_PLANE):
-        for name, servo in solved(plane).items():
+        for name, servo in solved_servos(plane).items():
             sys.stdout.write(f"{name}: {servo.slow_pole:.4g} and {servo.fast_pole:.4g} rad/s\n")
+    sys.stdout.write("\n" + tables(linearize(load_arm("published"))))
