@@ -16,7 +16,7 @@ from scenarios.datasets.score import Scores, scored
 from scenarios.datasets.spec import DataSetSpec
 from scenarios.datasets.spec_tables import BaselinesAsked, Method
 from scenarios.files.errors import ScenarioError
-from scenarios.identification.estimators import ESTIMATORS, estimate
+from scenarios.identification.methods import ESTIMATORS, estimate
 from sysid import Estimate, IOData, SysidWarning
 from sysid.polynomial.fit_with_offset import levelled
 

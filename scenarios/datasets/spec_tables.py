@@ -7,7 +7,7 @@ from hmtb_twin.parameters.errors import TwinError
 from hmtb_twin.parameters.specimen_draw import TwinDistributions
 from scenarios.files.errors import ScenarioError, unknown
 from scenarios.files.toml_values import typed, written
-from scenarios.identification.estimators import ESTIMATORS
+from scenarios.identification.methods import ESTIMATORS
 
 TRIVIAL = ("hold", "gain", "truth")
 """Predictors without orders: the last output of the window for ever, a static gain, and the small-signal truth."""

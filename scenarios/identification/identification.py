@@ -12,7 +12,7 @@ import sysid
 from scenarios.experiments.joint_inputs import dependence
 from scenarios.files.data_file import excited
 from scenarios.files.errors import ScenarioError
-from scenarios.identification.estimators import ESTIMATORS, SHORTEST, estimate
+from scenarios.identification.methods import ESTIMATORS, SHORTEST, estimate
 from sysid import Estimate, IOData, ModelFit, ResidualTest, SysidError
 from sysid.models.bandwidth_claim import Claim, claim
 from sysid.polynomial.fit_with_offset import Levelled, about_means, constant, levelled

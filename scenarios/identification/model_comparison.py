@@ -12,8 +12,8 @@ from numpy.typing import NDArray
 import sysid
 from scenarios.files.data_file import joints_of, log_of
 from scenarios.files.errors import ScenarioError, unknown
-from scenarios.identification.estimators import ESTIMATORS
 from scenarios.identification.identification import identified, usable
+from scenarios.identification.methods import ESTIMATORS
 from scenarios.truth.published import BY_NAME, DT, PublishedModel, published, published_model
 from sysid import IOData, ModelFit, StateSpace
 from sysid.polynomial.fit_with_offset import about_means, constant

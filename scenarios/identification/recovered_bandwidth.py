@@ -10,7 +10,7 @@ import sysid
 from scenarios.experiments.needed_order import STRUCTURES, Structure, every_structure
 from scenarios.experiments.waveform import POINTS, RATE
 from scenarios.files.errors import ScenarioError, unknown
-from scenarios.identification.estimators import ESTIMATORS
+from scenarios.identification.methods import ESTIMATORS
 from scenarios.identification.one_hertz import METHODS, Interval, Recovered
 from scenarios.truth.published import published
 from sysid import FrequencyResponse, IOData, SysidError, SysidWarning

@@ -13,7 +13,7 @@ from scenarios.experiments.campaign import RPCM, SINGLE_JOINT, Campaign, planned
 from scenarios.experiments.needed_order import Structure, every_structure
 from scenarios.experiments.preparation import prepared
 from scenarios.experiments.registry import names
-from scenarios.identification.estimators import estimate
+from scenarios.identification.methods import estimate
 from sysid import Estimate, IOData, StateSpace, SysidError, SysidWarning
 from sysid.models.gain_crossing import half_power_hz
 

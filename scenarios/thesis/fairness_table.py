@@ -14,7 +14,7 @@ import sysid
 from hmtb_twin import STUDIED_JOINTS
 from scenarios.experiments.campaign import RPCM, Campaign, Condition, seen_with
 from scenarios.experiments.needed_order import STRUCTURES, every_structure
-from scenarios.identification.estimators import estimate
+from scenarios.identification.methods import estimate
 from scenarios.truth.published import published
 from sysid import IOData, StateSpace, SysidError, SysidWarning
 

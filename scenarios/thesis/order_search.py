@@ -16,7 +16,7 @@ import numpy as np
 
 import sysid
 from scenarios.experiments.campaign import seen_with
-from scenarios.identification.estimators import estimate
+from scenarios.identification.methods import estimate
 from sysid import IOData, StructureTable, SysidError, SysidWarning
 
 POLES = (1, 2, 3, 4, 5)

@@ -26,7 +26,7 @@ from scenarios.experiments.scenario import Scenario
 from scenarios.experiments.waveform import POINTS, RATE
 from scenarios.files.errors import ScenarioError
 from scenarios.files.provenance import versions
-from scenarios.identification.estimators import estimate
+from scenarios.identification.methods import estimate
 from scenarios.thesis.attribution import attribute, scaled
 from scenarios.thesis.comparison import (
     Comparison,

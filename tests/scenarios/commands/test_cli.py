@@ -78,7 +78,7 @@ def test_help_names_every_variant_and_payload(capsys: pytest.CaptureFixture[str]
 
 
 def test_help_names_every_method_and_its_orders(capsys: pytest.CaptureFixture[str]) -> None:
-    from scenarios.identification.estimators import ESTIMATORS
+    from scenarios.identification.methods import ESTIMATORS
 
     out = " ".join(run(capsys, "identify", "--help")[1].split())
     assert f"--method {'|'.join(ESTIMATORS)}" in out

@@ -12,7 +12,7 @@ from scipy.io import savemat
 from scipy.signal import lfilter
 
 from scenarios.commands.cli import main
-from scenarios.identification.estimators import ESTIMATORS
+from scenarios.identification.methods import ESTIMATORS
 from sysid import IOData, SysidError, arx, compare, oe
 from sysid.polynomial.fit_with_offset import constant, levelled
 

@@ -118,7 +118,7 @@ def test_the_estimators_warn_by_the_same_rule() -> None:
 
     import sysid
     from scenarios.experiments.needed_order import needed_orders
-    from scenarios.identification.estimators import estimate
+    from scenarios.identification.methods import estimate
 
     t, rng = np.arange(2000), np.random.default_rng(1)
     for label, needed in needed_orders().items():

@@ -7,7 +7,7 @@ import pytest
 
 from hmtb_twin import STUDIED_JOINTS, JointLog, linearize
 from scenarios.experiments.campaign import NOMINAL, Campaign, Condition
-from scenarios.identification.estimators import estimate
+from scenarios.identification.methods import estimate
 from scenarios.thesis import fairness_table
 from scenarios.thesis.comparison import Comparison
 from scenarios.thesis.fair_conclusions import conclusions, said

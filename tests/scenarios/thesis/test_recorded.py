@@ -12,7 +12,7 @@ from hmtb_twin.parameters.variants import Variant
 from scenarios.experiments.campaign import planned
 from scenarios.experiments.needed_order import STRUCTURES
 from scenarios.experiments.preparation import prepared
-from scenarios.identification.estimators import estimate
+from scenarios.identification.methods import estimate
 from scenarios.thesis.claims import CLAIMS
 from scenarios.thesis.finding import decided
 from scenarios.thesis.frequencies import frequency_text, source_text
