@@ -4,11 +4,11 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from tests.scenarios.bench_trials import mortals
-from tests.scenarios.bench_trials.mortals import Deed
 
 from scenarios.bench.local import Local
 from scenarios.files.errors import ScenarioError
+from tests.scenarios.bench import mortals
+from tests.scenarios.bench.mortals import Deed
 
 
 @pytest.fixture(autouse=True)

@@ -4,8 +4,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from tests.scenarios.bench_run.few import Here
-
 from scenarios.bench.measured import Measured
 from scenarios.bench.metric import Figure, FigureMaker
 from scenarios.bench.metrics import ALL_FIGURES
@@ -19,6 +17,7 @@ from scenarios.estimators.contestant import Contestant
 from scenarios.estimators.entries_faulty import FAULTY
 from scenarios.estimators.known_estimators import contestant
 from scenarios.problems.trial import Trial
+from tests.scenarios.bench.few import Here
 
 
 @dataclass(frozen=True)

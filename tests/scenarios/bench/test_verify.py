@@ -8,7 +8,6 @@ from dataclasses import replace
 from pathlib import Path
 
 import pytest
-from tests.scenarios.bench_run.few import PERFECT, Few, Here, child_environment
 
 from scenarios.bench.cost import Cost
 from scenarios.bench.result import Result
@@ -21,6 +20,7 @@ from scenarios.estimators.task import Task
 from scenarios.files.errors import ScenarioError
 from scenarios.problems.trial import Trial
 from sysid import IOData
+from tests.scenarios.bench.few import PERFECT, Few, Here, child_environment
 
 pytestmark = pytest.mark.usefixtures("nursery")
 
@@ -31,7 +31,7 @@ from pathlib import Path
 import sys
 from scenarios.bench.verify import verify
 from scenarios.bench.local import Local
-from tests.scenarios.bench_run.test_verify import long
+from tests.scenarios.bench.test_verify import long
 if __name__ == "__main__":
     verify(long(Path(sys.argv[1])), Path(sys.argv[2]), Local(1))
 """

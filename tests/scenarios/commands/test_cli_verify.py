@@ -4,10 +4,10 @@ import json
 from pathlib import Path
 
 import pytest
-from tests.scenarios.bench_run.few import Few, Here
 
 from scenarios.bench.result import Result
 from scenarios.commands.cli import main
+from tests.scenarios.bench.few import Few, Here
 
 pytestmark = pytest.mark.usefixtures("nursery")
 

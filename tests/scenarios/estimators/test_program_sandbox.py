@@ -11,7 +11,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from tests.scenarios.bench_contract.programs import KINDS
 
 import sysid
 from scenarios.estimators import process_tree
@@ -24,6 +23,7 @@ from scenarios.estimators.returned import numbers_of
 from scenarios.estimators.sandbox import open_sandbox
 from scenarios.estimators.task import Task
 from scenarios.files.errors import ScenarioError
+from tests.scenarios.estimators.programs import KINDS
 
 HERE = Path(__file__).parent
 EXAMPLES = Path(__file__).parents[3] / "docs/examples"

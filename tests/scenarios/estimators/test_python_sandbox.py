@@ -9,7 +9,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from tests.scenarios.bench_contract.estimators import BEHAVIOURS
 
 import sysid
 from scenarios.estimators import process_tree
@@ -20,6 +19,7 @@ from scenarios.estimators.python_sandbox import PythonSandbox
 from scenarios.estimators.sandbox import open_sandbox
 from scenarios.estimators.task import Task
 from scenarios.files.errors import ScenarioError
+from tests.scenarios.estimators.estimators import BEHAVIOURS
 
 HERE = Path(__file__).parent
 EXPECTED = {
