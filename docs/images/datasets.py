@@ -17,7 +17,7 @@ from scenarios.datasets.build import build
 from scenarios.datasets.data_set import open_data_set
 from scenarios.datasets.gallery import gallery_figure
 from scenarios.datasets.spec import DataSetSpec, shipped
-from scenarios.datasets.spec_tables import BaselinesAsked, TruthAsked
+from scenarios.datasets.spec_tables import BaselineSpec, TruthSpec
 from scenarios.report.drawing import save_figure
 
 FOLDER = Path(__file__).parent / "datasets"
@@ -41,7 +41,7 @@ def main() -> None:
 
 def pictured(spec: DataSetSpec) -> DataSetSpec:
     """As much of a data set as its picture shows: no baselines, and of a fleet some arms."""
-    plain = replace(spec, truth=TruthAsked(floors=0), baselines=BaselinesAsked(models=()))
+    plain = replace(spec, truth=TruthSpec(floors=0), baselines=BaselineSpec(models=()))
     return replace(plain, twins=replace(spec.twins, count=min(ARMS, spec.twins.count))) if spec.twins else plain
 
 

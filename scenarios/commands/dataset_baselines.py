@@ -41,7 +41,7 @@ def baselines(
     from dataclasses import replace
 
     from scenarios.datasets.baseline_table import differences, read_table, report
-    from scenarios.datasets.baselines import Bench
+    from scenarios.datasets.baselines import BaselineData
     from scenarios.datasets.data_set import open_data_set
     from scenarios.datasets.layout import BASELINES
     from scenarios.datasets.spec_tables import Method
@@ -51,7 +51,7 @@ def baselines(
         raise ScenarioError(f"--orders {' '.join(map(str, orders))} given without --method")
     opened = open_data_set(data)
     asked = opened.spec.baselines
-    bench = Bench(
+    bench = BaselineData(
         opened,
         replace(
             asked,

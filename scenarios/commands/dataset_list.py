@@ -9,10 +9,10 @@ def list_(*, json: bool = False) -> int:
     Args:
         json: Print JSON.
     """
-    from scenarios.datasets.plan import Plan
+    from scenarios.datasets.plan import DataSetPlan
     from scenarios.datasets.spec import shipped
 
-    plans = {label: Plan(spec) for label, spec in shipped().items()}
+    plans = {label: DataSetPlan(spec) for label, spec in shipped().items()}
     if json:
         print_json(
             {

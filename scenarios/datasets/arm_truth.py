@@ -16,7 +16,8 @@ from hmtb_twin import JOINTS, STUDIED_JOINTS, Arm, Plant, Specimen, Truth, TwinE
 from hmtb_twin.parameters.values import SAMPLE_RATE
 from hmtb_twin.truth.innovations import Disturbances
 from hmtb_twin.truth.truth import JointTruth
-from scenarios.datasets.plan import Entry, Plan
+from scenarios.datasets.layout import LICENSE
+from scenarios.datasets.plan import DataSetPlan, PlannedExperiment
 from scenarios.datasets.spec import DataSetSpec
 from scenarios.experiments.logged_arm import experiment_arm
 from scenarios.files.errors import ScenarioError
@@ -60,7 +61,7 @@ class StoredArm:
         object.__setattr__(self, "joints", MappingProxyType(dict(self.joints)))
 
 
-def arm_joints(plan: Plan) -> tuple[str, ...]:
+def arm_joints(plan: DataSetPlan) -> tuple[str, ...]:
     """Joints whose own truth stands in the files of a data set's arms, in the sequence of the arm.
 
     Args:
@@ -88,7 +89,7 @@ def model_sha256(arm: Arm) -> str:
     return sha256(content.tobytes()).hexdigest()
 
 
-def arm_contents(spec: DataSetSpec, entry: Entry, joints: Sequence[str]) -> Contents:
+def arm_contents(spec: DataSetSpec, entry: PlannedExperiment, joints: Sequence[str]) -> Contents:
     """What is true of the arm of an experiment: matrices, noise, poles, zeros, gains, bandwidths and delays.
 
     Args:
@@ -113,7 +114,7 @@ def arm_contents(spec: DataSetSpec, entry: Entry, joints: Sequence[str]) -> Cont
         "model_sha256": model_sha256(experiment_arm(entry.experiment, worksite=True)),
         "model_sha256_experiment": entry.name,
         "model_sha256_of": "bytes of mj_saveModel, of the version of MuJoCo and the machine type named beside it",
-        "license": "CC-BY-4.0",
+        "license": LICENSE,
     }
     try:
         truth = arm_truth(arm, pose, spec.truth.amplitudes)
@@ -305,6 +306,6 @@ def _stored(contents: Contents, mark: str, names: Sequence[str]) -> StateSpace:
     )
 
 
-def arm_files(plan: Plan, entry: Entry) -> Mapping[str, Contents]:
+def arm_files(plan: DataSetPlan, entry: PlannedExperiment) -> Mapping[str, Contents]:
     """The file of the truth about the arm of an experiment, by place in the folder."""
     return {entry.arm_truth: arm_contents(plan.spec, entry, arm_joints(plan))}

@@ -17,12 +17,12 @@ from scenarios.datasets.arm_truth import arm_truth
 from scenarios.datasets.baseline_table import software
 from scenarios.datasets.best_linear_truth import excitation_class
 from scenarios.datasets.data_set import open_data_set
+from scenarios.datasets.experiment_file import stored_log
 from scenarios.datasets.layout import ATTAINABLE, attainable_file
-from scenarios.datasets.plan import Entry, Plan
+from scenarios.datasets.plan import DataSetPlan, PlannedExperiment
 from scenarios.datasets.score import in_metric
 from scenarios.datasets.spec import DataSetSpec
 from scenarios.datasets.spec_tables import Scoring
-from scenarios.datasets.stored_log import stored_log
 from scenarios.experiments.logged_arm import experiment_arm
 from scenarios.files.errors import ScenarioError
 from scenarios.files.netcdf import read_netcdf
@@ -57,7 +57,7 @@ is below theirs; the linear systems are those in simulation, but for the ones ca
 
 
 @dataclass(frozen=True)
-class FloorStage:
+class AttainableStage:
     """Finds the floors that a spec asks for, a file for each record, and the table of them.
 
     Attributes:
@@ -66,11 +66,11 @@ class FloorStage:
 
     name: str = field(default="attainable", init=False)
 
-    def pieces(self, plan: Plan) -> Iterable[str]:
+    def pieces(self, plan: DataSetPlan) -> Iterable[str]:
         """Names of the records whose floors are searched, then the table."""
         return [*searched(plan), TABLE]
 
-    def make(self, plan: Plan, folder: Path, piece: str) -> Mapping[str, bytes]:
+    def make(self, plan: DataSetPlan, folder: Path, piece: str) -> Mapping[str, bytes]:
         """Search the floors of a record, or gather all.
 
         Args:
@@ -92,7 +92,7 @@ class FloorStage:
         return {ATTAINABLE: _csv(rows)}
 
 
-def searched(plan: Plan) -> tuple[str, ...]:
+def searched(plan: DataSetPlan) -> tuple[str, ...]:
     """Names of the records whose floors are searched: of each class of excitation as many as the spec says.
 
     Args:
@@ -112,7 +112,7 @@ def searched(plan: Plan) -> tuple[str, ...]:
     return tuple(names)
 
 
-def floors(spec: DataSetSpec, entry: Entry, log: JointLog) -> dict[str, Any]:
+def floors(spec: DataSetSpec, entry: PlannedExperiment, log: JointLog) -> dict[str, Any]:
     """All floors of a scored record, with what stands behind them, for each of its joints.
 
     Args:
@@ -155,7 +155,7 @@ def _record(found: Attainable) -> dict[str, Any]:
 
 
 @dataclass(frozen=True, eq=False)
-class Scored:
+class ScoredAngles:
     """The angles of a joint behind the window of a record, rad.
 
     Attributes:
@@ -172,7 +172,7 @@ class Scored:
         return float(np.sqrt(np.mean((self.measured - self.true) ** 2)))
 
 
-def scored_angles(folder: Path, entry: Entry, window: int) -> Mapping[str, Scored]:
+def scored_angles(folder: Path, entry: PlannedExperiment, window: int) -> Mapping[str, ScoredAngles]:
     """The angles of each joint of a record that are scored; nothing else is read of the files.
 
     Args:
@@ -186,7 +186,8 @@ def scored_angles(folder: Path, entry: Entry, window: int) -> Mapping[str, Score
     measured = read_netcdf(folder / entry.data, only=("y",)).variables["y"].values
     true = read_netcdf(folder / entry.signals, only=("y_noise_free",)).variables["y_noise_free"].values
     return {
-        joint: Scored(measured[window:, column], true[window:, column]) for column, joint in enumerate(entry.joints)
+        joint: ScoredAngles(measured[window:, column], true[window:, column])
+        for column, joint in enumerate(entry.joints)
     }
 
 
@@ -195,14 +196,16 @@ def by_chance(rmse: float, samples: int) -> float:
     return rmse * float(np.sqrt(max(1.0 - chi2.ppf(0.95, 1) / samples, 0.0)))
 
 
-def _rows(spec: DataSetSpec, entry: Entry, folder: Path) -> Iterable[dict[str, str]]:
+def _rows(spec: DataSetSpec, entry: PlannedExperiment, folder: Path) -> Iterable[dict[str, str]]:
     place = folder / attainable_file(entry.name)
     kept = json.loads(place.read_bytes())["joints"] if place.is_file() else {}
     for joint, angles in scored_angles(folder, entry, spec.window).items():
         yield _row(spec, entry, angles, joint, kept.get(joint))
 
 
-def _row(spec: DataSetSpec, entry: Entry, angles: Scored, joint: str, kept: Mapping[str, Any] | None) -> dict[str, str]:
+def _row(
+    spec: DataSetSpec, entry: PlannedExperiment, angles: ScoredAngles, joint: str, kept: Mapping[str, Any] | None
+) -> dict[str, str]:
     scored = angles.measured
     spread, recorder = float(scored.std()), angles.noise
     # Without noise in the drives the commands foretell the noise-free angle.

@@ -11,11 +11,11 @@ from pathlib import Path
 from shlex import join
 from typing import Any
 
-from scenarios.datasets.baselines import Baseline, Bench, baseline
+from scenarios.datasets.baselines import Baseline, BaselineData, baseline
 from scenarios.datasets.data_set import open_data_set
 from scenarios.datasets.layout import BASELINES, INDEX, baseline_file
-from scenarios.datasets.plan import Plan
-from scenarios.datasets.spec_tables import BaselinesAsked, Method
+from scenarios.datasets.plan import DataSetPlan
+from scenarios.datasets.spec_tables import BaselineSpec, Method
 from scenarios.files.errors import ScenarioError
 from scenarios.files.hashes import file_hash
 from scenarios.files.provenance import versions
@@ -41,12 +41,12 @@ class BaselineStage:
 
     name: str = field(default="baselines", init=False)
 
-    def pieces(self, plan: Plan) -> Iterable[str]:
+    def pieces(self, plan: DataSetPlan) -> Iterable[str]:
         """The methods as they are written in the spec, then the table; nothing where the spec asks for none."""
         methods = tuple(map(str, plan.spec.baselines.methods))
         return (*methods, TABLE) if methods else ()
 
-    def make(self, plan: Plan, folder: Path, piece: str) -> Mapping[str, bytes]:
+    def make(self, plan: DataSetPlan, folder: Path, piece: str) -> Mapping[str, bytes]:
         """Make one baseline, or gather them.
 
         Args:
@@ -64,12 +64,12 @@ class BaselineStage:
 
 
 @lru_cache(maxsize=1)
-def _bench(folder: Path, hash: str, asked: BaselinesAsked) -> Bench:
+def _bench(folder: Path, hash: str, asked: BaselineSpec) -> BaselineData:
     """The records, read once for all baselines; the hash tells a folder that was built anew."""
-    return Bench(open_data_set(folder), asked)
+    return BaselineData(open_data_set(folder), asked)
 
 
-def report(bench: Bench, method: Method) -> dict[str, Any]:
+def report(bench: BaselineData, method: Method) -> dict[str, Any]:
     """A baseline as it is written: its row, and the score of every record and output; or why there is none.
 
     Args:
@@ -91,7 +91,7 @@ def report(bench: Bench, method: Method) -> dict[str, Any]:
     }
 
 
-def row(bench: Bench, found: Baseline) -> dict[str, str]:
+def row(bench: BaselineData, found: Baseline) -> dict[str, str]:
     """The line of a baseline, by column.
 
     Args:
@@ -112,7 +112,7 @@ def row(bench: Bench, found: Baseline) -> dict[str, str]:
     }
 
 
-def _facts(bench: Bench, method: Method) -> dict[str, str]:
+def _facts(bench: BaselineData, method: Method) -> dict[str, str]:
     """All columns, those that only the work fills in left empty."""
     spec = bench.spec
     options = ["--method", method.name]

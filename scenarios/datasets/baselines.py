@@ -11,10 +11,9 @@ from scenarios.datasets.arm_truth import StoredArm, read_arm
 from scenarios.datasets.data_record import DataRecord
 from scenarios.datasets.data_set import DataSet
 from scenarios.datasets.layout import arm_file
-from scenarios.datasets.model_predictor import Hold, ModelPredictor, Predictor, StackedPredictor, StaticGain
-from scenarios.datasets.score import Scores, scored
+from scenarios.datasets.score import Hold, ModelPredictor, Predictor, Scores, StackedPredictor, StaticGain, scored
 from scenarios.datasets.spec import DataSetSpec
-from scenarios.datasets.spec_tables import BaselinesAsked, Method
+from scenarios.datasets.spec_tables import BaselineSpec, Method
 from scenarios.files.errors import ScenarioError
 from scenarios.identification.methods import ESTIMATORS, estimate
 from sysid import Estimate, IOData, SysidWarning
@@ -44,7 +43,7 @@ class Baseline:
 
 
 @dataclass(frozen=True)
-class Bench:
+class BaselineData:
     """A data set and the records of it that baselines are made from and scored on.
 
     Attributes:
@@ -53,7 +52,7 @@ class Bench:
     """
 
     data_set: DataSet
-    asked: BaselinesAsked
+    asked: BaselineSpec
 
     @cached_property
     def spec(self) -> DataSetSpec:
@@ -109,7 +108,7 @@ class Bench:
         return tuple(own or alike)
 
 
-def baseline(bench: Bench, method: Method) -> Baseline:
+def baseline(bench: BaselineData, method: Method) -> Baseline:
     """Identify the models of a method from the training part, and score them on test and validation part.
 
     Args:

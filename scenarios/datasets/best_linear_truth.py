@@ -10,9 +10,10 @@ from hmtb_twin import JointLog, simulate
 from hmtb_twin.control.control_station import ControlStation
 from hmtb_twin.control.modes import joint_index
 from hmtb_twin.parameters.values import SAMPLE_TIME
-from scenarios.datasets.plan import Entry, Plan
+from scenarios.datasets.experiment_file import stored_log
+from scenarios.datasets.layout import LICENSE
+from scenarios.datasets.plan import DataSetPlan, PlannedExperiment
 from scenarios.datasets.spec import DataSetSpec
-from scenarios.datasets.stored_log import stored_log
 from scenarios.experiments.logged_arm import experiment_arm
 from scenarios.experiments.multisines import MultisineExperiment, Multisines, multisine_experiments
 from scenarios.files.errors import ScenarioError
@@ -25,7 +26,7 @@ CHANCE = ("seed", "realisations")
 """Parameters of an excitation that only chance is drawn by."""
 
 
-def excitation_class(entry: Entry) -> Hashable:
+def excitation_class(entry: PlannedExperiment) -> Hashable:
     """What is played on which joints, how strongly, on which arm: equal for repeats and for twins.
 
     Args:
@@ -49,7 +50,9 @@ def _played(experiment: object) -> Hashable:
     )
 
 
-def own_realisations(plan: Plan, folder: Path, entry: Entry) -> tuple[tuple[MultisineExperiment, JointLog], ...]:
+def own_realisations(
+    plan: DataSetPlan, folder: Path, entry: PlannedExperiment
+) -> tuple[tuple[MultisineExperiment, JointLog], ...]:
     """The realisations of a multisine that a data set has of the class of an experiment, on the same arm.
 
     Random-phase multisines of one class differ by their phases alone, whatever part of the data set they belong to.
@@ -69,7 +72,7 @@ def own_realisations(plan: Plan, folder: Path, entry: Entry) -> tuple[tuple[Mult
     if not isinstance(entry.experiment, MultisineExperiment):
         return ()
     lines, wanted = entry.experiment.multisines.lines, excitation_class(entry)
-    whole: dict[tuple[int, int], dict[int, tuple[Entry, MultisineExperiment]]] = {}
+    whole: dict[tuple[int, int], dict[int, tuple[PlannedExperiment, MultisineExperiment]]] = {}
     size = len(plan) // plan.twins
     begin = size * (entry.twin or 0)
     for other in plan[begin : begin + size]:
@@ -101,7 +104,7 @@ class BestLinearStage:
 
     name: str = field(default="best-linear", init=False)
 
-    def pieces(self, plan: Plan) -> Iterable[str]:
+    def pieces(self, plan: DataSetPlan) -> Iterable[str]:
         """Names of the first experiments of each class in the blocks that the spec names, on the first twin."""
         first: dict[Hashable, str] = {}
         blocks = set(plan.spec.truth.best_linear)
@@ -110,7 +113,7 @@ class BestLinearStage:
                 first.setdefault(excitation_class(entry), entry.name)
         return list(first.values())
 
-    def make(self, plan: Plan, folder: Path, piece: str) -> Mapping[str, Contents]:
+    def make(self, plan: DataSetPlan, folder: Path, piece: str) -> Mapping[str, Contents]:
         """Measure one.
 
         Args:
@@ -128,7 +131,7 @@ class BestLinearStage:
 
 def best_linear_contents(
     spec: DataSetSpec,
-    entry: Entry,
+    entry: PlannedExperiment,
     *,
     own: Sequence[tuple[MultisineExperiment, JointLog]] = (),
     threads: int | None = None,
@@ -164,7 +167,9 @@ def best_linear_contents(
     return _contents(spec, entry, found)
 
 
-def matched(spec: DataSetSpec, entry: Entry, *, realisations: int = 8) -> tuple[MultisineExperiment, Multisines]:
+def matched(
+    spec: DataSetSpec, entry: PlannedExperiment, *, realisations: int = 8
+) -> tuple[MultisineExperiment, Multisines]:
     """The multisine like the command of an experiment, and the setting that it is played in; see above.
 
     Args:
@@ -195,7 +200,7 @@ def matched(spec: DataSetSpec, entry: Entry, *, realisations: int = 8) -> tuple[
     return setting, multisines
 
 
-def _contents(spec: DataSetSpec, entry: Entry, found: BestLinearTruth) -> Contents:
+def _contents(spec: DataSetSpec, entry: PlannedExperiment, found: BestLinearTruth) -> Contents:
     response, band = found.servo.response, found.bandwidth
     along = ("frequency", "output", "input")
     complex_, truth = {"units": "1", "role": "truth"}, {"role": "truth"}
@@ -256,7 +261,7 @@ def _contents(spec: DataSetSpec, entry: Entry, found: BestLinearTruth) -> Conten
         "degrees_of_freedom": float(response.degrees_of_freedom or np.nan),
         "slewing": found.slewing,
         "limited": found.limited,
-        "license": "CC-BY-4.0",
+        "license": LICENSE,
         **{f"provenance_{key}": value for key, value in found.provenance.items()},
     }
     return Contents(variables, attributes)

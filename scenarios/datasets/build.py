@@ -19,7 +19,7 @@ from scenarios.datasets.finish import finish, finished
 from scenarios.datasets.layout import MANIFEST, UNFINISHED
 from scenarios.datasets.lock import locked
 from scenarios.datasets.manifest import Manifest
-from scenarios.datasets.plan import Plan
+from scenarios.datasets.plan import DataSetPlan
 from scenarios.datasets.spec import DataSetSpec
 from scenarios.files.durable_write import make_folder, remove_partial, write_files
 from scenarios.files.errors import ScenarioError
@@ -81,7 +81,7 @@ def build(
         raise ScenarioError(f"the seed of {spec.label} is kept apart: hmtb dataset build --key KEYFILE alone builds it")
     steady_memory()
     final, folder = out / spec.label, out / (spec.label + UNFINISHED)
-    plan = Plan(spec)
+    plan = DataSetPlan(spec)
     check_installed(spec)
     told = progress or (lambda _: None)
     try:
@@ -163,7 +163,7 @@ def _check_records(manifest: Manifest, folder: Path) -> None:
     )
 
 
-def _run(plan: Plan, folder: Path, manifest: Manifest, executor: Executor, rows: int, told: Told) -> None:
+def _run(plan: DataSetPlan, folder: Path, manifest: Manifest, executor: Executor, rows: int, told: Told) -> None:
     """Run what is left of the experiments; what is done when something fails is kept."""
     done, total, whole = manifest.done, len(plan), plan.seconds
     come = max(whole - sum(map(plan.duration, manifest.left)), 0.0)

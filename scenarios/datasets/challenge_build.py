@@ -24,7 +24,7 @@ from scenarios.datasets.executor import Executor
 from scenarios.datasets.index import summary
 from scenarios.datasets.layout import BUILD, INDEX, LOCK, MANIFEST, SPEC, SUMS, UNFINISHED
 from scenarios.datasets.lock import locked
-from scenarios.datasets.plan import Plan
+from scenarios.datasets.plan import DataSetPlan
 from scenarios.datasets.spec import DataSetSpec
 from scenarios.files.errors import ScenarioError
 from scenarios.files.hashes import file_hash
@@ -241,7 +241,7 @@ def _check_software(key: Key) -> None:
 
 def _check_scored(spec: DataSetSpec) -> None:
     """Refuse scored records whose commands tell what is withheld."""
-    plan = Plan(spec)
+    plan = DataSetPlan(spec)
     for number in range(len(plan) // plan.twins):
         entry = plan[number]
         if entry.part == "test" and _answers(entry.experiment):

@@ -13,8 +13,8 @@ from scenarios.datasets.index import read_index, write_index
 from scenarios.datasets.layout import BASELINES, BUILD, INDEX, LOCK, MANIFEST, SPEC, SUMS, UNFINISHED
 from scenarios.datasets.lock import locked, unlock_file
 from scenarios.datasets.manifest import Manifest
-from scenarios.datasets.metadata import papers
-from scenarios.datasets.plan import Entry, Plan
+from scenarios.datasets.metadata import metadata_files
+from scenarios.datasets.plan import DataSetPlan, PlannedExperiment
 from scenarios.datasets.spec import DataSetSpec
 from scenarios.files.durable_write import make_folder, remove_partial, sync_folder, write_files
 from scenarios.files.errors import ScenarioError
@@ -58,7 +58,7 @@ def publish(full: Path, public: DataSetSpec, out: Path) -> Path:
             (folder / place).unlink(missing_ok=True)
         # What it was built with, whatever publishes it.
         write_files(folder, {SPEC: public.to_toml().encode(), BUILD: (full / BUILD).read_bytes()})
-        plan = Plan(public)
+        plan = DataSetPlan(public)
         with Manifest(folder / MANIFEST, len(plan)) as manifest:
             for line, files in _records(full, plan):
                 write_files(folder, files)
@@ -68,7 +68,7 @@ def publish(full: Path, public: DataSetSpec, out: Path) -> Path:
                 files_of = {BASELINES: bytes_hash(table)}
                 manifest.append([{"stage": "baselines", "piece": "table", "files": files_of, "arrays": {}}])
             write_index(folder, public.label, manifest, commitment=public.commitment)
-            made = papers(folder, public, read_index(folder))
+            made = metadata_files(folder, public, read_index(folder))
             write_files(folder, made)
             refuse_strays(folder, manifest, {SPEC, BUILD, MANIFEST, INDEX, LOCK, *made})
             write_sums(folder, manifest)
@@ -94,12 +94,12 @@ def is_published(folder: Path, public: DataSetSpec) -> bool:
     return path.is_file() and path.read_text(encoding="utf-8") == public.to_toml()
 
 
-def published_about(entry: Entry) -> dict[str, Any]:
+def published_about(entry: PlannedExperiment) -> dict[str, Any]:
     """What the index of a published data set says of an experiment, but for its hashes."""
     return {key: value for key, value in about(entry).items() if key not in PRIVATE}
 
 
-def _records(full: Path, plan: Plan) -> Iterator[tuple[Mapping[str, Any], Mapping[str, bytes]]]:
+def _records(full: Path, plan: DataSetPlan) -> Iterator[tuple[Mapping[str, Any], Mapping[str, bytes]]]:
     """By experiment the line of the manifest and the file."""
     for number, (entry, told) in enumerate(zip(plan, read_index(full)["experiments"], strict=True)):
         line: dict[str, Any] = {"number": number, "about": published_about(entry), "files": {}, "arrays": {}}

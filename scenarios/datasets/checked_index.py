@@ -14,7 +14,7 @@ from scenarios.datasets.folder_files import Files
 from scenarios.datasets.index import array_line
 from scenarios.datasets.layout import INDEX, MANIFEST, SPEC
 from scenarios.datasets.manifest import entry_of
-from scenarios.datasets.plan import Plan
+from scenarios.datasets.plan import DataSetPlan
 from scenarios.datasets.spec import DataSetSpec
 from scenarios.files.errors import ScenarioError
 
@@ -51,7 +51,7 @@ class Index:
     arrays: Arrays = field(default_factory=dict)
     files: dict[str, str] = field(default_factory=dict)
     spec: DataSetSpec | None = None
-    plan: Plan | None = None
+    plan: DataSetPlan | None = None
     problems: list[str] = field(default_factory=list)
     notes: list[str] = field(default_factory=list)
 
@@ -136,7 +136,7 @@ def _read_spec(folder: Path, files: Files, index: Index) -> None:
     try:
         text = _text(folder, files, SPEC, MOST_SPEC)
         index.spec = DataSetSpec.from_toml(text, source=SPEC)
-        index.plan = Plan(index.spec)
+        index.plan = DataSetPlan(index.spec)
     except (ScenarioError, ValueError, OverflowError, RecursionError, MemoryError) as error:
         index.problems.append(str(error) if str(error).startswith(SPEC) else f"{SPEC}: {error}")
 
@@ -150,7 +150,7 @@ def _text(folder: Path, files: Files, place: str, most: int) -> str:
     return (folder / place).read_text(encoding="utf-8")
 
 
-def _differences(plan: Plan, entries: list[dict[str, Any]]) -> Iterator[str]:
+def _differences(plan: DataSetPlan, entries: list[dict[str, Any]]) -> Iterator[str]:
     if len(plan) != len(entries):
         yield f"{INDEX} has {len(entries)} experiments, {SPEC} asks for {len(plan)}"
         return

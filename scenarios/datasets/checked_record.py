@@ -6,7 +6,7 @@ from typing import Any
 from hmtb_twin.parameters.values import SAMPLE_RATE
 from scenarios.datasets.data_record import GIVEN, WINDOW
 from scenarios.datasets.experiment_file import FORMAT
-from scenarios.datasets.license import SPDX
+from scenarios.datasets.layout import LICENSE
 from scenarios.datasets.spec import DataSetSpec
 
 SIGNALS = {"u": ("input", "sample", "input"), "y": ("output", "sample", "output")}
@@ -34,7 +34,7 @@ def record_problems(
         "sampling_time_denominator": SAMPLE_RATE,
         "sampling_time_unit": "s",
         "intersample": "zoh",
-        "license": SPDX,
+        "license": LICENSE,
         **({} if entry.get("seed") is None else {"seed": entry["seed"]}),
         **({} if spec is None else {"data_set": spec.label, "initialisation_window": spec.window}),
     }

@@ -8,7 +8,7 @@ from hmtb_twin import TwinError, simulate
 from hmtb_twin.parameters.values import SAMPLE_RATE
 from hmtb_twin.run.simulation import Progress
 from scenarios.datasets.experiment_file import data_contents, signal_contents
-from scenarios.datasets.plan import Entry, Plan
+from scenarios.datasets.plan import DataSetPlan, PlannedExperiment
 from scenarios.datasets.stages import ARM_TRUTH
 from scenarios.files.errors import ScenarioError
 from scenarios.files.netcdf import Contents
@@ -41,7 +41,7 @@ class Made:
     missing: Mapping[str, str] = field(default_factory=dict)
 
 
-def chunks(plan: Plan, left: Iterable[int], *, rows: int = MOST_ROWS) -> Iterator[tuple[int, ...]]:
+def chunks(plan: DataSetPlan, left: Iterable[int], *, rows: int = MOST_ROWS) -> Iterator[tuple[int, ...]]:
     """Part what is left of a plan into chunks, in order.
 
     Args:
@@ -63,7 +63,7 @@ def chunks(plan: Plan, left: Iterable[int], *, rows: int = MOST_ROWS) -> Iterato
 
 
 def run_chunk(
-    plan: Plan, numbers: Sequence[int], *, threads: int | None = None, progress: Progress | None = None
+    plan: DataSetPlan, numbers: Sequence[int], *, threads: int | None = None, progress: Progress | None = None
 ) -> Iterator[Made]:
     """Run experiments of a plan side by side.
 
@@ -97,7 +97,7 @@ def run_chunk(
         )
 
 
-def about(entry: Entry) -> dict[str, Any]:
+def about(entry: PlannedExperiment) -> dict[str, Any]:
     """What the index says of an experiment, but for its hashes."""
     experiment = entry.experiment
     return {
@@ -116,7 +116,7 @@ def about(entry: Entry) -> dict[str, Any]:
     }
 
 
-def _add_truth(plan: Plan, entry: Entry, contents: dict[str, Contents]) -> dict[str, str]:
+def _add_truth(plan: DataSetPlan, entry: PlannedExperiment, contents: dict[str, Contents]) -> dict[str, str]:
     """Add the files of the truth about an arm, and say which could not be made."""
     missing: dict[str, str] = {}
     for truth in ARM_TRUTH:

@@ -10,7 +10,7 @@ from scenarios.datasets.batches import Batches
 from scenarios.datasets.chunk import Made
 from scenarios.datasets.cluster_link import Link, require_dask
 from scenarios.datasets.cluster_task import MADE, task
-from scenarios.datasets.plan import Plan
+from scenarios.datasets.plan import DataSetPlan
 from scenarios.files.errors import ScenarioError
 from scenarios.jobs.bitwise_compatibility import kinship
 
@@ -71,7 +71,9 @@ class Cluster:
     def __post_init__(self) -> None:
         check_cluster(self.address, self.patience)
 
-    def __call__(self, plan: Plan, chunks: Iterator[Sequence[int]], ticked: Callable[[int], None], /) -> Iterator[Made]:
+    def __call__(
+        self, plan: DataSetPlan, chunks: Iterator[Sequence[int]], ticked: Callable[[int], None], /
+    ) -> Iterator[Made]:
         """Run chunks; see `Executor`.
 
         Raises:
@@ -93,7 +95,7 @@ class Chunks(Batches[int, Made]):
 
     items = "experiments"
 
-    def __init__(self, plan: Plan, chunks: Iterator[Sequence[int]], link: Link) -> None:
+    def __init__(self, plan: DataSetPlan, chunks: Iterator[Sequence[int]], link: Link) -> None:
         super().__init__(map(tuple, chunks), link)
         self._spec = plan.spec.to_toml()
         self._names = lambda number: plan[number].name

@@ -6,7 +6,7 @@ from threading import Lock
 from typing import Any
 
 from scenarios.datasets.chunk import run_chunk
-from scenarios.datasets.plan import Plan
+from scenarios.datasets.plan import DataSetPlan
 from scenarios.datasets.spec import DataSetSpec
 from scenarios.jobs.bitwise_compatibility import kinship, strangeness
 from scenarios.jobs.steady_memory import steady_memory
@@ -44,5 +44,5 @@ def task(spec: str, numbers: Sequence[int], expected: Mapping[str, str]) -> dict
 
 
 @lru_cache(maxsize=1)
-def _plan(spec: str) -> Plan:
-    return Plan(DataSetSpec.from_toml(spec))
+def _plan(spec: str) -> DataSetPlan:
+    return DataSetPlan(DataSetSpec.from_toml(spec))

@@ -9,7 +9,7 @@ from typing import Literal, overload
 
 import numpy as np
 
-from scenarios.datasets.plan import Entry
+from scenarios.datasets.plan import PlannedExperiment
 from scenarios.datasets.spec import DataSetSpec
 from scenarios.files.errors import ScenarioError
 from scenarios.files.netcdf import Attribute, Contents, Variable, read_netcdf
@@ -25,7 +25,7 @@ PRIVATE = ("seed", "process_noise")
 """What the index of a data set says of an experiment, and that of a published one does not: it is drawn."""
 
 
-def published(contents: Contents, entry: Entry, spec: DataSetSpec) -> Contents:
+def published(contents: Contents, entry: PlannedExperiment, spec: DataSetSpec) -> Contents:
     """A record without what tells how to run it again, and a scored one without its outputs.
 
     Args:

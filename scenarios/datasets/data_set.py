@@ -18,7 +18,7 @@ Joints = str | Sequence[str]
 
 
 @dataclass(frozen=True)
-class Listing:
+class IndexEntry:
     """A line of the index of a data set.
 
     Attributes:
@@ -58,7 +58,7 @@ class DataSet:
     folder: Path
     label: str
     hash: str
-    listings: tuple[Listing, ...] = field(repr=False)
+    listings: tuple[IndexEntry, ...] = field(repr=False)
 
     @property
     def train(self) -> tuple[DataRecord, ...]:
@@ -157,7 +157,7 @@ class DataSet:
         """Folder of what only the simulation knows; None where it is kept apart."""
         return self.folder / TRUTH if (self.folder / TRUTH).is_dir() else None
 
-    def _record(self, line: Listing) -> DataRecord:
+    def _record(self, line: IndexEntry) -> DataRecord:
         read = partial(read_signals, self.folder / line.file, line.name)
         return DataRecord(line.name, line.part, line.block, line.arm, line.twin, line.joints, read)
 
@@ -225,11 +225,11 @@ def load(
     return train, test
 
 
-def _listing(entry: Mapping[str, Any]) -> Listing:
+def _listing(entry: Mapping[str, Any]) -> IndexEntry:
     place = PurePosixPath(entry["file"])
     if place.is_absolute() or ".." in place.parts:
         raise ValueError(f"file {entry['file']!r} is outside the folder")
-    return Listing(
+    return IndexEntry(
         name=entry["name"],
         part=entry["part"],
         block=entry["block"],
@@ -246,7 +246,7 @@ def _shown(value: object) -> str:
     return ", ".join(value) if isinstance(value, tuple) else repr(value)
 
 
-def _choice(listings: Sequence[Listing], key: str) -> str:
+def _choice(listings: Sequence[IndexEntry], key: str) -> str:
     """What there is to choose from, up to a dozen."""
     known = list(dict.fromkeys(getattr(line, key) for line in listings))
     text = "; ".join(_shown(value) for value in known[:12])

@@ -14,10 +14,9 @@ from jinja2 import Environment, PackageLoader, StrictUndefined
 from hmtb_twin import Status
 from hmtb_twin.parameters.values import JOINTS, RECORDER, SAMPLE_RATE
 from hmtb_twin.parameters.variants import variant_named
-from scenarios.datasets.citation import bibtex, reference
 from scenarios.datasets.excitation_text import conditions, played
 from scenarios.datasets.layout import ATTAINABLE, BASELINES, BUILD, PARTS, TRUTH
-from scenarios.datasets.plan import Plan
+from scenarios.datasets.plan import DataSetPlan
 from scenarios.datasets.spec_tables import UNITS, Scoring
 from scenarios.files.netcdf import Contents, read_netcdf
 
@@ -86,7 +85,14 @@ class Channel:
     meaning: str
 
 
-def datasheet(folder: Path, plan: Plan, whole: str, rows: Sequence[Mapping[str, Any]], *, more: Sequence[str]) -> str:
+def datasheet(
+    folder: Path,
+    plan: DataSetPlan,
+    whole: str,
+    rows: Sequence[Mapping[str, Any]],
+    more: Sequence[str],
+    citation: tuple[str, str],
+) -> str:
     """The datasheet, Markdown; it depends on what is in the folder alone, never on when it is written.
 
     Args:
@@ -95,6 +101,7 @@ def datasheet(folder: Path, plan: Plan, whole: str, rows: Sequence[Mapping[str, 
         whole: Hash of its arrays.
         rows: The table of experiments.
         more: Places of every other file.
+        citation: Line of a bibliography, and BibTeX entry.
     """
     spec = plan.spec
     there = [row for row in rows if row["status"] == "ok"]
@@ -130,8 +137,8 @@ def datasheet(folder: Path, plan: Plan, whole: str, rows: Sequence[Mapping[str, 
         noise=RECORDER.noise,
         step=RECORDER.resolver_step,
         example=there[0]["file"] if there else "data/train/NAME.nc",
-        reference=reference(spec),
-        bibtex=bibtex(spec, whole),
+        reference=citation[0],
+        bibtex=citation[1],
     )
 
 
@@ -151,7 +158,7 @@ def _sum_of(part: str, rows: Sequence[Mapping[str, Any]]) -> tuple[str, int, int
     return part, len(rows), sum(row["samples"] for row in rows), seconds / 3600, sum(row["bytes"] for row in rows) / 1e6
 
 
-def _limits(plan: Plan, rows: Sequence[Mapping[str, Any]]) -> Limits:
+def _limits(plan: DataSetPlan, rows: Sequence[Mapping[str, Any]]) -> Limits:
     """How much of some records was limited; of scored ones of a data set with hidden truth as much as is given."""
     whole = sum(row["samples"] for row in rows)
     if plan.spec.commitment:
@@ -173,14 +180,14 @@ def _length(rows: Sequence[Mapping[str, Any]]) -> str:
     return " to ".join(f"{value:g} s" for value in dict.fromkeys((lengths[0], lengths[-1]))) if lengths else "-"
 
 
-def _late(plan: Plan) -> list[tuple[str, int]]:
+def _late(plan: DataSetPlan) -> list[tuple[str, int]]:
     """Joints whose angle reaches the record late on an arm of the data set, with how many samples."""
     buses = [variant_named(name).bus for name in {name for block in plan.spec.records for name in block.variants}]
     delays = {joint: max(bus[joint].delay for bus in buses) for joint in JOINTS}
     return [(joint, delay) for joint, delay in delays.items() if delay]
 
 
-def _arms(plan: Plan) -> list[tuple[str, ...]]:
+def _arms(plan: DataSetPlan) -> list[tuple[str, ...]]:
     """The first arms with their conditions."""
     found: dict[str, tuple[str, ...]] = {}
     for entry in plan:

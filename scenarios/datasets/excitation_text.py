@@ -4,7 +4,7 @@ from collections.abc import Iterator
 from dataclasses import fields
 
 from hmtb_twin.parameters.values import OPERATING_POSE
-from scenarios.datasets.record_block import PAYLOAD, Records
+from scenarios.datasets.spec_tables import PAYLOAD, RecordBlock
 from scenarios.experiments.excitation_computer import Excitation
 from scenarios.experiments.multisines import Multisines
 from scenarios.experiments.waveform import POINTS, Parameter
@@ -21,7 +21,7 @@ MODES = {
 """Control modes."""
 
 
-def played(block: Records) -> str:
+def played(block: RecordBlock) -> str:
     """What the records of a block are excited by.
 
     Args:
@@ -41,7 +41,7 @@ def played(block: Records) -> str:
     return f"{told}; drawn anew for each {'experiment' if block.multisines is None else 'measurement'}"
 
 
-def conditions(block: Records) -> str:
+def conditions(block: RecordBlock) -> str:
     """Arms, payloads, poses, drives and control mode of a block.
 
     Args:
@@ -65,7 +65,7 @@ def conditions(block: Records) -> str:
     return "; ".join([*told, *(f"without {name.replace('_', ' ')}" for name in off)])
 
 
-def _multisines(block: Records, one: Multisines) -> str:
+def _multisines(block: RecordBlock, one: Multisines) -> str:
     records = len(block.axes) if not block.each_axis else 1
     rms = "" if block.amplitudes else f" of {one.rms:g} rad root mean square"
     times = f" x {records} records, with phases that are orthogonal over these," if records > 1 else ""
@@ -77,7 +77,7 @@ def _multisines(block: Records, one: Multisines) -> str:
     )
 
 
-def _excitations(block: Records) -> str:
+def _excitations(block: RecordBlock) -> str:
     texts = [excitation(one, drawn=block.draw_waveforms, amplitude=not block.amplitudes) for one in block.excitation]
     if len(texts) == 1:
         shared = len(block.axes) > 1 and not block.each_axis

@@ -5,13 +5,15 @@ from dataclasses import dataclass
 from typing import Protocol
 
 from scenarios.datasets.chunk import Made, run_chunk
-from scenarios.datasets.plan import Plan
+from scenarios.datasets.plan import DataSetPlan
 
 
 class Executor(Protocol):
     """Runs chunks of a plan, here or elsewhere."""
 
-    def __call__(self, plan: Plan, chunks: Iterator[Sequence[int]], ticked: Callable[[int], None], /) -> Iterator[Made]:
+    def __call__(
+        self, plan: DataSetPlan, chunks: Iterator[Sequence[int]], ticked: Callable[[int], None], /
+    ) -> Iterator[Made]:
         """Run chunks.
 
         Args:
@@ -34,7 +36,9 @@ class Threads:
 
     workers: int | None = None
 
-    def __call__(self, plan: Plan, chunks: Iterator[Sequence[int]], ticked: Callable[[int], None], /) -> Iterator[Made]:
+    def __call__(
+        self, plan: DataSetPlan, chunks: Iterator[Sequence[int]], ticked: Callable[[int], None], /
+    ) -> Iterator[Made]:
         """Run chunks; see `Executor`."""
         for chunk in chunks:
             yield from run_chunk(plan, chunk, threads=self.workers, progress=lambda done, _: ticked(done))

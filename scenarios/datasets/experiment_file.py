@@ -1,18 +1,23 @@
-"""The two files of an experiment: what an analyst may see, and what only the simulation knows."""
+"""The two files of an experiment: what an analyst sees, and what only the simulation knows; written and read."""
 
 from collections.abc import Mapping, Sequence
+from pathlib import Path
 
 import numpy as np
 
 from hmtb_twin import JOINTS, JointLog
+from hmtb_twin.bus.joint_log import WRENCH
 from hmtb_twin.bus.recorder import delayed
 from hmtb_twin.control.modes import joint_index
 from hmtb_twin.control.status import Status
-from hmtb_twin.parameters.values import SAMPLE_RATE
+from hmtb_twin.parameters.values import SAMPLE_RATE, SAMPLE_TIME
 from hmtb_twin.parameters.variants import variant_named
-from scenarios.datasets.plan import Entry
+from scenarios.datasets.layout import LICENSE
+from scenarios.datasets.plan import PlannedExperiment
 from scenarios.datasets.spec import DataSetSpec
-from scenarios.files.netcdf import Attribute, Contents, Variable
+from scenarios.experiments.logged_arm import experiment_arm
+from scenarios.files.errors import ScenarioError
+from scenarios.files.netcdf import Attribute, Contents, Variable, read_netcdf
 
 FORMAT = "hmtb data set 1"
 """Marks the files of this version."""
@@ -36,7 +41,7 @@ CONTACT = "sum of the normal forces between replacement unit and worksite, large
 """Meaning of the contact force."""
 
 
-def data_contents(spec: DataSetSpec, entry: Entry, log: JointLog) -> Contents:
+def data_contents(spec: DataSetSpec, entry: PlannedExperiment, log: JointLog) -> Contents:
     """What an analyst may see of an experiment.
 
     Args:
@@ -94,7 +99,7 @@ def _beside(log: JointLog, chosen: list[int]) -> Mapping[str, Variable]:
     }
 
 
-def signal_contents(spec: DataSetSpec, entry: Entry, log: JointLog) -> Contents:
+def signal_contents(spec: DataSetSpec, entry: PlannedExperiment, log: JointLog) -> Contents:
     """What only the simulation knows of an experiment.
 
     Args:
@@ -159,7 +164,7 @@ def _names(dim: str, names: Sequence[str], meaning: str) -> Variable:
     return Variable((dim,), np.array(names), {"long_name": meaning})
 
 
-def _attributes(spec: DataSetSpec, entry: Entry, log: JointLog) -> Mapping[str, Attribute]:
+def _attributes(spec: DataSetSpec, entry: PlannedExperiment, log: JointLog) -> Mapping[str, Attribute]:
     return {
         "Conventions": "CF-1.11",
         "title": f"{spec.title}: {entry.name}",
@@ -174,6 +179,71 @@ def _attributes(spec: DataSetSpec, entry: Entry, log: JointLog) -> Mapping[str, 
         "sampling_time_unit": "s",
         "intersample": "zoh",
         "seed": log.seed,
-        "license": "CC-BY-4.0",
+        "license": LICENSE,
         **{f"provenance_{key}": value for key, value in log.provenance.items()},
     }
+
+
+def stored_log(folder: Path, entry: PlannedExperiment) -> JointLog:
+    """Put a log together from what an analyst may see and what only the simulation knows.
+
+    Args:
+        folder: The data set.
+        entry: The experiment.
+
+    Returns:
+        The log. Of a data set whose files hold the studied joints alone, the others stand at their pose, as they do
+        where they are not excited; of the wrench there is nothing.
+
+    Raises:
+        ScenarioError: A file is missing or damaged, or the files lack a joint that was excited.
+    """
+    data, signals = (read_netcdf(folder / place) for place in (entry.data, entry.signals))
+    told = {
+        key.removeprefix("provenance_"): str(v) for key, v in data.attributes.items() if key.startswith("provenance_")
+    }
+    pose = experiment_arm(entry.experiment).pose(entry.experiment.pose)
+    count = len(data.variables["u"].values)
+    commanded, measured, true, pressure = (np.tile(pose, (count, 1)) for _ in range(4))
+    _fill(commanded, entry.joints, data, "u")
+    _fill(measured, entry.joints, data, "y")
+    known = set(entry.joints)
+    if "joint" in data.variables:
+        others = [str(name) for name in data.variables["joint"].values]
+        _fill(commanded, others, data, "joint_commanded")
+        _fill(measured, others, data, "joint_measured")
+        known.update(others)
+    missing = [axis for axis in entry.experiment.axes if axis not in known]
+    if missing and len(known) < len(JOINTS):
+        raise ScenarioError(f"{entry.name}: the files lack the commands that {', '.join(missing)} gave")
+    shown = [str(name) for name in signals.variables["joint"].values]
+    _fill(true, shown, signals, "true_angles")
+    _fill(pressure, shown, signals, "load_pressure")
+    seen = {name: variable.values for name, variable in {**data.variables, **signals.variables}.items()}
+    wrench = _side_by_side(seen, "force", "torque")
+    return JointLog(
+        name=entry.name,
+        seed=int(data.attributes["seed"]),
+        dt=SAMPLE_TIME,
+        axes=tuple(map(str, signals.variables["axis"].values)),
+        commanded=commanded,
+        measured=measured,
+        wrench=np.zeros((count, len(WRENCH))) if wrench is None else wrench,
+        true_angles=true,
+        load_pressure=pressure,
+        volts=seen["volts"],
+        counts=seen["counts"],
+        status=seen["status"],
+        provenance=told,
+        unit_pose=_side_by_side(seen, "unit_position", "unit_orientation"),
+        contact_force=seen.get("contact_force"),
+    )
+
+
+def _side_by_side(seen: Mapping[str, np.ndarray], *names: str) -> np.ndarray | None:
+    """Arrays that a log has as one; None where they are not in the files."""
+    return np.hstack([seen[name] for name in names]) if names[0] in seen else None
+
+
+def _fill(target: np.ndarray, joints: Sequence[str], contents: Contents, name: str) -> None:
+    target[:, [joint_index(joint) for joint in joints]] = contents.variables[name].values

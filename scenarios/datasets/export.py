@@ -1,4 +1,4 @@
-"""Export of a data set to formats that other programs read."""
+"""Export of a data set to formats that other programs read: .mat, CSV, Parquet, ASCII."""
 
 import io
 import json
@@ -12,13 +12,154 @@ from types import MappingProxyType
 
 import numpy as np
 
-from scenarios.datasets.data_record import sampling_time
-from scenarios.datasets.data_set import DataSet, Listing, open_data_set
-from scenarios.datasets.export_text import ascii_table, columns, csv, csv_metadata
+from scenarios.datasets.data_record import WINDOW, sampling_time
+from scenarios.datasets.data_set import DataSet, IndexEntry, open_data_set
 from scenarios.datasets.layout import SUMS
 from scenarios.files.errors import ScenarioError, unknown
 from scenarios.files.hashes import file_hash
-from scenarios.files.netcdf import Contents, read_netcdf
+from scenarios.files.netcdf import Contents, Variable, read_netcdf
+
+_NAMES = {
+    "u": "u_{}",
+    "y": "y_{}",
+    "joint_commanded": "{}_commanded",
+    "joint_measured": "{}_measured",
+}
+"""How the columns of a variable are named after its channels; others are prefixed by their own name."""
+
+
+@dataclass(frozen=True)
+class Column:
+    """A column.
+
+    Attributes:
+        name: Its name, e.g. `u_elbow_pitch`; a valid name in MATLAB, too.
+        unit: Of the values, `1` for whole numbers without one.
+        role: What the values are for: `input`, `output`, `auxiliary`, or `index`.
+        meaning: In words; empty where the file says none.
+        values: The values (N,), whole numbers or float64.
+    """
+
+    name: str
+    unit: str
+    role: str
+    meaning: str
+    values: np.ndarray
+
+
+def columns(contents: Contents) -> tuple[Column, ...]:
+    """All numbers of a record, a column per channel, the sample's number first.
+
+    What is withheld of a record with hidden truth is NaN in its column, which then holds float64.
+
+    Args:
+        contents: What its file holds.
+
+    Raises:
+        ScenarioError: Numbers that do not run over the samples.
+    """
+    made: list[Column] = []
+    for name, variable in contents.variables.items():
+        if variable.values.dtype.kind == "U" or name == WINDOW:
+            continue
+        if variable.dims[0] not in ("sample", WINDOW) or variable.values.ndim > 2:
+            raise ScenarioError(
+                f"{name} has dimensions {', '.join(variable.dims)}, expected sample, or sample and another"
+            )
+        all_values = variable.values if variable.dims[0] == "sample" else _with_gaps(variable.values, contents)
+        if all_values.ndim == 1:
+            made.append(_column(name, variable, all_values))
+            continue
+        channels = contents.variables[variable.dims[1]].values
+        for channel, values in zip(channels, all_values.T, strict=True):
+            full = _NAMES.get(name, name + "_{}").format(channel)
+            made.append(_column(full, variable, values))
+    return tuple(sorted(made, key=lambda column: column.name != "sample"))
+
+
+def _with_gaps(values: np.ndarray, contents: Contents) -> np.ndarray:
+    """Values of the window, NaN behind it."""
+    samples = len(contents.variables["sample"].values)
+    whole = np.full((samples, *values.shape[1:]), np.nan)
+    whole[: len(values)] = values
+    return whole
+
+
+def _column(name: str, variable: Variable, values: np.ndarray) -> Column:
+    told = {key: str(variable.attributes.get(key, "")) for key in ("role", "long_name")}
+    role = "index" if name == "sample" else told["role"]
+    return Column(name, str(variable.attributes["units"]), role, told["long_name"], values)
+
+
+ASCII = "hmtb data set ascii 1"
+"""Marks the ASCII files of this version, in their first line."""
+
+
+def csv(contents: Contents) -> bytes:
+    """Write a record as CSV: one line of names with units, then a line per sample.
+
+    Numbers have the digits that bring every bit back; NaN is a sample that was lost.
+
+    Args:
+        contents: What the file of the record holds.
+    """
+    table = columns(contents)
+    header = ",".join(f"{column.name} [{column.unit}]" for column in table)
+    return f"{header}\n{_rows(table, ',')}".encode()
+
+
+def csv_metadata(contents: Contents, file: str) -> bytes:
+    """Write what is said of a CSV file, in the form of CSV on the Web (W3C).
+
+    Args:
+        contents: What the file of the record holds.
+        file: Name of the CSV file beside it.
+    """
+    described = [
+        {
+            "name": column.name,
+            "titles": f"{column.name} [{column.unit}]",
+            "dc:description": column.meaning,
+            "datatype": "integer" if column.values.dtype.kind in "iu" else "double",
+            "hmtb:unit": column.unit,
+            "hmtb:role": column.role,
+        }
+        for column in columns(contents)
+    ]
+    said = {
+        "@context": ["http://www.w3.org/ns/csvw", {"hmtb": "urn:hmtb:"}],
+        "url": file,
+        **{f"hmtb:{key}": value for key, value in contents.attributes.items()},
+        "tableSchema": {"columns": described, "primaryKey": "sample"},
+    }
+    return (json.dumps(said, indent=1, allow_nan=False, default=np.ndarray.tolist) + "\n").encode()
+
+
+def ascii_table(contents: Contents) -> bytes:
+    """Write a record as the ASCII flat file [Morris1996, II.5]: lines of comment, then numbers between blanks.
+
+    MATLAB's `load -ascii` and `numpy.loadtxt(..., comments="%")` read it.
+
+    Args:
+        contents: What the file of the record holds.
+    """
+    table = columns(contents)
+    said = {key: json.dumps(value, default=np.ndarray.tolist) for key, value in contents.attributes.items()}
+    lines = [
+        ASCII,
+        *(f"{key}: {value}" for key, value in said.items()),
+        f"sampling time: {sampling_time(contents)} s",
+        f"samples: {len(table[0].values)}",
+        "lost samples: NaN",
+        *(f"column {k}: {column.name}, {column.unit}" for k, column in enumerate(table, start=1)),
+    ]
+    return ("".join(f"% {line}\n" for line in lines) + _rows(table, " ")).encode()
+
+
+def _rows(table: tuple[Column, ...], separator: str) -> str:
+    text = [[repr(value) for value in column.values.tolist()] for column in table]
+    return "".join(separator.join(row) + "\n" for row in zip(*text, strict=True)).replace("nan", "NaN")
+
 
 LARGEST = 2**31 - 2**10
 """Bytes of a variable that version 5 of the format can hold, with room for its head."""
@@ -199,7 +340,7 @@ def _workshop(out: Path) -> Iterator[Path]:
     shutil.rmtree(place)
 
 
-def _checked(data_set: DataSet, line: Listing) -> Contents:
+def _checked(data_set: DataSet, line: IndexEntry) -> Contents:
     """What a record's file holds, if it is what the index says."""
     path = data_set.folder / line.file
     contents = read_netcdf(path)
@@ -221,7 +362,7 @@ def _write(folder: Path, name: str, format: Format, contents: Contents) -> None:
         path.with_name(f"{path.name}-metadata.json").write_bytes(format.metadata(contents, path.name))
 
 
-def _describe(data_set: DataSet, lines: Sequence[Listing], folder: Path, name: str) -> None:
+def _describe(data_set: DataSet, lines: Sequence[IndexEntry], folder: Path, name: str) -> None:
     """Say what the folder holds, and put a checksum on all of it."""
     folder.mkdir(exist_ok=True)
     records = [

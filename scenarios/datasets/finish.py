@@ -12,7 +12,7 @@ from scenarios.datasets.index import Summary, failures, read_index, summary, wri
 from scenarios.datasets.layout import BUILD, DATA, INDEX, LOCK, MANIFEST, SPEC, SUMS, TRUTH
 from scenarios.datasets.lock import locked, unlock_file
 from scenarios.datasets.manifest import Manifest
-from scenarios.datasets.plan import Plan
+from scenarios.datasets.plan import DataSetPlan
 from scenarios.datasets.stage import Stage
 from scenarios.datasets.stages import PAPERS, STAGES
 from scenarios.files.durable_write import sync_folder, write_files, writing
@@ -89,7 +89,7 @@ def _papers(folder: Path) -> Iterator[str]:
             yield Path(parent, name).relative_to(folder).as_posix()
 
 
-def finish(plan: Plan, folder: Path, final: Path, manifest: Manifest, told: Told) -> Summary:
+def finish(plan: DataSetPlan, folder: Path, final: Path, manifest: Manifest, told: Told) -> Summary:
     """Bring a build of which every experiment is noted to its end.
 
     Args:
@@ -138,7 +138,7 @@ def finished(final: Path) -> Summary | None:
     return summary(final)
 
 
-def _run_stage(stage: Stage, plan: Plan, folder: Path, manifest: Manifest, told: Told) -> dict[str, str]:
+def _run_stage(stage: Stage, plan: DataSetPlan, folder: Path, manifest: Manifest, told: Told) -> dict[str, str]:
     """Run the pieces of a stage that are missing, and return what failed of all."""
     pieces = list(stage.pieces(plan))
     failed: dict[str, str] = {}
@@ -152,7 +152,7 @@ def _run_stage(stage: Stage, plan: Plan, folder: Path, manifest: Manifest, told:
     return failed
 
 
-def _made(stage: Stage, plan: Plan, folder: Path, piece: str) -> dict[str, Any]:
+def _made(stage: Stage, plan: DataSetPlan, folder: Path, piece: str) -> dict[str, Any]:
     """Make and write the files of a piece, and return the entry of the manifest about it."""
     line: dict[str, Any] = {"stage": stage.name, "piece": piece, "files": {}, "arrays": {}}
     try:

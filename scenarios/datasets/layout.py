@@ -36,6 +36,9 @@ BASELINES = "baselines.csv"
 ATTAINABLE = "truth/attainable.csv"
 """What any model could reach, a row for each scored record and output."""
 
+LICENSE = "CC-BY-4.0"
+"""SPDX identifier of the licence of the data."""
+
 UNFINISHED = ".unfinished"
 """Ending of the folder while the data set is being built."""
 

@@ -14,8 +14,8 @@ from hmtb_twin import STUDIED_JOINTS, Experiment, Plant, Specimen
 from hmtb_twin.parameters.specimen_draw import drawn
 from hmtb_twin.parameters.values import JOINTS, OPERATING_POSE, SAMPLE_RATE, SAMPLE_TIME
 from scenarios.datasets.layout import arm_file, best_linear_file, data_file, signals_file
-from scenarios.datasets.record_block import PAYLOAD, Records
 from scenarios.datasets.spec import DataSetSpec
+from scenarios.datasets.spec_tables import PAYLOAD, RecordBlock
 from scenarios.experiments.excitation_computer import Excitation
 from scenarios.experiments.multisines import MultisineExperiment, multisine_experiments
 from scenarios.experiments.registry import load, registered
@@ -47,7 +47,7 @@ class Condition:
 
 
 @dataclass(frozen=True)
-class Entry:
+class PlannedExperiment:
     """One experiment of a data set.
 
     Attributes:
@@ -99,13 +99,13 @@ class _Template:
 
     name: str
     key: str
-    block: Records
+    block: RecordBlock
     condition: Condition
     experiment: Scenario | MultisineExperiment
     joints: tuple[str, ...]
 
 
-class Plan(Sequence[Entry]):
+class DataSetPlan(Sequence[PlannedExperiment]):
     """The experiments of a spec in order: all of one twin, then all of the next.
 
     Args:
@@ -141,10 +141,10 @@ class Plan(Sequence[Entry]):
         return len(self._templates) * self.twins
 
     @overload
-    def __getitem__(self, index: int) -> Entry: ...
+    def __getitem__(self, index: int) -> PlannedExperiment: ...
     @overload
-    def __getitem__(self, index: slice) -> tuple[Entry, ...]: ...
-    def __getitem__(self, index: int | slice) -> Entry | tuple[Entry, ...]:
+    def __getitem__(self, index: slice) -> tuple[PlannedExperiment, ...]: ...
+    def __getitem__(self, index: int | slice) -> PlannedExperiment | tuple[PlannedExperiment, ...]:
         if isinstance(index, slice):
             return tuple(self[i] for i in range(*index.indices(len(self))))
         if not -len(self) <= index < len(self):
@@ -152,7 +152,7 @@ class Plan(Sequence[Entry]):
         twin, number = divmod(index % len(self), len(self._templates))
         return self._entry(self._templates[number], twin if self.spec.twins else None)
 
-    def __iter__(self) -> Iterator[Entry]:
+    def __iter__(self) -> Iterator[PlannedExperiment]:
         return (self[i] for i in range(len(self)))
 
     def duration(self, index: int) -> float:
@@ -168,11 +168,11 @@ class Plan(Sequence[Entry]):
         """Length of all records together, s."""
         return self.twins * sum(entry.experiment.duration for entry in self._templates)
 
-    def _entry(self, template: _Template, twin: int | None) -> Entry:
+    def _entry(self, template: _Template, twin: int | None) -> PlannedExperiment:
         mark = "" if twin is None else f"twin-{twin:0{len(str(self.twins - 1))}d}-"
         mark = f"{self.spec.student}-{mark}" if self.spec.student else mark
         name = f"{mark}{template.name}"
-        return Entry(
+        return PlannedExperiment(
             name=name,
             part=template.block.part,
             block=template.block.name,
@@ -240,7 +240,7 @@ def _reseeded(excitation: Excitation, seed: int) -> Excitation:
     return replace(excitation, parameters={**excitation.parameters, "seed": seed})
 
 
-def _templates(block: Records) -> Iterator[_Template]:
+def _templates(block: RecordBlock) -> Iterator[_Template]:
     lists = {key: getattr(block, key) for key in CONDITIONS}
     for played, values, repeat in product(_played(block), product(*lists.values()), range(block.repeats)):
         name, key, experiment = played
@@ -265,7 +265,7 @@ def _word(key: str, value: object) -> str:
 
 
 def _under(
-    block: Records, experiment: Scenario | MultisineExperiment, condition: Condition
+    block: RecordBlock, experiment: Scenario | MultisineExperiment, condition: Condition
 ) -> Scenario | MultisineExperiment:
     """The experiment on the arm and in the place that a condition names."""
     # Registered scenarios have a payload and a pose of their own, unless the block names others.
@@ -279,7 +279,7 @@ def _under(
     )
 
 
-def _played(block: Records) -> Iterator[tuple[str, str, Scenario | MultisineExperiment]]:
+def _played(block: RecordBlock) -> Iterator[tuple[str, str, Scenario | MultisineExperiment]]:
     """What is played on the nominal arm, with its name and its key; records of one measurement share the latter."""
     if block.scenarios:
         for name in block.scenarios:
@@ -306,7 +306,9 @@ def _played(block: Records) -> Iterator[tuple[str, str, Scenario | MultisineExpe
             yield f"{block.name}{of_axis}{mark}", key, _scenario(block, axes, excitation, block.duration)
 
 
-def _scenario(block: Records, axes: tuple[str, ...], excitation: tuple[Excitation, ...], duration: float) -> Scenario:
+def _scenario(
+    block: RecordBlock, axes: tuple[str, ...], excitation: tuple[Excitation, ...], duration: float
+) -> Scenario:
     return Scenario(
         name=block.name,
         axes=axes,
@@ -319,7 +321,7 @@ def _scenario(block: Records, axes: tuple[str, ...], excitation: tuple[Excitatio
     )
 
 
-def _amplified(block: Records, excitation: tuple[Excitation, ...]) -> Iterator[tuple[str, tuple[Excitation, ...]]]:
+def _amplified(block: RecordBlock, excitation: tuple[Excitation, ...]) -> Iterator[tuple[str, tuple[Excitation, ...]]]:
     """The excitation at every amplitude of a block, with the word that names it."""
     if not block.amplitudes:
         yield "", excitation

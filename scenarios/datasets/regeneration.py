@@ -12,7 +12,7 @@ from hmtb_twin.parameters.values import RECORDER
 from scenarios.datasets.checked_index import Index
 from scenarios.datasets.chunk import Made, chunks, run_chunk
 from scenarios.datasets.layout import BUILD
-from scenarios.datasets.plan import Plan
+from scenarios.datasets.plan import DataSetPlan
 from scenarios.files.errors import ScenarioError
 from scenarios.files.netcdf import read_netcdf
 from scenarios.files.provenance import fingerprint, versions
@@ -51,7 +51,7 @@ def same_software(folder: Path) -> bool:
 
 def regenerated(
     folder: Path,
-    plan: Plan,
+    plan: DataSetPlan,
     index: Index,
     numbers: Sequence[int],
     present: Sequence[str],

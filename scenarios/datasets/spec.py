@@ -12,8 +12,7 @@ from typing import Any, get_type_hints
 from unicodedata import category
 
 from scenarios.datasets.layout import PARTS
-from scenarios.datasets.record_block import Records
-from scenarios.datasets.spec_tables import BaselinesAsked, Scoring, TruthAsked, Twins
+from scenarios.datasets.spec_tables import BaselineSpec, RecordBlock, Scoring, TruthSpec, Twins
 from scenarios.experiments.scenario import NAME
 from scenarios.experiments.waveform import check_seed
 from scenarios.files.errors import ScenarioError, unknown
@@ -25,7 +24,7 @@ MOST_VERSIONS = 10**6
 CHANNELS = ("all", "studied")
 """How much the files hold."""
 
-TABLES: Mapping[str, Any] = {"scoring": Scoring, "truth": TruthAsked, "baselines": BaselinesAsked}
+TABLES: Mapping[str, Any] = {"scoring": Scoring, "truth": TruthSpec, "baselines": BaselineSpec}
 """Tables of a spec that are flat records."""
 
 
@@ -68,13 +67,13 @@ class DataSetSpec:
     version: int
     title: str
     seed: int | None
-    records: tuple[Records, ...]
+    records: tuple[RecordBlock, ...]
     description: str = ""
     window: int = 100
     channels: str = "all"
     scoring: Scoring = Scoring()  # noqa: RUF009
-    truth: TruthAsked = TruthAsked()  # noqa: RUF009
-    baselines: BaselinesAsked = BaselinesAsked()  # noqa: RUF009
+    truth: TruthSpec = TruthSpec()  # noqa: RUF009
+    baselines: BaselineSpec = BaselineSpec()  # noqa: RUF009
     twins: Twins | None = None
     creators: tuple[str, ...] = ("The HMTB twin contributors",)
     keywords: tuple[str, ...] = ("system identification", "robotics", "hydraulics", "benchmark", "MuJoCo")
@@ -224,7 +223,7 @@ class DataSetSpec:
             if key == "records":
                 if not isinstance(value, list):
                     raise ScenarioError(f"records must be blocks [[records]], given {value!r}")
-                values[key] = tuple(Records.from_table(entry) for entry in value)
+                values[key] = tuple(RecordBlock.from_table(entry) for entry in value)
             elif key in TABLES:
                 values[key] = record(TABLES[key], key, value)
             elif key == "twins":

@@ -4,7 +4,7 @@ from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Protocol
 
-from scenarios.datasets.plan import Plan
+from scenarios.datasets.plan import DataSetPlan
 from scenarios.files.netcdf import Contents
 
 
@@ -19,14 +19,14 @@ class Stage(Protocol):
     def name(self) -> str:
         """What it makes, one word: ``"baselines"``."""
 
-    def pieces(self, plan: Plan) -> Iterable[str]:
+    def pieces(self, plan: DataSetPlan) -> Iterable[str]:
         """Names of its pieces of work, the same and in the same order at every call.
 
         Args:
             plan: The experiments.
         """
 
-    def make(self, plan: Plan, folder: Path, piece: str) -> Mapping[str, Contents | bytes]:
+    def make(self, plan: DataSetPlan, folder: Path, piece: str) -> Mapping[str, Contents | bytes]:
         """Make the files of a piece.
 
         Args:

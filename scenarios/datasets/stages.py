@@ -5,16 +5,16 @@ from pathlib import Path
 from typing import Any
 
 from scenarios.datasets.arm_truth import arm_files
-from scenarios.datasets.attainable_scores import FloorStage
+from scenarios.datasets.attainable_scores import AttainableStage
 from scenarios.datasets.baseline_table import BaselineStage
 from scenarios.datasets.best_linear_truth import BestLinearStage
-from scenarios.datasets.metadata import papers
-from scenarios.datasets.plan import Entry, Plan
+from scenarios.datasets.metadata import metadata_files
+from scenarios.datasets.plan import DataSetPlan, PlannedExperiment
 from scenarios.datasets.spec import DataSetSpec
 from scenarios.datasets.stage import Stage
 from scenarios.files.netcdf import Contents
 
-ArmTruth = Callable[[Plan, Entry], Mapping[str, Contents]]
+ArmTruth = Callable[[DataSetPlan, PlannedExperiment], Mapping[str, Contents]]
 """Makes the files of the truth about the arm that an experiment runs on, by place in the folder."""
 
 Papers = Callable[[Path, DataSetSpec, Mapping[str, Any]], Mapping[str, bytes]]
@@ -25,8 +25,8 @@ ARM_TRUTH: tuple[ArmTruth, ...] = (arm_files,)
 """Run with the first experiment of every arm, by the process that ran it, while the arm is still loaded; the files
 are noted with those of the experiment. Errors of ours (`TwinError`, `ScenarioError`) are noted; the rest goes on."""
 
-STAGES: tuple[Stage, ...] = (BestLinearStage(), FloorStage(), BaselineStage())
+STAGES: tuple[Stage, ...] = (BestLinearStage(), AttainableStage(), BaselineStage())
 """Run one after the other when all experiments and the index are there."""
 
-PAPERS: tuple[Papers, ...] = (papers,)
+PAPERS: tuple[Papers, ...] = (metadata_files,)
 """Run after the stages, at every build that comes so far. The builder writes the checksums of all files last."""

@@ -17,7 +17,7 @@ from pathlib import Path
 from hmtb_twin import simulate
 from scenarios.datasets.arm_truth import arm_files
 from scenarios.datasets.build import build
-from scenarios.datasets.plan import Plan
+from scenarios.datasets.plan import DataSetPlan
 from scenarios.datasets.spec import load_spec
 from scenarios.datasets.stages import STAGES
 
@@ -38,7 +38,7 @@ def main() -> int:
     spec = load_spec(arguments.spec)
     if arguments.twins and spec.twins:
         spec = replace(spec, name=f"{spec.name}-part", twins=replace(spec.twins, count=arguments.twins))
-    plan = Plan(spec)
+    plan = DataSetPlan(spec)
     with tempfile.TemporaryDirectory() as place:
         whole = seconds(lambda: build(spec, Path(place), workers=1))
         folder = Path(place) / spec.label

@@ -11,7 +11,7 @@ import pytest
 from scenarios.commands.cli import COMMANDS, main
 from scenarios.commands.dataset import DATASET
 from scenarios.datasets.chunk import Made, run_chunk
-from scenarios.datasets.plan import Plan
+from scenarios.datasets.plan import DataSetPlan
 from scenarios.datasets.spec import DataSetSpec, load_spec, shipped
 
 
@@ -133,7 +133,7 @@ def test_an_interrupted_build_says_how_to_go_on_and_goes_on(
     with monkeypatch.context() as patch:
         calls = iter((run_chunk,))
 
-        def interrupted(plan: Plan, numbers: Sequence[int], **given: object) -> Iterator[Made]:
+        def interrupted(plan: DataSetPlan, numbers: Sequence[int], **given: object) -> Iterator[Made]:
             for one in calls:
                 return one(plan, numbers)
             raise KeyboardInterrupt

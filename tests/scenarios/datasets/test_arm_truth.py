@@ -9,9 +9,9 @@ import pytest
 
 from hmtb_twin import Specimen, linearize, load_arm
 from scenarios.datasets.arm_truth import arm_contents, arm_files, arm_joints, model_sha256, read_arm
-from scenarios.datasets.plan import Plan
+from scenarios.datasets.plan import DataSetPlan
 from scenarios.datasets.spec import DataSetSpec, load_spec
-from scenarios.datasets.spec_tables import TruthAsked
+from scenarios.datasets.spec_tables import TruthSpec
 from scenarios.experiments.logged_arm import experiment_arm
 from scenarios.files.errors import ScenarioError
 from scenarios.files.netcdf import read_netcdf
@@ -20,7 +20,7 @@ MATRICES = ("A", "B", "C", "D", "K", "innovation_covariance")
 
 
 def test_the_file_of_a_build_gives_the_truth_back(tiny: Path, tiny_spec: DataSetSpec) -> None:
-    plan = Plan(tiny_spec)
+    plan = DataSetPlan(tiny_spec)
     stored, true = read_arm(tiny / plan[0].arm_truth), linearize(load_arm(), plan[0].experiment.pose, amplitudes=())
     for name in MATRICES:
         np.testing.assert_array_equal(getattr(stored.truth.model, name), getattr(true.model, name))
@@ -41,8 +41,8 @@ def test_the_file_of_a_build_gives_the_truth_back(tiny: Path, tiny_spec: DataSet
 
 def test_a_specimen_with_noise_in_its_drives_and_trials_comes_back_whole(tmp_path: Path) -> None:
     """Everything that a truth can hold: gain K, drooping rest, trial amplitudes, a specimen."""
-    spec = replace(load_spec("hmtb-siso-v1"), truth=TruthAsked(amplitudes=(1e-3,)))
-    entry = Plan(spec)[0]
+    spec = replace(load_spec("hmtb-siso-v1"), truth=TruthSpec(amplitudes=(1e-3,)))
+    entry = DataSetPlan(spec)[0]
     specimen = Specimen(payload_mass=1.5, kp=(0.9,) * 7)
     plant = replace(entry.experiment.plant, process_noise=0.01)
     entry = replace(entry, experiment=replace(entry.experiment, plant=plant, specimen=specimen))  # type: ignore[type-var]
@@ -73,12 +73,12 @@ def test_the_hash_is_of_the_model() -> None:
 
 
 def test_which_joints_are_told_of() -> None:
-    assert arm_joints(Plan(load_spec("hmtb-fleet-v1"))) == ("elbow_pitch",)
-    assert arm_joints(Plan(load_spec("hmtb-siso-v1"))) == ("shoulder_yaw", "shoulder_pitch", "elbow_pitch")
+    assert arm_joints(DataSetPlan(load_spec("hmtb-fleet-v1"))) == ("elbow_pitch",)
+    assert arm_joints(DataSetPlan(load_spec("hmtb-siso-v1"))) == ("shoulder_yaw", "shoulder_pitch", "elbow_pitch")
 
 
 def test_an_arm_without_linear_truth_says_why(tmp_path: Path, tiny_spec: DataSetSpec) -> None:
-    plan = Plan(tiny_spec)
+    plan = DataSetPlan(tiny_spec)
     heavy = replace(plan[0].experiment, specimen=Specimen(mass=(20.0,) * 8))  # type: ignore[type-var]
     (contents,) = arm_files(plan, replace(plan[0], experiment=heavy)).values()
     assert contents.attributes["stable"] == 0

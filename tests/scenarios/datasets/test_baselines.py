@@ -13,16 +13,16 @@ from hmtb_twin.control.modes import joint_index
 from hmtb_twin.truth.linearization import simulated
 from scenarios.commands.cli import main
 from scenarios.datasets.baseline_table import BaselineStage, differences, read_table, report, row, table
-from scenarios.datasets.baselines import Bench, baseline
+from scenarios.datasets.baselines import BaselineData, baseline
 from scenarios.datasets.build import build
 from scenarios.datasets.data_record import DataRecord
 from scenarios.datasets.data_set import DataSet, open_data_set
+from scenarios.datasets.experiment_file import stored_log
 from scenarios.datasets.layout import ATTAINABLE, BASELINES, attainable_file
-from scenarios.datasets.plan import Plan
+from scenarios.datasets.plan import DataSetPlan
 from scenarios.datasets.score import score, score_model
 from scenarios.datasets.spec import DataSetSpec
-from scenarios.datasets.spec_tables import BaselinesAsked, Method
-from scenarios.datasets.stored_log import stored_log
+from scenarios.datasets.spec_tables import BaselineSpec, Method
 from scenarios.experiments.logged_arm import experiment_arm
 from scenarios.files.errors import ScenarioError
 from sysid import IOData
@@ -74,7 +74,7 @@ class Physics:
     """The twin itself as a model: it is told the commands of a record, and the arm."""
 
     def __init__(self, small: DataSet, record: DataRecord) -> None:
-        self.entry = next(entry for entry in Plan(small.spec) if entry.name == record.name)
+        self.entry = next(entry for entry in DataSetPlan(small.spec) if entry.name == record.name)
 
     def predicted(self, record: IOData, steps: int) -> np.ndarray:
         """Return the angle of the arm that starts at rest."""
@@ -100,7 +100,8 @@ def test_without_friction_the_small_signal_truth_reaches_it_within_chance(
     small: DataSet, floors: dict[str, dict[str, str]]
 ) -> None:
     values = {
-        one.experiment: one.value for one in baseline(Bench(small, small.spec.baselines), Method("truth")).test.scores
+        one.experiment: one.value
+        for one in baseline(BaselineData(small, small.spec.baselines), Method("truth")).test.scores
     }
     smooth, rough = floors["noise-viscous"], floors["noise-lugre"]
     lower, floor = float(smooth["attainable_by_chance"]), float(smooth["attainable"])
@@ -163,7 +164,7 @@ def test_a_row_that_differs_is_said_so(small: DataSet, tmp_path: Path, capsys: p
 
 
 def test_models_come_from_the_training_part_of_their_own_arm(small: DataSet) -> None:
-    bench = Bench(small, BaselinesAsked())
+    bench = BaselineData(small, BaselineSpec())
     assert [one.name for one in bench.training(small.record("noise-lugre"))] == ["prbs-lugre"]
     assert [one.name for one in bench.training(small.record("noise-viscous"))] == ["prbs-viscous"]
     found = baseline(bench, Method("gain"))
@@ -189,11 +190,11 @@ def test_methods_are_understood_strictly() -> None:
         with pytest.raises(ScenarioError, match=match):
             Method.parsed(text)
     with pytest.raises(ScenarioError, match="each once"):
-        BaselinesAsked(models=("oe:2/2", "oe:2/2/1"))
+        BaselineSpec(models=("oe:2/2", "oe:2/2/1"))
 
 
 def test_a_log_comes_back_from_its_files(small: DataSet, tmp_path: Path) -> None:
-    entry = next(entry for entry in Plan(small.spec) if entry.name == "noise-lugre")
+    entry = next(entry for entry in DataSetPlan(small.spec) if entry.name == "noise-lugre")
     log, record = stored_log(small.folder, entry), small.record("noise-lugre")
     np.testing.assert_array_equal(log.iodata().y[:, 0], record.y)
     np.testing.assert_array_equal(
@@ -221,5 +222,5 @@ def test_scores_of_the_command_are_those_of_the_function(
 
 
 def test_a_spec_that_asks_for_no_baselines_gets_no_table(tiny_spec: DataSetSpec):
-    assert tuple(BaselineStage().pieces(Plan(tiny_spec)))
-    assert tuple(BaselineStage().pieces(Plan(replace(tiny_spec, baselines=BaselinesAsked(models=()))))) == ()
+    assert tuple(BaselineStage().pieces(DataSetPlan(tiny_spec)))
+    assert tuple(BaselineStage().pieces(DataSetPlan(replace(tiny_spec, baselines=BaselineSpec(models=()))))) == ()

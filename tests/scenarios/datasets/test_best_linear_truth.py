@@ -20,9 +20,9 @@ from scenarios.datasets.best_linear_truth import (
 )
 from scenarios.datasets.build import build
 from scenarios.datasets.data_set import open_data_set
-from scenarios.datasets.plan import Plan
+from scenarios.datasets.plan import DataSetPlan
 from scenarios.datasets.spec import DataSetSpec
-from scenarios.datasets.spec_tables import TruthAsked
+from scenarios.datasets.spec_tables import TruthSpec
 from scenarios.experiments.logged_arm import experiment_arm
 from scenarios.experiments.multisines import multisine_experiments
 from scenarios.files.errors import ScenarioError
@@ -69,7 +69,7 @@ excitation = { kind = "white_noise", amplitude = 1.0 }
 
 def test_there_is_a_piece_for_each_class() -> None:
     """Realisations and repeats differ by chance; arm, joints and amplitude do not."""
-    plan = Plan(SPEC)
+    plan = DataSetPlan(SPEC)
     assert BestLinearStage().pieces(plan) == [
         "multisine-10mrad-01",
         "multisine-30mrad-01",
@@ -77,12 +77,12 @@ def test_there_is_a_piece_for_each_class() -> None:
         "prbs-elbow_pitch-r1",
         "both",
     ]
-    assert BestLinearStage().pieces(Plan(replace(SPEC, truth=replace(SPEC.truth, best_linear=())))) == []
+    assert BestLinearStage().pieces(DataSetPlan(replace(SPEC, truth=replace(SPEC.truth, best_linear=())))) == []
     assert len({excitation_class(entry) for entry in plan}) == 5
 
 
 def test_the_file_is_the_approximation_and_lies_about_the_truth(tmp_path: Path) -> None:
-    entry = Plan(SPEC)[0]
+    entry = DataSetPlan(SPEC)[0]
     contents = best_linear_contents(SPEC, entry, threads=1)
     path = tmp_path / "best.nc"
     path.write_bytes(contents.to_bytes())
@@ -106,7 +106,7 @@ def test_the_file_is_the_approximation_and_lies_about_the_truth(tmp_path: Path) 
 
 
 def test_a_binary_sequence_is_matched_in_strength_and_band() -> None:
-    entry = next(entry for entry in Plan(SPEC) if entry.name == "prbs-elbow_pitch-r1")
+    entry = next(entry for entry in DataSetPlan(SPEC) if entry.name == "prbs-elbow_pitch-r1")
     setting, multisines = matched(SPEC, entry)
     assert setting.axes == ("elbow_pitch",)
     assert multisines.realisations == 8
@@ -128,7 +128,7 @@ def test_a_binary_sequence_is_matched_in_strength_and_band() -> None:
 
 def test_several_joints_at_once_need_multisines() -> None:
     with pytest.raises(ScenarioError, match="excites shoulder_yaw, elbow_pitch at once"):
-        best_linear_contents(SPEC, Plan(SPEC)[-1])
+        best_linear_contents(SPEC, DataSetPlan(SPEC)[-1])
 
 
 def test_what_is_asked_of_the_truth_is_checked_and_written_whole() -> None:
@@ -141,9 +141,9 @@ def test_what_is_asked_of_the_truth_is_checked_and_written_whole() -> None:
         ({"realisations": 1}, "realisations = 1 given, expected 2 or more"),
     ):
         with pytest.raises(ScenarioError, match=match):
-            TruthAsked(**table)  # type: ignore[arg-type]
+            TruthSpec(**table)  # type: ignore[arg-type]
     with pytest.raises(ScenarioError, match=r"truth\.best_linear: unknown block 'prsb': did you mean 'prbs'"):
-        replace(SPEC, truth=TruthAsked(best_linear=("prsb",)))
+        replace(SPEC, truth=TruthSpec(best_linear=("prsb",)))
 
 
 OWN = DataSetSpec.from_toml("""
@@ -190,7 +190,7 @@ multisines = { f_min = 0.4, f_max = 4.0, period = 2.56, realisations = 2, period
 def test_own_realisations_of_a_class_are_the_measurement(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Records of one class count whatever their part, others do not; only what is missing is simulated."""
     folder = build(OWN, tmp_path, workers=1).path
-    plan = Plan(OWN)
+    plan = DataSetPlan(OWN)
     entry = next(entry for entry in plan if entry.name == "new-01")
     own = own_realisations(plan, folder, entry)
     assert [one.name for one, _ in own] == ["known-01", "known-02", "new-01", "new-02"]
@@ -217,10 +217,10 @@ def test_own_realisations_of_a_class_are_the_measurement(tmp_path: Path, monkeyp
 def test_silent_lines_and_other_excitations_keep_records_apart(tmp_path: Path) -> None:
     """Odd multisines of two seeds have different lines; nothing but a multisine has realisations."""
     odd = tuple(replace(block, multisines=replace(block.multisines, odd=True)) for block in OWN.records)
-    plan = Plan(replace(OWN, records=odd))
+    plan = DataSetPlan(replace(OWN, records=odd))
     for entry in plan:
         (tmp_path / entry.data).parent.mkdir(parents=True, exist_ok=True)
         (tmp_path / entry.data).touch()
     with pytest.raises(ScenarioError, match="new-01"):
         own_realisations(plan, tmp_path, next(entry for entry in plan if entry.name == "new-01"))
-    assert own_realisations(Plan(SPEC), tmp_path, Plan(SPEC)[-1]) == ()
+    assert own_realisations(DataSetPlan(SPEC), tmp_path, DataSetPlan(SPEC)[-1]) == ()

@@ -19,7 +19,7 @@ from scenarios.datasets.build_progress import Progress
 from scenarios.datasets.chunk import Made, run_chunk
 from scenarios.datasets.index import read_index
 from scenarios.datasets.manifest import line_of
-from scenarios.datasets.plan import Entry, Plan
+from scenarios.datasets.plan import DataSetPlan, PlannedExperiment
 from scenarios.datasets.spec import DataSetSpec
 from scenarios.files import durable_write as safe_write
 from scenarios.files.errors import ScenarioError
@@ -34,10 +34,10 @@ class Words:
         self.made: list[str] = []
         self.spoilt = spoilt
 
-    def pieces(self, plan: Plan) -> tuple[str, ...]:
+    def pieces(self, plan: DataSetPlan) -> tuple[str, ...]:
         return ("one", "two", "three")
 
-    def make(self, plan: Plan, folder: Path, piece: str) -> Mapping[str, bytes]:
+    def make(self, plan: DataSetPlan, folder: Path, piece: str) -> Mapping[str, bytes]:
         assert read_index(folder)["data_set"] == plan.spec.label
         self.made.append(piece)
         if piece == self.spoilt:
@@ -66,7 +66,7 @@ def words(stage: Words, monkeypatch: pytest.MonkeyPatch) -> Words:
 @pytest.fixture(scope="module")
 def records(stage: Words, tiny_spec: DataSetSpec) -> dict[int, Made]:
     """What comes of each experiment, run once for all tests."""
-    plan = Plan(tiny_spec)
+    plan = DataSetPlan(tiny_spec)
     return {made.number: made for made in run_chunk(plan, range(len(plan)), threads=1)}
 
 
@@ -77,7 +77,9 @@ class Recorded:
         self.records, self.most, self.error = records, most, error
         self.asked: list[int] = []
 
-    def __call__(self, plan: Plan, chunks: Iterator[Sequence[int]], ticked: Callable[[int], None], /) -> Iterator[Made]:
+    def __call__(
+        self, plan: DataSetPlan, chunks: Iterator[Sequence[int]], ticked: Callable[[int], None], /
+    ) -> Iterator[Made]:
         for numbers in chunks:
             for number in numbers:
                 if len(self.asked) == self.most:
@@ -127,7 +129,7 @@ def test_the_index_and_the_checksums_hold_every_file(
     sums = dict(line.split("  ")[::-1] for line in expected["SHA256SUMS"].decode().splitlines())
     assert set(sums) == set(expected) - {"SHA256SUMS"}
     index = json.loads(expected["experiments.json"])
-    assert [entry["name"] for entry in index["experiments"]] == [entry.name for entry in Plan(tiny_spec)]
+    assert [entry["name"] for entry in index["experiments"]] == [entry.name for entry in DataSetPlan(tiny_spec)]
     for number, entry in enumerate(index["experiments"]):
         assert entry["arrays"] == records[number].arrays
         assert entry["file"] in expected
@@ -136,7 +138,9 @@ def test_the_index_and_the_checksums_hold_every_file(
 def test_experiments_may_come_in_any_order(
     tiny_spec: DataSetSpec, records: dict[int, Made], expected: Mapping[str, bytes], tmp_path: Path
 ) -> None:
-    def backwards(plan: Plan, chunks: Iterator[Sequence[int]], ticked: Callable[[int], None], /) -> Iterator[Made]:
+    def backwards(
+        plan: DataSetPlan, chunks: Iterator[Sequence[int]], ticked: Callable[[int], None], /
+    ) -> Iterator[Made]:
         return (records[number] for numbers in reversed(list(chunks)) for number in reversed(numbers))
 
     assert files(build(tiny_spec, tmp_path, executor=backwards).path) == expected
@@ -280,7 +284,7 @@ def test_a_piece_of_a_stage_is_made_once(
 ) -> None:
     make = words.make
 
-    def stopped(plan: Plan, folder: Path, piece: str) -> Mapping[str, bytes]:
+    def stopped(plan: DataSetPlan, folder: Path, piece: str) -> Mapping[str, bytes]:
         if piece == "three":
             raise KeyboardInterrupt
         return make(plan, folder, piece)
@@ -309,7 +313,7 @@ def test_what_fails_is_noted_and_does_not_stop_the_rest(
     rest = Recorded(broken)
     built = build(tiny_spec, tmp_path, executor=rest)
     assert rest.asked == [2]
-    name = Plan(tiny_spec)[1].name
+    name = DataSetPlan(tiny_spec)[1].name
     assert built.failed == {name: "the drives are too weak", "words: two": "two is no word"}
     assert built.experiments == 2
     entry = read_index(built.path)["experiments"][1]
@@ -320,15 +324,15 @@ def test_what_fails_is_noted_and_does_not_stop_the_rest(
 def test_an_experiment_that_cannot_be_run_and_a_truth_that_cannot_be_told_are_noted(
     tiny_spec: DataSetSpec, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    def untold(plan: Plan, entry: Entry) -> Mapping[str, object]:
+    def untold(plan: DataSetPlan, entry: PlannedExperiment) -> Mapping[str, object]:
         raise ScenarioError(f"nothing is true of {entry.arm}")
 
     short = tuple(replace(block, duration=0.2) for block in tiny_spec.records)
-    plan = Plan(replace(tiny_spec, window=0, records=short))
+    plan = DataSetPlan(replace(tiny_spec, window=0, records=short))
     entries = list(plan)
     weak = replace(entries[2].experiment, plant=Plant(supply_pressure=6.0))
     entries[2] = replace(entries[2], experiment=weak)
-    monkeypatch.setattr(Plan, "__getitem__", lambda _, number: entries[number])
+    monkeypatch.setattr(DataSetPlan, "__getitem__", lambda _, number: entries[number])
     monkeypatch.setattr(chunk, "ARM_TRUTH", (untold,))
     found = list(run_chunk(plan, range(3), threads=1))
     assert [bool(made.failed) for made in found] == [False, False, True]

@@ -19,7 +19,7 @@ from scenarios.datasets.cluster import Chunks, Cluster
 from scenarios.datasets.cluster_link import Link, LostError
 from scenarios.datasets.cluster_task import MADE
 from scenarios.datasets.data_set import open_data_set
-from scenarios.datasets.plan import Plan
+from scenarios.datasets.plan import DataSetPlan
 from scenarios.datasets.spec import DataSetSpec
 from scenarios.files.errors import ScenarioError
 from scenarios.jobs.bitwise_compatibility import ARITHMETIC, SOURCE, kinship, strangeness
@@ -178,7 +178,7 @@ class Fake:
 
 
 def test_an_experiment_that_brings_death_is_named_and_all_others_are_made(tiny_spec: DataSetSpec):
-    plan = Plan(replace(tiny_spec, records=(replace(tiny_spec.records[0], repeats=4), *tiny_spec.records[1:])))
+    plan = DataSetPlan(replace(tiny_spec, records=(replace(tiny_spec.records[0], repeats=4), *tiny_spec.records[1:])))
     link = Fake(deadly=4)
     made: list[int] = []
     with pytest.raises(ScenarioError, match=rf"^{plan[4].name}: every worker that did it died"):
@@ -191,6 +191,6 @@ def test_an_experiment_that_brings_death_is_named_and_all_others_are_made(tiny_s
 
 def test_a_chunk_whose_answer_is_lost_is_sent_anew(tiny_spec: DataSetSpec):
     link = Fake(deadly=-1)
-    found = [one.number for one in Chunks(Plan(tiny_spec), iter([(0,), (1, 2)]), link).done()]  # type: ignore[arg-type]
+    found = [one.number for one in Chunks(DataSetPlan(tiny_spec), iter([(0,), (1, 2)]), link).done()]  # type: ignore[arg-type]
     assert sorted(found) == [0, 1, 2]
     assert link.sent.count((0,)) == 2 and link.sent.count((1, 2)) == 1

@@ -16,12 +16,11 @@ import pytest
 
 from hmtb_twin.parameters.specimen_draw import TwinDistributions
 from scenarios.datasets import open_data_set
-from scenarios.datasets.baselines import Bench, baseline
+from scenarios.datasets.baselines import BaselineData, baseline
 from scenarios.datasets.export import FORMATS, export
-from scenarios.datasets.record_block import Records
 from scenarios.datasets.score import score
 from scenarios.datasets.spec import DataSetSpec, shipped
-from scenarios.datasets.spec_tables import METRICS, UNITS, BaselinesAsked, Method, Scoring, TruthAsked
+from scenarios.datasets.spec_tables import METRICS, UNITS, BaselineSpec, Method, RecordBlock, Scoring, TruthSpec
 from scenarios.experiments.multisines import Multisines
 
 ROOT = Path(__file__).parents[3]
@@ -67,7 +66,7 @@ def test_the_python_snippets_run(place: Path) -> None:
         assert expected in done.stdout
     # The page promises the score that stands in a row of the baselines.
     data_set = open_data_set(place / "tiny-v1")
-    row = baseline(Bench(data_set, data_set.spec.baselines), Method.parsed("oe:2/2")).test.mean
+    row = baseline(BaselineData(data_set, data_set.spec.baselines), Method.parsed("oe:2/2")).test.mean
     assert f"\noe {row}\n" in done.stdout
 
 
@@ -83,7 +82,7 @@ def test_the_snippet_for_students_comes_near_the_baseline(place: Path, monkeypat
         return score({made["test"].name: made["yhat"]}, data_set).mean
 
     found = reached(snippet)
-    assert found < 1.05 * baseline(Bench(data_set, data_set.spec.baselines), Method.parsed("oe:2/2/2")).test.mean
+    assert found < 1.05 * baseline(BaselineData(data_set, data_set.spec.baselines), Method.parsed("oe:2/2/2")).test.mean
     assert found < 0.8 * reached(snippet.replace(".mean(axis=0)", "[0]"))
 
 
@@ -183,10 +182,10 @@ def rows(section: str) -> dict[str, str]:
 def test_every_key_of_a_spec_stands_on_the_page_and_no_other() -> None:
     found = rows("A data set of your own")
     tables = {"[scoring]", "[truth]", "[baselines]", "[twins]", "[[records]]"}
-    kinds = (DataSetSpec, Records, TwinDistributions)
+    kinds = (DataSetSpec, RecordBlock, TwinDistributions)
     known = {entry.name for kind in kinds for entry in fields(kind)} - {name.strip("[]") for name in tables}
     assert set(found) == known | tables
-    inside = {"[scoring]": Scoring, "[truth]": TruthAsked, "[baselines]": BaselinesAsked, "multisines": Multisines}
+    inside = {"[scoring]": Scoring, "[truth]": TruthSpec, "[baselines]": BaselineSpec, "multisines": Multisines}
     for key, kind in inside.items():
         said = set(re.findall(r"`(\w+)`", found[key]))
         missing = {entry.name for entry in fields(kind)} - said
@@ -207,8 +206,6 @@ def test_every_data_set_stands_on_the_page_with_its_picture() -> None:
 def test_the_page_names_what_is_in_a_folder(tiny: Path) -> None:
     table = PAGE.split("\n## The folder\n")[1].split("In a record:")[0]
     named = {name.split("/")[0] for row in table.splitlines() for name in re.findall(r"`([^`]+)`", row.split(" | ")[0])}
-    papers = PAGE.split("Beside them stand papers")[1].split("\n## ")[0]
-    named |= {name for name in re.findall(r"`([^`]+)`", papers)}
     there = {path.name for path in tiny.iterdir()}
     assert there <= named, f"docs/datasets.md lacks {sorted(there - named)}"
     assert named - there <= {"baselines.csv", "baselines"}

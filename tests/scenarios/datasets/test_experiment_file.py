@@ -10,10 +10,9 @@ from hmtb_twin import JOINTS, Status, simulate
 from hmtb_twin.parameters.values import RECORDER
 from hmtb_twin.parameters.variants import variant_named
 from scenarios.datasets import open_data_set
-from scenarios.datasets.experiment_file import signal_contents
-from scenarios.datasets.plan import Plan
+from scenarios.datasets.experiment_file import signal_contents, stored_log
+from scenarios.datasets.plan import DataSetPlan
 from scenarios.datasets.spec import DataSetSpec
-from scenarios.datasets.stored_log import stored_log
 from scenarios.files.netcdf import read_netcdf
 
 UDUNITS = {"1", "rad", "rad2", "N", "N m", "V", "MPa", "A", "m", "Hz", "%"}
@@ -64,7 +63,7 @@ def test_every_output_is_as_late_as_its_joint(tiny_spec: DataSetSpec, variant: s
         tiny_spec.records[0], axes=joints, each_axis=False, duration=1.0, variants=(variant,), payloads=("none",)
     )
     spec = replace(tiny_spec, records=(block, *tiny_spec.records[1:]))
-    entry = Plan(spec)[0]
+    entry = DataSetPlan(spec)[0]
     (log,) = simulate([entry.experiment]).logs
     found = signal_contents(spec, entry, log).variables
     bus = variant_named(variant).bus
@@ -76,6 +75,6 @@ def test_every_output_is_as_late_as_its_joint(tiny_spec: DataSetSpec, variant: s
 
 
 def test_a_log_comes_back_with_force_and_torque(tiny: Path, tiny_spec: DataSetSpec) -> None:
-    entry = Plan(tiny_spec)[1]
+    entry = DataSetPlan(tiny_spec)[1]
     (log,) = simulate([entry.experiment]).logs
     np.testing.assert_array_equal(stored_log(tiny, entry).wrench, log.wrench)

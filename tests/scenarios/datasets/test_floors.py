@@ -7,8 +7,8 @@ from pathlib import Path
 
 import pytest
 
-from scenarios.datasets.attainable_scores import TABLE, FloorStage
-from scenarios.datasets.plan import Plan
+from scenarios.datasets.attainable_scores import TABLE, AttainableStage
+from scenarios.datasets.plan import DataSetPlan
 from scenarios.datasets.spec import DataSetSpec
 from scenarios.datasets.spec_tables import Scoring
 
@@ -18,7 +18,7 @@ def test_a_bound_that_no_model_reaches_says_so(
     tiny: Path, tiny_spec: DataSetSpec, noise: float, steps: int, warns: bool
 ) -> None:
     records = tuple(replace(block, process_noises=(noise,)) for block in tiny_spec.records)
-    plan = Plan(replace(tiny_spec, records=records, scoring=Scoring(steps=steps)))
-    (table,) = FloorStage().make(plan, tiny, TABLE).values()
+    plan = DataSetPlan(replace(tiny_spec, records=records, scoring=Scoring(steps=steps)))
+    (table,) = AttainableStage().make(plan, tiny, TABLE).values()
     (row,) = csv.DictReader(io.StringIO(table.decode()))
     assert ("no model does" in row["note"]) is warns

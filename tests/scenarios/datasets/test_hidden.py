@@ -24,10 +24,9 @@ from scenarios.datasets.challenge_key_check import examine_with_key
 from scenarios.datasets.challenge_publish import publish
 from scenarios.datasets.challenge_secret import secret_spec, student_spec
 from scenarios.datasets.check import examine
-from scenarios.datasets.model_predictor import ModelPredictor
-from scenarios.datasets.plan import Plan
-from scenarios.datasets.record_block import Records
-from scenarios.datasets.score import score_model
+from scenarios.datasets.plan import DataSetPlan
+from scenarios.datasets.score import ModelPredictor, score_model
+from scenarios.datasets.spec_tables import RecordBlock
 from scenarios.experiments.registry import load, registered
 from scenarios.files.errors import ScenarioError
 from scenarios.files.hashes import file_hash
@@ -82,7 +81,7 @@ def secrets_of(key_path: Path, label: str) -> dict[str, set[bytes]]:
         raw = bytes.fromhex(digits)
         words = {digits, digits.upper(), str(int(digits, 16)), digits.lstrip("0")}
         found[name] = {raw, raw[::-1], *(word.encode() for word in words)}
-    for entry in Plan(spec):
+    for entry in DataSetPlan(spec):
         one = entry.experiment
         seeds = [one.seed, *(e.parameters["seed"] for e in one.excitation if "seed" in e.parameters)]  # type: ignore[union-attr]
         for seed in seeds:
@@ -169,7 +168,7 @@ def test_students_have_data_of_their_own(hidden: Class) -> None:
         assert one.name.removeprefix("ann-") == other.name.removeprefix("bob-")
         assert not np.array_equal(one.u, other.u)
     key = read_key(hidden.key)
-    kp = {next(iter(Plan(spec))).experiment.specimen.kp for spec in key.specs}
+    kp = {next(iter(DataSetPlan(spec))).experiment.specimen.kp for spec in key.specs}
     assert len(kp) == 2
     assert key.specs[0].secret_seed not in (key.spec.secret_seed, student_spec(key.spec, "Ann").secret_seed)
 
@@ -379,7 +378,7 @@ def test_why_an_experiment_failed_is_kept_apart(hidden: Class, tmp_path: Path) -
 def test_commands_that_would_tell_of_the_outputs_are_refused(hidden: Class, tmp_path: Path) -> None:
     """An operator sees the arm, so what he commands says where it was."""
     (name,) = [name for name in registered().names("operator") if load(name).task][:1]
-    exchange = Records("exchange", "test", scenarios=(name,))
+    exchange = RecordBlock("exchange", "test", scenarios=(name,))
     spec = replace(hidden.spec, records=(hidden.spec.records[0], exchange))
     with pytest.raises(ScenarioError, match="its commands follow the arm"):
         build_hidden(spec, tmp_path, tmp_path / "key")

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from scenarios.datasets.plan import Entry, Plan
+from scenarios.datasets.plan import DataSetPlan, PlannedExperiment
 from scenarios.datasets.spec import DataSetSpec, load_spec, shipped
 from scenarios.experiments.multisines import MultisineExperiment
 from scenarios.experiments.scenario import Scenario
@@ -14,12 +14,12 @@ from scenarios.files.errors import ScenarioError
 FLEET = load_spec("hmtb-fleet-v1")
 
 
-def of(count: int) -> Plan:
+def of(count: int) -> DataSetPlan:
     assert FLEET.twins is not None
-    return Plan(replace(FLEET, twins=replace(FLEET.twins, count=count)))
+    return DataSetPlan(replace(FLEET, twins=replace(FLEET.twins, count=count)))
 
 
-def waveform_seed(entry: Entry) -> int:
+def waveform_seed(entry: PlannedExperiment) -> int:
     assert isinstance(entry.experiment, Scenario)
     seed = entry.experiment.excitation[0].parameters["seed"]
     assert isinstance(seed, int)
@@ -35,7 +35,7 @@ def test_a_shipped_spec_reads_back_from_its_own_text(label: str) -> None:
 
 @pytest.mark.parametrize("label", shipped())
 def test_every_experiment_has_a_name_and_a_noise_of_its_own(label: str) -> None:
-    entries = Plan(shipped()[label])[:100]
+    entries = DataSetPlan(shipped()[label])[:100]
     assert len({entry.name for entry in entries}) == len(entries)
     assert len({entry.experiment.seed for entry in entries}) == len(entries)
 
@@ -59,16 +59,16 @@ def test_twins_have_arms_noise_and_waveforms_of_their_own() -> None:
 def test_more_repeats_leave_the_first_as_they_are() -> None:
     spec = load_spec("hmtb-mimo-v1")
     more = replace(spec, records=(replace(spec.records[0], repeats=12), *spec.records[1:]))
-    assert Plan(spec)[1].name == "independent-r2"
-    assert Plan(more)[1].name == "independent-r02"
-    assert Plan(spec)[1].experiment.seed == Plan(more)[1].experiment.seed
+    assert DataSetPlan(spec)[1].name == "independent-r2"
+    assert DataSetPlan(more)[1].name == "independent-r02"
+    assert DataSetPlan(spec)[1].experiment.seed == DataSetPlan(more)[1].experiment.seed
 
 
 def test_multisines_are_drawn_for_every_joint_amplitude_and_repeat_but_once_for_a_measurement() -> None:
     spec = load_spec("hmtb-nonlinear-v1")
     block = replace(spec.records[0], repeats=2)
     seeds: dict[int, set[tuple[object, ...]]] = {}
-    for entry in Plan(replace(spec, records=(block, *spec.records[1:]))):
+    for entry in DataSetPlan(replace(spec, records=(block, *spec.records[1:]))):
         if entry.block == block.name:
             one = entry.experiment
             assert isinstance(one, MultisineExperiment)
@@ -79,7 +79,7 @@ def test_multisines_are_drawn_for_every_joint_amplitude_and_repeat_but_once_for_
 
 
 def test_waveforms_that_are_not_drawn_are_those_written() -> None:
-    entry = next(iter(Plan(load_spec("hmtb-thesis-v1"))))
+    entry = next(iter(DataSetPlan(load_spec("hmtb-thesis-v1"))))
     assert waveform_seed(entry) == 0
 
 
@@ -87,23 +87,23 @@ def test_blocks_that_make_experiments_of_one_name_are_refused() -> None:
     spec = load_spec("hmtb-thesis-v1")
     again = replace(spec.records[0], name="again")
     with pytest.raises(ScenarioError, match="siso-5-shoulder_yaw"):
-        Plan(replace(spec, records=(*spec.records, again)))
+        DataSetPlan(replace(spec, records=(*spec.records, again)))
 
 
 @pytest.mark.parametrize("label", ["hmtb-siso-v1", "hmtb-mimo-v1"])
 def test_lengths_and_windows_that_cannot_be_are_refused_before_anything_is_run(label: str) -> None:
     spec = shipped()[label]
-    shortest = min(e.experiment.duration for e in Plan(spec) if e.part != "train")
+    shortest = min(e.experiment.duration for e in DataSetPlan(spec) if e.part != "train")
     with pytest.raises(ScenarioError, match="expected 10 or more behind it to score"):
-        Plan(replace(spec, window=round(50 * shortest) - 9))
-    assert len(Plan(replace(spec, window=round(50 * shortest) - 10)))
+        DataSetPlan(replace(spec, window=round(50 * shortest) - 9))
+    assert len(DataSetPlan(replace(spec, window=round(50 * shortest) - 10)))
 
 
 def test_a_duration_of_no_whole_number_of_samples_is_refused(tiny_spec: DataSetSpec) -> None:
     for duration in (4.013, 4.00001):
         records = (replace(tiny_spec.records[0], duration=duration), tiny_spec.records[1])
         with pytest.raises(ScenarioError, match=f"duration {duration} s given, expected a positive multiple of 0.02 s"):
-            Plan(replace(tiny_spec, records=records))
+            DataSetPlan(replace(tiny_spec, records=records))
 
 
 @pytest.mark.parametrize(

@@ -5,8 +5,8 @@ from dataclasses import replace
 import pytest
 
 from scenarios.datasets.excitation_text import conditions, excitation, played
-from scenarios.datasets.record_block import Records
 from scenarios.datasets.spec import shipped
+from scenarios.datasets.spec_tables import RecordBlock
 from scenarios.experiments.excitation_computer import Excitation
 from scenarios.experiments.multisines import Multisines
 
@@ -45,7 +45,9 @@ def test_an_excitation_is_told_as_it_comes_out(one: Excitation, said: str) -> No
 
 
 def test_seeds_and_amplitudes_that_are_none_are_left_out() -> None:
-    block = Records("b", "train", axes=JOINTS, each_axis=True, excitation=(PRBS,), duration=20.0, draw_waveforms=True)
+    block = RecordBlock(
+        "b", "train", axes=JOINTS, each_axis=True, excitation=(PRBS,), duration=20.0, draw_waveforms=True
+    )
     told = played(replace(block, amplitudes=(0.5, 2.0)))
     assert told == (
         "pseudorandom binary sequence (a level for 0.2 s, 100 points, repeated every 10 s); at 0.5, 2 V; drawn anew "
@@ -60,7 +62,7 @@ def test_seeds_and_amplitudes_that_are_none_are_left_out() -> None:
 
 def test_multisines_tell_their_strength_their_settling_and_their_records() -> None:
     multisines = Multisines(rms=0.02, f_min=0.1, f_max=3.0, period=20.48, realisations=2, periods=3, settling=1)
-    block = Records("m", "test", axes=JOINTS, multisines=multisines)
+    block = RecordBlock("m", "test", axes=JOINTS, multisines=multisines)
     assert played(block) == (
         "random-phase multisines of 0.02 rad root mean square, 0.1 to 3 Hz, lines 0.04883 Hz apart; 2 realisations x 2 "
         "records, with phases that are orthogonal over these, of 1 + 3 periods of 20.48 s, the first one to settle"
@@ -73,7 +75,7 @@ def test_the_mode_is_told_in_words() -> None:
     thesis, mimo = (shipped()[name].records for name in ("hmtb-thesis-v1", "hmtb-mimo-v1"))
     assert "several joints at once" in conditions(mimo[0])
     assert "payload that of the scenario" in conditions(thesis[0]) and "single_joint" not in conditions(thesis[0])
-    block = Records(
+    block = RecordBlock(
         "b", "train", axes=JOINTS, each_axis=True, excitation=(PRBS,), duration=20.0, process_noises=(0.01,)
     )
     assert conditions(block).endswith("process noise 0.01 of the rated torque; the stick commands one joint")

@@ -10,9 +10,18 @@ from scipy.io import savemat
 
 from scenarios.datasets.data_record import DataRecord
 from scenarios.datasets.data_set import DataSet, open_data_set
-from scenarios.datasets.model_predictor import Hold, ModelPredictor, StackedPredictor, StaticGain
 from scenarios.datasets.predictions import read_predictions
-from scenarios.datasets.score import Score, Scores, metric, score, score_model
+from scenarios.datasets.score import (
+    Hold,
+    ModelPredictor,
+    Score,
+    Scores,
+    StackedPredictor,
+    StaticGain,
+    metric,
+    score,
+    score_model,
+)
 from scenarios.datasets.spec_tables import Scoring
 from scenarios.files.errors import ScenarioError
 from scenarios.files.netcdf import Contents, Variable

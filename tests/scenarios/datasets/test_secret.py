@@ -5,7 +5,7 @@ from dataclasses import replace
 import pytest
 
 from scenarios.datasets.challenge_secret import secret_spec
-from scenarios.datasets.plan import Plan
+from scenarios.datasets.plan import DataSetPlan
 from scenarios.datasets.spec import DataSetSpec
 from scenarios.files.errors import ScenarioError
 from tests.scenarios.conftest import Class
@@ -17,7 +17,7 @@ def test_a_secret_seed_is_drawn_unless_it_is_given(hidden: Class) -> None:
     assert all(block.draw_waveforms for block in one.records)
     given = "7a" * 16
     assert secret_spec(replace(hidden.spec, seed=None, secret_seed=given)).secret_seed == given
-    seeds = {entry.experiment.seed for entry in Plan(one)}
+    seeds = {entry.experiment.seed for entry in DataSetPlan(one)}
     assert len(seeds) == 3 and max(seeds) > 2**32
 
 

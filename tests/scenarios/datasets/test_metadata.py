@@ -1,4 +1,4 @@
-"""The papers of a data set: standard readers take them, and they say what is there."""
+"""Metadata of a data set: standard readers accept it, and it says what is in the folder."""
 
 import csv
 import io
@@ -13,10 +13,9 @@ import pytest
 import yaml
 
 from hmtb_twin import Status
-from scenarios.datasets import metadata as papers_module
-from scenarios.datasets.citation import citation_cff, datacite
+from scenarios.datasets import metadata
 from scenarios.datasets.index import read_index
-from scenarios.datasets.metadata import PAPERS, papers
+from scenarios.datasets.metadata import METADATA, citation_cff, metadata_files
 from scenarios.datasets.spec import DataSetSpec
 from scenarios.datasets.spec_tables import Twins
 from scenarios.experiments.excitation_computer import Excitation
@@ -31,8 +30,8 @@ def croissants() -> object:
 
 
 def test_the_same_folder_gives_the_same_bytes_as_the_build_wrote(tiny: Path, tiny_spec: DataSetSpec) -> None:
-    made = papers(tiny, tiny_spec, read_index(tiny))
-    assert set(made) == set(PAPERS)
+    made = metadata_files(tiny, tiny_spec, read_index(tiny))
+    assert set(made) == set(METADATA)
     assert {name: (tiny / name).read_bytes() for name in made} == made
 
 
@@ -50,10 +49,10 @@ def test_croissant_validates_and_its_records_are_those_of_the_index(tiny: Path, 
 def test_a_croissant_of_sets_of_files_validates(
     tiny: Path, tiny_spec: DataSetSpec, croissants: object, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
-    monkeypatch.setattr(papers_module, "MOST_LISTED", 3)
-    monkeypatch.setattr(papers_module, "FEW", 1)
+    monkeypatch.setattr(metadata, "MOST_LISTED", 3)
+    monkeypatch.setattr(metadata, "FEW", 1)
     shutil.copytree(tiny, tmp_path / "copy")
-    for name, content in papers(tiny, tiny_spec, read_index(tiny)).items():
+    for name, content in metadata_files(tiny, tiny_spec, read_index(tiny)).items():
         (tmp_path / "copy" / name).write_bytes(content)
     record = json.loads((tmp_path / "copy" / "croissant.json").read_text(encoding="utf-8"))
     sets = {one["@id"]: one["includes"] for one in record["distribution"] if one["@type"] == "cr:FileSet"}
@@ -63,19 +62,6 @@ def test_a_croissant_of_sets_of_files_validates(
     read = croissants.Dataset(jsonld=str(tmp_path / "copy" / "croissant.json"))  # type: ignore[attr-defined]
     assert not read.metadata.ctx.issues.errors
     assert len(list(read.records("experiments"))) == 3
-
-
-def test_the_data_package_validates_with_every_size_and_hash(tiny: Path, tmp_path: Path) -> None:
-    frictionless = pytest.importorskip("frictionless")
-    report = frictionless.validate(str(tiny / "datapackage.json"))
-    assert report.valid, report.flatten(["name", "type", "note"])
-    listed = {one["path"] for one in json.loads((tiny / "datapackage.json").read_text(encoding="utf-8"))["resources"]}
-    there = {path.relative_to(tiny).as_posix() for path in tiny.rglob("*") if path.is_file()}
-    assert there - listed == {"SHA256SUMS", "manifest.jsonl", "croissant.json", "datapackage.json"}
-    shutil.copytree(tiny, tmp_path / "copy")
-    with (tmp_path / "copy" / "experiments.csv").open("a", encoding="utf-8") as stream:
-        stream.write("x\n")
-    assert not frictionless.validate(str(tmp_path / "copy" / "datapackage.json")).valid
 
 
 def test_the_citation_file_has_what_the_format_asks_for(tiny: Path, tiny_spec: DataSetSpec) -> None:
@@ -89,16 +75,6 @@ def test_the_citation_file_has_what_the_format_asks_for(tiny: Path, tiny_spec: D
     again = yaml.safe_load(citation_cff(named, "0" * 64))
     assert again["authors"] == [{"family-names": "Noether", "given-names": "Emmy"}, {"name": 'A "group": #1'}]
     assert again["title"] == named.title
-
-
-def test_the_record_for_doi_registries_has_the_mandatory_properties(tiny: Path, tiny_spec: DataSetSpec) -> None:
-    record = json.loads((tiny / "datacite.json").read_text(encoding="utf-8"))
-    assert record.keys() >= {"creators", "titles", "publisher", "publicationYear", "types", "schemaVersion"}
-    assert record["publicationYear"] == "2026"
-    assert record["types"]["resourceTypeGeneral"] == "Dataset"
-    assert record["schemaVersion"] == "http://datacite.org/schema/kernel-4"
-    assert record["rightsList"][0]["rightsIdentifier"] == "CC-BY-4.0"
-    assert "publicationYear" not in datacite(replace(tiny_spec, date=""), "0" * 64, (), ())
 
 
 def test_the_licence_stands_there_in_full(tiny: Path) -> None:
@@ -129,7 +105,7 @@ def test_the_datasheet_answers_and_its_code_loads_a_record(tiny: Path, monkeypat
 def test_an_experiment_without_a_record_is_told_of(tiny: Path, tiny_spec: DataSetSpec) -> None:
     index = read_index(tiny)
     index["experiments"][0] |= {"failed": "the arm | was overloaded"}
-    made = papers(tiny, tiny_spec, index)
+    made = metadata_files(tiny, tiny_spec, index)
     rows = list(csv.DictReader(io.StringIO(made["experiments.csv"].decode())))
     assert [row["status"] for row in rows] == ["the arm | was overloaded", "ok", "ok"]
     assert (rows[0]["samples"], rows[0]["sha256"]) == ("0", "-")
@@ -144,7 +120,7 @@ def test_what_the_papers_could_not_say_is_refused(tiny_spec: DataSetSpec, given:
 
 def test_the_datasheet_of_hidden_truth_says_what_is_withheld(tiny: Path, tiny_spec: DataSetSpec) -> None:
     hidden = replace(tiny_spec, seed=None, commitment="5" * 64)
-    text = papers(tiny, hidden, read_index(tiny))["README.md"].decode()
+    text = metadata_files(tiny, hidden, read_index(tiny))["README.md"].decode()
     assert "**Is anything withheld?** Yes" in text
     assert "5" * 64 in text
     assert "hmtb dataset build" not in text
@@ -166,17 +142,10 @@ def test_the_datasheet_says_how_much_was_limited_and_the_table_by_record(tiny: P
     assert "a converter stood at an end" not in text.split("## Channels")[0]
     # The excitation computer gives ten volts at most.
     loud = replace(tiny_spec.records[0], excitation=(Excitation("prbs", {"amplitude": 11.0}),))
-    again = papers(tiny, replace(tiny_spec, records=(loud, tiny_spec.records[1])), read_index(tiny))
+    again = metadata_files(tiny, replace(tiny_spec, records=(loud, tiny_spec.records[1])), read_index(tiny))
     (clipped,) = {row["clipped"] for row in csv.DictReader(io.StringIO(again["experiments.csv"].decode()))} - {"0"}
     assert 0 < int(clipped) <= 200
     assert "In 2 of the 2 records of `binary` a converter stood at an end of its range" in again["README.md"].decode()
-
-
-def test_the_sizes_count_what_is_there(tiny: Path) -> None:
-    said = json.loads((tiny / "datacite.json").read_text(encoding="utf-8"))["sizes"]
-    size = sum(path.stat().st_size for path in (tiny / "data").rglob("*.nc"))
-    files = sum(path.is_file() for path in tiny.rglob("*"))
-    assert said == ["3 records", f"{size} bytes of records", f"{files} files"]
 
 
 def test_baselines_say_of_how_many_records_they_are(tiny: Path, tiny_spec: DataSetSpec, tmp_path: Path) -> None:
@@ -189,15 +158,15 @@ def test_baselines_say_of_how_many_records_they_are(tiny: Path, tiny_spec: DataS
         writer = csv.DictWriter(stream, list(rows[0]))
         writer.writeheader()
         writer.writerows({**row, "twins": "0 4"} for row in rows)
-    fleet = papers(copy, replace(tiny_spec, twins=Twins(1)), read_index(tiny))["README.md"].decode()
+    fleet = metadata_files(copy, replace(tiny_spec, twins=Twins(1)), read_index(tiny))["README.md"].decode()
     assert "those of the twins 0, 4 of\n1." in fleet
     assert "1 randomised twin was drawn" in fleet
 
 
 def test_a_page_on_the_web_is_cited_and_answers_questions(tiny: Path, tiny_spec: DataSetSpec) -> None:
-    placed = papers(tiny, replace(tiny_spec, url="https://example.org/tiny"), read_index(tiny))
+    placed = metadata_files(tiny, replace(tiny_spec, url="https://example.org/tiny"), read_index(tiny))
     text = placed["README.md"].decode()
     assert "version 1. https://example.org/tiny\n" in text
     assert "**Who answers questions?** The HMTB twin contributors, at <https://example.org/tiny>." in text
-    assert json.loads(placed["datacite.json"])["url"] == "https://example.org/tiny"
+    assert json.loads(placed["croissant.json"])["url"] == "https://example.org/tiny"
     assert "The spec names no page" in (tiny / "README.md").read_text(encoding="utf-8")
