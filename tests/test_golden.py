@@ -1,0 +1,36 @@
+"""The numbers of estimators and of the truth are those that this version was recorded with (`tests/golden.py`)."""
+
+import json
+from functools import cache
+
+import pytest
+
+from tests.golden import CASES, REFERENCE, Numbers, differences, numbers
+
+QUICK = [name for name in CASES if name.startswith(("estimators-", "truth-"))]
+# Other processors and libraries round otherwise; P1 has a condition number of 4e8.
+TOLERANCE = 1e-4
+
+
+@cache
+def recorded() -> dict[str, Numbers]:
+    """All recorded cases."""
+    cases: dict[str, Numbers] = json.loads(REFERENCE.read_text(encoding="utf-8"))
+    return cases
+
+
+@pytest.mark.parametrize("case", QUICK)
+def test_numbers_are_those_recorded(case: str) -> None:
+    assert not differences(recorded()[case], numbers(case), TOLERANCE)
+
+
+def test_a_changed_number_is_reported() -> None:
+    expected: Numbers = {"/a": 1.0, "/b": True, "/c": None}
+    assert differences(expected, {"/a": 1.0, "/b": True, "/c": None, "/new": 2.0}, 0.0) == []
+    assert differences(expected, {"/a": 1.0 + 1e-12, "/b": True, "/c": None}, 0.0) != []
+    assert differences(expected, {"/a": 1.0 + 1e-12, "/b": True, "/c": None}, 1e-9) == []
+    assert len(differences(expected, {"/a": 1.0, "/b": False}, 1.0)) == 2
+
+
+def test_every_case_is_recorded() -> None:
+    assert set(recorded()) == set(CASES)
