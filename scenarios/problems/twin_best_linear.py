@@ -179,7 +179,7 @@ def _measurement(name: TwinName, realisations: int) -> tuple[MultisineExperiment
 
 @lru_cache(maxsize=1)
 def _table() -> dict[str, Any]:
-    file = resources.files("scenarios.bench_problems") / TABLE
+    file = resources.files("scenarios.problems") / TABLE
     if not file.is_file():
         return {}
     table: dict[str, Any] = json.loads(file.read_text(encoding="utf-8"))
