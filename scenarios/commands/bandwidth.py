@@ -198,7 +198,7 @@ def _print(study: "BandwidthStudy") -> None:
     import numpy as np
 
     from scenarios.truth.published import published
-    from sysid.models.gain_crossing import half_power_hz
+    from sysid.models.bandwidth import half_power_hz
 
     several = False
     for joint in study.joints:

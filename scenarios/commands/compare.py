@@ -198,12 +198,12 @@ def _half_power(entry: "Compared") -> list[float]:
     import numpy as np
 
     from sysid import FrequencyResponse
-    from sysid.models.gain_crossing import crossing
+    from sysid.models.bandwidth import gain_crossing
 
     f = np.geomspace(1e-4, 0.5, 4000) / entry.model.dt
     response = entry.model.frequency_response(f)
     return [
-        crossing(FrequencyResponse(f, response[:, k : k + 1, k : k + 1], entry.model.dt, "model"), np.sqrt(0.5))
+        gain_crossing(FrequencyResponse(f, response[:, k : k + 1, k : k + 1], entry.model.dt, "model"), np.sqrt(0.5))
         for k in range(min(entry.model.ny, entry.model.nu))
     ]
 

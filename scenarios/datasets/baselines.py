@@ -17,7 +17,7 @@ from scenarios.datasets.spec_tables import BaselineSpec, Method
 from scenarios.files.errors import ScenarioError
 from scenarios.identification.methods import ESTIMATORS, estimate
 from sysid import Estimate, IOData, SysidWarning
-from sysid.polynomial.fit_with_offset import levelled
+from sysid.polynomial.fit_with_offset import fit_with_offset
 
 NEEDS_TRUTH = "truth"
 """The method that identifies nothing."""
@@ -174,7 +174,7 @@ def identified(method: Method, parts: Sequence[IOData]) -> Predictor:
     with warnings.catch_warnings():
         # A poor model shows in its score.
         warnings.simplefilter("ignore", SysidWarning)
-        about = levelled(run, parts)
+        about = fit_with_offset(run, parts)
     return ModelPredictor(about.estimate.model, about.input, about.output)
 
 

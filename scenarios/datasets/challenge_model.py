@@ -13,7 +13,7 @@ from scenarios.files.errors import ScenarioError
 from scenarios.files.mat_numbers import read_mat_numbers
 from scenarios.files.netcdf import read_netcdf
 from sysid import FrequencyResponse, StateSpace, SysidError
-from sysid.models.gain_crossing import HALF_POWER, crossing
+from sysid.models.bandwidth import HALF_POWER, gain_crossing
 
 ENDINGS = (".json", ".mat", ".nc")
 """Endings of files of models."""
@@ -60,7 +60,7 @@ class SubmittedModel:
         """First frequency at which the gain is 3.01 dB below that at 0 Hz, Hz; NaN if it never is."""
         f = frequencies()
         found = FrequencyResponse(f, self.response(f)[:, None, None], SAMPLE_TIME, "model")
-        return crossing(found, HALF_POWER * abs(self.dc_gain))
+        return gain_crossing(found, HALF_POWER * abs(self.dc_gain))
 
     @property
     def stable(self) -> bool:

@@ -7,7 +7,8 @@ import numpy as np
 from scenarios.estimators.answer import Answer
 from scenarios.estimators.delayed_model import delayed
 from scenarios.files.errors import ScenarioError
-from sysid import Estimate, Polynomials, innovations_form
+from sysid import Estimate, Polynomials
+from sysid.models import innovations_form
 from sysid.models.delta_method import standard_directions
 from sysid.polynomial.polynomial_estimate import Realise
 from sysid.records.arrays import FloatArray

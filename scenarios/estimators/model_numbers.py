@@ -17,7 +17,8 @@ from scenarios.estimators.no_model import NoModelError
 from scenarios.estimators.polynomial_numbers import of_fractions, polynomials_of
 from scenarios.estimators.shapes import shaped
 from scenarios.estimators.task import Task
-from sysid import IOData, StateSpace, SysidError, innovations_form
+from sysid import IOData, StateSpace, SysidError
+from sysid.models import innovations_form
 from sysid.records.arrays import FloatArray
 
 Numbers = Mapping[str, FloatArray]

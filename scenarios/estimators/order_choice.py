@@ -8,7 +8,7 @@ import sysid
 from scenarios.estimators.task import STRUCTURES, Task
 from sysid import Estimate, IOData, SysidError
 from sysid.records.arrays import FloatArray
-from sysid.validation.structure_table import StructureTable
+from sysid.validation.structure_scan import StructureTable
 
 LOOKS_AHEAD = 2
 """Degrees that are tried beyond the best so far."""

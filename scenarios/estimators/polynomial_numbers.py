@@ -7,7 +7,8 @@ import numpy as np
 from scenarios.estimators.model_names import FRACTION, POLYNOMIALS
 from scenarios.estimators.no_model import NoModelError
 from scenarios.estimators.shapes import row
-from sysid import IOData, Polynomials, StateSpace, SysidError, innovations_form
+from sysid import IOData, Polynomials, StateSpace, SysidError
+from sysid.models import innovations_form
 from sysid.records.arrays import FloatArray
 
 

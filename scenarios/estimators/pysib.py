@@ -10,7 +10,8 @@ import numpy as np
 from scenarios.estimators.answer import Answer
 from scenarios.estimators.refusals import only_given_orders, only_one_channel, only_structure
 from scenarios.estimators.task import STRUCTURES, Task
-from sysid import IOData, Polynomials, innovations_form
+from sysid import IOData, Polynomials
+from sysid.models import innovations_form
 
 
 def arx(data: IOData, task: Task) -> Answer:

@@ -14,7 +14,8 @@ from scipy.signal import lfilter
 from scenarios.estimators.answer import Answer
 from scenarios.estimators.contestant import Contestant
 from scenarios.estimators.task import Task
-from sysid import IOData, Polynomials, innovations_form
+from sysid import IOData, Polynomials
+from sysid.models import innovations_form
 from sysid.records.arrays import FloatArray
 
 REFEREE = Contestant(

@@ -11,7 +11,8 @@ import numpy as np
 from scenarios.estimators.answer import Answer
 from scenarios.estimators.refusals import only_delayed, only_given_orders, only_one_output, only_structure
 from scenarios.estimators.task import STRUCTURES, Task
-from sysid import IOData, Polynomials, StateSpace, innovations_form
+from sysid import IOData, Polynomials, StateSpace
+from sysid.models import innovations_form
 
 LEAST_ROWS, ROWS_PER_ORDER = 20, 2
 """Block rows of the subspace methods: 20 as is its default, more for high orders."""

@@ -7,7 +7,8 @@ import numpy as np
 from scenarios.estimators.answer import Answer
 from scenarios.estimators.refusals import only_delayed, only_one_output, only_structure
 from scenarios.estimators.task import Task
-from sysid import IOData, Polynomials, innovations_form
+from sysid import IOData, Polynomials
+from sysid.models import innovations_form
 
 ROUNDS = 60
 """Of extended least squares: more than its 20, with which it has often not settled."""

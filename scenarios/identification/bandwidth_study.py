@@ -32,7 +32,7 @@ from scenarios.identification.recovered_bandwidth import Place, RecoveredBandwid
 from scenarios.truth.bla_of_record import BestLinearOfTest, best_linear_of_test
 from scenarios.truth.published import published
 from sysid import IOData
-from sysid.models.gain_crossing import half_power_hz
+from sysid.models.bandwidth import half_power_hz
 
 SHORTEST = 2 * SETTLING + POINTS / RATE
 """Shortest test, s: what settles is cut off where more than as much again is left."""

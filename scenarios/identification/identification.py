@@ -14,8 +14,8 @@ from scenarios.files.data_file import excited
 from scenarios.files.errors import ScenarioError
 from scenarios.identification.methods import ESTIMATORS, SHORTEST, estimate
 from sysid import Estimate, IOData, ModelFit, ResidualTest, SysidError
-from sysid.models.bandwidth_claim import Claim, claim
-from sysid.polynomial.fit_with_offset import Levelled, about_means, constant, levelled
+from sysid.models.bandwidth import BandwidthClaim, bandwidth_claim
+from sysid.polynomial.fit_with_offset import OffsetFit, fit_with_offset, subtract_means, unexplained_offset
 
 
 @dataclass(frozen=True)
@@ -43,7 +43,7 @@ class Identification:
     fit: ModelFit
     test: ResidualTest | None
     untested: str
-    claims: tuple[tuple[Claim, ...], ...]
+    claims: tuple[tuple[BandwidthClaim, ...], ...]
     warnings: tuple[str, ...]
 
     @property
@@ -94,14 +94,15 @@ def identified(
         if keep_mean:
             found, level, of = run(tuple(parts)), None, tuple(parts)
         else:
-            result: Levelled = levelled(run, parts)
+            result: OffsetFit = fit_with_offset(run, parts)
             found, level, of = result.estimate, (result.input, result.output), result.parts
         checked = _about_its_own_level(found, check or parts, keep_mean)
         (fit,) = sysid.compare({method: found}, checked, steps=steps)
         test, untested = _tested(found, checked)
         band, longest = found.bandwidth(), max(of, key=len)
         claims = tuple(
-            tuple(claim(found, longest, output=i, input=j, band=band) for j in range(first.nu)) for i in range(first.ny)
+            tuple(bandwidth_claim(found, longest, output=i, input=j, band=band) for j in range(first.nu))
+            for i in range(first.ny)
         )
     return Identification(
         found, complete, of, checked, level, fit, test, untested, claims, tuple(_texts(found, of, claims))
@@ -169,8 +170,8 @@ def _about_its_own_level(found: Estimate, check: Sequence[IOData], keep_mean: bo
     """Records to judge on about their own operating point, which the model's dynamics tell."""
     if keep_mean:
         return tuple(check)
-    moved, _, _ = about_means(check)
-    level, _, _ = constant(found.model, moved)
+    moved, _, _ = subtract_means(check)
+    level, _, _ = unexplained_offset(found.model, moved)
     return tuple(part.subtract(y=level) for part in moved)
 
 
@@ -189,7 +190,7 @@ def _tested(found: Estimate, checked: Sequence[IOData]) -> tuple[ResidualTest | 
         return None, str(error)
 
 
-def _texts(found: Estimate, parts: Sequence[IOData], claims: Sequence[Sequence[Claim]]) -> list[str]:
+def _texts(found: Estimate, parts: Sequence[IOData], claims: Sequence[Sequence[BandwidthClaim]]) -> list[str]:
     lost = sum(int((~part.known).sum()) for part in parts)
     values, samples = sum(part.y.size for part in parts), sum(map(len, parts))
     texts = []

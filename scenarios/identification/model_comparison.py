@@ -16,7 +16,7 @@ from scenarios.identification.identification import identified, usable
 from scenarios.identification.methods import ESTIMATORS
 from scenarios.truth.published import BY_NAME, DT, PublishedModel, published, published_model
 from sysid import IOData, ModelFit, StateSpace
-from sysid.polynomial.fit_with_offset import about_means, constant
+from sysid.polynomial.fit_with_offset import subtract_means, unexplained_offset
 
 FORMS = "truth, published, published:NAME (4.7 ... 5.10, sysid, okid, hybrid), METHOD:ORDERS (oe:2/2/1)"
 """What a model may be called, for messages."""
@@ -176,7 +176,7 @@ def compared(
         SysidError: What an estimator refuses.
     """
     parts = usable(records, skip, "", path, test)
-    shown = tuple(parts) if keep_mean else about_means(parts)[0]
+    shown = tuple(parts) if keep_mean else subtract_means(parts)[0]
     entries: list[Compared] = []
     for one in wanted:
         if one.kind in ESTIMATORS:
@@ -222,7 +222,7 @@ def _known(one: Wanted, record: IOData, path: Path) -> list[tuple[str, StateSpac
             )
         labels = [part.label for part in chosen]
         label = entry.label if len(chosen) == len(parts) else f"{entry.label}, {labels[0]}"
-        model = sysid.block_diagonal([part.model for part in chosen])
+        model = sysid.models.block_diagonal([part.model for part in chosen])
         found.append((f"published {label}", model, tuple(f"{part.label}: {part.doubts}" for part in chosen)))
     return found
 
@@ -262,7 +262,7 @@ def _judged(
     steps: int,
     remarks: tuple[str, ...],
 ) -> Compared:
-    level = np.zeros(model.ny) if keep_mean else constant(model, shown)[0]
+    level = np.zeros(model.ny) if keep_mean else unexplained_offset(model, shown)[0]
     own = shown if keep_mean else [part.subtract(y=level) for part in shown]
     (fit,) = sysid.compare({label: model}, own, steps=steps)
     band = model.bandwidth()

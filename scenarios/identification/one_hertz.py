@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from scenarios.truth.published import published
-from sysid.models.gain_crossing import half_power_hz
+from sysid.models.bandwidth import half_power_hz
 
 ABOUT_1_HZ = (0.8, 1.25)
 """What counts as about 1 Hz, Hz."""

@@ -14,9 +14,16 @@ from scenarios.identification.methods import ESTIMATORS
 from scenarios.identification.one_hertz import METHODS, Interval, Recovered
 from scenarios.truth.published import published
 from sysid import FrequencyResponse, IOData, SysidError, SysidWarning
-from sysid.frequency.response_bandwidth import DEGREE, REACH, response_bandwidth
-from sysid.models.bandwidth_claim import claim, lowest_excited
-from sysid.models.gain_crossing import HALF_POWER, crossing, half_power_hz
+from sysid.models.bandwidth import (
+    DEGREE,
+    HALF_POWER,
+    REACH,
+    bandwidth_claim,
+    gain_crossing,
+    half_power_hz,
+    lowest_excited,
+    response_bandwidth,
+)
 
 NONPARAMETRIC = {"spa": "spectral analysis, Hamming window", "etfe": "empirical transfer function, mean over periods"}
 """Methods without a model, with their labels."""
@@ -168,7 +175,7 @@ def _with_model(record: IOData, chosen: Structure, place: Place) -> RecoveredBan
     except SysidError as error:
         return _row(record, chosen.method, place, chosen.label, orders, reasons=(str(error),))
     band = found.bandwidth()
-    said = claim(found, record, band=band)
+    said = bandwidth_claim(found, record, band=band)
     reasons = said.warnings
     if not said.refused and not np.isfinite(said.hz):
         reasons = ("the model's gain does not fall by 3 dB from its value at 0 Hz below half of the sampling rate",)
@@ -192,7 +199,7 @@ def _without_model(record: IOData, method: str, place: Place) -> RecoveredBandwi
         response = _response(record, method)
     except SysidError as error:
         return _row(record, method, place, label, {}, reasons=(str(error),))
-    level = crossing(response, HALF_POWER)
+    level = gain_crossing(response, HALF_POWER)
     within = int(np.sum(response.frequencies <= REACH * level)) if np.isfinite(level) else 0
     if within < DEGREE + 2:
         # Of fewer, lines beyond the bandwidth would tell the gain at 0 Hz, with an interval that knows of noise alone.

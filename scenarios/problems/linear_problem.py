@@ -13,7 +13,8 @@ from scenarios.problems.comparison import comparison_frequencies
 from scenarios.problems.embedding import Embedding, embedding, layout, own_structure, parameters, underfit
 from scenarios.problems.problem import Bound
 from scenarios.problems.regressors import Signals, regressors
-from sysid import IOData, Polynomials, StateSpace, innovations_form
+from sysid import IOData, Polynomials, StateSpace
+from sysid.models import innovations_form
 from sysid.records.arrays import FloatArray, Locked, lock
 
 BURN_IN = 500

@@ -12,7 +12,8 @@ from scenarios.problems.embedding import Embedding, embedding, underfit
 from scenarios.problems.problem import Bound
 from scenarios.problems.seeding import chance
 from scenarios.problems.textbook import DT
-from sysid import IOData, Polynomials, StateSpace, hankel_singular_values, innovations_form
+from sysid import IOData, Polynomials, StateSpace
+from sysid.models import hankel_singular_values, innovations_form
 from sysid.records.arrays import FloatArray, Locked
 
 ORDERS = (1, 2, 3, 4, 5, 6)

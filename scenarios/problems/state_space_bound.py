@@ -11,12 +11,10 @@ from sysid import IOData, StateSpace
 from sysid.models.delta_method import spread
 from sysid.models.estimate import DataSummary
 from sysid.records.arrays import FloatArray
-from sysid.subspace.local_coordinates import LocalCoordinates
-from sysid.subspace.predictor import Predictor, Scales
+from sysid.subspace.predictor import LocalCoordinates, Predictor, Record, Scales
 from sysid.subspace.predictor_errors import Point
 from sysid.subspace.predictor_estimate import RealiseLocally
 from sysid.subspace.predictor_fit import Normal, linearise
-from sysid.subspace.predictor_record import Record
 
 DRAWS = 6
 """Noise realisations over which the information is averaged; of 12000 samples one is within a percent already."""

@@ -13,7 +13,7 @@ from scenarios.experiments.preparation import prepared
 from scenarios.experiments.scenario import Scenario
 from scenarios.files.errors import MissingRecordError
 from sysid import IOData, SysidError, SysidWarning
-from sysid.models.gain_crossing import half_power_hz
+from sysid.models.bandwidth import half_power_hz
 
 
 @dataclass(frozen=True)

@@ -12,7 +12,7 @@ from scenarios.thesis import figures_chapter_3 as draw
 from scenarios.thesis.comparison import Comparison, JointResult
 from scenarios.thesis.figures_waveforms import waveform, waveform_figures
 from scenarios.thesis.nonparametric import PRBS, PULSE, SINES, RecordSummary
-from sysid.models.gain_crossing import half_power_hz
+from sysid.models.bandwidth import half_power_hz
 
 THESIS: Mapping[str, Mapping[str, tuple[str, ...]]] = MappingProxyType(
     {

@@ -15,7 +15,7 @@ from scenarios.experiments.preparation import prepared
 from scenarios.experiments.registry import names
 from scenarios.identification.methods import estimate
 from sysid import Estimate, IOData, StateSpace, SysidError, SysidWarning
-from sysid.models.gain_crossing import half_power_hz
+from sysid.models.bandwidth import half_power_hz
 
 AUDIBLE = 0.01
 """What excites, as a part of the strongest: 40 dB below, where rounding and noise of the command have their share."""

@@ -7,7 +7,7 @@ from matplotlib.patches import Patch
 from scenarios.identification.one_hertz import ABOUT_1_HZ
 from scenarios.report.figure_style import NOT_EXCITED, WIDTH, dress, method_style, short
 from scenarios.thesis.comparison import Comparison
-from sysid.models.gain_crossing import half_power_hz
+from sysid.models.bandwidth import half_power_hz
 from sysid.plots import (
     BOUND,
     PALETTE,

@@ -18,8 +18,9 @@ from scenarios.thesis.findings_spectra import FASTEST, spectrum_of
 from scenarios.thesis.nonparametric import GRID, SINES, excited, half_power
 from scenarios.thesis.readings import by_reading
 from scenarios.truth.published import BREAK_FREQUENCY
-from sysid import CovarianceFunction, FrequencyResponse
-from sysid.models.gain_crossing import HALF_POWER, crossing
+from sysid import FrequencyResponse
+from sysid.frequency import CovarianceFunction
+from sysid.models.bandwidth import HALF_POWER, gain_crossing
 
 NEAR = 0.2
 """A frequency counts as the thesis' own within 20 percent."""
@@ -81,7 +82,7 @@ def gain_and_cutoff(study: Comparison) -> Finding:
     again: list[float] = []
     for joint in study.joints:
         for way, found in _tried(study, joint).items():
-            top, at = float(found.magnitude.max()), 2 * np.pi * crossing(found, HALF_POWER)
+            top, at = float(found.magnitude.max()), 2 * np.pi * gain_crossing(found, HALF_POWER)
             passed[way] += (top < 1.0) + bool(abs(at / BREAK_FREQUENCY[joint] - 1) <= NEAR)
             if np.isfinite(at):
                 cutoff[f"{joint}, {SHORT[way]}"] = at
@@ -90,8 +91,8 @@ def gain_and_cutoff(study: Comparison) -> Finding:
         again.append(float("nan") if told is None else 2 * np.pi * told)
         positive = study.nonparametric[joint].positive
         if positive is not None:
-            other.append(2 * np.pi * crossing(_up_to(positive, FASTEST), HALF_POWER))
-    true = [2 * np.pi * crossing(_true(entry), HALF_POWER) for entry in study.joints.values()]
+            other.append(2 * np.pi * gain_crossing(_up_to(positive, FASTEST), HALF_POWER))
+    true = [2 * np.pi * gain_crossing(_true(entry), HALF_POWER) for entry in study.joints.values()]
     decision, said = by_reading({way: (count, 2 * len(study.joints)) for way, count in passed.items()})
     return decided(
         "F1",
@@ -142,7 +143,7 @@ def slope(study: Comparison) -> Finding:
 def _slope(response: FrequencyResponse) -> float:
     """Decibel per decade from the cutoff to 10 rad/s; NaN where the cutoff is not below that."""
     f, gain = response.frequencies, response.magnitude[:, 0, 0]
-    ends = np.array([crossing(response, HALF_POWER), SLOPE_TO / (2 * np.pi)])
+    ends = np.array([gain_crossing(response, HALF_POWER), SLOPE_TO / (2 * np.pi)])
     if not ends[0] < ends[1]:
         return float("nan")
     decibel = 20 * np.interp(np.log10(ends), np.log10(f), np.log10(gain))

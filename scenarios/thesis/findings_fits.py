@@ -17,7 +17,8 @@ from scenarios.thesis.followed import followed, shortfall, ties, within_reach
 from scenarios.thesis.margin import MARGIN, ahead
 from scenarios.thesis.multi_input import EXCITED, FULL_OKID, INDEPENDENT
 from scenarios.thesis.multivariable import FAST_CHIRP, LAGS, LEVEL, WAYS, Kind, ThreeJointModel, Way
-from sysid import ResidualTest, SysidWarning, block_diagonal
+from sysid import ResidualTest, SysidWarning
+from sysid.models import block_diagonal
 
 YAW, SHOULDER, ELBOW = STUDIED_JOINTS
 

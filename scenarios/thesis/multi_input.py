@@ -12,7 +12,8 @@ from scenarios.experiments.campaign import Campaign
 from scenarios.experiments.joint_inputs import joint_inputs
 from scenarios.experiments.preparation import SETTLING
 from scenarios.thesis.coupled_response import off_diagonal, relative_error
-from sysid import IOData, StateSpace, SysidError, block_diagonal
+from sysid import IOData, StateSpace, SysidError
+from sysid.models import block_diagonal
 
 SHARED = "mimo-7"
 """The binary sequence of table 2, the same on every axis."""

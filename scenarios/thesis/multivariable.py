@@ -18,7 +18,8 @@ from scenarios.thesis.exchange_fits import Exchange, exchange
 from scenarios.thesis.multi_input import INDEPENDENT, SHARED, FullModel, full_models
 from scenarios.thesis.reference_fits import Reference, reference_fits
 from scenarios.truth.published import PUBLISHED
-from sysid import IOData, ResidualTest, StateSpace, SysidError, SysidWarning, block_diagonal
+from sysid import IOData, ResidualTest, StateSpace, SysidError, SysidWarning
+from sysid.models import block_diagonal
 
 T = TypeVar("T")
 

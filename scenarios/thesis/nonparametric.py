@@ -18,9 +18,10 @@ from scenarios.experiments.registry import load
 from scenarios.experiments.waveform import POINTS, RATE
 from scenarios.files.errors import MissingRecordError
 from scenarios.thesis.period_spectra import PeriodSpectra, period_spectra
-from sysid import CovarianceFunction, DelayEstimate, FrequencyResponse, ImpulseResponse, IOData, SysidWarning
-from sysid.frequency.prewhitening import prewhitened
-from sysid.models.gain_crossing import HALF_POWER
+from sysid import FrequencyResponse, IOData, SysidWarning
+from sysid.frequency import CovarianceFunction, DelayEstimate, ImpulseResponse
+from sysid.models.bandwidth import HALF_POWER
+from sysid.polynomial.correlation import prewhitened
 
 SINES, PRBS, PULSE = 4, 5, 7
 """Numbers of the single-joint tests that chapter III rests on [Morris1996, table 1]."""

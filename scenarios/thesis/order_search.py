@@ -17,7 +17,8 @@ import numpy as np
 import sysid
 from scenarios.experiments.campaign import seen_with
 from scenarios.identification.methods import estimate
-from sysid import IOData, StructureTable, SysidError, SysidWarning
+from sysid import IOData, SysidError, SysidWarning
+from sysid.validation import StructureTable
 
 POLES = (1, 2, 3, 4, 5)
 """Steps of the search: numbers of poles. The thesis' largest has five."""
@@ -203,4 +204,4 @@ def _iteration(method: str, poles: int, zeros: int, delay: int, data: IOData, ot
 
 
 def _fit(found: sysid.Estimate, other: IOData) -> float:
-    return float(sysid.fit_percent(other.y, sysid.predict(found, other, steps=None))[0])
+    return float(sysid.validation.fit_percent(other.y, sysid.predict(found, other, steps=None))[0])

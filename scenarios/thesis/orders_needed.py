@@ -17,7 +17,8 @@ from scenarios.experiments.campaign import Campaign
 from scenarios.experiments.needed_order import STRUCTURES
 from scenarios.experiments.preparation import settled
 from scenarios.thesis.disturbances import biased
-from sysid import Estimate, IOData, SysidError, SysidWarning, fit_percent, predict
+from sysid import Estimate, IOData, SysidError, SysidWarning, predict
+from sysid.validation import fit_percent
 
 ORDERS: Mapping[str, tuple[int, ...]] = MappingProxyType({"SysID": (1, 2, 3), "OKID": (1, 2, 3, 4)})
 """States that are tried, by kind of model: as many as the thesis speaks of."""

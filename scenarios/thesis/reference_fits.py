@@ -96,5 +96,5 @@ def _noiseless(log: JointLog, y: np.ndarray) -> dict[str, float]:
 
 
 def _fits(y: np.ndarray, found: np.ndarray) -> dict[str, float]:
-    fits = sysid.fit_percent(y, found - found.mean(axis=0))
+    fits = sysid.validation.fit_percent(y, found - found.mean(axis=0))
     return dict(zip(STUDIED_JOINTS, map(float, fits), strict=True))

@@ -21,7 +21,7 @@ from scenarios.thesis.finding import Finding
 from scenarios.thesis.report_context import context
 from scenarios.thesis.tally import Tally
 from scenarios.thesis.wording import limits, minus, parts, root
-from sysid.models.gain_crossing import half_power_hz
+from sysid.models.bandwidth import half_power_hz
 
 
 def write_report(

@@ -11,7 +11,7 @@ from scenarios.thesis.frequencies import finding_record, seeds_record
 from scenarios.thesis.multivariable_record import multivariable_record
 from scenarios.thesis.sensitivity import half_power_spread, spread
 from scenarios.thesis.tally import Tally
-from sysid.models.gain_crossing import half_power_hz
+from sysid.models.bandwidth import half_power_hz
 
 
 def results(

@@ -19,7 +19,7 @@ from scenarios.thesis.disturbances import AS_IT_IS, DISTURBANCES, TREATMENTS, Di
 from scenarios.thesis.orders_needed import OrderNeeded, orders_needed, simulated_fit
 from scenarios.thesis.robustness_outcome import Failure, Outcome, Robustness
 from sysid import IOData, SysidError, SysidWarning
-from sysid.models.gain_crossing import half_power_hz
+from sysid.models.bandwidth import half_power_hz
 
 JUDGES = (2, 7, 8)
 """Tests that judge a model by its median fit to those that there are: two tones, pulses, chirp, one of each waveform

@@ -9,7 +9,7 @@ import numpy as np
 import sysid
 from scenarios.files.errors import ScenarioError
 from sysid import IOData, SysidError, SysidWarning
-from sysid.models.gain_crossing import half_power_hz
+from sysid.models.bandwidth import half_power_hz
 
 ORDERS = ((2, 2), (3, 3), (3, 4), (4, 3), (5, 3), (4, 4), (5, 4))
 """nb, nf of the output-error models laid side by side, whichever of them is called sufficient."""

@@ -44,7 +44,7 @@ from scenarios.thesis.robustness import robustness
 from scenarios.thesis.sensitivity import order_effects
 from scenarios.truth.published import published
 from sysid import FrequencyResponse, IOData, SysidError, SysidWarning
-from sysid.models.gain_crossing import half_power_hz
+from sysid.models.bandwidth import half_power_hz
 
 ESTIMATION_TEST = 5
 """Models are identified from the PRBS of 1 V and judged on the tests of other waveforms [Morris1996, ch. IV and V]."""

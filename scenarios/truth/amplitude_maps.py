@@ -8,7 +8,7 @@ from scenarios.experiments.multisines import MultisineExperiment, Multisines
 from scenarios.truth.bandwidth_caution import slow_gain
 from scenarios.truth.best_linear import BestLinearTruth, best_linear
 from scenarios.truth.local_dynamics import Progress
-from sysid.frequency.response_bandwidth import response_bandwidth
+from sysid.models.bandwidth import response_bandwidth
 
 AMPLITUDES = (3e-4, 1e-3, 3e-3, 1e-2, 3e-2, 1e-1)
 """Amplitudes of the command, rad, root mean square."""

@@ -18,7 +18,7 @@ from scenarios.experiments.logged_arm import check_truth, logged_arm
 from scenarios.files.errors import ScenarioError
 from scenarios.truth.attainable_models import ConditionalMean, conditional_mean, long_response
 from sysid import IOData, StateSpace, SysidError, SysidWarning, oe, pem_ss, predict
-from sysid.polynomial.tall_least_squares import least_squares
+from sysid.polynomial.least_squares import least_squares
 from sysid.records.arrays import FloatArray
 
 MATTERS = 1e-4

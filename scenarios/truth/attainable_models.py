@@ -10,7 +10,7 @@ from scipy.signal import lfilter
 from hmtb_twin import JOINTS, Arm
 from hmtb_twin.bus.recorder import delayed
 from hmtb_twin.parameters.values import SAMPLE_TIME
-from sysid.polynomial.tall_least_squares import least_squares
+from sysid.polynomial.least_squares import least_squares
 from sysid.records.arrays import FloatArray
 
 DIED = 1e-17

@@ -14,9 +14,9 @@ from scenarios.experiments.multisines import MultisineExperiment, Multisines, mu
 from scenarios.files.errors import ScenarioError
 from scenarios.files.provenance import versions
 from sysid import Bandwidth, BestLinearApproximation, IOData, SysidWarning, bla
-from sysid.frequency.response_bandwidth import response_bandwidth
+from sysid.frequency.bla import ResponseAgreement, response_agreement
+from sysid.models.bandwidth import response_bandwidth
 from sysid.records.arrays import FloatArray
-from sysid.validation.interval_agreement import Agreement, agreement
 
 
 @dataclass(frozen=True, eq=False)
@@ -141,13 +141,13 @@ class BestLinearTruth:
         arm = load_arm(e.variant, e.payload, plant=e.plant, specimen=e.specimen, friction=e.chain.friction)
         return linearize(arm, e.pose)
 
-    def servo_agreement(self, truth: Truth | None = None) -> Agreement:
+    def servo_agreement(self, truth: Truth | None = None) -> ResponseAgreement:
         """Compare `servo` line by line with a small-signal truth, by default that of the same arm."""
-        return agreement(self.servo, self._expected(truth or self.small_signal))
+        return response_agreement(self.servo, self._expected(truth or self.small_signal))
 
-    def chain_agreement(self, truth: Truth | None = None) -> Agreement:
+    def chain_agreement(self, truth: Truth | None = None) -> ResponseAgreement:
         """Compare `chain` line by line with a small-signal truth, by default that of the same arm."""
-        return agreement(self.chain, self._expected(truth or self.small_signal))
+        return response_agreement(self.chain, self._expected(truth or self.small_signal))
 
     def _expected(self, truth: Truth) -> np.ndarray:
         rows, columns = ([joint_index(name) for name in names] for names in (self.measured, self.experiment.axes))

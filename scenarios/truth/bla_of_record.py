@@ -13,7 +13,7 @@ from scenarios.experiments.multisines import MultisineExperiment, Multisines, mu
 from scenarios.truth.bandwidth_caution import cautions
 from scenarios.truth.best_linear import best_linear
 from sysid import FrequencyResponse, IOData
-from sysid.models.gain_crossing import HALF_POWER, crossing
+from sysid.models.bandwidth import HALF_POWER, gain_crossing
 
 SHARE = 0.95
 """Share of the command's power that the multisine's band holds."""
@@ -109,7 +109,7 @@ def best_linear_of_test(
         test=test,
         hz=float(band.hz[0, 0]),
         ci95=(float(band.ci95[0][0, 0]), float(band.ci95[1][0, 0])),
-        half_power_hz=crossing(_single(response), HALF_POWER),
+        half_power_hz=gain_crossing(_single(response), HALF_POWER),
         wanted_rms=wanted,
         command_rms=float(found.command_rms[0]),
         f_max=multisines.f_max,

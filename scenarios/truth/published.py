@@ -9,8 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from scenarios.files.errors import ScenarioError, unknown
-from sysid import StateSpace, block_diagonal
-from sysid.models.gain_crossing import half_power_hz
+from sysid import StateSpace
+from sysid.models import block_diagonal
+from sysid.models.bandwidth import half_power_hz
 
 DT = 0.02
 """Sampling interval of every published model, s."""

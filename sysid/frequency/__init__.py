@@ -1,3 +1,23 @@
-"""Frequency."""
+"""Nonparametric estimators: frequency responses, spectra, correlations, delays."""
 
-__all__: list[str] = []
+from sysid.frequency.bla import BestLinearApproximation, bla
+from sysid.frequency.covf import CovarianceFunction, covf
+from sysid.frequency.cra import ImpulseResponse, cra
+from sysid.frequency.delayest import DelayEstimate, delayest
+from sysid.frequency.etfe import etfe
+from sysid.frequency.spa import spa
+from sysid.frequency.welch import welch
+
+__all__ = [
+    "BestLinearApproximation",
+    "CovarianceFunction",
+    "DelayEstimate",
+    "ImpulseResponse",
+    "bla",
+    "covf",
+    "cra",
+    "delayest",
+    "etfe",
+    "spa",
+    "welch",
+]

@@ -9,9 +9,8 @@ from numpy.typing import NDArray
 from scipy.signal import lfilter
 from scipy.stats import norm
 
-from sysid.frequency.prewhitening import prewhitened
-from sysid.polynomial.autoregression import autoregression
-from sysid.polynomial.excitation import check_excitation
+from sysid.polynomial.correlation import autoregression, prewhitened
+from sysid.polynomial.data_checks import check_excitation
 from sysid.polynomial.least_squares import solve
 from sysid.polynomial.regressors import lagged
 from sysid.records.arguments import confidence_level, whole_number

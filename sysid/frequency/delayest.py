@@ -8,9 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.stats import chi2, norm
 
-from sysid.frequency.prewhitening import prewhitened
-from sysid.polynomial.correlation import covariance_function
-from sysid.polynomial.excitation import check_excitation
+from sysid.polynomial.correlation import covariance_function, prewhitened
+from sysid.polynomial.data_checks import check_excitation
 from sysid.polynomial.least_squares import triangular_factor
 from sysid.polynomial.regressors import arx_regressors, first_row
 from sysid.records.arguments import confidence_level, whole_number

@@ -8,7 +8,7 @@ from scipy.ndimage import convolve1d
 
 from sysid.frequency.spectra import response_of_spectra
 from sysid.models.frequency_response import FrequencyResponse
-from sysid.polynomial.excitation import check_excitation
+from sysid.polynomial.data_checks import check_excitation
 from sysid.records.arguments import whole_number
 from sysid.records.arrays import ComplexArray, FloatArray
 from sysid.records.data import IOData, as_experiments

@@ -11,8 +11,7 @@ from scipy.signal.windows import parzen
 from sysid.frequency.spectra import response_of_spectra
 from sysid.models.frequency_response import FrequencyResponse
 from sysid.polynomial.correlation import covariance_function, covariance_with_gaps
-from sysid.polynomial.excitation import check_excitation
-from sysid.polynomial.operating_point import large_means
+from sysid.polynomial.data_checks import check_excitation, large_means
 from sysid.records.arguments import whole_number, window_values
 from sysid.records.arrays import ComplexArray, FloatArray, real_array
 from sysid.records.data import IOData, as_experiments

@@ -8,8 +8,7 @@ from scipy.fft import rfft, rfftfreq
 
 from sysid.frequency.spectra import response_of_spectra
 from sysid.models.frequency_response import FrequencyResponse
-from sysid.polynomial.excitation import check_excitation
-from sysid.polynomial.operating_point import large_means
+from sysid.polynomial.data_checks import check_excitation, large_means
 from sysid.records.arguments import real_number, whole_number, window_values
 from sysid.records.arrays import ComplexArray, FloatArray
 from sysid.records.data import IOData, as_experiments

@@ -1,3 +1,27 @@
-"""Models."""
+"""Linear models: state space, polynomials, frequency responses, their uncertainty, prediction and conversion."""
 
-__all__: list[str] = []
+from sysid.models.bands import band, poles_band, sampled_band, zeros_band
+from sysid.models.estimate import Bandwidth, Estimate
+from sysid.models.frequency_response import FrequencyResponse
+from sysid.models.polynomials import Polynomials, innovations_form
+from sysid.models.predict import predict, residuals, simulate
+from sysid.models.reduction import hankel_singular_values
+from sysid.models.state_space import StateSpace, block_diagonal
+
+__all__ = [
+    "Bandwidth",
+    "Estimate",
+    "FrequencyResponse",
+    "Polynomials",
+    "StateSpace",
+    "band",
+    "block_diagonal",
+    "hankel_singular_values",
+    "innovations_form",
+    "poles_band",
+    "predict",
+    "residuals",
+    "sampled_band",
+    "simulate",
+    "zeros_band",
+]

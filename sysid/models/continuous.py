@@ -7,7 +7,7 @@ import numpy as np
 import scipy.linalg
 
 from sysid.models.estimate import Estimate
-from sysid.models.simulate import as_model
+from sysid.models.predict import as_model
 from sysid.models.state_space import StateSpace
 from sysid.models.zero_pole_gain import ZeroPoleGain, zero_pole_gain
 from sysid.records.arguments import sampling_interval

@@ -1,4 +1,4 @@
-"""Prediction: the output k steps ahead, from past outputs and from inputs."""
+"""Simulation, prediction, residuals and the initial state of a model on data."""
 
 import warnings
 from dataclasses import replace
@@ -6,15 +6,94 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import ArrayLike
 
+from sysid.models.delta_method import standard_directions
 from sysid.models.estimate import Estimate
-from sysid.models.kalman_gaps import Filtered, filtered
-from sysid.models.recursion import LARGEST, free_response, state_trajectory
-from sysid.models.simulate import as_model, as_state, output
+from sysid.models.recursion import LARGEST, Filtered, filtered, free_response, state_trajectory
 from sysid.models.state_space import StateSpace
 from sysid.records.arguments import whole_number
-from sysid.records.arrays import FloatArray
+from sysid.records.arrays import FloatArray, real_array
 from sysid.records.data import IOData, as_record
 from sysid.records.errors import SysidError, SysidWarning
+
+
+def simulate(
+    model: StateSpace | Estimate, u: ArrayLike, *, x0: ArrayLike | None = None, rng: np.random.Generator | None = None
+) -> FloatArray:
+    """Output of x(t+1) = A x + B u + K e, y = C x + D u + e; without `rng` there is no noise, e = 0.
+
+    Args:
+        model: The model, or an estimate of it.
+        u: Inputs (N, nu); 1-D for one input.
+        x0: State at the first sample (n,); zero when None. (`predict` and `compare` estimate it instead.)
+        rng: Source of normal innovations e with the model's innovation covariance: another realisation of the
+            disturbance every time.
+
+    Returns:
+        Outputs (N, ny).
+
+    Raises:
+        SysidError: Inputs or initial state that do not fit the model; noise of a model without innovation covariance.
+    """
+    m = as_model(model)
+    inputs, start = as_inputs(m, u), as_state(m, x0)
+    if rng is None:
+        return output(m, inputs, start)
+    if not isinstance(rng, np.random.Generator):
+        raise SysidError(f"rng: expected a numpy.random.Generator, got {type(rng).__name__}")
+    if m.innovation_covariance is None:
+        raise SysidError(
+            "the model has no innovation covariance, so that the size of its noise is not known; "
+            "dataclasses.replace(model, innovation_covariance=...) gives it one"
+        )
+    e = rng.standard_normal((len(inputs), m.ny)) @ standard_directions(m.innovation_covariance).T
+    states = state_trajectory(m.A, inputs @ m.B.T + e @ m.gain.T, start)
+    return states @ m.C.T + inputs @ m.D.T + e
+
+
+def output(model: StateSpace, u: FloatArray, x0: FloatArray) -> FloatArray:
+    """Output for checked inputs."""
+    return state_trajectory(model.A, u @ model.B.T, x0) @ model.C.T + u @ model.D.T
+
+
+def as_model(model: StateSpace | Estimate) -> StateSpace:
+    """The state-space model itself.
+
+    Raises:
+        SysidError: Something else was given.
+    """
+    if isinstance(model, Estimate):
+        return model.model
+    if not isinstance(model, StateSpace):
+        raise SysidError(f"expected a StateSpace or an Estimate, got {type(model).__name__}")
+    return model
+
+
+def as_inputs(model: StateSpace, u: ArrayLike) -> FloatArray:
+    """Inputs as (N, nu), checked against the model.
+
+    Raises:
+        SysidError: Wrong shape, NaN.
+    """
+    out = real_array("u", u)
+    if out.ndim == 1:
+        out = out[:, None]
+    if out.ndim != 2 or out.shape[1] != model.nu or not len(out):
+        raise SysidError(f"u: expected shape (N, {model.nu}), time first, got {np.shape(u)}")
+    return out
+
+
+def as_state(model: StateSpace, x0: ArrayLike | None) -> FloatArray:
+    """Initial state (n,), zero when None.
+
+    Raises:
+        SysidError: Wrong length, NaN.
+    """
+    if x0 is None:
+        return np.zeros(model.order)
+    out = np.atleast_1d(real_array("x0", x0))
+    if out.shape != (model.order,):
+        raise SysidError(f"x0: expected one value per state, shape ({model.order},), got {out.shape}")
+    return out
 
 
 def predict(
@@ -136,3 +215,40 @@ def check_channels(model: StateSpace, data: IOData) -> None:
         )
     if not np.isclose(data.dt, model.dt, rtol=1e-6, atol=0.0):
         raise SysidError(f"the data are sampled every {data.dt} s, the model every {model.dt} s")
+
+
+def residuals(model: StateSpace | Estimate, data: IOData, *, x0: ArrayLike | None = None) -> FloatArray:
+    """y(t) minus its one-step prediction [Ljung1999, sec. 3.2].
+
+    Args:
+        model: The model, or an estimate of it.
+        data: Inputs and outputs.
+        x0: State at the first sample (n,); None fits it (see `predict`).
+
+    Returns:
+        Prediction errors (N, ny).
+
+    Raises:
+        SysidError: Channels that do not fit the model.
+    """
+    return as_record(data).y - predict(model, data, x0=x0)
+
+
+def findstates(model: StateSpace | Estimate, data: IOData, *, simulation: bool = False) -> FloatArray:
+    """State at the first sample for which the model explains the data best, by least squares [Ljung1999, sec. 10.5].
+
+    The result serves as `x0` of `simulate`, `predict` and `residuals`.
+
+    Args:
+        model: The model, or an estimate of it.
+        data: Inputs and outputs; with an initialisation window only that is looked at.
+        simulation: Whether the simulated output is to fit; otherwise the one-step prediction.
+
+    Returns:
+        State (n,), of least norm where the data do not determine it.
+
+    Raises:
+        SysidError: Channels that do not fit the model.
+    """
+    m = as_model(model)
+    return initial_state(m, data, np.zeros_like(m.gain) if simulation else None)

@@ -1,10 +1,14 @@
-"""State recursions at filter speed: x(t+1) = A x(t) + w(t) for whole records at once."""
+"""State recursions over whole records, and the Kalman filter where output samples are missing."""
+
+from dataclasses import dataclass
 
 import numpy as np
 from scipy.linalg import schur
 from scipy.signal import lfilter
 
+from sysid.models.state_space import StateSpace
 from sysid.records.arrays import FloatArray
+from sysid.records.data import IOData
 
 LARGEST = 1e100
 
@@ -66,3 +70,123 @@ def free_response(A: FloatArray, C: FloatArray, steps: int) -> FloatArray:
                 break
     usable = (np.abs(rows) < LARGEST).all(axis=(1, 2))
     return rows[: min(steps, len(rows) if usable.all() else int(np.argmin(usable)))]
+
+
+SEGMENTS = 128  # parts of a record that are gone through side by side
+WARM_UP = 32  # samples before a part after which its state's covariance may have forgotten how it began
+SETTLED = 1e-12  # difference of covariances, as a part of what they may be, that has been forgotten
+
+
+@dataclass(frozen=True, eq=False)
+class Filtered:
+    """Predicted states and what they rest on.
+
+    Attributes:
+        states: x(t) from outputs up to t - 1; the first column driven from rest, the others the free responses to unit
+            initial states (N, n, 1 + n), or the first alone (N, n, 1).
+        deviations: Inverse square root of each output's prediction variance (N, ny); zero where it is missing.
+    """
+
+    states: FloatArray
+    deviations: FloatArray
+
+
+def filtered(model: StateSpace, data: IOData, x0: FloatArray, *, free: bool = False) -> Filtered:
+    """Run the predictor over a record with gaps [Ljung1999, sec. 14.2].
+
+    In x+ = A x + B u + K e, y = C x + D u + e with e white of covariance R, the state is known exactly as long as all
+    outputs are. Where some are missing its covariance grows by K R K', and the gain of those that are known follows
+    from it until the state is known again.
+
+    Args:
+        model: The model; R counts only in its ratios, and is the unit matrix where the model has none.
+        data: The record.
+        x0: State at the first sample (n,).
+        free: Whether the free responses are wanted too.
+    """
+    n = model.order
+    known = data.known
+    gains, deviations = _gains(model, known)
+    y = np.where(known, data.y, 0.0)
+    drive = data.u @ model.B.T + np.einsum("tnl,tl->tn", gains, y - data.u @ model.D.T)
+    start = np.concatenate((np.asarray(x0, dtype=float)[:, None], np.eye(n)), axis=1) if free else x0[:, None]
+    return Filtered(_trajectory(model.A - gains @ model.C, drive, start), deviations)
+
+
+def _gains(model: StateSpace, known: np.ndarray) -> tuple[FloatArray, FloatArray]:
+    """Gain (N, n, ny) and inverse deviation of the prediction (N, ny) at every sample, zero for what is missing.
+
+    The covariance of the state forgets how it began. Parts of the record are gone through side by side, each from some
+    samples before its own; these are doubled until every part begins with what the one before has ended with.
+    """
+    A, C, K = model.A, model.C, model.gain
+    steps, ny = known.shape
+    n = len(A)
+    R = np.eye(ny) if model.innovation_covariance is None else np.asarray(model.innovation_covariance)
+    R = R / np.trace(R) if np.trace(R) > 0.0 else np.eye(ny) / ny
+    noise, cross = K @ R @ K.T, K @ R
+    ahead = WARM_UP
+    while True:
+        length = max(-(-steps // SEGMENTS), ahead)
+        parts = -(-steps // length)
+        # before the record, and behind it, everything is on record: there the covariance stays what it is, zero
+        padded = np.ones((ahead + parts * length, ny), dtype=bool)
+        padded[ahead : ahead + steps] = known
+        P = np.zeros((parts, n, n))
+        gains, deviations = np.empty((parts, length, n, ny)), np.empty((parts, length, ny))
+        begun = P
+        for t in range(-ahead, length):
+            if t == 0:
+                begun = P
+            mask = padded[ahead + t :: length][:parts].astype(float)
+            PC = P @ C.T
+            S = mask[:, :, None] * (C @ PC + R) * mask[:, None, :]
+            across = (A @ PC + cross) * mask[:, None, :]
+            variances = np.diagonal(S, axis1=1, axis2=2)
+            if ny == 1:
+                L = across * (mask / np.maximum(S[:, 0], 1e-300))[:, None]
+            else:
+                L = np.matmul(across, np.linalg.pinv(S, hermitian=True))
+            P = A @ P @ A.T + noise - np.matmul(L, across.transpose(0, 2, 1))
+            P = 0.5 * (P + P.transpose(0, 2, 1))
+            if t >= 0:
+                gains[:, t] = L
+                deviations[:, t] = mask / np.sqrt(np.maximum(variances, 1e-300))
+        if parts == 1 or np.abs(begun[1:] - P[:-1]).max() <= SETTLED * (1.0 + np.abs(P).max()):
+            break
+        ahead *= 4
+    flat = parts * length
+    return gains.reshape(flat, n, ny)[:steps], deviations.reshape(flat, ny)[:steps]
+
+
+def _trajectory(transitions: FloatArray, drive: FloatArray, start: FloatArray) -> FloatArray:
+    """States of x+ = F(t) x + w(t), w acting on the first column alone, (N, n, columns).
+
+    Args:
+        transitions: F (N, n, n).
+        drive: w (N, n).
+        start: States at the first sample (n, columns).
+    """
+    steps, n = drive.shape
+    length = -(-steps // SEGMENTS)
+    parts = -(-steps // length)
+    F, w = np.zeros((parts * length, n, n)), np.zeros((parts * length, n))
+    F[:steps], w[:steps] = transitions, drive
+    F, w = F.reshape(parts, length, n, n), w.reshape(parts, length, n)
+    # each part from rest, and from unit states; then one after the other
+    x = np.zeros((parts, n, 1 + n))
+    x[:, :, 1:] = np.eye(n)
+    inside = np.empty((length, parts, n, 1 + n))
+    for t in range(length):
+        inside[t] = x
+        x = np.matmul(F[:, t], x)
+        x[:, :, 0] += w[:, t]
+    begin = np.empty((parts, n, start.shape[1]))
+    state = start
+    for k in range(parts):
+        begin[k] = state
+        state = x[k, :, 1:] @ state
+        state[:, 0] += x[k, :, 0]
+    out = np.matmul(inside[..., 1:], begin)
+    out[..., 0] += inside[..., 0]
+    return np.ascontiguousarray(out.transpose(1, 0, 2, 3).reshape(parts * length, n, -1)[:steps])

@@ -9,7 +9,7 @@ import scipy.signal
 from numpy.typing import ArrayLike
 
 from sysid.models.estimate import Estimate
-from sysid.models.simulate import as_model
+from sysid.models.predict import as_model
 from sysid.models.state_space import StateSpace
 from sysid.records.arguments import real_number, sampling_interval, shown
 from sysid.records.arrays import ComplexArray, Locked, lock, real_array

@@ -21,12 +21,11 @@ With several inputs and outputs all are drawn, or those chosen by `input` and `o
 from sysid.plots.bode import bode
 from sysid.plots.correlations import correlations
 from sysid.plots.orders import singular_values, structures
-from sysid.plots.outputs import output_comparison
 from sysid.plots.palette import BOUND, GRID, INK, PALETTE, Style
 from sysid.plots.panels import show
 from sysid.plots.pzmap import pzmap
-from sysid.plots.record import record
 from sysid.plots.recursion import recursion
+from sysid.plots.signals import output_comparison, record
 from sysid.plots.spectra import spectra
 from sysid.plots.traces import Curve, Level, Roots, Trace
 from sysid.plots.transients import impulse, step

@@ -6,8 +6,8 @@ import numpy as np
 from matplotlib.figure import Figure
 from matplotlib.ticker import AutoLocator, LogLocator, NullLocator
 
-from sysid.models.balred import hankel_singular_values
 from sysid.models.estimate import Estimate
+from sysid.models.reduction import hankel_singular_values
 from sysid.models.state_space import StateSpace
 from sysid.plots.palette import BOUND, PALETTE, Style
 from sysid.plots.panels import legend, panels
@@ -15,7 +15,7 @@ from sysid.plots.traces import Looks, named_items
 from sysid.records.arrays import FloatArray
 from sysid.records.errors import SysidError
 from sysid.subspace.era import Realisation
-from sysid.validation.structure_table import StructureTable
+from sysid.validation.structure_scan import StructureTable
 
 Spectrum = Realisation | Estimate | StateSpace
 """What has singular values that tell an order."""

@@ -1,3 +1,21 @@
-"""Polynomial."""
+"""Estimators of polynomial models: least squares, instrumental variables, prediction errors."""
 
-__all__: list[str] = []
+from sysid.polynomial.armax import armax
+from sysid.polynomial.arx import arx
+from sysid.polynomial.bj import bj
+from sysid.polynomial.data_checks import order_of_excitation
+from sysid.polynomial.fit_with_offset import fit_with_offset
+from sysid.polynomial.initial_conditions import InitialConditions
+from sysid.polynomial.iv4 import iv4
+from sysid.polynomial.oe import oe
+
+__all__ = [
+    "InitialConditions",
+    "armax",
+    "arx",
+    "bj",
+    "fit_with_offset",
+    "iv4",
+    "oe",
+    "order_of_excitation",
+]

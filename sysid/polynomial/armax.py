@@ -3,10 +3,10 @@
 from collections.abc import Sequence
 
 from sysid.models.estimate import Estimate
-from sysid.polynomial.initial_conditions import Past
-from sysid.polynomial.initial_estimates import armax_starts
-from sysid.polynomial.minimised_estimate import prediction_error_estimate
+from sysid.polynomial.initial_conditions import InitialConditions
+from sysid.polynomial.initial_estimates import armax_initial_estimates
 from sysid.polynomial.orders import make_orders
+from sysid.polynomial.polynomial_estimate import prediction_error_estimate
 from sysid.records.data import IOData, as_experiments
 
 
@@ -19,11 +19,11 @@ def armax(
     *,
     max_iterations: int = 100,
     coloured: bool = False,
-    past: Past | str = Past.ESTIMATED,
+    initial_conditions: InitialConditions | str = InitialConditions.ESTIMATED,
 ) -> Estimate:
     """Fit A(q) y = B(q) u + C(q) e by minimising the one-step prediction errors [Ljung1999, sec. 4.2, ch. 10].
 
-    C stays stable at every step; by default the unknown past of each experiment is projected out.
+    C stays stable at every step; by default the unknown initial conditions of each experiment are projected out.
 
     Args:
         data: One experiment, or several that share the model. Outputs may be missing: the
@@ -36,8 +36,8 @@ def armax(
         coloured: Whether the covariance allows for prediction errors that are not white, as where the orders are too
             small: a "sandwich" [Ljung1999, ch. 9]. It then tells the spread about the parameters that the
             criterion leads to, which need not be the true ones. The estimate itself is the same.
-        past: What is assumed about the time before each experiment, or its name ("zero", "backcast"); by default
-            nothing.
+        initial_conditions: Assumption about the time before each experiment, or its name ("zero", "backcast"); by
+            default none, and free initial conditions are estimated.
 
     Returns:
         The estimate; parameters a1.., b1.., c1...
@@ -52,5 +52,12 @@ def armax(
     orders = make_orders(experiments[0].nu, na=na, nb=nb, nc=nc, nk=nk)
     asked = {"na": orders.na, "nb": orders.nb, "nc": orders.nc, "nk": orders.nk}
     return prediction_error_estimate(
-        "armax", experiments, orders, asked, armax_starts, max_iterations=max_iterations, coloured=coloured, past=past
+        "armax",
+        experiments,
+        orders,
+        asked,
+        armax_initial_estimates,
+        max_iterations=max_iterations,
+        coloured=coloured,
+        initial_conditions=initial_conditions,
     )

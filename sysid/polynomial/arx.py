@@ -2,21 +2,17 @@
 
 import warnings
 from collections.abc import Sequence
-from functools import partial
 
 import numpy as np
 
 from sysid.models.estimate import Estimate
-from sysid.polynomial.excitation import check_excitation
-from sysid.polynomial.lagged_products import lagged_products, solution
+from sysid.polynomial.data_checks import check_excitation, check_means
 from sysid.polynomial.least_squares import solve
-from sysid.polynomial.operating_point import check_means
 from sysid.polynomial.orders import make_orders
 from sysid.polynomial.polynomial_estimate import check_enough_data, check_single_output, make_estimate
-from sysid.polynomial.regressors import arx_regressors, input_lags, output_lags
+from sysid.polynomial.regressors import arx_regressors
 from sysid.polynomial.robust_covariance import sandwich
 from sysid.records.arguments import truth_value
-from sysid.records.arrays import FloatArray
 from sysid.records.data import IOData, as_experiments
 from sysid.records.errors import SysidError, SysidWarning
 
@@ -95,39 +91,3 @@ def arx(
         diagnostics={"condition": fit.condition, "rank": fit.rank, "iterations": 0, "converged": True},
         texts=texts,
     )
-
-
-def arx_solution(
-    y: Sequence[FloatArray],
-    u: Sequence[FloatArray],
-    na: int,
-    nb: Sequence[int],
-    nk: Sequence[int],
-    starts: Sequence[int],
-) -> FloatArray:
-    """Bare least-squares parameters, for iterations that begin with an ARX fit.
-
-    Args:
-        y: Output per experiment (N,).
-        u: Inputs per experiment (N, nu).
-        na: Degree of A.
-        nb: Coefficients of B per input.
-        nk: Delay per input.
-        starts: First row per experiment.
-
-    Returns:
-        Parameters (na + sum(nb),).
-    """
-    lags = [output_lags(na), *(input_lags(n, k) for n, k in zip(nb, nk, strict=True))]
-    most = max(na, *(n + k - 1 for n, k in zip(nb, nk, strict=True)))
-    if most <= min(starts):
-        signals = (np.column_stack((yi, ui)) for yi, ui in zip(y, u, strict=True))
-        products = sum(lagged_products(s, most, start) for s, start in zip(signals, starts, strict=True))
-        found = solution(np.asarray(products), lags, [1.0] + [0.0] * len(nb))
-        if found is not None:
-            found[:na] *= -1.0
-            return found
-    build = partial(arx_regressors, na=na, nb=nb, nk=nk)
-    phi = np.vstack([build(yi, ui, start=s) for yi, ui, s in zip(y, u, starts, strict=True)])
-    target = np.concatenate([yi[s:] for yi, s in zip(y, starts, strict=True)])
-    return solve(phi, target[:, None]).solution[:, 0]

@@ -3,10 +3,10 @@
 from collections.abc import Sequence
 
 from sysid.models.estimate import Estimate
-from sysid.polynomial.bj_initial_estimates import bj_starts
-from sysid.polynomial.initial_conditions import Past
-from sysid.polynomial.minimised_estimate import prediction_error_estimate
+from sysid.polynomial.initial_conditions import InitialConditions
+from sysid.polynomial.initial_estimates import bj_initial_estimates
 from sysid.polynomial.orders import make_orders
+from sysid.polynomial.polynomial_estimate import prediction_error_estimate
 from sysid.records.data import IOData, as_experiments
 
 
@@ -20,12 +20,12 @@ def bj(
     *,
     max_iterations: int = 100,
     coloured: bool = False,
-    past: Past | str = Past.ESTIMATED,
+    initial_conditions: InitialConditions | str = InitialConditions.ESTIMATED,
 ) -> Estimate:
     """Fit y = B(q)/F(q) u + C(q)/D(q) e by minimising the one-step prediction errors [Ljung1999, sec. 4.2, ch. 10].
 
-    C, D and F stay stable at every step; by default the unknown past of each experiment is projected out. The path from
-    the input has a model of its own, so that a poor model of the disturbance does not bias it.
+    C, D and F stay stable at every step; by default the unknown initial conditions of each experiment are projected
+    out. The path from the input has a model of its own, so that a poor model of the disturbance does not bias it.
 
     Args:
         data: One experiment, or several that share the model. Outputs may be missing: the
@@ -39,8 +39,8 @@ def bj(
         coloured: Whether the covariance allows for prediction errors that are not white, as where the orders are too
             small: a "sandwich" [Ljung1999, ch. 9]. It then tells the spread about the parameters that the
             criterion leads to, which need not be the true ones. The estimate itself is the same.
-        past: What is assumed about the time before each experiment, or its name ("zero", "backcast"); by default
-            nothing.
+        initial_conditions: Assumption about the time before each experiment, or its name ("zero", "backcast"); by
+            default none, and free initial conditions are estimated.
 
     Returns:
         The estimate; parameters b1.., c1.., d1.., f1...
@@ -55,5 +55,12 @@ def bj(
     orders = make_orders(experiments[0].nu, nb=nb, nc=nc, nd=nd, nf=nf, nk=nk)
     asked = {"nb": orders.nb, "nc": orders.nc, "nd": orders.nd, "nf": orders.nf, "nk": orders.nk}
     return prediction_error_estimate(
-        "bj", experiments, orders, asked, bj_starts, max_iterations=max_iterations, coloured=coloured, past=past
+        "bj",
+        experiments,
+        orders,
+        asked,
+        bj_initial_estimates,
+        max_iterations=max_iterations,
+        coloured=coloured,
+        initial_conditions=initial_conditions,
     )

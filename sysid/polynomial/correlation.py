@@ -1,11 +1,14 @@
-"""Sample covariance functions, over one or several experiments."""
+"""Sample covariance functions, autoregressive models of a signal, and prewhitening by them."""
 
 from collections.abc import Sequence
 
 import numpy as np
 from scipy.fft import irfft, next_fast_len, rfft
+from scipy.linalg import solve_toeplitz
+from scipy.signal import lfilter
 
 from sysid.records.arrays import FloatArray
+from sysid.records.data import IOData
 
 
 def covariance_function(x: Sequence[FloatArray], z: Sequence[FloatArray], lags: int) -> FloatArray:
@@ -54,3 +57,51 @@ def covariance_with_gaps(x: Sequence[FloatArray], z: Sequence[FloatArray], lags:
     # counts divided by N; rounding of the transform stands for none
     some = known > 0.5 / sum(len(part) for part in x)
     return np.where(some, products / np.where(some, known, 1.0) * possible, 0.0)
+
+
+GRID = 8192
+
+
+def autoregression(e: FloatArray, order: int) -> tuple[FloatArray, FloatArray]:
+    """Whitener of a signal, and the correlations that it stands for.
+
+    Unlike sample correlations these fall off smoothly, so that a sum over lags does not gather noise.
+
+    Args:
+        e: Signal with zero mean (N,).
+        order: Number of coefficients.
+
+    Returns:
+        The whitener 1, a1, ..., (order + 1,), whose inverse is stable, and normalised correlations at lags 0, 1, ...
+        (k,).
+    """
+    r = covariance_function([e[:, None]], [e[:, None]], order)[order:, 0, 0]
+    # keeps the equations regular where the signal is a few sinusoids, or grows
+    r[0] *= 1.0 + 1e-9
+    whitener = np.concatenate(([1.0], -solve_toeplitz(r[:-1], r[1:])))
+    spectrum = 1.0 / np.abs(rfft(whitener, GRID)) ** 2
+    correlations = irfft(spectrum)[: min(len(e), GRID // 2)]
+    return whitener, correlations / correlations[0]
+
+
+def prewhitened(experiments: Sequence[IOData], channel: int, order: int) -> list[tuple[FloatArray, FloatArray]]:
+    """Filter inputs and outputs by the whitener of one input [Ljung1999, sec. 6.1].
+
+    The response from the filtered inputs to the filtered outputs is that of the system. The first `order` samples are
+    the start-up of the filter: leave them out.
+
+    Args:
+        experiments: Records with zero mean.
+        channel: Which input is to become white.
+        order: Coefficients of its autoregressive model; 0 leaves everything as it is.
+
+    Returns:
+        Per experiment all inputs (N, nu) and outputs (N, ny), filtered.
+    """
+    whitener = np.ones(1)
+    if order:
+        # zeros between the experiments keep their products apart
+        gap = np.zeros(order)
+        joined = np.concatenate([part for e in experiments for part in (e.u[:, channel], gap)])
+        whitener, _ = autoregression(joined, order)
+    return [(lfilter(whitener, [1.0], e.u, axis=0), lfilter(whitener, [1.0], e.y, axis=0)) for e in experiments]

@@ -7,7 +7,7 @@ import scipy.linalg
 from scipy.signal import lfilter
 
 from sysid.models.polynomials import is_stable
-from sysid.polynomial.initial_conditions import Past
+from sysid.polynomial.initial_conditions import InitialConditions
 from sysid.polynomial.orders import Orders
 from sysid.polynomial.orthonormal_basis import gramian
 from sysid.polynomial.regressors import input_lags, lagged, output_lags
@@ -41,19 +41,21 @@ class ErrorJacobian:
     slope: FloatArray | None = None
 
 
-def error_jacobian(experiment: IOData, orders: Orders, theta: FloatArray, past: Past) -> ErrorJacobian:
+def error_jacobian(
+    experiment: IOData, orders: Orders, theta: FloatArray, initial_conditions: InitialConditions
+) -> ErrorJacobian:
     """Evaluate one single-output experiment.
 
     Args:
         experiment: The data.
         orders: The structure.
         theta: Parameters (p,), C and F stable.
-        past: What is assumed about the time before the record.
+        initial_conditions: Assumption about the time before the record.
     """
     y, u = experiment.y[:, 0], experiment.u
-    if past is Past.ZERO:
+    if initial_conditions is InitialConditions.ZERO:
         return _from_rest(y, u, orders, theta, experiment.window)
-    if past is Past.BACKCAST and max(orders.nc, orders.nd):
+    if initial_conditions is InitialConditions.BACKCAST and max(orders.nc, orders.nd):
         return _backcast(y, u, orders, theta, orders.first_row(experiment.window))
     return _with_free_past(y, u, orders, theta, orders.first_error(experiment.window))
 

@@ -10,7 +10,7 @@ import numpy as np
 from scipy.signal import lfilter
 
 from sysid.polynomial.error_jacobian import ErrorJacobian, error_jacobian, free_transients
-from sysid.polynomial.initial_conditions import Past
+from sysid.polynomial.initial_conditions import InitialConditions
 from sysid.polynomial.missing_outputs import MissingOutputs
 from sysid.polynomial.orders import Orders
 from sysid.records.arrays import FloatArray
@@ -21,19 +21,21 @@ NEGLIGIBLE = 1e-12  # of a response's largest value
 DEPENDENT = 1e-9  # length of a transient, as a part of itself, that missing outputs leave of it
 
 
-def gapped_error_jacobian(experiment: IOData, orders: Orders, theta: FloatArray, past: Past) -> ErrorJacobian:
+def gapped_error_jacobian(
+    experiment: IOData, orders: Orders, theta: FloatArray, initial_conditions: InitialConditions
+) -> ErrorJacobian:
     """Evaluate one single-output experiment; errors come in as many rows as there are samples.
 
     Args:
         experiment: The data.
         orders: The structure.
         theta: Parameters (p,), C, D and F stable.
-        past: What is assumed about the time before the record; `ESTIMATED` or `ZERO`.
+        initial_conditions: Assumption about the time before the record; `ESTIMATED` or `ZERO`.
     """
     a, b, c, d, f = orders.split(theta)
     known = experiment.known[:, 0]
     y = np.where(known, experiment.y[:, 0], 0.0)
-    start = experiment.window if past is Past.ZERO else orders.first_error(experiment.window)
+    start = experiment.window if initial_conditions is InitialConditions.ZERO else orders.first_error(experiment.window)
     rows = len(y) - start
     response = _died_out(np.convolve(d, a), c, len(y))
     gaps = MissingOutputs.of(known[start:, None], response[:, None, None])
@@ -41,9 +43,11 @@ def gapped_error_jacobian(experiment: IOData, orders: Orders, theta: FloatArray,
     inputs = sum(lfilter(bj, fj, experiment.u[:, j]) for j, (bj, fj) in enumerate(zip(b, f, strict=True)))
     errors = lfilter(d, c, lfilter(a, [1.0], y) - inputs)[start:]
     # what is missing before the first error is as free as the past
-    reach = len(response) if past is Past.ZERO else orders.na
+    reach = len(response) if initial_conditions is InitialConditions.ZERO else orders.na
     early = [t for t in range(max(start - reach, 0), start) if not known[t]]
-    past_columns = np.zeros((0, 0)) if past is Past.ZERO else free_transients(orders, theta, rows)
+    past_columns = (
+        np.zeros((0, 0)) if initial_conditions is InitialConditions.ZERO else free_transients(orders, theta, rows)
+    )
     free = np.zeros((rows, len(early) + past_columns.shape[1]))
     for i, t in enumerate(early):
         tail = response[start - t :][:rows]
@@ -54,7 +58,7 @@ def gapped_error_jacobian(experiment: IOData, orders: Orders, theta: FloatArray,
     y[early] = -coefficients[: len(early)]
     y[start:][~known[start:]] = -gaps.best((errors - free @ coefficients)[:, None, None])[:, 0]
 
-    whole = error_jacobian(replace(experiment, y=y, missing=False), orders, theta, past).columns
+    whole = error_jacobian(replace(experiment, y=y, missing=False), orders, theta, initial_conditions).columns
     columns = gaps.eliminated(whole[:, None])[:, 0]
     columns -= basis @ (basis.T @ columns)
     return ErrorJacobian(columns, rows - gaps.count, basis.shape[1], gaps.log_determinant, _slope(gaps, orders, theta))

@@ -7,7 +7,11 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from sysid import Estimate, IOData, StateSpace, SysidError, SysidWarning, residuals
+from sysid.models.estimate import Estimate
+from sysid.models.predict import residuals
+from sysid.models.state_space import StateSpace
+from sysid.records.data import IOData
+from sysid.records.errors import SysidError, SysidWarning
 
 ROUNDS = 12
 """Estimates at most: each has a better level than the one before."""
@@ -28,7 +32,7 @@ Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
-class Levelled:
+class OffsetFit:
     """A model of what moves about an operating point.
 
     Attributes:
@@ -44,7 +48,7 @@ class Levelled:
     output: Array
 
 
-def about_means(parts: Sequence[IOData]) -> tuple[tuple[IOData, ...], Array, Array]:
+def subtract_means(parts: Sequence[IOData]) -> tuple[tuple[IOData, ...], Array, Array]:
     """The records less their means, one for all parts: each has one of its own only by chance.
 
     Args:
@@ -58,7 +62,7 @@ def about_means(parts: Sequence[IOData]) -> tuple[tuple[IOData, ...], Array, Arr
     return tuple(part.subtract(u=u, y=y) for part in parts), u, y
 
 
-def levelled(run: Callable[[Sequence[IOData]], Estimate], parts: Sequence[IOData]) -> Levelled:
+def fit_with_offset(run: Callable[[Sequence[IOData]], Estimate], parts: Sequence[IOData]) -> OffsetFit:
     """Estimate a model together with a constant on every output.
 
     The mean of a record that starts from rest, or ends on the way, is not the output at the mean of its input. So the
@@ -72,15 +76,15 @@ def levelled(run: Callable[[Sequence[IOData]], Estimate], parts: Sequence[IOData
     Returns:
         Model, records and operating point.
     """
-    moved, u, y = about_means(parts)
+    moved, u, y = subtract_means(parts)
     found, best = run(moved), np.inf
     power = sum(float(np.nansum(part.y**2)) for part in moved)
-    result, last = Levelled(found, moved, u, y), np.zeros(len(y))
+    result, last = OffsetFit(found, moved, u, y), np.zeros(len(y))
     for _ in range(ROUNDS):
-        level, before, after = constant(found.model, moved)
+        level, before, after = unexplained_offset(found.model, moved)
         if not before < best:
             break
-        best, result = before, Levelled(found, moved, u, y)
+        best, result = before, OffsetFit(found, moved, u, y)
         if not before - after > WORTH * before or before < EXACT * power:
             break
         step, last = _extrapolated(level, last), level
@@ -99,7 +103,7 @@ def _extrapolated(step: Array, last: Array) -> Array:
     return step / (1.0 - ratio) if 0.0 < ratio < LARGEST_RATIO else step
 
 
-def constant(model: StateSpace, parts: Sequence[IOData]) -> tuple[Array, float, float]:
+def unexplained_offset(model: StateSpace, parts: Sequence[IOData]) -> tuple[Array, float, float]:
     """The constant on every output that explains most of the one-step errors, the initial states being free.
 
     Args:

@@ -1,4 +1,4 @@
-"""What a fit assumes about the time before a record."""
+"""Assumptions of a fit about the time before a record."""
 
 from enum import Enum
 
@@ -6,7 +6,7 @@ from sysid.records.arguments import shown
 from sysid.records.errors import SysidError
 
 
-class Past(Enum):
+class InitialConditions(Enum):
     """How the unknown past of each experiment enters the criterion.
 
     Attributes:
@@ -23,14 +23,14 @@ class Past(Enum):
     ZERO = "zero"
 
     @staticmethod
-    def of(value: "Past | str") -> "Past":
-        """The choice itself, or the one of this value.
+    def of(value: "InitialConditions | str") -> "InitialConditions":
+        """The member itself, or the member with this value.
 
         Raises:
             SysidError: Something else.
         """
         try:
-            return Past(value)
+            return InitialConditions(value)
         except ValueError as error:
-            known = ", ".join(f"Past.{one.name} or {one.value!r}" for one in Past)
-            raise SysidError(f"past must be one of {known}; got {shown(value)}") from error
+            known = ", ".join(f"InitialConditions.{one.name} or {one.value!r}" for one in InitialConditions)
+            raise SysidError(f"initial_conditions must be one of {known}; got {shown(value)}") from error

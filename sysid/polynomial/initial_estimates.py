@@ -1,32 +1,74 @@
-"""Where prediction-error minimisation of ARMAX and OE models begins.
-
-None of these is a prediction-error estimate; each fails on some systems, and on different ones.
-"""
+"""Initial estimates for the prediction-error minimisation."""
 
 from collections.abc import Iterator, Sequence
+from dataclasses import replace
 
 import numpy as np
 from scipy.linalg import hankel
 from scipy.signal import lfilter
 
 from sysid.models.polynomials import stabilised
-from sysid.polynomial.arx import arx_solution
-from sysid.polynomial.lagged_products import lagged_products, solution
+from sysid.polynomial.gram_matrices import lagged_products, solution
 from sysid.polynomial.least_squares import solve
-from sysid.polynomial.long_arx import LongArx, long_arx_family, long_arx_order
+from sysid.polynomial.long_arx import LongArx, arx_errors, arx_solution, long_arx_family, long_arx_order
+from sysid.polynomial.missing_outputs import MissingOutputs
 from sysid.polynomial.orders import Orders
+from sysid.polynomial.prediction_error import InitialEstimate
 from sysid.polynomial.regressors import arx_regressors, input_lags, lagged, output_lags
-from sysid.polynomial.search import Start
 from sysid.records.arrays import FloatArray
 from sysid.records.data import IOData
 from sysid.records.errors import SysidError
+
+FILL_ROUNDS = 12
+FILL_SETTLED = 1e-2  # change of what is filled in, as a part of the errors, that ends them
+
+
+def completed(experiments: Sequence[IOData], orders: Orders) -> tuple[IOData, ...]:
+    """Fill gaps with conditional means under a long ARX model that is fitted to the filled record, in turns.
+
+    Args:
+        experiments: Single-output experiments.
+        orders: The structure that is to be fitted.
+    """
+    if all(e.complete for e in experiments):
+        return tuple(experiments)
+    n = long_arx_order(experiments, orders, 3)
+    filled = tuple(replace(e, y=_interpolated(e), missing=False) for e in experiments)
+    for _ in range(FILL_ROUNDS):
+        model = long_arx_family(filled, orders, n).model(n)
+        better = tuple(_conditional_mean(model, e, f) for e, f in zip(experiments, filled, strict=True))
+        moved = sum(float(np.sum((a.y - b.y) ** 2)) for a, b in zip(better, filled, strict=True))
+        errors = sum(float(np.sum(model.errors(e)[model.skip :] ** 2)) for e in better)
+        filled = better
+        if moved <= FILL_SETTLED**2 * errors:
+            break
+    return filled
+
+
+def _interpolated(experiment: IOData) -> FloatArray:
+    known = experiment.known[:, 0]
+    times = np.arange(len(experiment))
+    return np.interp(times, times[known], experiment.y[known, 0])
+
+
+def _conditional_mean(model: LongArx, experiment: IOData, filled: IOData) -> IOData:
+    """Fill from `skip` on; before it the errors are not known, and what was filled in stays."""
+    known = experiment.known
+    y = filled.y.copy()
+    y[model.skip :][~known[model.skip :]] = 0.0
+    errors = arx_errors(replace(filled, y=y), model.a, model.b)[model.skip :]
+    gaps = MissingOutputs.of(known[model.skip :], model.a[:, None, None])
+    if gaps.count:
+        y[model.skip :][~known[model.skip :]] = -gaps.best(errors[:, None, None])[:, 0]
+    return replace(filled, y=y)
+
 
 HANKEL_ROWS = 100
 REFINEMENTS = 8  # rounds of Steiglitz-McBride at most
 SETTLED = 1e-3  # change of the denominator, as a part of it, that ends them
 
 
-def armax_starts(experiments: Sequence[IOData], orders: Orders) -> Iterator[Start]:
+def armax_initial_estimates(experiments: Sequence[IOData], orders: Orders) -> Iterator[InitialEstimate]:
     """Hannan-Rissanen with two long ARX orders, long ARX models simulated and reduced, and ARX.
 
     Args:
@@ -39,13 +81,15 @@ def armax_starts(experiments: Sequence[IOData], orders: Orders) -> Iterator[Star
     short, middle, long = (long_arx_order(experiments, orders, factor) for factor in (3, 5, 8))
     family = long_arx_family(experiments, orders, long)
     for n in (short, long):
-        yield Start(f"Hannan-Rissanen ({n})", hannan_rissanen(experiments, orders, family.model(n)))
+        yield InitialEstimate(f"Hannan-Rissanen ({n})", hannan_rissanen(experiments, orders, family.model(n)))
     model = family.model(middle)
     clean = [model.simulate(e) for e in experiments]
     path = arx_solution(clean, u, orders.na, orders.nb, orders.nk, rows)
-    yield Start(f"simulated ARX ({middle})", _without_noise_model(orders, path))
-    yield Start(f"reduced ARX ({middle})", _reduced_armax(experiments, orders, model))
-    yield Start("arx", _without_noise_model(orders, arx_solution(y, u, orders.na, orders.nb, orders.nk, rows)))
+    yield InitialEstimate(f"simulated ARX ({middle})", _without_noise_model(orders, path))
+    yield InitialEstimate(f"reduced ARX ({middle})", _reduced_armax(experiments, orders, model))
+    yield InitialEstimate(
+        "arx", _without_noise_model(orders, arx_solution(y, u, orders.na, orders.nb, orders.nk, rows))
+    )
 
 
 def check_room_to_start(experiments: Sequence[IOData], orders: Orders) -> None:
@@ -75,7 +119,7 @@ def check_room_to_start(experiments: Sequence[IOData], orders: Orders) -> None:
         )
 
 
-def oe_starts(experiments: Sequence[IOData], orders: Orders) -> Iterator[Start]:
+def oe_initial_estimates(experiments: Sequence[IOData], orders: Orders) -> Iterator[InitialEstimate]:
     """Steiglitz-McBride from the simulation of a long ARX model, that model reduced, and ARX in several ways.
 
     Args:
@@ -88,13 +132,13 @@ def oe_starts(experiments: Sequence[IOData], orders: Orders) -> Iterator[Start]:
     clean = [model.simulate(e) for e in experiments]
     simulated = steiglitz_mcbride(experiments, orders, clean, 0)
     refined = steiglitz_mcbride(experiments, orders, y, REFINEMENTS, simulated)
-    yield Start(f"Steiglitz-McBride from simulated ARX ({n})", refined)
-    yield Start(f"reduced ARX ({n})", reduced_path(experiments, orders, model))
-    yield Start("Steiglitz-McBride from arx", steiglitz_mcbride(experiments, orders, y, REFINEMENTS))
+    yield InitialEstimate(f"Steiglitz-McBride from simulated ARX ({n})", refined)
+    yield InitialEstimate(f"reduced ARX ({n})", reduced_path(experiments, orders, model))
+    yield InitialEstimate("Steiglitz-McBride from arx", steiglitz_mcbride(experiments, orders, y, REFINEMENTS))
     refined = steiglitz_mcbride(experiments, orders, clean, REFINEMENTS, simulated)
-    yield Start(f"Steiglitz-McBride of simulated ARX ({n})", refined)
-    yield Start(f"simulated ARX ({n})", simulated)
-    yield Start("arx", steiglitz_mcbride(experiments, orders, y, 0))
+    yield InitialEstimate(f"Steiglitz-McBride of simulated ARX ({n})", refined)
+    yield InitialEstimate(f"simulated ARX ({n})", simulated)
+    yield InitialEstimate("arx", steiglitz_mcbride(experiments, orders, y, 0))
 
 
 def hannan_rissanen(experiments: Sequence[IOData], orders: Orders, model: LongArx) -> FloatArray:
@@ -150,7 +194,7 @@ def steiglitz_mcbride(
     """
     nf = max(orders.nf)
     u = [e.u for e in experiments]
-    starts = [max(e.window, nf, orders.first_row(e.window)) for e in experiments]
+    initial_estimates = [max(e.window, nf, orders.first_row(e.window)) for e in experiments]
     f = np.ones(1) if first is None else max((fj for fj in orders.split(first)[4]), key=len)
     theta = np.zeros(0)
     for k in range(iterations + 1):
@@ -160,7 +204,7 @@ def steiglitz_mcbride(
             filtered_u = [lfilter([1.0], f, ui, axis=0) for ui in u]
         else:
             filtered_y, filtered_u = list(y), u
-        theta = arx_solution(filtered_y, filtered_u, nf, orders.nb, orders.nk, starts)
+        theta = arx_solution(filtered_y, filtered_u, nf, orders.nb, orders.nk, initial_estimates)
         f = stabilised(np.concatenate(([1.0], theta[:nf])))
         if len(before) == len(f) and np.abs(f - before).max() <= SETTLED * np.abs(f).max():
             break
@@ -243,3 +287,53 @@ def _without_noise_model(orders: Orders, arx_theta: FloatArray) -> FloatArray:
 
 def _by_input(orders: Orders, coefficients: FloatArray) -> Iterator[tuple[int, FloatArray]]:
     return zip(orders.nk, np.split(coefficients, np.cumsum(orders.nb)[:-1]), strict=True)
+
+
+def bj_initial_estimates(experiments: Sequence[IOData], orders: Orders) -> Iterator[InitialEstimate]:
+    """Input paths, each with a disturbance model by the second step of Hannan and Rissanen.
+
+    Steiglitz-McBride on data whitened by a long ARX model gives efficient input paths [ZhuHjalmarsson2016]; a reduced
+    long model and output-error fits do not suffer where that fails.
+
+    Args:
+        experiments: Single-output experiments.
+        orders: Box-Jenkins structure.
+    """
+    path_orders = replace(orders, nc=0, nd=0)
+    short, long = (long_arx_order(experiments, orders, factor) for factor in (3, 8))
+    family = long_arx_family(experiments, orders, long)
+    model = family.model(short)
+    for n in (short, long):
+        path = _whitened_path(experiments, path_orders, family.model(n))
+        yield InitialEstimate(f"whitened ({n})", _with_disturbance(experiments, orders, path_orders, path, model))
+    path = reduced_path(experiments, path_orders, family.model(long))
+    yield InitialEstimate(f"reduced ARX ({long})", _with_disturbance(experiments, orders, path_orders, path, model))
+    for start in oe_initial_estimates(experiments, path_orders):
+        theta = _with_disturbance(experiments, orders, path_orders, start.theta, model)
+        yield InitialEstimate(f"oe: {start.name}", theta)
+
+
+def _whitened_path(experiments: Sequence[IOData], path_orders: Orders, model: LongArx) -> FloatArray:
+    a = model.a
+    clean = [model.simulate(e) for e in experiments]
+    first = steiglitz_mcbride(experiments, path_orders, clean, REFINEMENTS)
+    white = [replace(e, u=lfilter(a, [1.0], e.u, axis=0), y=lfilter(a, [1.0], e.y, axis=0)) for e in experiments]
+    return steiglitz_mcbride(white, path_orders, [e.y[:, 0] for e in white], REFINEMENTS, first)
+
+
+def _with_disturbance(
+    experiments: Sequence[IOData], orders: Orders, path_orders: Orders, path: FloatArray, model: LongArx
+) -> FloatArray:
+    """Add C and D: regress v = y - B/F u on its own past and on that of estimated innovations."""
+    one, b, _, _, f = path_orders.split(path)
+    rows, targets = [], []
+    for e in experiments:
+        innovations = model.errors(e)
+        v = e.y[:, 0] - sum(lfilter(bj, fj, e.u[:, j]) for j, (bj, fj) in enumerate(zip(b, f, strict=True)))
+        start = max(e.window, model.skip) + max(orders.nc, orders.nd)
+        past = (lagged(innovations, output_lags(orders.nc), start), -lagged(v, output_lags(orders.nd), start))
+        rows.append(np.hstack(past))
+        targets.append((v - innovations)[start:])
+    cd = solve(np.vstack(rows), np.concatenate(targets)[:, None]).solution[:, 0]
+    c, d = (stabilised(np.concatenate(([1.0], part))) for part in np.split(cd, [orders.nc]))
+    return orders.join(one, b, c, d, f)

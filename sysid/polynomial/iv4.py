@@ -9,11 +9,10 @@ from scipy.signal import lfilter
 
 from sysid.models.estimate import Estimate
 from sysid.models.polynomials import stabilised
-from sysid.polynomial.arx import arx, arx_solution
-from sysid.polynomial.excitation import check_excitation
+from sysid.polynomial.arx import arx
+from sysid.polynomial.data_checks import check_excitation, check_means
 from sysid.polynomial.least_squares import LeastSquares, solve
-from sysid.polynomial.long_arx import arx_errors
-from sysid.polynomial.operating_point import check_means
+from sysid.polynomial.long_arx import arx_errors, arx_solution
 from sysid.polynomial.orders import Orders, make_orders
 from sysid.polynomial.polynomial_estimate import check_enough_data, check_single_output, make_estimate
 from sysid.polynomial.regressors import arx_regressors, lagged, output_lags

@@ -3,6 +3,7 @@
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.linalg import lstsq, qr, solve_triangular
 
 from sysid.records.arrays import FloatArray
 
@@ -98,3 +99,28 @@ def scaled_triangle(columns: FloatArray, guarded: int | None = None) -> tuple[Fl
     if np.diag(triangle)[:guarded].min(initial=1.0) * SQUARE_SAFE < 1.0:
         return np.asarray(np.linalg.qr(columns / lengths, mode="r")), lengths
     return np.asarray(triangle), lengths
+
+
+INDEPENDENT = 1e-9
+"""Smallest over largest diagonal entry of a triangle whose columns count as independent without a closer look."""
+
+
+def least_squares(columns: FloatArray, target: FloatArray, *, cond: float) -> FloatArray:
+    """Coefficients that combine columns to a target best.
+
+    By a triangle without pivots; where that shows columns near to dependent, by one with pivots.
+
+    Args:
+        columns: (N, n), N above n.
+        target: (N,).
+        cond: Parts of columns below this part of the largest count as dependent on the others.
+
+    Returns:
+        Coefficients (n,), of least norm where the columns are dependent.
+    """
+    n = columns.shape[1]
+    triangle = qr(np.column_stack([columns, target]), mode="r", overwrite_a=True, check_finite=False)[0]
+    diagonal = np.abs(np.diag(triangle)[:n])
+    if diagonal.min(initial=np.inf) > INDEPENDENT * diagonal.max(initial=0.0):
+        return np.asarray(solve_triangular(triangle[:n, :n], triangle[:n, n]))
+    return np.asarray(lstsq(columns, target, cond=cond, lapack_driver="gelsy")[0])

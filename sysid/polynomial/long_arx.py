@@ -6,14 +6,16 @@ are near to dependent, least squares on the columns takes over.
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 from scipy.signal import lfilter
 
 from sysid.models.polynomials import stabilised
-from sysid.polynomial.arx import arx_solution
-from sysid.polynomial.lagged_products import lagged_products, solution
+from sysid.polynomial.gram_matrices import lagged_products, solution
+from sysid.polynomial.least_squares import solve
 from sysid.polynomial.orders import Orders
+from sysid.polynomial.regressors import arx_regressors, input_lags, output_lags
 from sysid.records.arrays import FloatArray
 from sysid.records.data import IOData
 
@@ -113,3 +115,39 @@ def arx_errors(experiment: IOData, a: FloatArray, b: Sequence[FloatArray]) -> Fl
     """A y - B u from rest (N,)."""
     inputs = sum(lfilter(bj, [1.0], experiment.u[:, j]) for j, bj in enumerate(b))
     return np.asarray(lfilter(a, [1.0], experiment.y[:, 0]) - inputs)
+
+
+def arx_solution(
+    y: Sequence[FloatArray],
+    u: Sequence[FloatArray],
+    na: int,
+    nb: Sequence[int],
+    nk: Sequence[int],
+    starts: Sequence[int],
+) -> FloatArray:
+    """Bare least-squares parameters, for iterations that begin with an ARX fit.
+
+    Args:
+        y: Output per experiment (N,).
+        u: Inputs per experiment (N, nu).
+        na: Degree of A.
+        nb: Coefficients of B per input.
+        nk: Delay per input.
+        starts: First row per experiment.
+
+    Returns:
+        Parameters (na + sum(nb),).
+    """
+    lags = [output_lags(na), *(input_lags(n, k) for n, k in zip(nb, nk, strict=True))]
+    most = max(na, *(n + k - 1 for n, k in zip(nb, nk, strict=True)))
+    if most <= min(starts):
+        signals = (np.column_stack((yi, ui)) for yi, ui in zip(y, u, strict=True))
+        products = sum(lagged_products(s, most, start) for s, start in zip(signals, starts, strict=True))
+        found = solution(np.asarray(products), lags, [1.0] + [0.0] * len(nb))
+        if found is not None:
+            found[:na] *= -1.0
+            return found
+    build = partial(arx_regressors, na=na, nb=nb, nk=nk)
+    phi = np.vstack([build(yi, ui, start=s) for yi, ui, s in zip(y, u, starts, strict=True)])
+    target = np.concatenate([yi[s:] for yi, s in zip(y, starts, strict=True)])
+    return solve(phi, target[:, None]).solution[:, 0]

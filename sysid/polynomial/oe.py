@@ -3,10 +3,10 @@
 from collections.abc import Sequence
 
 from sysid.models.estimate import Estimate
-from sysid.polynomial.initial_conditions import Past
-from sysid.polynomial.initial_estimates import oe_starts
-from sysid.polynomial.minimised_estimate import prediction_error_estimate
+from sysid.polynomial.initial_conditions import InitialConditions
+from sysid.polynomial.initial_estimates import oe_initial_estimates
 from sysid.polynomial.orders import make_orders
+from sysid.polynomial.polynomial_estimate import prediction_error_estimate
 from sysid.records.data import IOData, as_experiments
 
 
@@ -18,12 +18,12 @@ def oe(
     *,
     max_iterations: int = 100,
     coloured: bool = False,
-    past: Past | str = Past.ESTIMATED,
+    initial_conditions: InitialConditions | str = InitialConditions.ESTIMATED,
 ) -> Estimate:
     """Fit y = B(q)/F(q) u + e by minimising the simulation error [Ljung1999, sec. 4.2, ch. 10].
 
-    F stays stable at every step; by default the unknown past of each experiment is projected out. The covariance holds
-    for a white disturbance, unless `coloured` is set.
+    F stays stable at every step; by default the unknown initial conditions of each experiment are projected out. The
+    covariance holds for a white disturbance, unless `coloured` is set.
 
     Args:
         data: One experiment, or several that share the model. Outputs may be missing: they
@@ -34,8 +34,8 @@ def oe(
         max_iterations: Steps of the final minimisation at most.
         coloured: Whether the covariance allows for a disturbance that is not white (but independent of the input), by
             an autoregressive model of it [Ljung1999, ch. 9]. The estimate itself is the same.
-        past: What is assumed about the time before each experiment, or its name ("zero", "backcast"); by default
-            nothing.
+        initial_conditions: Assumption about the time before each experiment, or its name ("zero", "backcast"); by
+            default none, and free initial conditions are estimated.
 
     Returns:
         The estimate; parameters b1.., f1...
@@ -50,5 +50,12 @@ def oe(
     orders = make_orders(experiments[0].nu, nb=nb, nf=nf, nk=nk)
     asked = {"nb": orders.nb, "nf": orders.nf, "nk": orders.nk}
     return prediction_error_estimate(
-        "oe", experiments, orders, asked, oe_starts, max_iterations=max_iterations, coloured=coloured, past=past
+        "oe",
+        experiments,
+        orders,
+        asked,
+        oe_initial_estimates,
+        max_iterations=max_iterations,
+        coloured=coloured,
+        initial_conditions=initial_conditions,
     )

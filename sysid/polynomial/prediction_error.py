@@ -5,17 +5,17 @@ orders. The unknown past of a record is a linear matter, given C and F: a few tr
 out (variable projection [GolubPereyra2003]), so that no parameter is spent on it and none is biased by it.
 """
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from scipy.signal import lfilter
 
 from sysid.models.polynomials import is_stable
-from sysid.polynomial.autoregression import autoregression
+from sysid.polynomial.correlation import autoregression
 from sysid.polynomial.error_jacobian import error_jacobian
 from sysid.polynomial.error_jacobian_gaps import gapped_error_jacobian
-from sysid.polynomial.initial_conditions import Past
+from sysid.polynomial.initial_conditions import InitialConditions
 from sysid.polynomial.least_squares import scaled_triangle
 from sysid.polynomial.orders import Orders
 from sysid.records.arrays import FloatArray
@@ -81,7 +81,7 @@ def minimise(
     start: FloatArray | Linearisation,
     *,
     max_iterations: int = 100,
-    past: Past = Past.ESTIMATED,
+    initial_conditions: InitialConditions = InitialConditions.ESTIMATED,
     good_enough: float = 0.0,
 ) -> Minimum:
     """Levenberg-Marquardt with exact gradients; C, D and every F stay stable at every accepted step [More1978].
@@ -91,11 +91,11 @@ def minimise(
         orders: The structure.
         start: Initial parameters (p,), C, D and F stable, or what is known of the criterion there.
         max_iterations: Accepted steps at most.
-        past: What is assumed about the time before each record.
+        initial_conditions: Assumption about the time before each record.
         good_enough: Sum of squares at which to stop.
     """
     energy = sum(float(np.nansum(e.y[:, 0] ** 2)) if e.missing else float(e.y[:, 0] @ e.y[:, 0]) for e in experiments)
-    at = start if isinstance(start, Linearisation) else linearise(experiments, orders, start, past)
+    at = start if isinstance(start, Linearisation) else linearise(experiments, orders, start, initial_conditions)
     damping, iterations, evaluations = 1e-4, 0, 1
     while True:
         if at.cost <= ROUNDING * energy:
@@ -115,7 +115,7 @@ def minimise(
             step = -(right.T @ (weights * g)) / at.scale
             theta = at.theta + step
             if admissible(orders, theta):
-                trial = linearise(experiments, orders, theta, past)
+                trial = linearise(experiments, orders, theta, initial_conditions)
                 evaluations += 1
                 if trial.cost < at.cost:
                     # decrease that the linear model promised
@@ -152,7 +152,11 @@ def admissible(orders: Orders, theta: FloatArray) -> bool:
 
 
 def coloured_information(
-    experiments: Sequence[IOData], orders: Orders, theta: FloatArray, order: int, past: Past = Past.ESTIMATED
+    experiments: Sequence[IOData],
+    orders: Orders,
+    theta: FloatArray,
+    order: int,
+    initial_conditions: InitialConditions = InitialConditions.ESTIMATED,
 ) -> FloatArray:
     """J' R J of the errors' true covariance R, where they are independent of the input but not white.
 
@@ -163,12 +167,12 @@ def coloured_information(
         orders: The structure.
         theta: Parameters (p,).
         order: Coefficients of the autoregressive model.
-        past: What is assumed about the time before each record.
+        initial_conditions: Assumption about the time before each record.
 
     Returns:
         Matrix (p, p).
     """
-    parts = [error_jacobian(e, orders, theta, past).columns for e in experiments]
+    parts = [error_jacobian(e, orders, theta, initial_conditions).columns for e in experiments]
     errors = np.concatenate([part[:, -1] for part in parts])
     whitener, _ = autoregression(errors, order)
     total = np.zeros((orders.count,) * 2)
@@ -179,15 +183,21 @@ def coloured_information(
 
 
 def scores(
-    experiments: Sequence[IOData], orders: Orders, theta: FloatArray, past: Past = Past.ESTIMATED
+    experiments: Sequence[IOData],
+    orders: Orders,
+    theta: FloatArray,
+    initial_conditions: InitialConditions = InitialConditions.ESTIMATED,
 ) -> list[FloatArray]:
     """Jacobian times error, sample by sample (rows, p) per experiment: half the gradient before it is summed."""
-    parts = [error_jacobian(e, orders, theta, past).columns for e in experiments]
+    parts = [error_jacobian(e, orders, theta, initial_conditions).columns for e in experiments]
     return [part[:, :-1] * part[:, -1:] for part in parts]
 
 
 def linearise(
-    experiments: Sequence[IOData], orders: Orders, theta: FloatArray, past: Past = Past.ESTIMATED
+    experiments: Sequence[IOData],
+    orders: Orders,
+    theta: FloatArray,
+    initial_conditions: InitialConditions = InitialConditions.ESTIMATED,
 ) -> Linearisation:
     """Evaluate the criterion and its exact first derivatives.
 
@@ -195,10 +205,12 @@ def linearise(
         experiments: Single-output experiments.
         orders: The structure.
         theta: Parameters (p,).
-        past: What is assumed about the time before each record.
+        initial_conditions: Assumption about the time before each record.
     """
     parts = [
-        error_jacobian(e, orders, theta, past) if e.complete else gapped_error_jacobian(e, orders, theta, past)
+        error_jacobian(e, orders, theta, initial_conditions)
+        if e.complete
+        else gapped_error_jacobian(e, orders, theta, initial_conditions)
         for e in experiments
     ]
     columns = np.vstack([part.columns for part in parts]) if len(parts) > 1 else parts[0].columns
@@ -224,3 +236,94 @@ def linearise(
         transients=sum(part.transients for part in parts),
         inflation=inflation,
     )
+
+
+SCREENING_STEPS = 4
+AGREED = 0.1  # N dV/V between two beginnings that have come to the same valley
+EASY = 20  # steps of a polishing that raises no suspicion
+
+
+@dataclass(frozen=True)
+class InitialEstimate:
+    """A named beginning.
+
+    Attributes:
+        name: Method that made it.
+        theta: Parameters (p,).
+    """
+
+    name: str
+    theta: FloatArray
+
+
+@dataclass(frozen=True)
+class Search:
+    """Outcome of a search from several beginnings.
+
+    Attributes:
+        best: Minimum reached from the best one.
+        costs: Sum of squares of each beginning after a few steps.
+        chosen: Name of the one that led to the minimum.
+    """
+
+    best: Minimum
+    costs: dict[str, float]
+    chosen: str
+
+
+def search(
+    experiments: Sequence[IOData],
+    orders: Orders,
+    initial_estimates: Iterable[InitialEstimate],
+    *,
+    max_iterations: int = 100,
+    initial_conditions: InitialConditions = InitialConditions.ESTIMATED,
+) -> Search:
+    """Screen beginnings by a few steps until two agree, polish the best; where that is laborious, try them all.
+
+    Args:
+        experiments: Single-output experiments.
+        orders: The structure.
+        initial_estimates: The most promising first; drawn only as far as they are needed.
+        max_iterations: Steps of a polishing at most.
+        initial_conditions: Assumption about the time before each record.
+    """
+    samples = sum(len(e) for e in experiments)
+    remaining = iter(initial_estimates)
+    screened: dict[str, Minimum] = {}
+
+    def screen(start: InitialEstimate, good_enough: float = 0.0) -> None:
+        if admissible(orders, start.theta):
+            screened[start.name] = minimise(
+                experiments,
+                orders,
+                start.theta,
+                max_iterations=SCREENING_STEPS,
+                initial_conditions=initial_conditions,
+                good_enough=good_enough,
+            )
+
+    def polish(name: str) -> Minimum:
+        found = screened[name]
+        if found.converged:
+            return found
+        return minimise(
+            experiments, orders, found.at, max_iterations=max_iterations, initial_conditions=initial_conditions
+        )
+
+    for start in remaining:
+        # as good as the best within what agreement means: there is no need to go on
+        least = min((found.at.cost for found in screened.values()), default=0.0)
+        screen(start, least * (1.0 + AGREED / samples))
+        costs = sorted(found.at.cost for found in screened.values())
+        if len(costs) > 1 and samples * (costs[1] - costs[0]) <= AGREED * costs[0]:
+            break
+    chosen = min(screened, key=lambda name: screened[name].at.cost)
+    best = polish(chosen)
+    if not best.converged or best.iterations > EASY:
+        for start in remaining:
+            screen(start)
+        for name in sorted(screened, key=lambda name: screened[name].at.cost):
+            if name != chosen and (other := polish(name)).at.cost < best.at.cost:
+                best, chosen = other, name
+    return Search(best, {name: found.at.cost for name, found in screened.items()}, chosen)

@@ -10,7 +10,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from sysid.models.delta_method import standard_directions
-from sysid.polynomial.initial_conditions import Past
+from sysid.polynomial.initial_conditions import InitialConditions
 from sysid.polynomial.least_squares import triangular_factor
 from sysid.polynomial.orders import Orders
 from sysid.polynomial.prediction_error import admissible, linearise, scores
@@ -28,7 +28,7 @@ def sandwich(
     theta: FloatArray,
     covariance: FloatArray,
     variance: float,
-    past: Past = Past.ESTIMATED,
+    initial_conditions: InitialConditions = InitialConditions.ESTIMATED,
 ) -> FloatArray:
     """Covariance H^-1 S H^-1 of a prediction-error estimate (p, p).
 
@@ -38,16 +38,16 @@ def sandwich(
         theta: Where the criterion is least (p,).
         covariance: What it would be for white errors (p, p); its directions serve as coordinates.
         variance: Of the prediction errors.
-        past: What is assumed about the time before each record.
+        initial_conditions: Assumption about the time before each record.
     """
     if variance <= 0.0:
         return covariance
     directions = standard_directions(covariance)
-    curvature = _curvature(experiments, orders, theta, directions, past)
+    curvature = _curvature(experiments, orders, theta, directions, initial_conditions)
     # for a true model it is the variance times the identity; at a bound there may be none
     if curvature is None or np.linalg.eigvalsh(curvature)[0] < 0.01 * variance:
         curvature = variance * np.eye(len(theta))
-    series = [s @ directions for s in scores(experiments, orders, theta, past)]
+    series = [s @ directions for s in scores(experiments, orders, theta, initial_conditions)]
     half = directions @ np.linalg.inv(curvature)
     return half @ long_run_covariance(series) @ half.T
 
@@ -58,7 +58,7 @@ def curvature_covariance(
     theta: FloatArray,
     covariance: FloatArray,
     variance: float,
-    past: Past,
+    initial_conditions: InitialConditions,
 ) -> FloatArray:
     """Covariance by the curvature of the likelihood where it is greatest (p, p): the observed information's inverse.
 
@@ -68,7 +68,7 @@ def curvature_covariance(
         theta: Where the criterion is least (p,).
         covariance: About what it is (p, p); its directions serve as coordinates.
         variance: Of the prediction errors, in units of the criterion.
-        past: What is assumed about the time before each record.
+        initial_conditions: Assumption about the time before each record.
 
     Returns:
         Covariance; the one given where the curvature is that of no minimum, as at a bound.
@@ -79,7 +79,7 @@ def curvature_covariance(
         if not admissible(orders, theta + step):
             return covariance
         # the gradient at theta itself is nothing
-        at = linearise(experiments, orders, theta + step, past)
+        at = linearise(experiments, orders, theta + step, initial_conditions)
         gradients.append(directions.T @ (at.scale * (at.triangle.T @ at.target)) / STEP)
     curvature = 0.5 * (np.array(gradients) + np.array(gradients).T)
     if np.linalg.eigvalsh(curvature)[0] < 0.01 * variance:
@@ -118,7 +118,11 @@ def long_run_covariance(series: Sequence[FloatArray]) -> FloatArray:
 
 
 def _curvature(
-    experiments: Sequence[IOData], orders: Orders, theta: FloatArray, directions: FloatArray, past: Past
+    experiments: Sequence[IOData],
+    orders: Orders,
+    theta: FloatArray,
+    directions: FloatArray,
+    initial_conditions: InitialConditions,
 ) -> FloatArray | None:
     """Half the second derivative of the criterion along directions (p, p); None where a step leaves stability."""
     gradients = []
@@ -126,7 +130,7 @@ def _curvature(
         ends = (theta + step, theta - step)
         if not all(admissible(orders, end) for end in ends):
             return None
-        up, down = (linearise(experiments, orders, end, past) for end in ends)
+        up, down = (linearise(experiments, orders, end, initial_conditions) for end in ends)
         change = up.scale * (up.triangle.T @ up.target) - down.scale * (down.triangle.T @ down.target)
         gradients.append(directions.T @ change / (2.0 * STEP))
     curvature = np.array(gradients)

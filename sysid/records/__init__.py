@@ -1,3 +1,18 @@
-"""Records."""
+"""Input-output records: checks, files, filtering and resampling."""
 
-__all__: list[str] = []
+from sysid.records.data import IOData
+from sysid.records.errors import SysidError, SysidWarning
+from sysid.records.filtering import keep_band, prefilter, resample
+from sysid.records.importers import read_csv, read_mat, read_netcdf
+
+__all__ = [
+    "IOData",
+    "SysidError",
+    "SysidWarning",
+    "keep_band",
+    "prefilter",
+    "read_csv",
+    "read_mat",
+    "read_netcdf",
+    "resample",
+]

@@ -8,7 +8,7 @@ from sysid.polynomial.orders import make_orders
 from sysid.records.data import IOData
 from sysid.recursive.adaptation import Adaptation, Forgetting
 from sysid.recursive.initial_state import Start
-from sysid.recursive.prediction_error import recurse
+from sysid.recursive.recursion import recurse
 from sysid.recursive.recursive_estimate import RecursiveEstimate
 
 ALL_BUT_THE_FIRST = Forgetting(1.0, initial=0.95)

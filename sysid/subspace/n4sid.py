@@ -1,23 +1,173 @@
-"""Subspace identification."""
+"""Subspace identification: states from the past of the data, weighted by canonical variates."""
 
 import warnings
 from collections.abc import Sequence
+from dataclasses import dataclass
 
 import numpy as np
+import scipy.linalg
 
 from sysid.models.estimate import Estimate
-from sysid.polynomial.excitation import check_excitation
-from sysid.polynomial.operating_point import check_means
+from sysid.polynomial.data_checks import check_excitation, check_means
+from sysid.polynomial.gram_matrices import hankel_moments, hankel_triangle
 from sysid.records.arguments import truth_value, whole_number
 from sysid.records.arrays import FloatArray
 from sysid.records.data import IOData, as_experiments
 from sysid.records.errors import SysidError, SysidWarning
-from sysid.subspace.canonical_variates import subspace
-from sysid.subspace.local_coordinates import InputCoordinates, LocalCoordinates
-from sysid.subspace.predictor import Predictor, Scales
+from sysid.subspace.predictor import InputCoordinates, LocalCoordinates, Predictor, Record, Scales
 from sysid.subspace.predictor_estimate import check_enough_samples, make_predictor_estimate
 from sysid.subspace.predictor_fit import least_squares_fit
-from sysid.subspace.predictor_record import Record
+
+SINGULAR = 1e-10  # power in a direction of the future, relative to the largest, below which it carries no weight
+NOTHING = 1e-24  # the same, relative to all channels, of outputs that are zero
+RANK = 1e-8  # singular value relative to the largest below which a state does not exist
+
+
+@dataclass(frozen=True, eq=False)
+class Subspace:
+    """What the subspace step found.
+
+    Attributes:
+        A: State matrix (n, n).
+        B: Input matrix from the regression of states (n, nu): a beginning only.
+        C: Output matrix (ny, n).
+        D: Direct term (ny, nu), likewise.
+        K: Innovation gain, A - K C stable; zero where the data show no disturbance (n, ny).
+        canonical_correlations: Between past and future, largest first.
+    """
+
+    A: FloatArray
+    B: FloatArray
+    C: FloatArray
+    D: FloatArray
+    K: FloatArray
+    canonical_correlations: FloatArray
+
+
+def subspace(signals: Sequence[FloatArray], nu: int, order: int, block_rows: int, *, stable: bool) -> Subspace:
+    """Regress the future on the past with the future input projected out [VanOverschee1996; Larimore1990].
+
+    With Uf the future inputs, P the past and Yf the future outputs, the triangle of [Uf; P; Yf] holds the part of Yf
+    that the past explains; divided by the root of what the future input leaves of Yf, its singular values are canonical
+    correlations, and its first left singular vectors the observability matrix.
+
+    Args:
+        signals: [u, y] per experiment (N, nu + ny), channels of about unit size.
+        nu: Number of inputs.
+        order: Number of states.
+        block_rows: Samples of past, and of future.
+        stable: Whether A is made stable where it is not, at the expense of fit [Maciejowski1995].
+
+    Raises:
+        SysidError: Order not between 1 and (block_rows - 1) * ny, or outputs that are zero.
+    """
+    q = signals[0].shape[1]
+    ny, s = q - nu, block_rows
+    if not 1 <= order <= (s - 1) * ny:
+        raise SysidError(
+            f"order must be a whole number from 1 to (block_rows - 1) * ny = {(s - 1) * ny}, got {order!r}"
+        )
+    index = np.arange(2 * s * q).reshape(2 * s, q)
+    past, inputs, outputs = index[:s].ravel(), index[s:, :nu].ravel(), index[s:, nu:].ravel()
+    moments = hankel_moments(signals, 2 * s)
+    triangle = hankel_triangle(signals, 2 * s, moments, np.concatenate((inputs, past, outputs)))
+    first, second = len(inputs), len(inputs) + len(past)
+    explained, own = triangle[second:, first:second], triangle[first:second, first:second]
+    left_over = explained @ explained.T + triangle[second:, second:] @ triangle[second:, second:].T
+    values, vectors = np.linalg.eigh(left_over)
+    if not values[-1] > NOTHING * float(np.trace(moments)):
+        raise SysidError(
+            "the outputs are zero, or about, once the past of the record is known: there are no states to be found"
+        )
+    root = np.sqrt(np.maximum(values, SINGULAR * values[-1]))
+    # left singular vectors and values by the smaller, symmetric problem lose half of the digits; this does not
+    left, correlations, right = np.linalg.svd((vectors / root).T @ explained, full_matrices=False)
+    n = max(min(order, int((correlations > RANK * correlations[0]).sum())), 1)
+    observability = (vectors * root) @ (left[:, :n] * np.sqrt(correlations[:n]))
+    A = np.linalg.lstsq(observability[:-ny], observability[ny:], rcond=None)[0]
+    if stable and np.abs(np.linalg.eigvals(A)).max() >= 1.0:
+        A = stable_shift(observability, ny)
+    C = observability[:ny]
+    to_state = np.sqrt(correlations[:n])[:, None] * (right[:n] @ _inverse(own))
+    B, D, K = _regression(moments, index, nu, s, to_state, A, C)
+    return Subspace(A, B, C, D, K, correlations)
+
+
+def stable_shift(observability: FloatArray, ny: int) -> FloatArray:
+    """A from the shift of an observability matrix that is taken to end in zeros: always stable [Maciejowski1995]."""
+    shifted = np.vstack((observability[ny:], np.zeros((ny, observability.shape[1]))))
+    A = np.linalg.lstsq(observability, shifted, rcond=None)[0]
+    radius = np.abs(np.linalg.eigvals(A)).max()
+    # on the circle only where nothing decays within the block rows
+    return np.asarray(A if radius < 1.0 - 1e-6 else A * (1.0 - 1e-6) / radius)
+
+
+def _inverse(lower: FloatArray) -> FloatArray:
+    size = np.abs(np.diag(lower))
+    if size.min(initial=1.0) > SINGULAR * size.max(initial=1.0):
+        return np.asarray(scipy.linalg.solve_triangular(lower, np.eye(len(lower)), lower=True))
+    return np.asarray(np.linalg.pinv(lower, rcond=SINGULAR), dtype=np.float64)
+
+
+def _regression(
+    moments: FloatArray, index: FloatArray, nu: int, s: int, to_state: FloatArray, A: FloatArray, C: FloatArray
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """B, D and K from the regression of next state and output on state and input."""
+    n, past, following = len(A), index[:s].ravel(), index[1 : s + 1].ravel()
+    now_u, now_y = index[s, :nu], index[s, nu:]
+
+    def moment(rows: FloatArray, columns: FloatArray) -> FloatArray:
+        return moments[np.ix_(rows, columns)]
+
+    state = to_state @ moment(past, past) @ to_state.T
+    cross = to_state @ moment(past, now_u)
+    inputs = moment(now_u, now_u)
+    known = np.block([[state, cross], [cross.T, inputs]])
+    target = np.block(
+        [
+            [to_state @ moment(past, following) @ to_state.T, to_state @ moment(past, now_y)],
+            [moment(now_u, following) @ to_state.T, moment(now_u, now_y)],
+        ]
+    )
+    solution = np.linalg.lstsq(known, target, rcond=1e-13)[0].T
+    own = np.block(
+        [
+            [to_state @ moment(following, following) @ to_state.T, to_state @ moment(following, now_y)],
+            [moment(now_y, following) @ to_state.T, moment(now_y, now_y)],
+        ]
+    )
+    noise = own - solution @ target - target.T @ solution.T + solution @ known @ solution.T
+    # covariances of the disturbance are those of the regression's own A and C; the gain serves ours
+    return solution[:n, n:], solution[n:, n:], kalman_gain(A, C, noise, own)
+
+
+def kalman_gain(A: FloatArray, C: FloatArray, noise: FloatArray, total: FloatArray) -> FloatArray:
+    """Gain of the stationary Kalman filter (n, ny); zero where there is no noise and A is stable.
+
+    Args:
+        A: State matrix (n, n).
+        C: Output matrix (ny, n).
+        noise: Covariance of process and measurement noise (n + ny, n + ny), up to a factor.
+        total: That of next state and output (n + ny, n + ny), likewise.
+    """
+    n, ny = len(A), len(C)
+    size = float(np.trace(total[n:, n:]))
+    if not size > 0.0:
+        return np.zeros((n, ny))
+    quiet = float(np.trace(noise[n:, n:])) <= 1e-18 * size
+    if quiet and np.abs(np.linalg.eigvals(A)).max() < 1.0:
+        return np.zeros((n, ny))
+    values, vectors = np.linalg.eigh(0.5 * (noise + noise.T) / size)
+    floor = 1e-14 if not quiet else 1.0
+    clean = (vectors * np.maximum(values, floor)) @ vectors.T
+    clean = 0.5 * (clean + clean.T)
+    try:
+        P = scipy.linalg.solve_discrete_are(A.T, C.T, clean[:n, :n], clean[n:, n:], s=clean[:n, n:])
+        K = np.linalg.solve((C @ P @ C.T + clean[n:, n:]).T, (A @ P @ C.T + clean[:n, n:]).T).T
+    except (np.linalg.LinAlgError, ValueError):
+        return np.zeros((n, ny))
+    return np.asarray(K) if np.isfinite(K).all() else np.zeros((n, ny))
+
 
 LARGEST_ORDER = 60  # n^2 local coordinates have to be found, at a cost that grows as n^6: some ten seconds
 

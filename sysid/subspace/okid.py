@@ -8,11 +8,10 @@ from typing import Protocol
 import numpy as np
 
 from sysid.models.estimate import DataSummary, Estimate
-from sysid.models.predict import predict
+from sysid.models.predict import predict, residuals
 from sysid.models.recursion import free_response
-from sysid.models.residuals import residuals
 from sysid.models.state_space import StateSpace
-from sysid.polynomial.excitation import check_excitation
+from sysid.polynomial.data_checks import check_excitation
 from sysid.polynomial.least_squares import solve
 from sysid.records.arguments import whole_number
 from sysid.records.arrays import FloatArray

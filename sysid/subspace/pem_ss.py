@@ -1,29 +1,63 @@
 """Prediction-error refinement of state-space models."""
 
 import warnings
-from collections.abc import Sequence
+from collections.abc import Callable, Iterator, Sequence
+from functools import partial
 
 import numpy as np
 
 from sysid.models.estimate import DataSummary, Estimate
-from sysid.models.predict import check_channels
-from sysid.models.simulate import as_model
+from sysid.models.predict import as_model, check_channels
 from sysid.models.state_space import StateSpace
-from sysid.polynomial.excitation import check_excitation
-from sysid.polynomial.operating_point import check_means
+from sysid.polynomial.data_checks import check_excitation, check_means
 from sysid.records.arguments import truth_value, whole_number
 from sysid.records.arrays import FloatArray
 from sysid.records.data import IOData, as_experiments
 from sysid.records.errors import SysidError, SysidWarning
-from sysid.subspace.local_coordinates import LocalCoordinates
+from sysid.subspace.n4sid import n4sid
 from sysid.subspace.observer_gain import spectral_radius, stable_gain
-from sysid.subspace.predictor import Predictor, Scales
-from sysid.subspace.predictor_errors import Point
+from sysid.subspace.okid import okid
+from sysid.subspace.predictor import LocalCoordinates, Predictor, Record, Scales
+from sysid.subspace.predictor_errors import Point, gapped_covariance
 from sysid.subspace.predictor_estimate import check_enough_samples, degrees_of_freedom, make_predictor_estimate
 from sysid.subspace.predictor_fit import Minimum, coloured_information, column_scale, minimise
-from sysid.subspace.predictor_gaps import gapped_covariance
-from sysid.subspace.predictor_initial_estimates import other_starts
-from sysid.subspace.predictor_record import Record
+
+HORIZONS = (8, 12, 16, 20)  # block rows beside the least that allow the order
+OBSERVERS = (5, 10)  # samples of past for OKID
+
+
+def other_starts(experiments: Sequence[IOData], order: int) -> Iterator[tuple[str, StateSpace]]:
+    """Models by subspaces of several horizons and by OKID; what the data do not allow is left out.
+
+    Args:
+        experiments: The data set, nothing missing.
+        order: Number of states.
+
+    Yields:
+        What it is, and the model.
+    """
+    ny = experiments[0].ny
+    for rows in sorted({order // ny + 2, *HORIZONS}):
+        yield from _tried(
+            f"n4sid ({rows} block rows)",
+            order,
+            partial(n4sid, experiments, order, block_rows=rows, stable=True),
+        )
+    for past in OBSERVERS:
+        if past * ny >= order:
+            yield from _tried(f"okid (p = {past})", order, partial(okid, experiments, order, p=past))
+
+
+def _tried(name: str, order: int, make: Callable[[], Estimate]) -> Iterator[tuple[str, StateSpace]]:
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", SysidWarning)
+        try:
+            model = make().model
+        except (SysidError, np.linalg.LinAlgError):
+            return
+    if model.order == order:
+        yield name, model
+
 
 ILL_CONDITIONED = 1e12
 CROSSING_STEPS = 20  # towards the minimum with K, where none is asked for, and the other way round

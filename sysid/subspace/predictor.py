@@ -1,9 +1,11 @@
-"""Linear predictors in state-space form: what a subspace method finds and a prediction-error method refines."""
+"""Linear predictors in state-space form, the records that they are fitted to, and their local coordinates."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
+from numpy.typing import NDArray
+from scipy.fft import irfft, next_fast_len, rfft
 
 from sysid.models.estimate import DataSummary
 from sysid.models.recursion import state_trajectory
@@ -145,3 +147,100 @@ class Scales:
             input_units=data.input_units,
             output_units=data.output_units,
         )
+
+
+PRIOR = 300.0  # standard deviations of a state that its initial value may reach; less would bend the criterion
+Correlations = tuple[FloatArray, FloatArray]
+
+
+@dataclass(frozen=True, eq=False)
+class Record:
+    """One experiment, channels scaled, behind its initialisation window.
+
+    Attributes:
+        u: Inputs (N, nu).
+        y: Outputs (N, ny).
+        w: What drives the predictor (N, nu + ny) or (N, nu).
+        transforms: Fourier transform of w and its lagged products, by length of the transform.
+        known: Which outputs are on record (N, ny), zeros in `y` for the others; None for all.
+    """
+
+    u: FloatArray
+    y: FloatArray
+    w: FloatArray
+    transforms: dict[int, Correlations] = field(default_factory=dict)
+    known: NDArray[np.bool_] | None = None
+
+    @staticmethod
+    def of(experiment: IOData, scales: Scales, gain: bool) -> "Record":
+        """Scale and cut."""
+        u, y = experiment.u[experiment.window :] / scales.u, experiment.y[experiment.window :] / scales.y
+        known = None if experiment.complete else np.isfinite(y)
+        y = y if known is None else np.where(known, y, 0.0)
+        return Record(u, y, np.hstack((u, y)) if gain else u, known=known)
+
+    def correlations(self, e: FloatArray, lags: int) -> Correlations:
+        """Sums over t of w(t - j) w(t)' and of w(t - j) e(t)', j = 1..lags, (lags, nw, nw) and (lags, nw, ny)."""
+        size = next_fast_len(len(self.w) + (1 << lags.bit_length()), real=True)
+        if size not in self.transforms:
+            spectrum = rfft(self.w.T, size)
+            products = irfft(spectrum.conj()[:, None] * spectrum, size)
+            self.transforms[size] = spectrum, np.ascontiguousarray(products[:, :, : size - len(self.w)].T)
+        spectrum, own = self.transforms[size]
+        cross = irfft(spectrum.conj()[:, None] * rfft(e.T, size), size)[:, :, 1 : lags + 1]
+        # axes of `own` are (lag, t, t - lag) after the transposition
+        return own[1 : lags + 1].transpose(0, 2, 1), cross.transpose(2, 0, 1)
+
+
+def initial_spread(free: FloatArray) -> FloatArray:
+    """In balanced coordinates a state's variance and its power in the output are one number."""
+    return PRIOR * np.maximum(np.sqrt(np.einsum("tln,tln->n", free, free)), np.sqrt(np.finfo(float).tiny))
+
+
+@dataclass(frozen=True)
+class LocalCoordinates:
+    """Directions orthogonal to those that only change the basis of the state [McKelvey2004].
+
+    Attributes:
+        direct: Whether D may change.
+    """
+
+    direct: bool = True
+
+    def __call__(self, at: Predictor) -> FloatArray:
+        """Orthonormal columns (entries of A, M, C, D; q).
+
+        x -> (I + E) x changes A by E A - A E, M by E M, C by -C E: n^2 directions that change no prediction.
+        """
+        n = len(at.A)
+        free = at.A.size + at.M.size + at.C.size
+        unit = np.eye(n * n).reshape(n * n, n, n)
+        changes = [unit @ at.A - at.A @ unit, unit @ at.M, -at.C @ unit]
+        tangent = np.hstack([change.reshape(n * n, -1) for change in changes]).T
+        complement = np.linalg.qr(tangent, mode="complete")[0][:, n * n :]
+        out = np.zeros((free + at.D.size, complement.shape[1] + (at.D.size if self.direct else 0)))
+        out[:free, : complement.shape[1]] = complement
+        if self.direct:
+            out[free:, complement.shape[1] :] = np.eye(at.D.size)
+        return out
+
+
+@dataclass(frozen=True)
+class InputCoordinates:
+    """Directions that change B and D alone, in which the prediction is linear.
+
+    Attributes:
+        direct: Whether D may change.
+    """
+
+    direct: bool = True
+
+    def __call__(self, at: Predictor) -> FloatArray:
+        """Columns of zeros and a one each (entries of A, M, C, D; q)."""
+        n, nu = len(at.A), at.D.shape[1]
+        index = np.arange(at.M.size).reshape(n, -1)[:, :nu].ravel() + at.A.size
+        if self.direct:
+            index = np.concatenate((index, np.arange(at.D.size) + at.A.size + at.M.size + at.C.size))
+        out = np.zeros((at.A.size + at.M.size + at.C.size + at.D.size, len(index)))
+        out[index, range(len(index))] = 1.0
+        return out

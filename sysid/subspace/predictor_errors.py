@@ -1,15 +1,225 @@
-"""Errors of state-space predictors on records, with the best initial states."""
+"""Errors of state-space predictors on records, complete or with missing outputs, and their normal equations."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 
+from sysid.models.delta_method import STEP, standard_directions
 from sysid.models.recursion import free_response
+from sysid.polynomial.missing_outputs import MissingOutputs
 from sysid.records.arrays import FloatArray
-from sysid.subspace.predictor import Predictor
-from sysid.subspace.predictor_gaps import Eliminated, greatest_likelihood
-from sysid.subspace.predictor_record import Record, initial_spread
+from sysid.subspace.predictor import Predictor, Record, initial_spread
+from sysid.subspace.predictor_sensitivities import Sensitivities
+
+NEGLIGIBLE = 1e-12  # of a response, as a part of its first sample
+ROUNDS = 4  # improvements of the errors' covariance where its best value counts
+
+
+@dataclass(frozen=True, eq=False)
+class Eliminated:
+    """One record with its missing outputs and its initial state at their best values.
+
+    Attributes:
+        missing: The elimination, errors in units of `root`.
+        filled: The record with the missing outputs at their conditional means.
+        state: Initial state (n,).
+        white: Errors times `root` (N, ny).
+        root: W = root root', the inverse of the errors' covariance (ny, ny).
+        cost: Sum of squares of `white`, and what the size of the initial state adds.
+    """
+
+    missing: MissingOutputs
+    filled: Record
+    state: FloatArray
+    white: FloatArray
+    root: FloatArray
+    cost: float
+
+    @property
+    def errors(self) -> FloatArray:
+        """Errors (N, ny)."""
+        return np.asarray(np.linalg.solve(self.root.T, self.white.T).T, dtype=np.float64)
+
+    def expected_products(self) -> FloatArray:
+        """Mean of sum e e' given what is known: that of the errors here and of their uncertainty (ny, ny)."""
+        ny = len(self.root)
+        pairs = [(i, j) for i in range(ny) for j in range(i + 1)]
+        moves = np.zeros((len(pairs), ny, ny))
+        for move, (i, j) in zip(moves, pairs, strict=True):
+            move[i, j] += 0.5
+            move[j, i] += 0.5
+        # the logarithm of the determinant changes with W by just this uncertainty
+        slopes = self.missing.slope(0.5 * np.einsum("pre,lec->plrc", moves, self.missing.response))
+        unknown = np.zeros((ny, ny))
+        for (i, j), value in zip(pairs, slopes, strict=True):
+            unknown[i, j] = unknown[j, i] = value
+        into = np.linalg.inv(self.root)
+        return into.T @ (self.white.T @ self.white + unknown) @ into
+
+
+@dataclass(frozen=True, eq=False)
+class Likelihood:
+    """How likely what is known is, given a predictor.
+
+    Attributes:
+        parts: The eliminations, per experiment.
+        covariance: Of the errors (ny, ny).
+        criterion: -2 times the logarithm of the likelihood, per sample, constants aside.
+    """
+
+    parts: tuple[Eliminated, ...]
+    covariance: FloatArray
+    criterion: float
+
+
+def greatest_likelihood(
+    records: Sequence[Record], predictor: Predictor, weight: FloatArray, rounds: int = 1
+) -> Likelihood:
+    """Evaluate the likelihood of what is known.
+
+    Args:
+        records: Experiments, of which some lack outputs.
+        predictor: The predictor.
+        weight: Inverse of the errors' covariance to begin with, up to a factor where there is one output (ny, ny).
+        rounds: Improvements of that covariance.
+    """
+    covariance = np.asarray(np.linalg.inv(weight), dtype=np.float64)
+    samples, ny = sum(len(r.y) for r in records), len(weight)
+    parts = [eliminate(record, predictor, covariance) for record in records]
+    for _ in range(rounds if ny > 1 else 0):
+        covariance = np.asarray(sum(part.expected_products() for part in parts) / samples)
+        parts = [eliminate(record, predictor, covariance) for record in records]
+    seen = samples * ny - sum(part.missing.count for part in parts)
+    scale = max(sum(part.cost for part in parts) / seen, np.finfo(float).tiny)
+    determinant = sum(part.missing.log_determinant for part in parts)
+    criterion = float(np.linalg.slogdet(covariance)[1]) + (determinant + seen * np.log(scale)) / samples
+    return Likelihood(tuple(parts), scale * covariance, float(criterion))
+
+
+def gapped_normal(
+    predictor: Predictor,
+    parts: Sequence[Eliminated],
+    states: Sequence[FloatArray],
+    covariance: FloatArray,
+    basis: FloatArray,
+) -> tuple[FloatArray, FloatArray]:
+    """Information (q, q) and descent direction (q,) in the directions of `basis`; see `predictor_fit.linearise`.
+
+    Args:
+        predictor: Where.
+        parts: What was eliminated there.
+        states: Initial state of each part (n,).
+        covariance: Of the errors (ny, ny).
+        basis: Directions (all entries of A, M, C, D, q).
+    """
+    sensitivities = Sensitivities.of(predictor)
+    root = np.linalg.cholesky(np.linalg.inv(covariance))
+    q = basis.shape[1]
+    information, gradient = np.zeros((q, q)), np.zeros(q)
+    for part, x0 in zip(parts, states, strict=True):
+        gaps, e = part.missing, part.errors
+        signals = sensitivities.signals(part.filled)
+        columns = np.stack([signals @ table for table in sensitivities.table(x0, basis)], axis=1)
+        columns = gaps.eliminated(np.einsum("tlc,lr->trc", columns, root)).reshape(-1, q + len(x0))
+        prior = initial_spread(free_response(predictor.A, predictor.C, len(e)))
+        full = columns.T @ columns
+        slope = columns.T @ (e @ root).ravel()
+        corner, side = full[q:, q:], full[q:, :q]
+        inverse = np.outer(prior, prior) * np.linalg.inv(corner * np.outer(prior, prior) + np.eye(len(prior)))
+        slope[q:] -= x0 / prior**2
+        information += full[:q, :q] - side.T @ inverse @ side
+        gradient += slope[:q] - side.T @ inverse @ slope[q:]
+        if len(gaps.response) > 1 and gaps.count:
+            moves = _response_moves(predictor, basis, len(gaps.response))
+            gradient -= 0.5 * gaps.slope(np.einsum("re,plec->plrc", gaps.response[0], moves))
+    return 0.5 * (information + information.T), gradient
+
+
+def gapped_covariance(
+    records: Sequence[Record], predictor: Predictor, weight: FloatArray, information: FloatArray, basis: FloatArray
+) -> FloatArray:
+    """Covariance of local coordinates by the curvature of the likelihood (q, q): the observed information's inverse.
+
+    Args:
+        records: Experiments.
+        predictor: Where the likelihood is greatest.
+        weight: Inverse of the errors' covariance there (ny, ny).
+        information: About what it is (q, q).
+        basis: The directions (all entries of A, M, C, D, q).
+
+    Returns:
+        Covariance; the inverse of the information given where the curvature is that of no maximum.
+    """
+    covariance = np.asarray(np.linalg.pinv(information, hermitian=True), dtype=np.float64)
+    directions = standard_directions(covariance)
+
+    def gradient(at: Predictor) -> FloatArray:
+        likely = greatest_likelihood(records, at, weight, ROUNDS)
+        return gapped_normal(at, likely.parts, [part.state for part in likely.parts], likely.covariance, basis)[1]
+
+    here, gradients = gradient(predictor), []
+    for step in STEP * directions.T:
+        moved = predictor.moved(basis @ step)
+        if not moved.is_stable():
+            return covariance
+        gradients.append(directions.T @ (here - gradient(moved)) / STEP)
+    curvature = 0.5 * (np.array(gradients) + np.array(gradients).T)
+    if not len(curvature) or np.linalg.eigvalsh(curvature)[0] < 0.01:
+        return covariance
+    return np.asarray(directions @ np.linalg.inv(curvature) @ directions.T, dtype=np.float64)
+
+
+def eliminate(record: Record, predictor: Predictor, covariance: FloatArray) -> Eliminated:
+    """Eliminate missing outputs and the initial state of one record, for errors of a given covariance."""
+    n, (steps, ny) = len(predictor.A), record.y.shape
+    known = np.ones((steps, ny), dtype=bool) if record.known is None else record.known
+    root = np.linalg.cholesky(np.linalg.inv(covariance))
+    missing = MissingOutputs.of(known, root.T @ _response(predictor, steps))
+    errors = record.y - predictor.predict(record.w, record.u, np.zeros(n))
+    free = free_response(predictor.A, predictor.C, steps)
+    prior = initial_spread(free)
+    columns = np.zeros((steps, ny, n + 1))
+    columns[: len(free), :, :n] = free * prior
+    columns[:, :, n] = errors
+    left = missing.eliminated(np.einsum("tlc,lr->trc", columns, root)).reshape(-1, n + 1)
+    phi = np.vstack((left[:, :n], np.eye(n)))
+    relative = np.linalg.lstsq(phi, np.concatenate((left[:, n], np.zeros(n))), rcond=None)[0]
+    white = left[:, n] - left[:, :n] @ relative
+    errors[: len(free)] -= free @ (prior * relative)
+    y = record.y.copy()
+    y[~known] = -missing.best((errors @ root)[:, :, None])[:, 0]
+    w = record.w if not predictor.has_gain else np.hstack((record.u, y))
+    filled = replace(record, y=y, w=w, transforms={}, known=None)
+    cost = float(white @ white + relative @ relative)
+    return Eliminated(missing, filled, prior * relative, white.reshape(steps, ny), root, cost)
+
+
+def _response(predictor: Predictor, steps: int) -> FloatArray:
+    """Errors after a pulse in each output, up to where they have died out (L, ny, ny)."""
+    ny, nu = predictor.D.shape
+    direct = np.eye(ny)[None]
+    if not predictor.has_gain:
+        return direct
+    tail = -free_response(predictor.A, predictor.C, steps - 1) @ predictor.M[:, nu:]
+    alive = np.flatnonzero(np.abs(tail).max(axis=(1, 2), initial=0.0) > NEGLIGIBLE)
+    return np.concatenate((direct, tail[: alive[-1] + 1 if len(alive) else 0]))
+
+
+def _response_moves(predictor: Predictor, basis: FloatArray, lags: int) -> FloatArray:
+    """Derivatives of `_response` along directions (q, lags, ny, ny)."""
+    A, C = predictor.A, predictor.C
+    ny, nu = predictor.D.shape
+    sizes = np.cumsum([m.size for m in (A, predictor.M, C)])
+    by_a, by_m, by_c, _ = np.split(basis.T, sizes, axis=1)
+    dA, dC = by_a.reshape(-1, *A.shape), by_c.reshape(-1, *C.shape)
+    x, dx = predictor.M[:, nu:], by_m.reshape(-1, *predictor.M.shape)[:, :, nu:]
+    out = np.zeros((len(dA), lags, ny, ny))
+    for lag in range(1, lags):
+        out[:, lag] = -(dC @ x + C @ dx)
+        x, dx = A @ x, A @ dx + dA @ x
+    return out
+
 
 WEIGHT_FLOOR = 1e-10  # of the errors' covariance, as a part of its mean diagonal
 

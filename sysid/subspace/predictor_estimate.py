@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from sysid.models.estimate import DataSummary, Estimate
-from sysid.models.residuals import residuals
+from sysid.models.predict import residuals
 from sysid.models.state_space import StateSpace
 from sysid.records.arrays import FloatArray
 from sysid.records.data import IOData

@@ -7,8 +7,7 @@ import numpy as np
 from sysid.models.recursion import free_response, state_trajectory
 from sysid.polynomial.orthonormal_basis import all_pass, gramian, stein
 from sysid.records.arrays import FloatArray
-from sysid.subspace.predictor import Predictor
-from sysid.subspace.predictor_record import Record
+from sysid.subspace.predictor import Predictor, Record
 
 
 @dataclass(frozen=True, eq=False)

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from sysid.polynomial.excitation import check_excitation
+from sysid.polynomial.data_checks import check_excitation
 from sysid.polynomial.least_squares import triangular_factor
 from sysid.polynomial.orders import Orders, make_orders
 from sysid.polynomial.polynomial_estimate import check_enough_data, check_single_output
@@ -16,7 +16,7 @@ from sysid.records.arguments import whole_number
 from sysid.records.arrays import FloatArray
 from sysid.records.data import IOData, as_experiments
 from sysid.records.errors import SysidError, SysidWarning
-from sysid.validation.structure_table import StructureTable, make_table
+from sysid.validation.structure_scan import StructureTable, make_table
 
 Choices = int | Sequence[int] | Sequence[tuple[int, ...]]
 

@@ -1,15 +1,163 @@
-"""Choice of orders for any estimator, by fitting every candidate."""
+"""Tables of candidate orders with their criteria, for any estimator."""
 
 import warnings
 from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from sysid.models.estimate import Estimate
 from sysid.models.predict import predict
+from sysid.records.arrays import FloatArray, Locked, lock
 from sysid.records.data import IOData, as_experiments
 from sysid.records.errors import SysidError, SysidWarning
-from sysid.validation.structure_table import Order, StructureTable, make_table
+
+Order = int | tuple[int, ...]
+CRITERIA = ("loss", "aic", "aicc", "bic", "fpe", "mdl", "validation")
+FLOOR = 1e-20  # loss, as a part of the mean square output, below which nothing is left to tell apart
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class StructureTable(Locked):
+    """Candidate structures with their criteria, the best one first.
+
+    With V the loss, p the number of parameters and N that of samples [Ljung1999, sec. 16.4]:
+    aic = log V + 2 p / N, aicc = aic + 2 p (p + 1) / (N (N - p - 1)), bic = log V + p log(N) / N [Schwarz1978],
+    fpe = V (1 + p/N) / (1 - p/N), mdl = V (1 + p log(N) / N) [Rissanen1978].
+
+    Attributes:
+        names: Names of the orders.
+        orders: One tuple per candidate, in the sequence of `names`.
+        parameters: Number of parameters (m,).
+        loss: Mean square one-step error on the data of the fit (with several outputs the ny-th root of the
+            determinant of its covariance) (m,).
+        aic: Akaike's criterion (m,).
+        aicc: The same, corrected for short records (m,).
+        bic: Schwarz's criterion (m,).
+        fpe: Akaike's final prediction error, in units of the loss (m,).
+        mdl: Rissanen's minimum description length, in units of the loss (m,).
+        validation: Mean square error on data that took no part in the fit (m,); NaN where none was asked for.
+        samples: Number of samples N that every candidate is judged on.
+        failed: Candidates left out, with the reason in words.
+    """
+
+    names: tuple[str, ...]
+    orders: tuple[tuple[Order, ...], ...]
+    parameters: NDArray[np.int_]
+    loss: FloatArray
+    aic: FloatArray
+    aicc: FloatArray
+    bic: FloatArray
+    fpe: FloatArray
+    mdl: FloatArray
+    validation: FloatArray
+    samples: int
+    failed: tuple[tuple[tuple[Order, ...], str], ...] = ()
+
+    def __post_init__(self) -> None:
+        """Lock."""
+        for attribute, value in list(self.__dict__.items()):
+            if isinstance(value, np.ndarray):
+                object.__setattr__(self, attribute, lock(value))
+
+    def __len__(self) -> int:
+        """Number of candidates."""
+        return len(self.orders)
+
+    def best(self, criterion: FloatArray | str) -> dict[str, Order]:
+        """Orders with the least value of one of the criteria, e.g. `table.best("aic")`.
+
+        Args:
+            criterion: One of the criteria by name, or a value per candidate (m,).
+
+        Returns:
+            Orders by name.
+
+        Raises:
+            SysidError: No such criterion, another number of values, or none of them finite.
+        """
+        if isinstance(criterion, str):
+            if criterion not in CRITERIA:
+                raise SysidError(f"unknown criterion {criterion!r}, available: {', '.join(CRITERIA)}")
+            criterion = getattr(self, criterion)
+        values = np.asarray(criterion, dtype=float)
+        if values.shape != (len(self),):
+            raise SysidError(f"expected one value per candidate, shape ({len(self)},), got {values.shape}")
+        if not np.isfinite(values).any():
+            raise SysidError("no candidate has a finite value; for the validation error give validation data or folds")
+        return dict(zip(self.names, self.orders[int(np.nanargmin(values))], strict=True))
+
+    @property
+    def chosen(self) -> dict[str, Order]:
+        """Orders of the first candidate: the best in validation where there is one, else by `bic`."""
+        return dict(zip(self.names, self.orders[0], strict=True))
+
+    def __str__(self) -> str:
+        """The table as text, 30 rows at most."""
+        heads = [*self.names, "p", "loss", "AIC", "BIC", "MDL", "validation"]
+        lines = ["".join(f"{head:>12}" for head in heads)]
+        for k in range(min(len(self), 30)):
+            cells = [*(str(o) for o in self.orders[k]), str(self.parameters[k])]
+            figures = (self.loss[k], self.aic[k], self.bic[k], self.mdl[k], self.validation[k])
+            lines.append("".join(f"{cell:>12}" for cell in (*cells, *(f"{x:.6g}" for x in figures))))
+        return "\n".join(lines)
+
+
+def make_table(
+    names: tuple[str, ...],
+    orders: list[tuple[Order, ...]],
+    parameters: list[int],
+    loss: list[float],
+    validation: list[float],
+    *,
+    samples: int,
+    power: float,
+    failed: tuple[tuple[tuple[Order, ...], str], ...] = (),
+) -> StructureTable:
+    """Work out the criteria and sort: by validation error where there is one, else by `bic`; ties to fewer parameters.
+
+    Args:
+        names: Names of the orders.
+        orders: Candidates.
+        parameters: Number of parameters of each.
+        loss: Loss of each.
+        validation: Validation error of each, NaN where there is none.
+        samples: Number of samples.
+        power: Mean square output, against which a loss counts as zero.
+        failed: What was left out.
+
+    Raises:
+        SysidError: No candidate is left.
+    """
+    if not orders:
+        reasons = "; ".join(f"{candidate}: {why}" for candidate, why in failed[:3])
+        raise SysidError(f"no candidate could be fitted ({reasons})" if failed else "expected at least one candidate")
+    p = np.array(parameters)
+    v = np.maximum(np.array(loss), FLOOR * power)
+    checked = np.maximum(np.array(validation), FLOOR * power)
+    n = samples
+    with np.errstate(divide="ignore", invalid="ignore"):
+        aic = np.log(v) + 2.0 * p / n
+        aicc = np.where(p < n - 1, aic + 2.0 * p * (p + 1) / (n * np.maximum(n - p - 1, 1)), np.inf)
+        bic = np.log(v) + p * np.log(n) / n
+        fpe = np.where(p < n, v * (1 + p / n) / np.maximum(1 - p / n, 1e-300), np.inf)
+    first = checked if np.isfinite(checked).any() else bic
+    sequence = np.lexsort((p, np.where(np.isnan(first), np.inf, first)))
+    return StructureTable(
+        names=names,
+        orders=tuple(orders[k] for k in sequence),
+        parameters=p[sequence],
+        loss=v[sequence],
+        aic=aic[sequence],
+        aicc=aicc[sequence],
+        bic=bic[sequence],
+        fpe=fpe[sequence],
+        mdl=(v * (1 + p * np.log(n) / n))[sequence],
+        validation=checked[sequence],
+        samples=n,
+        failed=failed,
+    )
 
 
 def structure_scan(

@@ -16,7 +16,7 @@ from scipy.stats import kstest
 from hmtb_twin import IDEAL, NOMINAL_PLANT, STUDIED_JOINTS, Chain, Plant, linearize, load_arm
 from scenarios.experiments.multisines import MultisineExperiment, Multisines
 from scenarios.truth.best_linear import BestLinearTruth, best_linear, distortion_percent
-from sysid.validation.interval_agreement import Agreement
+from sysid.frequency.bla import ResponseAgreement
 
 QUIET = replace(IDEAL, resolver=True)
 """Measurement noise alone."""
@@ -40,22 +40,22 @@ LINKS: Mapping[str, tuple[Chain, Plant]] = {
 FREQUENCIES = (0.3, 1.0, 3.0)
 
 
-def near(agreement: Agreement, frequency: float) -> str:
+def near(response_agreement: ResponseAgreement, frequency: float) -> str:
     """Gain and phase departure, averaged over the lines within a sixth of an octave."""
-    f = agreement.frequencies
+    f = response_agreement.frequencies
     chosen = np.abs(np.log2(f / frequency)) < 1.0 / 6.0
-    ratio = agreement.ratio[chosen, 0, 0].mean()
+    ratio = response_agreement.ratio[chosen, 0, 0].mean()
     return f"{20 * np.log10(abs(ratio)):+.2f} / {np.degrees(np.angle(ratio)):+.1f}"
 
 
-def row(name: str, path: str, found: BestLinearTruth, agreement: Agreement, distortion: float) -> str:
+def row(name: str, path: str, found: BestLinearTruth, response_agreement: ResponseAgreement, distortion: float) -> str:
     """One row of the table; the p-value and the bandwidth are those from the command."""
     band = found.bandwidth
     cells = [
         name,
         f"{1e3 * found.multisines.rms:g}",
         path,
-        *(near(agreement, f) for f in FREQUENCIES),
+        *(near(response_agreement, f) for f in FREQUENCIES),
         f"{distortion:.2g}",
         f"{found.servo_agreement().p_all[0, 0]:.2g}",
         f"{band.hz[0, 0]:.3f} ({band.ci95[0][0, 0]:.3f} to {band.ci95[1][0, 0]:.3f})",
@@ -83,7 +83,7 @@ def departures(joint: str, multisines: Multisines) -> None:
                 print(row(name, "stick", found, found.chain_agreement(), level), flush=True)
 
 
-def agreement(seeds: int, multisines: Multisines) -> None:
+def response_agreement(seeds: int, multisines: Multisines) -> None:
     """Print what the arm without friction gives, seed by seed."""
     print("| joint | lines with p < 0.05, % | p of uniform p | seeds with p < 0.05 | intervals that hold the truth |")
     print("|---|---|---|---|---|")
@@ -112,7 +112,7 @@ def main() -> int:
     parser.add_argument("--joints", nargs="*", default=["shoulder_yaw", "elbow_pitch"])
     arguments = parser.parse_args()
     if arguments.seeds:
-        agreement(arguments.seeds, Multisines(realisations=8, period=5.12, f_min=0.1))
+        response_agreement(arguments.seeds, Multisines(realisations=8, period=5.12, f_min=0.1))
     for joint in arguments.joints:
         departures(joint, Multisines())
     return 0

@@ -14,7 +14,7 @@ from scenarios.experiments.campaign import CONDITIONS
 from scenarios.identification.bandwidth_study import BandwidthStudy, from_simulation
 from scenarios.identification.one_hertz import METHODS, best_linear_in_words, between, verdict
 from scenarios.identification.recovered_bandwidth import RecoveredBandwidth
-from sysid.models.gain_crossing import half_power_hz
+from sysid.models.bandwidth import half_power_hz
 
 TEST = 5
 """The PRBS of 1 V, which the thesis identifies from."""

@@ -107,7 +107,7 @@ def polynomial_fits(
     yield "this package", attempt(lambda: getattr(sysid, method)(data, *orders).model)
     u, y = data.u if data.nu > 1 else data.u[:, 0].copy(), data.y[:, 0].copy()
     for peer, fit in peers.items():
-        yield peer, attempt(lambda fit=fit: sysid.innovations_form(fit(u, y), data.dt))
+        yield peer, attempt(lambda fit=fit: sysid.models.innovations_form(fit(u, y), data.dt))
 
 
 def state_space_fits(data: sysid.IOData, order: int) -> Iterator[tuple[str, Outcome]]:

@@ -11,7 +11,8 @@ import numpy as np
 from scipy.signal import lfilter
 
 import sysid
-from sysid import IOData, Polynomials, StateSpace, innovations_form
+from sysid import IOData, Polynomials, StateSpace
+from sysid.models import innovations_form
 
 ONE = np.ones(1)
 DT = 0.02

@@ -54,7 +54,7 @@ class Problem:
     def model(self) -> sysid.StateSpace:
         """The truth."""
         polynomials = sysid.Polynomials(self.A, self.B, self.C, self.D, self.F)
-        return sysid.innovations_form(polynomials, DT, self.variance)
+        return sysid.models.innovations_form(polynomials, DT, self.variance)
 
     def output(self, e: Array) -> Array:
         """Output for innovations with the burn-in in front."""

@@ -50,6 +50,4 @@ def test_sections(name: str) -> None:
 
 
 def test_the_public_functions_are_found() -> None:
-    assert {"sysid.polynomial.arx", "sysid.plots.bode", "sysid.IOData.detrend", "sysid.StateSpace.from_control"} <= set(
-        PUBLIC
-    )
+    assert {"sysid.arx", "sysid.plots.bode", "sysid.IOData.detrend", "sysid.StateSpace.from_control"} <= set(PUBLIC)

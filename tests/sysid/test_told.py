@@ -21,7 +21,8 @@ def test_okid_says_where_its_model_is_worth_nothing():
 
 
 @pytest.mark.parametrize(
-    ("rule", "hint"), [(sysid.Forgetting(0.7), "larger forgetting"), (sysid.Gradient(1e3, False), "smaller gain")]
+    ("rule", "hint"),
+    [(sysid.recursive.Forgetting(0.7), "larger forgetting"), (sysid.recursive.Gradient(1e3, False), "smaller gain")],
 )
 def test_a_recursion_that_goes_astray_says_where(rule, hint):
     rng = np.random.default_rng(0)
@@ -57,8 +58,8 @@ def test_a_bandwidth_that_the_data_do_not_tell_ends_at_nyquist():
 
 def test_a_gain_has_no_dynamics_to_sample():
     for system in (control.ss([], [], [], [[2.0]]), control.tf([2.0], [1.0])):
-        assert sysid.c2d(system, 0.1).order == sysid.c2d_matched(system, 0.1).order == 0
-        assert sysid.c2d(system, 0.1).dc_gain() == sysid.c2d_matched(system, 0.1).dc_gain() == 2.0
+        assert sysid.c2d(system, 0.1).order == sysid.models.continuous.c2d_matched(system, 0.1).order == 0
+        assert sysid.c2d(system, 0.1).dc_gain() == sysid.models.continuous.c2d_matched(system, 0.1).dc_gain() == 2.0
     with pytest.raises(SysidError, match="2 zeros and only 1 poles"):
         sysid.c2d(control.tf([1.0, 1.0, 1.0], [1.0, 1.0]), 0.1)
     assert sysid.c2d(control.tf([1.0], [1.0, 1.0]), np.int64(2)).dt == 2.0
@@ -66,7 +67,9 @@ def test_a_gain_has_no_dynamics_to_sample():
 
 @pytest.mark.filterwarnings("ignore:Badly conditioned")
 def test_a_leading_coefficient_of_rounding_is_none():
-    rounded, exact = (sysid.c2d_matched(control.tf(n, [1.0, 2.0, 1.0]), 0.1) for n in ([1e-17, 1.0], [1.0]))
+    rounded, exact = (
+        sysid.models.continuous.c2d_matched(control.tf(n, [1.0, 2.0, 1.0]), 0.1) for n in ([1e-17, 1.0], [1.0])
+    )
     np.testing.assert_allclose(rounded.markov(9), exact.markov(9), rtol=1e-12)
 
 
@@ -102,8 +105,11 @@ def test_deviations_that_are_not_known_are_left_out():
 
 
 def test_fits_of_lists_and_of_what_is_none():
-    assert sysid.fit_percent([1, 2, 3], [1, 2, 3]) == 100.0
-    for wrong in (lambda: sysid.fit_percent([1, 2, 3], [1, np.nan, 3]), lambda: sysid.fit_percent("ab", [1, 2])):
+    assert sysid.validation.fit_percent([1, 2, 3], [1, 2, 3]) == 100.0
+    for wrong in (
+        lambda: sysid.validation.fit_percent([1, 2, 3], [1, np.nan, 3]),
+        lambda: sysid.validation.fit_percent("ab", [1, 2]),
+    ):
         with pytest.raises(SysidError):
             wrong()
     with pytest.raises(SysidError, match="models or estimates"):

@@ -12,7 +12,7 @@ from scenarios.bench.leaderboard_reading import FIGURES
 from scenarios.bench.metrics import ALL_FIGURES
 from scenarios.commands.cli import _understand
 from scenarios.problems.registry import names, problem
-from sysid import innovations_form
+from sysid.models import innovations_form
 
 ROOT = Path(__file__).parents[3]
 PAGE = (ROOT / "docs/your-estimator.md").read_text(encoding="utf-8")

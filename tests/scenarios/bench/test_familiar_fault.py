@@ -11,7 +11,7 @@ F = np.array([0.1, 0.5, 2.0, 8.0, 20.0])
 
 
 def response(b: list[float], a: list[float]) -> np.ndarray:
-    return sysid.innovations_form(sysid.Polynomials(A=a, B=b), DT).frequency_response(F)
+    return sysid.models.innovations_form(sysid.Polynomials(A=a, B=b), DT).frequency_response(F)
 
 
 TRUE = response([0.0, 0.2, 0.1], [1.0, -1.5, 0.7])

@@ -14,7 +14,8 @@ from scenarios.estimators.task import Task
 from scenarios.problems.problem import Bound, Problem
 from scenarios.problems.registry import problem
 from scenarios.problems.trial import Trial
-from sysid import Estimate, IOData, Polynomials, StateSpace, bj, innovations_form, oe
+from sysid import Estimate, IOData, Polynomials, StateSpace, bj, oe
+from sysid.models import innovations_form
 
 TRIAL = Trial("p2@600", 0)
 

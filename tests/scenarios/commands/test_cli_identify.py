@@ -14,7 +14,7 @@ from scipy.signal import lfilter
 from scenarios.commands.cli import main
 from scenarios.identification.methods import ESTIMATORS
 from sysid import IOData, SysidError, arx, compare, oe
-from sysid.polynomial.fit_with_offset import constant, levelled
+from sysid.polynomial.fit_with_offset import fit_with_offset, unexplained_offset
 
 DT = 0.02
 ORDERS = {
@@ -103,7 +103,7 @@ def test_a_constant_on_the_output_is_found_with_the_model() -> None:
         u = rng.standard_normal(400)
         u[:200] += 1.0
         y = lfilter([0, 0.05], [1, -0.95], u) + 0.05 * rng.standard_normal(400) + 7.0
-        found = levelled(lambda parts: oe(parts, 1, 1, 1), [IOData(u, y, DT)])
+        found = fit_with_offset(lambda parts: oe(parts, 1, 1, 1), [IOData(u, y, DT)])
         errors.append(found.output[0] - found.estimate.dc_gain()[0, 0] * found.input[0] - 7.0)
     assert abs(np.mean(errors)) < 3 * np.std(errors) / np.sqrt(30)
     assert np.std(errors) < 0.02
@@ -113,7 +113,7 @@ def test_the_level_never_costs_fit() -> None:
     u, y = signals(0.2, seed=5)
     for record in (IOData(u, y, DT), IOData(u, np.cumsum(y), DT)):
         plain = arx(record.detrend(), 2, 2, 1)
-        found = levelled(lambda parts: arx(parts, 2, 2, 1), [record])
+        found = fit_with_offset(lambda parts: arx(parts, 2, 2, 1), [record])
         assert found.estimate.loss <= plain.loss * (1 + 1e-9)
 
 
@@ -127,7 +127,7 @@ def test_an_estimator_that_fails_without_the_level_leaves_the_model_before() -> 
             raise SysidError("no")
         return oe(parts, 1, 1, 1)
 
-    found = levelled(once, [IOData(u + 2, lfilter([0, 0.1], [1, -0.9], u + 2), DT)])
+    found = fit_with_offset(once, [IOData(u + 2, lfilter([0, 0.1], [1, -0.9], u + 2), DT)])
     assert len(calls) == 2
     assert found.estimate.method == "oe"
 
@@ -141,7 +141,7 @@ def test_a_constant_over_several_parts_with_gaps_and_windows() -> None:
         IOData(u[:500], np.r_[np.full(20, 99.0), lost[20:500]], DT, window=20, missing=True),
         IOData(u[500:], y[500:] + 3.0, DT),
     ]
-    level, before, after = constant(model, parts)
+    level, before, after = unexplained_offset(model, parts)
     assert level[0] == pytest.approx(3.0)
     assert after < 1e-12 * before
 

@@ -25,7 +25,9 @@ from scenarios.datasets.score import (
 from scenarios.datasets.spec_tables import Scoring
 from scenarios.files.errors import ScenarioError
 from scenarios.files.netcdf import Contents, Variable
-from sysid import IOData, StateSpace, block_diagonal, fit_percent
+from sysid import IOData, StateSpace
+from sysid.models import block_diagonal
+from sysid.validation import fit_percent
 
 
 @pytest.fixture(scope="module")

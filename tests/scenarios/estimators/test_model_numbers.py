@@ -32,7 +32,7 @@ def response(num, den):
 
 def test_all_ways_to_say_a_model_say_the_same() -> None:
     expected = response(NUM, DEN)
-    companion = sysid.innovations_form(sysid.Polynomials(B=NUM, F=DEN), 0.02)
+    companion = sysid.models.innovations_form(sysid.Polynomials(B=NUM, F=DEN), 0.02)
     ways = [
         numbers(num=NUM, den=DEN),
         numbers(num=np.multiply(2.0, [NUM]).T, den=np.multiply(2.0, [DEN])),
@@ -89,7 +89,7 @@ def _deviation(covariance: np.ndarray) -> float:
     theta = np.array([*NUM[1:], *DEN[1:]])
 
     def log_bandwidth(t: np.ndarray) -> float:
-        model = sysid.innovations_form(sysid.Polynomials(B=[0.0, *t[:2]], F=[1.0, *t[2:]]), 0.02)
+        model = sysid.models.innovations_form(sysid.Polynomials(B=[0.0, *t[:2]], F=[1.0, *t[2:]]), 0.02)
         return float(np.log(model.bandwidth()[0, 0]))
 
     steps = 1e-3 * np.linalg.cholesky(covariance).T

@@ -34,7 +34,7 @@ def test_the_true_model_has_the_true_errors() -> None:
     rng = np.random.default_rng(4)
     e, u = 0.1 * rng.standard_normal(600), rng.standard_normal(600)
     truth = sysid.Polynomials(B=[0, 1.0, 0.5], C=[1, -0.6], D=[1, -0.5, 0.2], F=[1, -1.2, 0.5])
-    model = sysid.innovations_form(truth, 0.1)
+    model = sysid.models.innovations_form(truth, 0.1)
     y = sysid.simulate(model, u, x0=np.zeros(model.order))[:, 0]
     v = np.zeros(600)
     for t in range(600):
@@ -54,7 +54,7 @@ def test_without_noise_it_finds_the_system() -> None:
     """To ten digits."""
     u = np.random.default_rng(1).standard_normal(400)
     truth = sysid.Polynomials(B=[0, 1.0, 0.5], F=[1, -1.2, 0.5])
-    model = sysid.innovations_form(truth, 0.1)
+    model = sysid.models.innovations_form(truth, 0.1)
     record = sysid.IOData(u, sysid.simulate(model, u), 0.1)[50:]
     found = referee(record, Task("oe", {"nb": 2, "nf": 2, "nk": 1}, 2, FREQUENCIES))
     assert found.model.frequency_response(FREQUENCIES) == pytest.approx(

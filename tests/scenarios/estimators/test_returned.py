@@ -12,7 +12,7 @@ from scenarios.estimators.returned import numbers_of
 from scenarios.estimators.task import Task
 
 POLYNOMIALS = sysid.Polynomials(B=[0.0, 0.0, 0.2], F=[1.0, -0.8])
-MODEL = sysid.innovations_form(POLYNOMIALS, 0.02)
+MODEL = sysid.models.innovations_form(POLYNOMIALS, 0.02)
 SPREAD = np.tile(1e-4 * np.eye(2), (3, 1, 1))[:, None, None]
 COVARIANCE = np.diag([1e-4, 2e-4])
 ENDS = (np.array([[1.0]]), np.array([[2.0]]))

@@ -45,7 +45,7 @@ def test_state_space_in_local_coordinates(name: str) -> None:
     found = problem(name)
     expected = found.bound("ss")
     assert expected is not None
-    model = sysid.innovations_form(expected.polynomials, found.dt, found.variance)
+    model = sysid.models.innovations_form(expected.polynomials, found.dt, found.variance)
     other = state_space_bound(coordinates(model, found.draw(0)), found.draw, found.frequencies)
     assert other.response_directions.shape == expected.response_directions.shape
     assert response_covariance(other) == pytest.approx(

@@ -6,7 +6,8 @@ import pytest
 from scenarios.files.errors import ScenarioError
 from scenarios.problems.embedding import embedding, layout, own_structure, parameters, underfit
 from scenarios.problems.registry import problem
-from sysid import Polynomials, innovations_form
+from sysid import Polynomials
+from sysid.models import innovations_form
 
 F_HZ = np.geomspace(0.01, 24.0, 30)
 OWN = {"p1": "armax", "p2": "oe", "p3": "armax", "p4": "bj", "p5": "arx", "shared": "oe"}

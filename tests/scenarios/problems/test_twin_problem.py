@@ -8,7 +8,7 @@ from scenarios.problems.registry import problem
 from scenarios.problems.twin_name import twin_name
 from scenarios.problems.twin_problem import twin_problem
 from sysid import IOData
-from sysid.models.simulate import simulate
+from sysid.models.predict import simulate
 
 ELBOW = "twin-nominal-elbow_pitch-multisine-10mrad"
 

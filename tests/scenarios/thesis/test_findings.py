@@ -16,7 +16,7 @@ from scenarios.thesis.findings import findings
 from scenarios.thesis.results import answer, headline, results, stands
 from scenarios.truth.published import YAW_OE
 from sysid import FrequencyResponse, StateSpace, SysidError
-from sysid.models.gain_crossing import crossing, half_power_hz
+from sysid.models.bandwidth import gain_crossing, half_power_hz
 
 VERDICTS = {"reproduced", "partly", "not reproduced", "cannot be told"}
 
@@ -75,9 +75,9 @@ def test_what_an_estimator_refuses_cannot_be_told_and_a_fault_stays_one(monkeypa
 def test_crossing_interpolates_between_lines() -> None:
     f = np.arange(1, 50) * 0.5
     response = FrequencyResponse(f, (1.0 / f)[:, None, None].astype(complex), 0.02, "etfe")
-    assert crossing(response, 0.8) == pytest.approx(1.25)
-    assert np.isnan(crossing(response, 3.0))
-    assert np.isnan(crossing(response, 1e-3))
+    assert gain_crossing(response, 0.8) == pytest.approx(1.25)
+    assert np.isnan(gain_crossing(response, 3.0))
+    assert np.isnan(gain_crossing(response, 1e-3))
 
 
 def test_results_have_the_promised_keys(study: Comparison, tmp_path: object) -> None:

@@ -13,7 +13,7 @@ from scenarios.experiments.excitation_computer import BOARD
 from scenarios.experiments.multisines import MultisineExperiment, Multisines, multisine_experiments
 from scenarios.truth.best_linear import best_linear
 from sysid import SysidError
-from sysid.validation.interval_agreement import agreement
+from sysid.frequency.bla import response_agreement
 
 QUIET = replace(IDEAL, resolver=True)
 SHORT = Multisines(realisations=8, period=5.12, f_min=0.1)
@@ -44,8 +44,8 @@ def test_the_test_would_see_a_bandwidth_that_is_off_by_two_percent() -> None:
     found = best_linear(YAW, SHORT)
     f = found.servo.response.frequencies
     model = found.small_signal.channel("shoulder_yaw", "shoulder_yaw")
-    assert agreement(found.servo, model.frequency_response(f)).p_all.item() > 1e-3
-    assert agreement(found.servo, model.frequency_response(f / 1.02)).p_all.item() < 1e-6
+    assert response_agreement(found.servo, model.frequency_response(f)).p_all.item() > 1e-3
+    assert response_agreement(found.servo, model.frequency_response(f / 1.02)).p_all.item() < 1e-6
 
 
 def test_several_joints_at_once_give_the_coupled_truth() -> None:

@@ -5,7 +5,7 @@ import pytest
 
 from hmtb_twin import STUDIED_JOINTS, linearize, load_arm
 from sysid import FrequencyResponse, StateSpace
-from sysid.frequency.response_bandwidth import response_bandwidth
+from sysid.models.bandwidth import response_bandwidth
 
 
 def measured(model: StateSpace, deviation: float, f: np.ndarray, rng: np.random.Generator | None) -> FrequencyResponse:

@@ -5,7 +5,9 @@ from typing import Any
 import numpy as np
 import pytest
 
-from sysid import StateSpace, SysidError, band, n4sid, oe, poles_band, sample_models, sampled_band, zeros_band
+from sysid import StateSpace, SysidError, band, n4sid, oe
+from sysid.models import poles_band, sampled_band, zeros_band
+from sysid.models.bands import sample_models
 
 
 def step(model: StateSpace) -> np.ndarray:

@@ -12,19 +12,18 @@ from sysid import (
     IOData,
     StateSpace,
     SysidError,
-    ZeroPoleGain,
     balred,
     c2d,
-    c2d_matched,
     d2c,
-    d2c_matched,
     findstates,
-    hankel_singular_values,
     predict,
     simulate,
     transfer_function,
     zero_pole_gain,
 )
+from sysid.models import hankel_singular_values
+from sysid.models.continuous import c2d_matched, d2c_matched
+from sysid.models.zero_pole_gain import ZeroPoleGain
 
 DT = 0.02
 GRID = np.linspace(0.0, 24.0, 25)
@@ -236,7 +235,7 @@ def test_the_noise_models_own_poles_have_no_part_in_the_path() -> None:
     assert transfer_function(estimate).poles() == pytest.approx([0.8], abs=0.01)
     assert len(zero_pole_gain(estimate).zeros) == 0
     assert d2c(estimate).poles() == pytest.approx([np.log(0.8) / DT], rel=0.05)
-    assert sysid.poles_band(estimate).roots == pytest.approx([0.8], abs=0.01)
+    assert sysid.models.poles_band(estimate).roots == pytest.approx([0.8], abs=0.01)
 
 
 def test_delays_come_out_and_leave_the_dynamics() -> None:

@@ -17,7 +17,6 @@ from sysid import (
     cra,
     delayest,
     etfe,
-    innovations_form,
     n4sid,
     oe,
     okid,
@@ -29,6 +28,7 @@ from sysid import (
     spa,
     welch,
 )
+from sysid.models import innovations_form
 from sysid.models.predict import initial_state
 
 A, B, C = [1, -1.5, 0.7], [0, 1, 0.5], [1, -0.6, 0.2]

@@ -6,7 +6,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.signal import lfilter
 
-from sysid import Polynomials, SysidError, innovations_form, simulate
+from sysid import Polynomials, SysidError, simulate
+from sysid.models import innovations_form
 from sysid.models.polynomials import is_stable, stabilised
 from sysid.models.recursion import state_trajectory
 

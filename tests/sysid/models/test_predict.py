@@ -6,18 +6,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.signal import lfilter
 
-from sysid import (
-    IOData,
-    Polynomials,
-    StateSpace,
-    SysidError,
-    SysidWarning,
-    findstates,
-    innovations_form,
-    predict,
-    residuals,
-    simulate,
-)
+from sysid import IOData, Polynomials, StateSpace, SysidError, SysidWarning, findstates, predict, residuals, simulate
+from sysid.models import innovations_form
 from sysid.models.predict import initial_state
 
 A, B, C = [1, -1.5, 0.7], [0, 1, 0.5], [1, -0.3, 0.1]

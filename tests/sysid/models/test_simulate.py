@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 from scipy.signal import lfilter
 
-from sysid import Polynomials, StateSpace, SysidError, innovations_form, simulate
+from sysid import Polynomials, StateSpace, SysidError, simulate
+from sysid.models import innovations_form
 
 MODEL = innovations_form(Polynomials([1, -1.5, 0.7], [0, 1, 0.5], [1, 0.2], [1.0], [1.0]), 0.1)
 

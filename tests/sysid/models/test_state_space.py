@@ -4,7 +4,8 @@ import control
 import numpy as np
 import pytest
 
-from sysid import StateSpace, SysidError, block_diagonal
+from sysid import StateSpace, SysidError
+from sysid.models import block_diagonal
 
 
 def random_model(seed: int, n: int = 4, nu: int = 2, ny: int = 3) -> StateSpace:

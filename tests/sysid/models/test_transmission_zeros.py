@@ -4,7 +4,8 @@ import control
 import numpy as np
 import pytest
 
-from sysid import Polynomials, StateSpace, innovations_form
+from sysid import Polynomials, StateSpace
+from sysid.models import innovations_form
 from sysid.models.transmission_zeros import transmission_zeros
 
 

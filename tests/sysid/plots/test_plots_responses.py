@@ -181,7 +181,7 @@ def test_spectra_of_the_disturbance_with_their_intervals(data: IOData, several: 
 
 def test_poles_of_estimates_have_their_regions(data: IOData) -> None:
     found = sysid.armax(data, 1, 1, 1)
-    outline = sysid.poles_band(found).ellipses()[0]
+    outline = sysid.models.poles_band(found).ellipses()[0]
     lines = pzmap(found).axes[0].get_lines()
     np.testing.assert_allclose(lines[-1].get_xdata(), outline.real)
     assert to_hex(lines[-1].get_color()) == PALETTE["armax"].colour

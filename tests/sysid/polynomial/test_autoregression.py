@@ -3,7 +3,7 @@
 import numpy as np
 from scipy.signal import lfilter
 
-from sysid.polynomial.autoregression import autoregression
+from sysid.polynomial.correlation import autoregression
 
 
 def test_known_process() -> None:

@@ -6,9 +6,8 @@ import numpy as np
 import pytest
 
 from sysid import IOData
-from sysid.polynomial.arx import arx_solution
-from sysid.polynomial.lagged_products import lagged_products
-from sysid.polynomial.long_arx import long_arx_family, long_arx_order
+from sysid.polynomial.gram_matrices import lagged_products
+from sysid.polynomial.long_arx import arx_solution, long_arx_family, long_arx_order
 from sysid.polynomial.orders import make_orders
 from sysid.polynomial.regressors import lagged
 

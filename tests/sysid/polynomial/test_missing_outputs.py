@@ -10,21 +10,21 @@ from scipy.signal import lfilter
 
 from sysid import (
     Estimate,
+    InitialConditions,
     IOData,
-    Past,
     Polynomials,
     StateSpace,
     SysidError,
     armax,
     arx,
     bj,
-    innovations_form,
     iv4,
     oe,
     okid,
     pem_ss,
 )
-from sysid.polynomial.completed_records import completed
+from sysid.models import innovations_form
+from sysid.polynomial.initial_estimates import completed
 from sysid.polynomial.missing_outputs import MissingOutputs
 from sysid.polynomial.orders import Orders, make_orders
 from sysid.polynomial.prediction_error import linearise
@@ -121,24 +121,26 @@ CASES = [
 @pytest.mark.parametrize(("orders", "theta"), CASES)
 def test_criterion_is_the_likelihood_of_what_is_known(orders: Orders, theta: list[float]) -> None:
     data = record(1, 150)
-    at = linearise([data], orders, np.array(theta), Past.ZERO)
+    at = linearise([data], orders, np.array(theta), InitialConditions.ZERO)
     squares, determinant = likelihood(orders, np.array(theta), data)
     assert at.errors == data.known.sum()
     assert at.sum_of_squares == pytest.approx(squares, rel=1e-9)
     assert np.log(at.inflation) * at.errors == pytest.approx(determinant, rel=1e-9, abs=1e-9)
 
 
-@pytest.mark.parametrize("past", [Past.ESTIMATED, Past.ZERO])
+@pytest.mark.parametrize("initial_conditions", [InitialConditions.ESTIMATED, InitialConditions.ZERO])
 @pytest.mark.parametrize(("orders", "theta"), CASES)
 @pytest.mark.parametrize("lead", [0, 1, 5])
-def test_gradient_is_exact(orders: Orders, theta: list[float], past: Past, lead: int) -> None:
+def test_gradient_is_exact(
+    orders: Orders, theta: list[float], initial_conditions: InitialConditions, lead: int
+) -> None:
     y = record(2, 150).y.copy()
     y[:lead] = np.nan
     data = [IOData(record(2, 150).u, y, 0.1, missing=True, window=3 if lead == 1 else 0), record(3, 90)]
-    at = linearise(data, orders, np.array(theta), past)
+    at = linearise(data, orders, np.array(theta), initial_conditions)
     found = 2.0 * at.scale * (at.triangle.T @ at.target)
     steps = 1e-5 * np.eye(len(theta))
-    ends = [[linearise(data, orders, theta + s * step, past).cost for s in (1, -1)] for step in steps]
+    ends = [[linearise(data, orders, theta + s * step, initial_conditions).cost for s in (1, -1)] for step in steps]
     expected = np.array([(up - down) / 2e-5 for up, down in ends])
     np.testing.assert_allclose(found, expected, atol=1e-6 * np.abs(expected).max())
 
@@ -206,7 +208,7 @@ def test_several_records_a_window_and_residuals() -> None:
 
 def test_backcasting_over_gaps_is_refused() -> None:
     with pytest.raises(SysidError, match=r"BACKCAST needs complete outputs.*complete_parts"):
-        armax(record(0), 2, 2, 2, past=Past.BACKCAST)
+        armax(record(0), 2, 2, 2, initial_conditions=InitialConditions.BACKCAST)
 
 
 def test_completed_records_keep_what_is_known() -> None:

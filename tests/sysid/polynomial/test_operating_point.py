@@ -8,7 +8,7 @@ from scipy.signal import lfilter
 
 import sysid
 from sysid import IOData, SysidWarning
-from sysid.polynomial.operating_point import check_means
+from sysid.polynomial.data_checks import check_means
 
 B, A = [0.0, 1.0, 0.5], [1.0, -1.5, 0.7]
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.signal import lfilter
 
-from sysid import IOData, Past
+from sysid import InitialConditions, IOData
 from sysid.polynomial.orders import Orders, make_orders
 from sysid.polynomial.prediction_error import admissible, linearise, minimise
 
@@ -27,18 +27,21 @@ def some_parameters(orders: Orders) -> np.ndarray:
     return 0.3 * rng.standard_normal(orders.count)
 
 
-@pytest.mark.parametrize("past", Past)
+@pytest.mark.parametrize("initial_conditions", InitialConditions)
 @pytest.mark.parametrize("name", STRUCTURES)
-def test_gradient_is_that_of_the_projected_criterion(name: str, past: Past) -> None:
+def test_gradient_is_that_of_the_projected_criterion(name: str, initial_conditions: InitialConditions) -> None:
     orders = STRUCTURES[name]
     data = [noise_record(orders), noise_record(orders, 80, 1)]
     theta = some_parameters(orders)
     assert admissible(orders, theta)
-    at = linearise(data, orders, theta, past)
+    at = linearise(data, orders, theta, initial_conditions)
     gradient = 2.0 * at.scale * (at.triangle.T @ at.target)
     h = 1e-6
     numeric = [
-        (linearise(data, orders, theta + h * step, past).cost - linearise(data, orders, theta - h * step, past).cost)
+        (
+            linearise(data, orders, theta + h * step, initial_conditions).cost
+            - linearise(data, orders, theta - h * step, initial_conditions).cost
+        )
         / (2 * h)
         for step in np.eye(orders.count)
     ]

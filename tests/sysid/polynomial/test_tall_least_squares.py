@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.linalg import lstsq
 
-from sysid.polynomial.tall_least_squares import least_squares
+from sysid.polynomial.least_squares import least_squares
 
 
 @pytest.mark.parametrize("dependent", [False, True])

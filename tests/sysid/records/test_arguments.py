@@ -53,12 +53,12 @@ def test_numbers_of_any_kind():
         lambda d, e: sysid.prefilter([d], [1.0]),
         lambda d, e: sysid.identifiability(MODEL),
         lambda d, e: sysid.band(MODEL, StateSpace.dc_gain),
-        lambda d, e: sysid.sampled_band(MODEL, StateSpace.dc_gain, np.random.default_rng(0)),
-        lambda d, e: sysid.sampled_band(e, StateSpace.dc_gain, 3),
-        lambda d, e: sysid.poles_band(MODEL),
-        lambda d, e: sysid.zeros_band(MODEL),
-        lambda d, e: sysid.innovations_form(MODEL, 0.02),
-        lambda d, e: sysid.innovations_form(e.polynomials, 0.02, -1.0),
+        lambda d, e: sysid.models.sampled_band(MODEL, StateSpace.dc_gain, np.random.default_rng(0)),
+        lambda d, e: sysid.models.sampled_band(e, StateSpace.dc_gain, 3),
+        lambda d, e: sysid.models.poles_band(MODEL),
+        lambda d, e: sysid.models.zeros_band(MODEL),
+        lambda d, e: sysid.models.innovations_form(MODEL, 0.02),
+        lambda d, e: sysid.models.innovations_form(e.polynomials, 0.02, -1.0),
         lambda d, e: sysid.okid(d, 2, p=10, block_rows=2.5),
         lambda d, e: sysid.okid(d, 2, p=10, block_rows=10**6),
         lambda d, e: sysid.selstruc(d, 2.5, 2),
@@ -76,14 +76,14 @@ def test_numbers_of_any_kind():
         lambda d, e: sysid.spa(d, window="hann"),
         lambda d, e: sysid.bla(d, 50, audible=None),
         lambda d, e: sysid.keep_band(d, low_hz="2"),
-        lambda d, e: sysid.Forgetting("2"),
-        lambda d, e: sysid.Gradient(None),
-        lambda d, e: sysid.Kalman(1.0, "2"),
-        lambda d, e: sysid.Kalman([[1.0, 2.0], [0.0, 1.0]]),
-        lambda d, e: sysid.Kalman([[1.0, 2.0], [2.0, 1.0]]),
+        lambda d, e: sysid.recursive.Forgetting("2"),
+        lambda d, e: sysid.recursive.Gradient(None),
+        lambda d, e: sysid.recursive.Kalman(1.0, "2"),
+        lambda d, e: sysid.recursive.Kalman([[1.0, 2.0], [0.0, 1.0]]),
+        lambda d, e: sysid.recursive.Kalman([[1.0, 2.0], [2.0, 1.0]]),
         lambda d, e: sysid.rarx(d, 2, 2, adaptation=3),
         lambda d, e: sysid.rarx(d, 2, 2, adaptation=0.99),
-        lambda d, e: sysid.rarx(d, 2, 2, adaptation=sysid.Forgetting),
+        lambda d, e: sysid.rarx(d, 2, 2, adaptation=sysid.recursive.Forgetting),
         lambda d, e: MODEL.minimal("2"),
         lambda d, e: MODEL.markov(True),
         lambda d, e: sysid.read_csv(3),
@@ -94,10 +94,10 @@ def test_numbers_of_any_kind():
         lambda d, e: d.detrend(1.0),
         lambda d, e: sysid.oe(d, 2, 2, coloured="2"),
         lambda d, e: StateSpace([[0.5]], [[1.0]], [[1.0]], [[0.0]], None, 0.02, [[-1.0]]),
-        lambda d, e: sysid.ZeroPoleGain([], [0.5], np.nan, 0.1),
-        lambda d, e: sysid.ZeroPoleGain([], [0.5], 1.0, "now"),
-        lambda d, e: sysid.ZeroPoleGain(["a"], [0.5], 1.0, 0.1),
-        lambda d, e: sysid.ZeroPoleGain([np.nan], [0.5], 1.0, 0.1),
+        lambda d, e: sysid.models.zero_pole_gain.ZeroPoleGain([], [0.5], np.nan, 0.1),
+        lambda d, e: sysid.models.zero_pole_gain.ZeroPoleGain([], [0.5], 1.0, "now"),
+        lambda d, e: sysid.models.zero_pole_gain.ZeroPoleGain(["a"], [0.5], 1.0, 0.1),
+        lambda d, e: sysid.models.zero_pole_gain.ZeroPoleGain([np.nan], [0.5], 1.0, 0.1),
     ],
 )
 def test_wrong_kinds(data, estimate, call):
@@ -120,7 +120,7 @@ def test_channels_by_numpy_numbers(data):
 
 
 def test_the_variance_of_an_estimate_makes_its_model(estimate):
-    found = sysid.innovations_form(estimate.polynomials, 0.02, estimate.noise_variance)
+    found = sysid.models.innovations_form(estimate.polynomials, 0.02, estimate.noise_variance)
     assert np.array_equal(found.innovation_covariance, estimate.model.innovation_covariance)
 
 
@@ -139,14 +139,14 @@ def test_every_record_stays_locked(data, estimate, carry):
     band = sysid.band(estimate, StateSpace.dc_gain)
     pairs = [
         (band, "value"),
-        (sysid.poles_band(estimate), "roots"),
+        (sysid.models.poles_band(estimate), "roots"),
         (sysid.cra(data), "response"),
         (sysid.covf(data), "values"),
         (sysid.delayest(data), "bound"),
         (sysid.selstruc(data, 2, 2), "loss"),
         (sysid.identifiability(estimate), "weakest"),
         (sysid.zero_pole_gain(estimate), "poles"),
-        (sysid.Kalman([1.0, 2.0]), "R1"),
+        (sysid.recursive.Kalman([1.0, 2.0]), "R1"),
         (sysid.cross_validate(lambda parts: sysid.arx(parts, 2, 2), data), "simulation"),
         (sysid.rarx(data, 2, 2), "P"),
     ]

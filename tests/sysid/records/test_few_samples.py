@@ -7,7 +7,7 @@ import pytest
 from scipy.signal import lfilter
 
 import sysid
-from sysid import IOData, Past, SysidError, SysidWarning
+from sysid import InitialConditions, IOData, SysidError, SysidWarning
 
 
 @pytest.fixture(scope="module")
@@ -31,13 +31,13 @@ def test_noise_models_beyond_the_data(whole):
 
 @pytest.mark.filterwarnings("ignore::sysid.SysidWarning")
 def test_inputs_that_reach_back_beyond_the_long_model(whole):
-    assert np.isfinite(sysid.armax(whole[:22], 4, 5, 1, 2, past=Past.ZERO).parameters).all()
+    assert np.isfinite(sysid.armax(whole[:22], 4, 5, 1, 2, initial_conditions=InitialConditions.ZERO).parameters).all()
 
 
 @pytest.mark.filterwarnings("ignore::sysid.SysidWarning")
 @pytest.mark.parametrize(("samples", "orders"), [(30, (1, 2, 2, 1)), (57, (5, 0, 2, 5))])
 def test_backcasting_at_the_edge_of_stability(whole, samples, orders):
-    found = sysid.bj(whole[:samples], *orders, past=Past.BACKCAST, max_iterations=4)
+    found = sysid.bj(whole[:samples], *orders, initial_conditions=InitialConditions.BACKCAST, max_iterations=4)
     assert np.isfinite(found.parameters).all()
 
 
@@ -65,17 +65,20 @@ def test_n4sid_whose_gain_no_machine_can_use():
 @pytest.mark.parametrize("given", ["now", None, 2])
 def test_pasts_that_are_none(whole, given):
     for fit in (
-        lambda: sysid.oe(whole, 2, 2, past=given),
-        lambda: sysid.armax(whole, 2, 2, 1, past=given),
-        lambda: sysid.bj(whole, 2, 1, 1, 2, past=given),
+        lambda: sysid.oe(whole, 2, 2, initial_conditions=given),
+        lambda: sysid.armax(whole, 2, 2, 1, initial_conditions=given),
+        lambda: sysid.bj(whole, 2, 1, 1, 2, initial_conditions=given),
     ):
-        with pytest.raises(SysidError, match="past must be one of"):
+        with pytest.raises(SysidError, match="initial_conditions must be one of"):
             fit()
 
 
 def test_past_by_name(whole):
     part = whole[:60]
-    by_name, named = sysid.armax(part, 2, 2, 1, past="zero"), sysid.armax(part, 2, 2, 1, past=Past.ZERO)
+    by_name, named = (
+        sysid.armax(part, 2, 2, 1, initial_conditions="zero"),
+        sysid.armax(part, 2, 2, 1, initial_conditions=InitialConditions.ZERO),
+    )
     assert np.array_equal(by_name.parameters, named.parameters)
 
 

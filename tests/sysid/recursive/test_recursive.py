@@ -8,22 +8,10 @@ import numpy as np
 import pytest
 from scipy.signal import lfilter
 
-from sysid import (
-    IOData,
-    StateSpace,
-    SysidError,
-    SysidWarning,
-    armax,
-    arx,
-    oe,
-    rarmax,
-    rarx,
-    residuals,
-    roe,
-)
+from sysid import IOData, StateSpace, SysidError, SysidWarning, armax, arx, oe, rarmax, rarx, residuals, roe
 from sysid.models.polynomials import is_stable
 from sysid.recursive.adaptation import Forgetting, Gradient, Kalman
-from sysid.recursive.channels import stable
+from sysid.recursive.initial_state import stable
 
 
 @pytest.mark.parametrize(("problem", "orders"), [("p1", (5, 3, 2)), ("p3", (2, 2, 1)), ("p5", (3, 3, 2))])

@@ -6,7 +6,8 @@ from functools import partial
 import numpy as np
 import pytest
 
-from sysid import Realisation, StateSpace, SysidError, SysidWarning, era, era_dc
+from sysid import StateSpace, SysidError, SysidWarning, era, era_dc
+from sysid.subspace import Realisation
 
 METHODS: dict[str, Callable[..., Realisation]] = {
     "era": era,

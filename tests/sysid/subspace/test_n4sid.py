@@ -8,7 +8,7 @@ import pytest
 from scipy.signal import lfilter
 
 from sysid import IOData, StateSpace, SysidError, SysidWarning, n4sid, residuals, simulate
-from sysid.subspace.canonical_variates import kalman_gain, stable_shift
+from sysid.subspace.n4sid import kalman_gain, stable_shift
 
 GRID = np.linspace(0.1, 24.0, 40)
 

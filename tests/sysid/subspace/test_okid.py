@@ -96,7 +96,7 @@ def test_the_gain_is_the_innovation_gain() -> None:
 
 
 def test_intervals_cover() -> None:
-    truth = sysid.innovations_form(
+    truth = sysid.models.innovations_form(
         sysid.Polynomials([1, -1.5, 0.7], [0, 1.0, 0.5], np.ones(1), np.ones(1), np.ones(1)), 0.1
     )
     hz, f = truth.bandwidth()[0, 0], np.array([0.2, 1.0, 3.0])

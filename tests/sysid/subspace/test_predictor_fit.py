@@ -6,12 +6,18 @@ import pytest
 from sysid import IOData, StateSpace
 from sysid.models.estimate import DataSummary
 from sysid.models.recursion import free_response
-from sysid.polynomial.hankel_moments import hankel_moments, hankel_triangle
-from sysid.subspace.local_coordinates import InputCoordinates, LocalCoordinates
-from sysid.subspace.predictor import Predictor, Scales
+from sysid.polynomial.gram_matrices import hankel_moments, hankel_triangle
+from sysid.subspace.predictor import (
+    PRIOR,
+    InputCoordinates,
+    LocalCoordinates,
+    Predictor,
+    Record,
+    Scales,
+    initial_spread,
+)
 from sysid.subspace.predictor_errors import Point
 from sysid.subspace.predictor_fit import least_squares_fit, linearise
-from sysid.subspace.predictor_record import PRIOR, Record, initial_spread
 
 
 def a_predictor(gain: bool, states: int = 4) -> Predictor:

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from sysid.subspace.stability_boundary import constrained_step
+from sysid.subspace.predictor_fit import constrained_step
 
 
 @pytest.mark.parametrize("seed", range(30))

@@ -5,7 +5,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from sysid import IOData, SysidError, armax, compare, fit_percent, oe, predict
+from sysid import IOData, SysidError, armax, compare, oe, predict
+from sysid.validation import fit_percent
 
 
 def test_fit_by_hand() -> None:

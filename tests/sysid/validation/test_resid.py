@@ -6,8 +6,9 @@ import numpy as np
 import pytest
 from scipy.signal import lfilter
 
-from sysid import IOData, Polynomials, StateSpace, SysidError, arx, compare, innovations_form, resid
-from sysid.validation.independence import independence_p, whiteness_p
+from sysid import IOData, Polynomials, StateSpace, SysidError, arx, compare, resid
+from sysid.models import innovations_form
+from sysid.validation.resid import independence_p, whiteness_p
 
 ONE = np.ones(1)
 MODEL = innovations_form(Polynomials([1, -1.5, 0.7], [0, 1, 0.5], [1, -1.0, 0.2], ONE, ONE), 0.1)

@@ -7,7 +7,7 @@ import pytest
 import scipy.linalg
 from scipy.signal import lfilter
 
-from sysid import IOData, Past, armax, bj, oe, residuals
+from sysid import InitialConditions, IOData, armax, bj, oe, residuals
 from sysid.polynomial.error_jacobian import error_jacobian
 from sysid.polynomial.orders import make_orders
 
@@ -19,7 +19,7 @@ from sysid.polynomial.orders import make_orders
 def test_zero_is_exact_from_rest_from_the_first_sample_on(estimator: Any, orders: tuple[int, ...]) -> None:
     u = np.random.default_rng(0).standard_normal(60)
     data = IOData(u, lfilter([0, 1.0, 0.5], [1, -1.5, 0.7], u), 0.1)
-    estimate = estimator(data, *orders, past=Past.ZERO)
+    estimate = estimator(data, *orders, initial_conditions=InitialConditions.ZERO)
     np.testing.assert_allclose(
         estimate.model.markov(20)[:, 0, 0], lfilter([0, 1.0, 0.5], [1, -1.5, 0.7], np.eye(20)[0])
     )
@@ -29,7 +29,7 @@ def test_zero_is_exact_from_rest_from_the_first_sample_on(estimator: Any, orders
 
 def test_zero_biases_a_record_from_the_middle(p2: Any) -> None:
     data = IOData(p2.input, p2.noise_free, 0.02)[777:1777]
-    free, rest = oe(data, 2, 2).parameters, oe(data, 2, 2, past=Past.ZERO).parameters
+    free, rest = oe(data, 2, 2).parameters, oe(data, 2, 2, initial_conditions=InitialConditions.ZERO).parameters
     assert np.abs(free - p2.parameters).max() < 1e-9
     assert np.abs(rest - p2.parameters).max() > 1e-3
 
@@ -73,15 +73,15 @@ def test_backcasting_is_unconditional_least_squares() -> None:
     data = IOData(rng.standard_normal(40), y, 0.1)
     orders = make_orders(1, nb=1, nk=0, nc=2, nd=1)
     theta = orders.join(np.ones(1), [np.zeros(1)], c, d)
-    cost = float(np.sum(error_jacobian(data, orders, theta, Past.BACKCAST).columns[:, -1] ** 2))
+    cost = float(np.sum(error_jacobian(data, orders, theta, InitialConditions.BACKCAST).columns[:, -1] ** 2))
     h = lfilter(c, d, np.eye(500)[0])
     covariance = scipy.linalg.toeplitz([h[k:] @ h[: len(h) - k] for k in range(40)])
     assert cost == pytest.approx(float(y @ np.linalg.solve(covariance, y)), rel=1e-5)
 
 
-@pytest.mark.parametrize("past", Past)
-def test_long_records_do_not_care(p3: Any, past: Past) -> None:
+@pytest.mark.parametrize("initial_conditions", InitialConditions)
+def test_long_records_do_not_care(p3: Any, initial_conditions: InitialConditions) -> None:
     data = p3.draw(3)
-    plain, other = armax(data, 2, 2, 2), armax(data, 2, 2, 2, past=past)
+    plain, other = armax(data, 2, 2, 2), armax(data, 2, 2, 2, initial_conditions=initial_conditions)
     assert np.all(np.abs(other.parameters - plain.parameters) < 0.5 * np.sqrt(np.diag(plain.covariance)))
     np.testing.assert_allclose(other.covariance, plain.covariance, rtol=0.1, atol=1e-5)

@@ -10,7 +10,7 @@ from scipy.signal import lfilter
 
 from scenarios.commands.cli import main
 from sysid import IOData, oe
-from sysid.models.bandwidth_claim import claim, lowest_excited
+from sysid.models.bandwidth import bandwidth_claim, lowest_excited
 
 DT = 0.02
 
@@ -53,9 +53,9 @@ def test_an_interval_over_decades_is_no_interval() -> None:
     u = rng.standard_normal(2000)
     record = IOData(u, lfilter([0, 0.1], [1, -0.9], u) + 0.01 * rng.standard_normal(2000), DT).detrend()
     found = oe(record, 1, 1, 1)
-    assert claim(found, record).hz == found.bandwidth().hz[0, 0]
-    assert claim(found, record).warnings == ()
-    vague = claim(replace(found, covariance=1e7 * found.covariance), record)
+    assert bandwidth_claim(found, record).hz == found.bandwidth().hz[0, 0]
+    assert bandwidth_claim(found, record).warnings == ()
+    vague = bandwidth_claim(replace(found, covariance=1e7 * found.covariance), record)
     assert np.isnan([vague.hz, vague.low, vague.high]).all()
     assert vague.refused
     assert "spans more than a factor of 100" in vague.warnings[0]

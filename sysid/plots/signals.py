@@ -1,15 +1,16 @@
-"""Measured outputs beside those of models."""
+"""Signals over time: records, and measured outputs beside those of models."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 import numpy as np
+from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from sysid.plots.palette import PALETTE
-from sysid.plots.panels import chosen, label, legend, line, panels, size_of
+from sysid.plots.palette import PALETTE, Style
+from sysid.plots.panels import LONG, chosen, label, legend, line, panels, size_of
 from sysid.plots.traces import Trace, traces_of
 from sysid.records.arrays import FloatArray
-from sysid.records.data import IOData
+from sysid.records.data import IOData, as_experiments
 from sysid.records.errors import SysidError
 from sysid.validation.compare import ModelFit
 
@@ -98,3 +99,74 @@ def _column(trace: Trace, output: int, data: IOData) -> FloatArray:
     if values.shape[1] not in (1, data.ny):
         raise SysidError(f"{trace.label}: {values.shape[1]} outputs, the record has {data.ny}")
     return values[:, output if values.shape[1] == data.ny else 0]
+
+
+LOOKS = tuple(PALETTE[name] for name in ("armax", "oe", "okid", "iv4", "bj", "pem_ss", "arx", "spa"))
+"""Colours of several experiments, one after the other."""
+
+
+def record(
+    data: IOData | Sequence[IOData] | Mapping[str, IOData],
+    *,
+    start: float = 0.0,
+    length: float | None = None,
+    size: tuple[float, float] | None = None,
+) -> Figure:
+    """Outputs and inputs over time, a panel each; several experiments in one figure.
+
+    A held input is drawn in steps, missing samples are gaps, the initialisation window is shaded.
+
+    Args:
+        data: One record, several with the same channels, or several by name.
+        start: Start of the piece that is drawn, s from the first sample.
+        length: Length of the piece, s; the rest of the record when None.
+        size: Width and height, inch; by default enough for all panels.
+
+    Returns:
+        The figure.
+
+    Raises:
+        SysidError: Nothing to draw, or records with different channels.
+    """
+    experiments = as_experiments(list(data.values()) if isinstance(data, Mapping) else data, missing=True)
+    names = (
+        list(data)
+        if isinstance(data, Mapping)
+        else [e.name or f"experiment {k + 1}" for k, e in enumerate(experiments)]
+    )
+    if len(set(names)) < len(names):
+        names = [f"{k + 1}: {name}" for k, name in enumerate(names)]
+    first = experiments[0]
+    count = first.ny + first.nu
+    labels = (*(first.output_names or ()), *(first.input_names or ()))
+    units = (*(first.output_units or ("",) * first.ny), *(first.input_units or ("",) * first.nu))
+    figure, grid = panels(count, 1, size_of(size, count, 1, (7.0, 2.6), (0.0, 1.5)), sharex=True)
+    several = len(experiments) > 1
+    for k, (name, e) in enumerate(zip(names, experiments, strict=True)):
+        begin = min(round(start / e.dt), max(len(e) - 2, 0))
+        piece = slice(begin, len(e) if length is None else begin + max(round(length / e.dt), 2))
+        # one experiment: what was measured in the measurements' own look, what was done to the system apart from it
+        output = LOOKS[k % len(LOOKS)] if several else PALETTE["armax"]
+        for c in range(count):
+            values = (e.y if c < e.ny else e.u)[piece, c if c < e.ny else c - e.ny]
+            held = c >= e.ny and e.intersample == "zoh"
+            style = output if several or c < e.ny else PALETTE["oe"]
+            _trace(grid[c, 0], e.time[piece], values, style, name if c == 0 and several else None, held=held)
+            if e.window > begin:
+                edge = e.time[min(e.window, len(e) - 1)]
+                grid[c, 0].axvspan(e.time[begin], edge, color="#f0f0f0", lw=0, zorder=0)
+    for axes, text, unit in zip(grid[:, 0], labels, units, strict=True):
+        axes.set_ylabel(label(text, unit))
+    figure.align_ylabels(list(grid[:, 0]))
+    grid[-1, 0].set_xlabel("time / s")
+    legend(figure, grid[0, 0])
+    return figure
+
+
+def _trace(axes: Axes, time: FloatArray, values: FloatArray, style: Style, name: str | None, *, held: bool) -> None:
+    # a sample between two gaps is a line of no length: it needs a marker
+    known = np.isfinite(values)
+    alone = known & ~np.concatenate(([False], known[:-1])) & ~np.concatenate((known[1:], [False]))
+    steps = "steps-post" if held else "default"
+    axes.plot(time, values, color=style.colour, lw=1.0 if len(time) <= LONG else 0.7, drawstyle=steps, label=name)
+    axes.plot(time[alone], values[alone], ls="none", marker=".", ms=3, color=style.colour)

@@ -7,12 +7,16 @@ import numpy as np
 import pytest
 from scipy.signal import lfilter
 
-from sysid.polynomial.bj_initial_estimates import bj_starts
-from sysid.polynomial.initial_estimates import armax_starts, oe_starts, reduced_denominator, reduced_path
+from sysid.polynomial.initial_estimates import (
+    armax_initial_estimates,
+    bj_initial_estimates,
+    oe_initial_estimates,
+    reduced_denominator,
+    reduced_path,
+)
 from sysid.polynomial.long_arx import long_arx_family
 from sysid.polynomial.orders import make_orders
-from sysid.polynomial.prediction_error import admissible, linearise
-from sysid.polynomial.search import search
+from sysid.polynomial.prediction_error import admissible, linearise, search
 
 
 def test_reduction_finds_the_dynamics_of_exact_responses() -> None:
@@ -35,9 +39,9 @@ def test_reduction_of_a_delayed_path(exact_system: Callable[[int, int], Any]) ->
 @pytest.mark.parametrize(
     ("problem", "structure", "beginnings"),
     [
-        ("p3", {"na": 2, "nb": 2, "nc": 2, "nk": 1}, armax_starts),
-        ("p2", {"nb": 2, "nf": 2, "nk": 1}, oe_starts),
-        ("p4", {"nb": 2, "nc": 2, "nd": 2, "nf": 2, "nk": 1}, bj_starts),
+        ("p3", {"na": 2, "nb": 2, "nc": 2, "nk": 1}, armax_initial_estimates),
+        ("p2", {"nb": 2, "nf": 2, "nk": 1}, oe_initial_estimates),
+        ("p4", {"nb": 2, "nc": 2, "nd": 2, "nf": 2, "nk": 1}, bj_initial_estimates),
     ],
 )
 def test_the_first_beginnings_lie_in_the_valley(
@@ -46,16 +50,16 @@ def test_the_first_beginnings_lie_in_the_valley(
     truth = request.getfixturevalue(problem)
     data, orders = [truth.draw(5)], make_orders(1, **structure)
     at_truth = linearise(data, orders, truth.parameters).cost
-    starts = list(beginnings(data, orders))
-    assert len({start.name for start in starts}) == len(starts) >= 5
-    assert all(admissible(orders, start.theta) for start in starts)
-    assert all(linearise(data, orders, start.theta).cost < 1.5 * at_truth for start in starts[:2])
+    initial_estimates = list(beginnings(data, orders))
+    assert len({start.name for start in initial_estimates}) == len(initial_estimates) >= 5
+    assert all(admissible(orders, start.theta) for start in initial_estimates)
+    assert all(linearise(data, orders, start.theta).cost < 1.5 * at_truth for start in initial_estimates[:2])
 
 
 def test_two_that_agree_end_the_search(p3: Any) -> None:
     data, orders = [p3.draw(5)], make_orders(1, na=2, nb=2, nc=2, nk=1)
-    found = search(data, orders, armax_starts(data, orders))
+    found = search(data, orders, armax_initial_estimates(data, orders))
     assert len(found.costs) == 2
     assert found.best.converged
     # a search that may take no step cannot be content, and tries everything
-    assert len(search(data, orders, armax_starts(data, orders), max_iterations=0).costs) >= 2
+    assert len(search(data, orders, armax_initial_estimates(data, orders), max_iterations=0).costs) >= 2

@@ -12,8 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from sysid.models.estimate import Estimate
-from sysid.polynomial.excitation import check_excitation
-from sysid.polynomial.operating_point import check_means
+from sysid.polynomial.data_checks import check_excitation, check_means
 from sysid.polynomial.orders import Orders
 from sysid.polynomial.polynomial_estimate import check_enough_data, check_single_output, make_estimate
 from sysid.polynomial.prediction_error import linearise
@@ -22,8 +21,7 @@ from sysid.records.arrays import FloatArray
 from sysid.records.data import IOData, as_experiments
 from sysid.records.errors import SysidError, SysidWarning
 from sysid.recursive.adaptation import Adaptation, Forgetting, Gradient
-from sysid.recursive.channels import Channel, regressed_channels, stable
-from sysid.recursive.initial_state import Start, begin
+from sysid.recursive.initial_state import Channel, Start, begin, regressed_channels, stable
 from sysid.recursive.recursive_estimate import RecursiveEstimate, RecursiveState
 
 HALVINGS = 12

@@ -1,0 +1,245 @@
+"""Bandwidths of responses and models: gain crossing, half-power bandwidth, and whether the record supports it."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.stats import t as student
+
+from sysid.models.estimate import Bandwidth, Estimate
+from sysid.models.frequency_response import FrequencyResponse
+from sysid.models.state_space import StateSpace
+from sysid.records.arrays import FloatArray
+from sysid.records.data import IOData
+
+HALF_POWER = float(np.sqrt(0.5))
+"""The gain 0.707: half of the power of an answer that follows its command."""
+
+
+def gain_crossing(response: FrequencyResponse, level: float) -> float:
+    """First frequency at which the gain falls below a level, interpolated between lines on logarithmic axes.
+
+    Args:
+        response: Response on its lines, one input and one output.
+        level: Gain.
+
+    Returns:
+        Frequency, Hz; NaN if the gain never falls so low, or lies below it from the first line on.
+    """
+    f, gain = response.frequencies, response.magnitude[:, 0, 0]
+    below = np.flatnonzero(gain < level)
+    if not len(below) or below[0] == 0:
+        return float("nan")
+    k = int(below[0])
+    x = np.interp(-np.log(level), -np.log(gain[[k - 1, k]]), np.log(f[[k - 1, k]]))
+    return float(np.exp(x))
+
+
+def half_power_hz(model: StateSpace) -> float:
+    """First frequency at which a model's gain is 0.707, whatever it is at 0 Hz.
+
+    Where the input has power on both sides of it, this frequency is measured. The bandwidth, 3.01 dB below the gain at
+    0 Hz, is extrapolated as long as nothing near 0 Hz is excited.
+
+    Args:
+        model: One input and one output.
+
+    Returns:
+        Frequency, Hz; NaN if the gain never falls so low, or lies below it from the first.
+    """
+    f = np.geomspace(0.005, 0.5 / model.dt, 4000)
+    return gain_crossing(FrequencyResponse(f, model.frequency_response(f), model.dt, "model"), HALF_POWER)
+
+
+DEGREE = 4
+"""Degree, in squared frequency, of the polynomial that 1 / |G|^2 is fitted by."""
+
+REACH = 2.0
+"""How far beyond the crossing the fit looks, in multiples of its frequency."""
+
+NEIGHBOURS = 4
+"""Lines to either side over which the variance is averaged."""
+
+
+def response_bandwidth(response: FrequencyResponse) -> Bandwidth:
+    """Half-power bandwidth of each channel, relative to the gain extrapolated to 0 Hz.
+
+    Near and below its bandwidth the squared gain of a servo is mainly that of a few poles, so 1 / |G|^2 is a polynomial
+    in squared frequency. It is fitted by weighted least squares to the lines up to twice the crossing, each corrected
+    for the bias that noise gives to a squared modulus; its value at 0 Hz and its crossing of twice that value give the
+    bandwidth, their covariance its interval, to first order and on a logarithmic scale. The variances of neighbouring
+    lines, which are alike, are averaged. On the joints of the nominal arm the polynomial is off by up to 1.3e-4 of the
+    bandwidth, which the interval does not hold.
+
+    Args:
+        response: The response with its covariance, lines from well below the bandwidth to well above it.
+
+    Returns:
+        Bandwidth and 95 % interval of every channel, (ny, nu); NaN where the response has no more lines in
+        reach than the polynomial has coefficients, or never falls to half power.
+    """
+    _, ny, nu = response.response.shape
+    hz, low, high = np.full((3, ny, nu), np.nan)
+    for i, j in np.ndindex(ny, nu):
+        hz[i, j], low[i, j], high[i, j] = _channel(response, i, j)
+    return Bandwidth(hz, (low, high))
+
+
+def _channel(response: FrequencyResponse, i: int, j: int) -> tuple[float, float, float]:
+    unknown = (np.nan, np.nan, np.nan)
+    f, g = response.frequencies, response.response[:, i, j]
+    if response.covariance is None or not np.isfinite(g).all():
+        return unknown
+    variance = _smooth(np.trace(response.covariance[:, i, j], axis1=1, axis2=2))
+    power = np.abs(g) ** 2 - variance
+    below = np.flatnonzero(power < 0.5 * np.median(power[:3]))
+    if not len(below) or (power[: below[0] + 1] <= 0.0).any():
+        return unknown
+    seen = np.flatnonzero(f <= REACH * f[below[0]])
+    seen = seen[power[seen] > 0.0]
+    if len(seen) < DEGREE + 2:
+        return unknown
+    # 1 / |G|^2 has the standard deviation 2 sd(|G|) / |G|^3, where the variance of |G| is half that of G.
+    target, deviation = 1.0 / power[seen], 2.0 * np.sqrt(0.5 * variance[seen]) / power[seen] ** 1.5
+    scale = f[seen[-1]]
+    basis = np.vander((f[seen] / scale) ** 2, DEGREE + 1, increasing=True) / deviation[:, None]
+    inverse = np.linalg.pinv(basis)
+    coefficients, covariance = inverse @ (target / deviation), inverse @ inverse.T
+    excess = np.polynomial.Polynomial(coefficients - 2.0 * coefficients[0] * np.eye(DEGREE + 1)[0])
+    roots = excess.roots()
+    real = roots[(np.abs(roots.imag) < 1e-9) & (roots.real > 0.0)].real
+    if coefficients[0] <= 0.0 or not len(real) or real.min() > 1.0:
+        return unknown
+    x = real.min()
+    # Of p(x) = 2 p(0): dx = -(d p(x) - 2 d p(0)) / p'(x), and the frequency goes with the root of x.
+    gradient = -(x ** np.arange(DEGREE + 1) - 2.0 * np.eye(DEGREE + 1)[0]) / excess.deriv()(x)
+    spread = 0.5 * np.sqrt(gradient @ covariance @ gradient) / x
+    hz = float(scale * np.sqrt(x))
+    freedom = response.degrees_of_freedom
+    reach = spread * (student.ppf(0.975, (2 * NEIGHBOURS + 1) * freedom) if freedom else student.ppf(0.975, np.inf))
+    return hz, float(hz * np.exp(-reach)), float(hz * np.exp(reach))
+
+
+def _smooth(variance: FloatArray) -> FloatArray:
+    """Mean over neighbouring lines, over fewer at the ends."""
+    window, inner = np.ones(2 * NEIGHBOURS + 1), slice(NEIGHBOURS, NEIGHBOURS + len(variance))
+    return np.asarray(np.convolve(variance, window)[inner] / np.convolve(np.ones(len(variance)), window)[inner])
+
+
+WIDEST = 100.0
+"""An interval whose ends differ by more than this factor says nothing."""
+
+INTEGRATES = 1e-6
+"""A pole this close to one integrates: there is no gain at 0 Hz to fall from."""
+
+LINE = 1e-3
+"""A line excites if it holds this part of the strongest line's power; below it are noise and leakage."""
+
+FLOOR = 1e-2
+"""A floor of many weak lines excites too if it holds this part of the power together."""
+
+SCATTER = 0.03
+"""Single lines of a random floor fall to this part of its middle and still belong to it."""
+
+RESOLVED = 2
+"""Lines of the record next to 0 Hz that the window cannot tell from it."""
+
+
+@dataclass(frozen=True)
+class BandwidthClaim:
+    """A bandwidth as far as it can be claimed.
+
+    Attributes:
+        hz: Bandwidth, Hz; NaN where there is none, or none that can be claimed.
+        low: Lower end of the 95 % interval, Hz; NaN likewise.
+        high: Upper end, Hz; NaN likewise.
+        refused: Whether the model has one that the record does not bear.
+        warnings: What speaks against it, in words.
+    """
+
+    hz: float
+    low: float
+    high: float
+    refused: bool
+    warnings: tuple[str, ...]
+
+
+def bandwidth_claim(
+    found: Estimate, record: IOData, *, output: int = 0, input: int = 0, band: Bandwidth | None = None
+) -> BandwidthClaim:
+    """Weigh the bandwidth of a model, from one input to one output, against its record.
+
+    Args:
+        found: The estimate.
+        record: What it was estimated from, as it was used.
+        output: Which output.
+        input: Which input.
+        band: Its bandwidths where they are known already.
+
+    Returns:
+        The bandwidth, or NaN with the reason.
+    """
+    band = found.bandwidth() if band is None else band
+    hz, low, high = (float(part[output, input]) for part in (band.hz, *band.ci95))
+    lowest = lowest_excited(record, input=input)
+    poles = found.poles()
+    against: list[str] = []
+    if len(poles) and np.abs(poles - 1.0).min() < INTEGRATES:
+        against.append("the model has a pole at one: it integrates, so it has no gain at 0 Hz and no bandwidth")
+    elif np.isfinite(hz):
+        if np.isfinite(low) and not high <= WIDEST * low:
+            against.append(
+                f"the bandwidth cannot be told: its 95 % interval, {low:.2g} to {high:.2g} Hz, spans more than a "
+                f"factor of {WIDEST:g}"
+            )
+        shortest = 1.0 / (len(record.scored) * record.dt)
+        if hz < shortest:
+            against.append(
+                f"the bandwidth cannot be told: the model claims {hz:.2g} Hz, and the record of "
+                f"{len(record.scored) * record.dt:.3g} s holds no whole period of anything below {shortest:.2g} Hz"
+            )
+        if lowest > hz:
+            against.append(
+                f"the bandwidth cannot be told: the model claims {hz:.2g} Hz, and the input excites nothing below "
+                f"{lowest:.2g} Hz"
+            )
+    remarks = list(against)
+    if lowest > 0:
+        remarks.append(
+            f"nothing below {lowest:.2g} Hz is excited; the gain at 0 Hz, and with it the bandwidth, is extrapolated"
+        )
+    if len(poles) and np.abs(poles).max() > 1.0 + INTEGRATES:
+        remarks.append(f"the model is unstable: a pole has modulus {np.abs(poles).max():.4g}")
+    if against:
+        hz = low = high = float("nan")
+    return BandwidthClaim(hz, low, high, bool(against), tuple(remarks))
+
+
+def lowest_excited(record: IOData, *, input: int = 0) -> float:
+    """Lowest frequency at which the input has power to speak of, Hz.
+
+    That is the first line of the windowed record that stands out, by itself or as part of a broad floor. From it one
+    climbs to the top of its peak, since the window spreads every line over its neighbours.
+
+    Args:
+        record: The record; 0 Hz counts if its mean was left in.
+        input: Which input.
+
+    Returns:
+        The frequency; 0 if the input reaches down to 0 Hz as far as the length of the record tells.
+    """
+    u = record.scored.u[:, input]
+    n = len(u)
+    window = 0.5 - 0.5 * np.cos(2.0 * np.pi * np.arange(n) / n)
+    # A record cut in the middle of a period has a mean under the window even after its own was removed.
+    u = u - (window @ u / window.sum() - u.mean())
+    power = np.abs(np.fft.rfft(window * u)) ** 2
+    level = LINE * power.max()
+    middle = float(np.median(power))
+    if middle * len(power) >= FLOOR * power.sum():
+        level = min(level, SCATTER * middle)
+    line = int(np.argmax(power >= level))
+    if line < RESOLVED:
+        return 0.0
+    while line + 1 < len(power) and power[line + 1] > power[line]:
+        line += 1
+    return line / (n * record.dt)
