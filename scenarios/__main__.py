@@ -1,8 +1,39 @@
-"""`python -m scenarios` is `hmtb`."""
+"""`hmtb`, also as `python -m scenarios`: the command line, which Ctrl-C ends in one line at any moment."""
 
+import os
+import shlex
+import signal
 import sys
+from types import FrameType
 
-from scenarios.commands.cli import main
+
+def run() -> int:
+    """Run the command line with the words of the process; see `scenarios.commands.cli.main`."""
+    if signal.getsignal(signal.SIGINT) is signal.default_int_handler:  # else the caller ignores interrupts, as nohup
+        signal.signal(signal.SIGINT, _interrupt)
+    try:
+        from scenarios.commands.cli import main
+
+        return main()
+    except KeyboardInterrupt:
+        _leave()
+        raise
+
+
+def _interrupt(_: int, frame: FrameType | None) -> None:
+    # Compiled modules turn a KeyboardInterrupt during their import into errors of their own, or lose it.
+    while frame is not None:
+        if frame.f_code.co_filename.startswith("<frozen importlib"):
+            _leave()
+        frame = frame.f_back
+    raise KeyboardInterrupt
+
+
+def _leave() -> None:
+    line = f"hmtb: interrupted; run the command again: {shlex.join(['hmtb', *sys.argv[1:]])}\n"
+    os.write(2, line.encode())
+    os._exit(130)
+
 
 if __name__ == "__main__":
-    sys.exit(main())
+    sys.exit(run())

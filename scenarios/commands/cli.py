@@ -1,4 +1,4 @@
-"""The command line `hmtb`: dispatch, exit codes, one clear line for bad input."""
+"""The command line `hmtb`: it finds the command, reads its options, runs it, and turns errors into exit codes."""
 
 import contextlib
 import functools
@@ -7,31 +7,16 @@ import os
 import shlex
 import sys
 import traceback
-from collections.abc import Callable, Sequence
-from importlib import metadata
+from collections.abc import Callable, Mapping, Sequence
+from importlib import import_module, metadata
 from pathlib import Path
-from typing import ParamSpec
 
 import tyro
 
-from scenarios.commands.bandwidth import bandwidth
-from scenarios.commands.compare import compare
-from scenarios.commands.convert import convert
-from scenarios.commands.dataset import DATASET, dataset
-from scenarios.commands.dataset import DESCRIPTION as DATASET_DESCRIPTION
-from scenarios.commands.identify import identify
-from scenarios.commands.leaderboard import leaderboard
+from scenarios.commands.dataset import DATA_SET_COMMANDS
+from scenarios.commands.dataset import DESCRIPTION as DATA_SETS
 from scenarios.commands.output import reason
-from scenarios.commands.preview import preview
-from scenarios.commands.scenarios import scenarios
-from scenarios.commands.simulate import simulate
-from scenarios.commands.thesis import thesis
-from scenarios.commands.truth import truth
-from scenarios.commands.usage import one_line, wrapped
-from scenarios.commands.verify import verify
-from scenarios.commands.video import video
-from scenarios.commands.view import view
-from scenarios.commands.waveform import waveform
+from scenarios.commands.usage import complaint, listing, wrapped
 from scenarios.files.errors import ScenarioError, unknown
 
 DESCRIPTION = """A twin of NASA's Hydraulic Manipulator Test Bed, and the identification study on it.
@@ -40,40 +25,38 @@ Start with:
 
   hmtb thesis                                     the whole study, ending in report.html
   hmtb scenarios                                  the experiments that exist
-  hmtb preview siso-5-elbow_pitch                 what one of them will command, before anything moves
-  hmtb simulate siso-5-elbow_pitch                run it, to a file
+  hmtb preview siso-5-elbow_pitch                 the commands of an experiment, before anything moves
+  hmtb simulate siso-5-elbow_pitch                run it and write its log
   hmtb identify siso-5-elbow_pitch.nc --method oe --orders 2 2 1
   hmtb compare siso-8-elbow_pitch.nc --estimation siso-5-elbow_pitch.nc --models truth published oe:2/2/1
-  hmtb truth                                      what an estimator should have found
+  hmtb truth                                      the true poles, zeros, bandwidths, gains and delays
   hmtb bandwidth                                  is every joint's bandwidth about 1 Hz?
   hmtb dataset list                               benchmark data sets, to build, check and score
   hmtb verify my_module:my_estimator --quick      your own estimator on the test bench
   hmtb leaderboard results/*.json                 estimators of the test bench side by side
 
-Every command has its own --help; hmtb --version says which release this is.
+Every command has its own --help; hmtb --version prints the release.
 Exit codes: 0 done, 1 a check found a difference, 2 bad input, 130 interrupted.
 """
 
-COMMANDS: dict[str, Callable[..., int]] = {
-    "thesis": thesis,
-    "simulate": simulate,
-    "scenarios": scenarios,
-    "waveform": waveform,
-    "preview": preview,
-    "truth": truth,
-    "bandwidth": bandwidth,
-    "identify": identify,
-    "compare": compare,
-    "convert": convert,
-    "dataset": dataset,
-    "verify": verify,
-    "leaderboard": leaderboard,
-    "view": view,
-    "video": video,
-}
-
-GROUPS: dict[str, tuple[str, dict[str, Callable[..., int]]]] = {"dataset": (DATASET_DESCRIPTION, DATASET)}
-"""Commands that the first word only groups: the text of its help, and the commands by the second word."""
+COMMANDS = (
+    "thesis",
+    "simulate",
+    "scenarios",
+    "waveform",
+    "preview",
+    "truth",
+    "bandwidth",
+    "identify",
+    "compare",
+    "convert",
+    "dataset",
+    "verify",
+    "leaderboard",
+    "view",
+    "video",
+)
+"""Each is a function of its name in a module of its name, imported when it is needed."""
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -91,18 +74,15 @@ def main(arguments: Sequence[str] | None = None) -> int:
         print(f"hmtb {_version()}")
         return 0
     try:
-        code = _understand(words)()
+        code = parse(words)()
         sys.stdout.flush()
         return code
-    except SystemExit:  # --help
-        return 0
     except KeyboardInterrupt as interruption:
-        again = shlex.join(["hmtb", *words])
-        # What has been kept, where a command keeps anything.
-        kept = f"{interruption}; to go on" if str(interruption) else "to start again"
-        print(f"hmtb: interrupted; {kept}: {again}", file=sys.stderr)
+        # A command that saves its progress says in the exception what is saved.
+        saved = f"{interruption}; run the command again to resume" if str(interruption) else "run the command again"
+        print(f"hmtb: interrupted; {saved}: {shlex.join(['hmtb', *words])}", file=sys.stderr)
         return 130
-    except BrokenPipeError:  # `hmtb ... | head`: nobody reads on, which is no fault
+    except BrokenPipeError:  # `hmtb ... | head`: the reader has left, which is no error
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return 0
     except Exception as error:
@@ -114,60 +94,80 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 
 def _open_streams() -> None:
-    """Send what goes to a stream that the caller closed (`hmtb ... >&-`), which Python shows as None, nowhere."""
+    """Open the null device for a stream that the caller closed (`hmtb ... >&-`), which Python shows as None."""
     for name in ("stdout", "stderr"):
         if getattr(sys, name) is None:
             setattr(sys, name, Path(os.devnull).open("w", encoding="utf-8"))  # noqa: SIM115 - open to the end
 
 
-Options = ParamSpec("Options")
-
-
-def _understand(words: list[str]) -> Callable[[], int]:
-    """The command that the words name, with its options, ready to run.
+def parse(words: list[str]) -> Callable[[], int]:
+    """The command that the words name, with its options, ready to run; or help, ready to be printed.
 
     Raises:
         ScenarioError: The words name no command, or the command does not take them.
-        SystemExit: Help was asked for and is printed.
     """
-    program, description, commands = "hmtb", DESCRIPTION, COMMANDS
-    if words[0] in GROUPS:
-        program, (description, commands), words = f"hmtb {words[0]}", GROUPS[words[0]], words[1:] or ["--help"]
-    if words[0] not in commands and words[0] not in ("-h", "--help"):
-        raise ScenarioError(unknown("command", words[0], commands))
+    program, description = "hmtb", DESCRIPTION
+    commands: Mapping[str, Callable[[], Callable[..., int]]] = {
+        name: functools.partial(_command, name) for name in COMMANDS
+    }
+    if words[0] == "dataset":
+        program, description, words = "hmtb dataset", DATA_SETS, words[1:] or ["--help"]
+        commands = {name: functools.partial(_data_set_command, name) for name in DATA_SET_COMMANDS}
+    name, *options = words
+    if name in ("-h", "--help"):
+        text = listing(program, description, {name: load() for name, load in commands.items()})
+        return functools.partial(_write, text)
+    if name not in commands:
+        raise ScenarioError(unknown("command", name, commands))
+    return _parsed(commands[name](), f"{program} {name}", options)
 
-    def parse() -> Callable[[], int]:
-        parsed: Callable[[], int] = tyro.extras.subcommand_cli_from_dict(
-            {name: _later(command) for name, command in commands.items()},
+
+def _write(text: str) -> int:
+    sys.stdout.write(text)
+    return 0
+
+
+def _command(name: str) -> Callable[..., int]:
+    command: Callable[..., int] = getattr(import_module(f"scenarios.commands.{name}"), name)
+    return command
+
+
+def _data_set_command(name: str) -> Callable[..., int]:
+    module, _, function = DATA_SET_COMMANDS[name].partition(":")
+    command: Callable[..., int] = getattr(import_module(f"scenarios.commands.{module}"), function)
+    return command
+
+
+def _parsed(command: Callable[..., int], program: str, words: Sequence[str]) -> Callable[[], int]:
+    """The command with its options, ready to run, or its help.
+
+    Raises:
+        ScenarioError: The command does not take the words.
+    """
+
+    @functools.wraps(command)
+    def fill(*args: object, **kwargs: object) -> Callable[[], int]:
+        return functools.partial(command, *args, **kwargs)
+
+    def understand() -> Callable[[], int]:
+        call: Callable[[], int] = tyro.cli(
+            fill,
             prog=program,
-            description=description,
             args=words,
             config=(tyro.conf.FlagCreatePairsOff, tyro.conf.HelptextFromCommentsOff),
         )
-        return parsed
+        return call
 
-    complaint = io.StringIO()
-    # The parser draws its boxes as far as the encoding of the output goes.
+    # The parser draws its boxes as far as the encoding of the output allows.
     help_text = io.TextIOWrapper(io.BytesIO(), encoding=sys.stdout.encoding or "utf-8")
     try:
-        with contextlib.redirect_stderr(complaint), contextlib.redirect_stdout(help_text):
-            return parse()
+        with contextlib.redirect_stderr(io.StringIO()), contextlib.redirect_stdout(help_text):
+            return understand()
     except SystemExit as leaving:
-        if not leaving.code:
-            help_text.seek(0)
-            sys.stdout.write(wrapped(help_text.read()))
-            raise
-        raise ScenarioError(one_line(parse, f"{program} {words[0]}")) from None
-
-
-def _later(command: Callable[Options, int]) -> Callable[Options, Callable[[], int]]:
-    """The command, of which the parser only fills in the options: words are understood before anything runs."""
-
-    @functools.wraps(command)
-    def filled(*args: Options.args, **kwargs: Options.kwargs) -> Callable[[], int]:
-        return functools.partial(command, *args, **kwargs)
-
-    return filled
+        if leaving.code:
+            raise ScenarioError(complaint(understand, program)) from None
+        help_text.seek(0)
+        return functools.partial(_write, wrapped(help_text.read()))
 
 
 def _version() -> str:

@@ -1,46 +1,303 @@
-"""`hmtb dataset`: benchmark data sets, built, checked, exported and scored; a command per file."""
+"""`hmtb dataset`: list, show, check, export and score benchmark data sets; build and grade have files of their own."""
 
-from collections.abc import Callable
+import tomllib
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Annotated
 
-from scenarios.commands.dataset_baselines import baselines
-from scenarios.commands.dataset_build import build
-from scenarios.commands.dataset_check import check
-from scenarios.commands.dataset_export import export
-from scenarios.commands.dataset_grade import grade
-from scenarios.commands.dataset_list import list_
-from scenarios.commands.dataset_score import score
-from scenarios.commands.dataset_show import show
+import tyro
+
+from scenarios.commands.output import print_json, print_table, progress, say
 
 DESCRIPTION = """Benchmark data sets with exact truth: built from a spec, checked, exported and scored.
 
 Start with:
 
   hmtb dataset list                               the data sets that come with the package
-  hmtb dataset show hmtb-siso-v1                  one as TOML, to start one's own from
-  hmtb dataset build hmtb-siso-v1                 build it; the same command goes on where it was interrupted
-  hmtb dataset check hmtb-siso-v1                 whether a copy is whole, and still what its spec gives
-  hmtb dataset export hmtb-siso-v1 --format csv   its records for other programs
-  hmtb dataset score PREDICTIONS --data hmtb-siso-v1      one's own predictions of the test part
-  hmtb dataset baselines hmtb-siso-v1 --method oe --orders 2 2 1      what a known method reaches
-  hmtb dataset grade SUBMISSIONS --key class.key          what students hand in, where the truth is hidden
+  hmtb dataset show hmtb-siso-v1                  the spec of one as TOML, to write your own from
+  hmtb dataset build hmtb-siso-v1                 build it; an interrupted build resumes with the same command
+  hmtb dataset check hmtb-siso-v1                 check that a copy is complete and still what its spec gives
+  hmtb dataset export hmtb-siso-v1 --format csv   write its records for other programs
+  hmtb dataset score PREDICTIONS --data hmtb-siso-v1      score your predictions of the test part
+  hmtb dataset baselines hmtb-siso-v1 --method oe --orders 2 2 1      the score of a known method
+  hmtb dataset grade SUBMISSIONS --key class.key          grade students where the truth is hidden
 
 Every command has its own --help.
 """
-"""What the help of `hmtb dataset` says."""
+"""The help of `hmtb dataset`."""
 
-DATASET: dict[str, Callable[..., int]] = {
-    "list": list_,
-    "show": show,
-    "build": build,
-    "check": check,
-    "export": export,
-    "score": score,
-    "baselines": baselines,
-    "grade": grade,
+DATA_SET_COMMANDS = {
+    "list": "dataset:list_",
+    "show": "dataset:show",
+    "build": "dataset_build:build",
+    "check": "dataset:check",
+    "export": "dataset:export",
+    "score": "dataset:score",
+    "baselines": "dataset:baselines",
+    "grade": "dataset_grade:grade",
 }
-"""What can be done with data sets, by the word after `hmtb dataset`; a command is a function in a file of its own."""
+"""Module of this room and function of each command, by the word after `hmtb dataset`."""
+
+Folder = Annotated[Path, tyro.conf.Positional, tyro.conf.arg(metavar="FOLDER")]
 
 
 def dataset() -> int:
     """List, build, check, export or score benchmark data sets; see hmtb dataset --help."""
-    raise NotImplementedError  # only its text is used: the words that follow name a command of DATASET
+    raise NotImplementedError  # only its text is used: the next word names a command of DATA_SET_COMMANDS
+
+
+def list_(*, json: bool = False) -> int:
+    """List the data sets that come with the package.
+
+    Args:
+        json: Print JSON.
+    """
+    from scenarios.datasets.plan import DataSetPlan
+    from scenarios.datasets.spec import shipped
+
+    plans = {label: DataSetPlan(spec) for label, spec in shipped().items()}
+    if json:
+        entries = [
+            {"label": label, "title": plan.spec.title, "experiments": len(plan), "seconds": plan.seconds}
+            for label, plan in plans.items()
+        ]
+        print_json({"data_sets": entries})
+        return 0
+    rows = [(label, str(len(p)), f"{p.seconds / 3600:.3g} h", p.spec.title) for label, p in plans.items()]
+    print_table("data sets", ("name", "experiments", "length", "what it is"), rows)
+    return 0
+
+
+def show(spec: Annotated[str, tyro.conf.Positional, tyro.conf.arg(metavar="SPEC")], /, *, json: bool = False) -> int:
+    """Show the spec of a data set as TOML, with all defaults, to write your own from.
+
+    hmtb dataset show hmtb-siso-v1 > mine.toml, edit it and change its name, then hmtb dataset build mine.toml.
+
+    Args:
+        spec: A data set that comes with the package (hmtb dataset list) or a TOML file.
+        json: Print JSON.
+    """
+    from scenarios.datasets.spec import load_spec
+
+    text = load_spec(spec).to_toml()
+    if json:
+        print_json(tomllib.loads(text))
+    else:
+        say(text.rstrip())
+    return 0
+
+
+def check(
+    folder: Folder,
+    /,
+    *,
+    key: Path | None = None,
+    regenerate: int = 3,
+    seed: int = 0,
+    workers: int | None = None,
+    json: bool = False,
+) -> int:
+    """Check a data set: files, hashes, metadata, and some experiments by simulating them again.
+
+    hmtb dataset check hmtb-siso-v1
+
+    The exit code is 1 if anything differs. With the software that built the data set, experiments that are simulated
+    again must have the same bits. With other versions numbers must agree to nine digits, and measured angles to one
+    count of the resolver.
+
+    Args:
+        folder: The data set.
+        key: The key file of a data set whose truth is hidden: with it everything is checked.
+        regenerate: How many experiments to simulate again.
+        seed: Draws them.
+        workers: Threads for the physics.
+        json: Print JSON.
+    """
+    from scenarios.datasets.challenge_key_check import examine_with_key
+    from scenarios.datasets.check import examine
+
+    with progress("checking") as report:
+        if key is None:
+            result = examine(folder, regenerate=regenerate, seed=seed, workers=workers, progress=report)
+        else:
+            result = examine_with_key(folder, key, regenerate=regenerate, seed=seed, workers=workers, progress=report)
+    if json:
+        print_json({"passed": result.passed, "problems": result.problems, "notes": result.notes})
+        return 0 if result.passed else 1
+    for problem in result.problems:
+        say(f"problem: {problem}")
+    for note in result.notes:
+        say(f"note: {note}")
+    count = len(result.problems)
+    say(f"{folder}: {'passed' if result.passed else f'{count} problem' + 's' * (count > 1)}")
+    return 0 if result.passed else 1
+
+
+def export(
+    folder: Folder,
+    /,
+    *,
+    format: str = "mat",
+    out: Path = Path("."),
+    json: bool = False,
+) -> int:
+    """Export the records of a data set as .mat, CSV, Parquet or ASCII files, with the same numbers to the last bit.
+
+    hmtb dataset export hmtb-siso-v1 --format mat,csv --out exported
+
+    Each format gets a folder of its own, named after the data set. Only the data are exported, never the truth.
+
+    Args:
+        folder: The data set.
+        format: Formats, separated by commas: mat (MATLAB 5), csv, parquet, ascii (the flat file of the thesis).
+        out: Folder in which those of the formats are created.
+        json: Print JSON.
+    """
+    from scenarios.datasets.export import export as export_data_set
+
+    formats = [name.strip() for name in format.split(",") if name.strip()]
+    with progress("exporting") as report:
+        folders = export_data_set(folder, out, formats, progress=report)
+    if json:
+        print_json({"folders": folders})
+    for path in () if json else folders:
+        say(str(path))
+    return 0
+
+
+def score(
+    predictions: Annotated[tuple[Path, ...], tyro.conf.Positional],
+    /,
+    *,
+    data: Path,
+    json: bool = False,
+) -> int:
+    """Score predicted outputs of the test part of a data set.
+
+    The spec of the data set states the score: its metric, its unit, and how many steps ahead outputs are predicted.
+    With 0 steps, a simulation, a prediction may use all inputs, but outputs of the initialisation window only; with
+    more steps also outputs that are at least so many samples older. The window is not scored. The overall score is the
+    mean over all records and outputs of the test part; all of them must be predicted.
+
+    Predictions are a folder, or files, one for each record of the test part. A file has the name of the experiment and
+    all samples of the record, as angles in rad: EXPERIMENT.csv, whose first row names the outputs; EXPERIMENT.nc with
+    a variable y of samples by outputs and their names in a variable output; EXPERIMENT.mat with a matrix y of samples
+    by outputs.
+
+      hmtb dataset score my-predictions --data hmtb-siso-v1
+
+    Args:
+        predictions: Folder or files of predictions.
+        data: Folder of the data set.
+        json: Print JSON.
+    """
+    from scenarios.datasets.score import score as score_predictions
+
+    result = score_predictions(predictions, data)
+    rule = result.scoring
+    if json:
+        print_json(
+            {
+                "metric": rule.metric,
+                "unit": result.unit,
+                "steps": rule.steps,
+                "mean": result.mean,
+                "joints": result.by_joint,
+                "scores": [vars(one) for one in result.scores],
+            }
+        )
+        return 0
+    rows = [(one.experiment, one.joint, f"{one.value:.6g}") for one in result.scores]
+    print_table(f"{rule.metric} / {result.unit}", ("record", "output", rule.metric), rows)
+    for joint, value in result.by_joint.items():
+        say(f"{joint}: {value:.6g} {result.unit}, mean over its records")
+    how = "in simulation" if rule.steps == 0 else f"{rule.steps} step{'s' if rule.steps > 1 else ''} ahead"
+    say(f"score: {result.mean:.6g} {result.unit} ({rule.metric} {how}, mean over all records and outputs)")
+    return 0
+
+
+def baselines(
+    data: Annotated[Path, tyro.conf.Positional],
+    /,
+    *,
+    method: Annotated[str | None, tyro.conf.arg(metavar="NAME")] = None,
+    orders: tuple[int, ...] = (),
+    twins: int | None = None,
+    records: int | None = None,
+    json: bool = False,
+) -> int:
+    """Repeat a baseline of a data set, and compare it with the row that is published in its baselines.csv.
+
+    Models and their operating point are identified from the training part alone, and scored as predictions are: the
+    initial state comes from the initialisation window. Where a record has several outputs, methods of one output
+    identify one model for each. Without --method every row that the spec of the data set lists is repeated.
+
+      hmtb dataset baselines hmtb-siso-v1 --method oe --orders 2 2 1
+      hmtb dataset baselines hmtb-siso-v1 --method arx --orders 10 10      your own choice, for comparison
+
+    Exit code 1: a row differs from the published one by more than 1e-9 of its value.
+
+    Args:
+        data: Folder of the data set.
+        method: An estimator of hmtb identify; hold (last output of the window), gain (static) or truth (small signals).
+        orders: Orders of the estimator, as for hmtb identify.
+        twins: How many of the randomised twins get a model, evenly spaced, 0: all; by default as in the spec.
+        records: How many training records of each block are used, by arm and joints, 0: all; by default as in the spec.
+        json: Print JSON.
+    """
+    from dataclasses import replace
+
+    from scenarios.datasets.baseline_table import differences, read_table, report
+    from scenarios.datasets.baselines import BaselineData
+    from scenarios.datasets.data_set import open_data_set
+    from scenarios.datasets.layout import BASELINES
+    from scenarios.datasets.spec_tables import Method
+    from scenarios.files.errors import ScenarioError
+
+    if method is None and orders:
+        raise ScenarioError(f"--orders {' '.join(map(str, orders))} given without --method")
+    opened = open_data_set(data)
+    planned = opened.spec.baselines
+    bench = BaselineData(
+        opened,
+        replace(
+            planned,
+            twins=planned.twins if twins is None else twins,
+            records=planned.records if records is None else records,
+        ),
+    )
+    methods = planned.methods if method is None else (Method(method, tuple(orders)),)
+    rows = [report(bench, entry)["row"] for entry in methods]
+    published = (
+        {row.get("command", ""): row for row in read_table(data / BASELINES)} if (data / BASELINES).is_file() else {}
+    )
+    different = {
+        row["command"]: differences(row, published[row["command"]]) for row in rows if row["command"] in published
+    }
+    if json:
+        print_json({"rows": rows, "differences": different})
+    else:
+        _print_baselines(rows, different)
+    return 1 if any(different.values()) else 0
+
+
+def _print_baselines(rows: "list[dict[str, str]]", different: "Mapping[str, tuple[str, ...]]") -> None:
+    first = rows[0]
+    scores = [name for name in first if name == "test" or name.startswith("test_")] + ["validation"]
+    title = (
+        f"{first['metric']} / {first['unit']}, {'simulation' if first['steps'] == '0' else 'steps: ' + first['steps']}"
+    )
+    table = [
+        [row["method"], row["orders"], *(f"{float(row[name]):.5g}" if row[name] else "" for name in scores)]
+        for row in rows
+    ]
+    print_table(title, ["method", "orders", *(name.replace("test_", "test\n") for name in scores)], table)
+    for row in rows:
+        if row["failed"]:
+            say(f"{row['method']} {row['orders']}: {row['failed']}")
+        elif row["command"] not in different:
+            say(f"{row['method']} {row['orders']}: no such row is published")
+        for text in different.get(row["command"], ()):
+            say(f"{row['method']} {row['orders']}: {text}")
+    same = sum(1 for texts in different.values() if not texts)
+    say(f"{same} of {len(rows)} rows are as published")

@@ -36,18 +36,10 @@ def preview(
 
     from scenarios.experiments.preview import preview as computed
     from scenarios.experiments.preview_figure import preview_figure
-    from scenarios.experiments.registry import load, registered
-    from scenarios.experiments.registry import names as registered_names
-    from scenarios.files.errors import ScenarioError
+    from scenarios.experiments.registry import selected
     from scenarios.report.drawing import save_figure
 
-    wanted = [entry for name in names for entry in (registered_names(name) if name in registered().tags() else [name])]
-    if not wanted:
-        raise ScenarioError(
-            f"no scenario named; there are {len(registered_names())}, listed by: hmtb scenarios list; "
-            f"tags: {', '.join(registered().tags())}"
-        )
-    chosen = [load(name) for name in dict.fromkeys(wanted)]
+    chosen = list(dict.fromkeys(selected(names)))
     if duration is not None:
         chosen = [replace(entry, duration=duration) for entry in chosen]
     if seed is not None:

@@ -1,4 +1,4 @@
-"""`hmtb scenarios`: what there is, and the TOML to start one's own from."""
+"""`hmtb scenarios`: the list of experiments, and one as TOML."""
 
 import tomllib
 from typing import Annotated, Literal
@@ -6,6 +6,8 @@ from typing import Annotated, Literal
 import tyro
 
 from scenarios.commands.output import print_json, print_table, say
+from scenarios.experiments.registry import load, names, registered, tags
+from scenarios.files.errors import ScenarioError
 
 
 def scenarios(
@@ -26,9 +28,6 @@ def scenarios(
         tag: With list: only those with this tag.
         json: Print JSON.
     """
-    from scenarios.experiments.registry import load, names, registered
-    from scenarios.files.errors import ScenarioError
-
     if action == "show":
         if name is None:
             raise ScenarioError(
@@ -45,25 +44,11 @@ def scenarios(
         raise ScenarioError(
             f"hmtb scenarios list takes no name, given {name!r}; did you mean: hmtb scenarios show {name}"
         )
-    listed = [load(entry) for entry in names(tag)]
+    listed = [registered()[entry] for entry in names(tag)]
     if json:
-        print_json(
-            {
-                "scenarios": [
-                    {
-                        "name": entry.name,
-                        "description": entry.description,
-                        "duration": entry.duration,
-                        "axes": entry.axes,
-                        "tags": entry.tags,
-                    }
-                    for entry in listed
-                ]
-            }
-        )
+        keys = ("name", "description", "duration", "axes", "tags")
+        print_json({"scenarios": [{key: table[key] for key in keys} for table in listed]})
         return 0
-    rows = [(entry.name, f"{entry.duration:g} s", entry.description) for entry in listed]
-    print_table(
-        f"{len(rows)} scenarios; tags: {', '.join(registered().tags())}", ("name", "length", "what it does"), rows
-    )
+    rows = [(table["name"], f"{table['duration']:g} s", table["description"]) for table in listed]
+    print_table(f"{len(rows)} scenarios; tags: {', '.join(tags())}", ("name", "length", "what it does"), rows)
     return 0

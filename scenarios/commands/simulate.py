@@ -46,8 +46,7 @@ def simulate(
     """
     from dataclasses import replace
 
-    from scenarios.experiments.registry import load, registered
-    from scenarios.experiments.registry import names as registered_names
+    from scenarios.experiments.registry import selected
     from scenarios.files.data_file import write_log
     from scenarios.files.errors import ScenarioError, unknown
     from scenarios.files.record_file import ENDINGS
@@ -67,13 +66,7 @@ def simulate(
         pychapter10()  # before the work, not after
     if threads is not None and threads < 1:
         raise ScenarioError(f"threads must be 1 or more, given {threads}")
-    wanted = [entry for name in names for entry in (registered_names(name) if name in registered().tags() else [name])]
-    if not wanted:
-        raise ScenarioError(
-            f"no scenario named; there are {len(registered_names())}, listed by: hmtb scenarios list; "
-            f"tags: {', '.join(registered().tags())}"
-        )
-    chosen = [load(name) for name in wanted]
+    chosen = selected(names)
     twice = sorted({entry.name for entry in chosen if [other.name for other in chosen].count(entry.name) > 1})
     if twice:
         raise ScenarioError(f"scenario {twice[0]!r} is named twice; each log needs a name of its own")

@@ -1,18 +1,19 @@
-"""What the parser says, made readable: help in lines, complaints in one."""
+"""Help texts, and complaints about wrong options in one line, from what the parser writes."""
 
 import contextlib
+import inspect
 import io
 import os
 import re
 import shutil
 import textwrap
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 
 KNOWN = r"Missing (from|value)|Error parsing|Unrecognized options?:|[Ii]nvalid choice '"
-"""Beginnings of what the parser says."""
+"""Beginnings of the parser's messages."""
 
 KINDS = {"INT": "a whole number", "FLOAT": "a number", "[INT [INT ...]]": "whole numbers", "PATH": "a path"}
-"""What the parser's words for kinds of values mean."""
+"""Words for the parser's kinds of values."""
 
 STRAY = {
     "hmtb waveform": "--path",
@@ -20,14 +21,34 @@ STRAY = {
     "hmtb video": "--out",
     "hmtb thesis": "--out",
 }
-"""Option that a word too many was probably meant for, by command."""
+"""The option that a surplus word was probably meant for, by command."""
 
 WIDE = "100000"
-"""Columns that no message fills, so that the parser wraps nothing."""
+"""Columns, so many that the parser wraps no message."""
 
 
-def one_line(parse: Callable[[], object], command: str) -> str:
-    """What the parser objects to, in one line: what was given, what was expected.
+def listing(program: str, description: str, commands: Mapping[str, Callable[..., int]]) -> str:
+    """The help of a program that has commands: its description, and each command with the first line of its help.
+
+    Args:
+        program: Its name, e.g. ``"hmtb"``.
+        description: Its text.
+        commands: Functions by the names of the commands.
+    """
+    columns = shutil.get_terminal_size().columns
+    width = max(map(len, commands)) + 4
+    lines = [f"usage: {program} COMMAND [OPTIONS]", "", description.rstrip(), "", "Commands:", ""]
+    for name, command in commands.items():
+        summary = inspect.cleandoc(command.__doc__ or "").partition("\n")[0]
+        indent = " " * width
+        lines += textwrap.wrap(
+            summary, max(columns, 2 * width), initial_indent=f"  {name}".ljust(width), subsequent_indent=indent
+        )
+    return "\n".join(lines) + "\n"
+
+
+def complaint(parse: Callable[[], object], command: str) -> str:
+    """The parser's objection in one line: what was given, what was expected.
 
     Args:
         parse: Parses the words; it has failed before and is without side effects.
@@ -47,11 +68,7 @@ def one_line(parse: Callable[[], object], command: str) -> str:
 
 
 def wrapped(text: str) -> str:
-    """Wrap the paragraphs of a help text, which the parser leaves in one line each; its boxes and examples stay.
-
-    Args:
-        text: What the parser prints on --help.
-    """
+    """Wrap the paragraphs of a command's help, one line each as the parser prints it; boxes and examples stay."""
     columns = shutil.get_terminal_size().columns
     lines: list[str] = []
     for line in text.splitlines():
@@ -62,26 +79,26 @@ def wrapped(text: str) -> str:
 
 def _sentence(sections: list[list[str]], command: str) -> str:
     rows = [row for section in sections for row in section]
-    said = next((row for row in rows if re.match(KNOWN, row)), "")
-    if said.startswith("Missing from"):
+    message = next((row for row in rows if re.match(KNOWN, row)), "")
+    if message.startswith("Missing from"):
         # Each option stands above its help text, which ends in "(required)".
         needed = [rows[number - 1] for number, row in enumerate(rows) if number and row.endswith("(required)")]
         return f"missing {', '.join(map(_option, needed))}" if needed else "an option is missing"
-    if match := re.match(r"Missing value for argument '([^']+)'", said):
+    if match := re.match(r"Missing value for argument '([^']+)'", message):
         return f"{match[1]} needs a value"
-    if match := re.match(r"Error parsing ([^:]+): (.*)", said):
+    if match := re.match(r"Error parsing ([^:]+): (.*)", message):
         given = " ".join(re.findall(r"'([^']*)'", match[2])) or "something else"
         usage = next((row for row in rows if row.startswith(match[1].split("/")[-1] + " ")), "")
         kind = usage.partition(" ")[2].replace("{None}|", "")
         return f"{match[1]}: expected {KINDS.get(kind, kind) or 'another value'}, given {given}"
-    if match := re.match(r"Unrecognized options?: (.*)", said):
+    if match := re.match(r"Unrecognized options?: (.*)", message):
         words = match[1].replace(", ", " ")
         if not words.startswith("-"):
             meant = f"; did you mean {STRAY[command]} {words}?" if command in STRAY and " " not in words else ""
             return f"unexpected argument{'s' if ' ' in words else ''} {words!r}{meant}"
-        close = [row.split()[0] for row in rows if row.startswith("--") and row != said]
+        close = [row.split()[0] for row in rows if row.startswith("--") and row != message]
         return f"cannot read {words!r}" + (f": did you mean {close[0]}?" if close else "")
-    if match := re.match(r"[Ii]nvalid choice '([^']*)' for argument '([^']*)'. Expected one of \((.*)\)", said):
+    if match := re.match(r"[Ii]nvalid choice '([^']*)' for argument '([^']*)'. Expected one of \((.*)\)", message):
         return f"unknown {match[2]} {match[1]!r}; there are: {match[3].replace(chr(39), '').rstrip(',')}"
     return "; ".join(sections[0] + sections[1] if len(sections) > 1 else rows) or "cannot read the command"
 

@@ -18,7 +18,7 @@ from scenarios.datasets.spec import DataSetSpec
 from scenarios.datasets.spec_tables import PAYLOAD, RecordBlock
 from scenarios.experiments.excitation_computer import Excitation
 from scenarios.experiments.multisines import MultisineExperiment, multisine_experiments
-from scenarios.experiments.registry import load, registered
+from scenarios.experiments.registry import load, names, tags
 from scenarios.experiments.scenario import Scenario
 from scenarios.files.errors import ScenarioError
 
@@ -283,7 +283,7 @@ def _played(block: RecordBlock) -> Iterator[tuple[str, str, Scenario | Multisine
     """What is played on the nominal arm, with its name and its key; records of one measurement share the latter."""
     if block.scenarios:
         for name in block.scenarios:
-            for one in registered().names(name) if name in registered().tags() else (name,):
+            for one in names(name) if name in tags() else (name,):
                 scenario = load(one)
                 shortened = scenario if block.duration is None else replace(scenario, duration=block.duration)
                 for mark, excitation in _amplified(block, shortened.excitation):

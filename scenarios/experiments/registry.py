@@ -1,172 +1,164 @@
-"""Scenarios by name."""
+"""Registered scenarios by name: the experiments of the thesis and others that come with the package.
+
+Their tables are plain data: a list of them needs no laboratory, which takes more than a second to load.
+"""
 
 import tomllib
-from collections.abc import Mapping, Sequence
-from dataclasses import replace
+from collections.abc import Iterable, Mapping, Sequence
 from functools import cache
 from importlib.resources import files
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
-from scenarios.experiments.excitation_computer import Excitation
-from scenarios.experiments.scenario import Scenario
 from scenarios.files.errors import ScenarioError, unknown
 
+if TYPE_CHECKING:
+    from scenarios.experiments.scenario import Scenario
 
-class Registry:
-    """Scenarios by name; a name can be taken once."""
-
-    def __init__(self) -> None:
-        self._entries: dict[str, Scenario] = {}
-
-    def add(self, scenario: Scenario) -> None:
-        """Register a scenario.
-
-        Raises:
-            ScenarioError: The name is taken.
-        """
-        if scenario.name in self._entries:
-            raise ScenarioError(f"scenario {scenario.name!r} is already registered; choose another name")
-        self._entries[scenario.name] = scenario
-
-    def names(self, tag: str | None = None) -> tuple[str, ...]:
-        """Names in order of registration, all or those with a tag.
-
-        Raises:
-            ScenarioError: No scenario has the tag.
-        """
-        if tag is not None and tag not in self.tags():
-            raise ScenarioError(unknown("tag", tag, self.tags()))
-        return tuple(name for name, entry in self._entries.items() if tag is None or tag in entry.tags)
-
-    def tags(self) -> tuple[str, ...]:
-        """Every tag in use."""
-        return tuple(dict.fromkeys(tag for entry in self._entries.values() for tag in entry.tags))
-
-    def get(self, name: str) -> Scenario:
-        """The scenario of that name.
-
-        Raises:
-            ScenarioError: There is none.
-        """
-        if name not in self._entries:
-            raise ScenarioError(unknown("scenario", name, self._entries, listing="hmtb scenarios list"))
-        return self._entries[name]
+Table = dict[str, Any]
+"""A scenario as its TOML file holds it; each has a name, axes, a duration, a description and tags."""
 
 
-def table1() -> tuple[Scenario, ...]:
+def table1() -> list[Table]:
     """The 24 single-joint tests of the thesis [Morris1996, table 1]."""
-    table = _table("table1.toml")
-    return _single_joint_tests(table, table["joints"], table["tags"], 0)
+    source = _source("table1.toml")
+    return _single_joint_tests(source, source["joints"], source["tags"], 0)
 
 
-def other_joints() -> tuple[Scenario, ...]:
+def other_joints() -> list[Table]:
     """The tests of Table 1 on the joints that the thesis left alone."""
-    table = _table("table1.toml")
-    return _single_joint_tests(table, table["other_joints"], table["other_tags"], len(table["joints"]))
+    source = _source("table1.toml")
+    return _single_joint_tests(source, source["other_joints"], source["other_tags"], len(source["joints"]))
 
 
 def _single_joint_tests(
-    table: Mapping[str, Any], joints: Sequence[str], tags: Sequence[str], first: int
-) -> tuple[Scenario, ...]:
-    return tuple(
-        Scenario.from_table(
-            {
-                "name": f"siso-{test['number']}-{joint}",
-                "axes": [joint],
-                "duration": table["duration"],
-                "seed": 100 * test["number"] + position,
-                "description": f"{joint.replace('_', ' ')}: {test['description']}",
-                "tags": [*tags, joint, test["excitation"]["kind"]],
-                "excitation": test["excitation"],
-            }
-        )
-        for test in table["test"]
-        for position, joint in enumerate(joints, start=first)
-    )
-
-
-def table2() -> tuple[Scenario, ...]:
-    """The 13 tests of several joints of the thesis [Morris1996, table 2]."""
-    table = _table("table2.toml")
-    return tuple(_tool_test(table, test) for test in table["test"])
-
-
-def independent() -> tuple[Scenario, ...]:
-    """Tests of Table 2 with a waveform of its own on every axis."""
-    table = _table("table2.toml")
-    extra = table["independent"]
-    shared = {test["number"]: test for test in table["test"]}
-    return tuple(
-        replace(
-            _tool_test(table, shared[number]),
-            name=f"mimo-{number}-independent",
-            seed=3000 + number,
-            description=f"tool along x, y and z: {shared[number]['description']}, another one on every axis",
-            tags=(*extra["tags"], shared[number]["excitation"]["kind"]),
-            independent_channels=True,
-            excitation=tuple(
-                Excitation.from_table({**shared[number]["excitation"], "seed": seed}) for seed in extra["seeds"]
-            ),
-        )
-        for number in extra["tests"]
-    )
-
-
-def exchange() -> tuple[Scenario, ...]:
-    """The exchange of the replacement unit [Morris1996, sec. I.3 and VI.4]."""
-    table = _table("rpcm.toml")
-    return tuple(
-        Scenario.from_table(
-            {
-                **test,
-                "axes": table["axes"],
-                "mode": table["mode"],
-                "worksite": True,
-                "payload": "none",
-                "tags": table["tags"],
-                "hand_controller": {"compensation": _table("table2.toml")["compensation"]},
-            }
-        )
-        for test in table["test"]
-    )
-
-
-def _tool_test(table: Mapping[str, Any], test: Mapping[str, Any]) -> Scenario:
-    return Scenario.from_table(
+    source: Mapping[str, Any], joints: Sequence[str], tags: Sequence[str], first: int
+) -> list[Table]:
+    return [
         {
-            "name": f"mimo-{test['number']}",
-            "axes": table["axes"],
-            "mode": table["mode"],
-            "duration": table["duration"],
-            "seed": 2000 + test["number"],
-            "description": f"tool along x, y and z: {test['description']}",
-            "tags": [*table["tags"], test["excitation"]["kind"]],
-            "hand_controller": {"compensation": table["compensation"]},
+            "name": f"siso-{test['number']}-{joint}",
+            "axes": [joint],
+            "duration": source["duration"],
+            "seed": 100 * test["number"] + position,
+            "description": f"{joint.replace('_', ' ')}: {test['description']}",
+            "tags": [*tags, joint, test["excitation"]["kind"]],
             "excitation": test["excitation"],
         }
-    )
+        for test in source["test"]
+        for position, joint in enumerate(joints, start=first)
+    ]
 
 
-def _table(name: str) -> dict[str, Any]:
+def table2() -> list[Table]:
+    """The 13 tests of several joints of the thesis [Morris1996, table 2]."""
+    source = _source("table2.toml")
+    return [
+        {
+            "name": f"mimo-{test['number']}",
+            "axes": source["axes"],
+            "mode": source["mode"],
+            "duration": source["duration"],
+            "seed": 2000 + test["number"],
+            "description": f"tool along x, y and z: {test['description']}",
+            "tags": [*source["tags"], test["excitation"]["kind"]],
+            "hand_controller": {"compensation": source["compensation"]},
+            "excitation": test["excitation"],
+        }
+        for test in source["test"]
+    ]
+
+
+def independent() -> list[Table]:
+    """Tests of Table 2 with a waveform of its own on every axis."""
+    extra = _source("table2.toml")["independent"]
+    shared = {table["seed"] - 2000: table for table in table2()}
+    return [
+        {
+            **shared[number],
+            "name": f"mimo-{number}-independent",
+            "seed": 3000 + number,
+            "description": f"{shared[number]['description']}, another one on every axis",
+            "tags": [*extra["tags"], shared[number]["excitation"]["kind"]],
+            "independent_channels": True,
+            "excitation": [{**shared[number]["excitation"], "seed": seed} for seed in extra["seeds"]],
+        }
+        for number in extra["tests"]
+    ]
+
+
+def exchange() -> list[Table]:
+    """The exchange of the replacement unit [Morris1996, sec. I.3 and VI.4]."""
+    source = _source("rpcm.toml")
+    compensation = _source("table2.toml")["compensation"]
+    return [
+        {
+            **test,
+            "axes": source["axes"],
+            "mode": source["mode"],
+            "worksite": True,
+            "payload": "none",
+            "tags": source["tags"],
+            "hand_controller": {"compensation": compensation},
+        }
+        for test in source["test"]
+    ]
+
+
+def _source(name: str) -> dict[str, Any]:
     return tomllib.loads((files("scenarios") / "data" / name).read_text(encoding="utf-8"))
 
 
+def by_name(tables: Iterable[Table]) -> dict[str, Table]:
+    """Tables by name, in their order.
+
+    Raises:
+        ScenarioError: Two have the same name.
+    """
+    entries: dict[str, Table] = {}
+    for table in tables:
+        if table["name"] in entries:
+            raise ScenarioError(f"scenario {table['name']!r} is already registered; choose another name")
+        entries[table["name"]] = table
+    return entries
+
+
 @cache
-def registered() -> Registry:
-    """All scenarios that come with the package."""
-    registry = Registry()
-    for scenario in (*table1(), *other_joints(), *table2(), *independent(), *exchange()):
-        registry.add(scenario)
-    return registry
+def registered() -> Mapping[str, Table]:
+    """The tables of all registered scenarios by name."""
+    return by_name((*table1(), *other_joints(), *table2(), *independent(), *exchange()))
 
 
 def names(tag: str | None = None) -> tuple[str, ...]:
-    """Names of the registered scenarios, all or those with a tag; see `Registry.names`."""
-    return registered().names(tag)
+    """Names of the registered scenarios in order of registration, all or those with a tag.
+
+    Raises:
+        ScenarioError: No scenario has the tag.
+    """
+    if tag is not None and tag not in tags():
+        raise ScenarioError(unknown("tag", tag, tags()))
+    return tuple(name for name, table in registered().items() if tag is None or tag in table["tags"])
 
 
-def load(name: str | Path) -> Scenario:
+def tags() -> tuple[str, ...]:
+    """Every tag of the registered scenarios."""
+    return tuple(dict.fromkeys(tag for table in registered().values() for tag in table["tags"]))
+
+
+def selected(words: Sequence[str]) -> "list[Scenario]":
+    """Scenarios that words name: registered names, tags, TOML files.
+
+    Raises:
+        ScenarioError: There is no word, a word names nothing, or a file is wrong.
+    """
+    known = [name for word in words for name in (names(word) if word in tags() else (word,))]
+    if not known:
+        raise ScenarioError(
+            f"no scenario named; there are {len(names())}, listed by: hmtb scenarios list; tags: {', '.join(tags())}"
+        )
+    return [load(name) for name in known]
+
+
+def load(name: str | Path) -> "Scenario":
     """A registered scenario by name, or one from a TOML file.
 
     Args:
@@ -179,5 +171,16 @@ def load(name: str | Path) -> Scenario:
         ScenarioError: There is no such scenario or file, or the file is wrong.
     """
     if str(name).endswith(".toml"):
+        from scenarios.experiments.scenario import Scenario
+
         return Scenario.read(name)
-    return registered().get(str(name))
+    if str(name) not in registered():
+        raise ScenarioError(unknown("scenario", name, registered(), listing="hmtb scenarios list"))
+    return _scenario(str(name))
+
+
+@cache
+def _scenario(name: str) -> "Scenario":
+    from scenarios.experiments.scenario import Scenario
+
+    return Scenario.from_table(registered()[name])

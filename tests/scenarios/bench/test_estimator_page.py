@@ -10,7 +10,7 @@ import pytest
 
 from scenarios.bench.leaderboard_reading import FIGURES
 from scenarios.bench.metrics import ALL_FIGURES
-from scenarios.commands.cli import _understand
+from scenarios.commands.cli import parse
 from scenarios.problems.registry import names, problem
 from sysid.models import innovations_form
 
@@ -85,7 +85,7 @@ def test_its_commands_are_understood(monkeypatch: pytest.MonkeyPatch) -> None:
     for line in lines:
         program, *words = shlex.split(line)
         assert program == "hmtb"
-        assert callable(_understand(words))
+        assert callable(parse(words))
 
 
 def test_its_links_lead_somewhere() -> None:

@@ -2,7 +2,11 @@
 
 import json
 import os
+import resource
+import signal
+import subprocess
 import sys
+import time
 from pathlib import Path
 
 import numpy as np
@@ -323,8 +327,32 @@ def test_interrupt_is_130_and_leaves_nothing(
     ):
         code, out, err = run(capsys, *words)
         assert (code, out) == (130, "")
-        assert err == f"hmtb: interrupted; to start again: hmtb {' '.join(words)}\n"
+        assert err == f"hmtb: interrupted; run the command again: hmtb {' '.join(words)}\n"
     assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.parametrize("delay", [0.0, 0.1, 0.4, 0.8])
+def test_an_interrupt_during_start_up_is_one_line(delay: float) -> None:
+    """Whichever module is being imported: compiled ones lose a KeyboardInterrupt or turn it into another error."""
+    script = (
+        "from scenarios.__main__ import run; import sys; print('started', flush=True); sys.argv[1:] = ['truth']; run()"
+    )
+    command = [sys.executable, "-c", script]
+    with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as process:
+        process.stdout.readline()
+        time.sleep(delay + 0.01)
+        process.send_signal(signal.SIGINT)
+        _, err = process.communicate(timeout=60)
+    assert (process.returncode, err) == (130, "hmtb: interrupted; run the command again: hmtb truth\n")
+
+
+@pytest.mark.parametrize("words", [["--help"], ["scenarios", "list"]])
+def test_start_up_is_fast(words: list[str]) -> None:
+    """Help and lists load neither the laboratory nor the analyst: 0.6 s of processor time at most."""
+    before = resource.getrusage(resource.RUSAGE_CHILDREN)
+    subprocess.run([sys.executable, "-m", "scenarios", *words], check=True, capture_output=True)
+    after = resource.getrusage(resource.RUSAGE_CHILDREN)
+    assert after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime < 0.6
 
 
 def test_clipping_and_slewing_are_told(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:

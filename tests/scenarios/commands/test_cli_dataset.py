@@ -1,5 +1,6 @@
 """`hmtb dataset`: its commands, their help, and one clear line for everything that a user can get wrong."""
 
+import inspect
 import json
 import re
 import tomllib
@@ -8,8 +9,8 @@ from pathlib import Path
 
 import pytest
 
-from scenarios.commands.cli import COMMANDS, main
-from scenarios.commands.dataset import DATASET
+from scenarios.commands.cli import COMMANDS, _data_set_command, main
+from scenarios.commands.dataset import DATA_SET_COMMANDS
 from scenarios.datasets.chunk import Made, run_chunk
 from scenarios.datasets.plan import DataSetPlan
 from scenarios.datasets.spec import DataSetSpec, load_spec, shipped
@@ -25,12 +26,12 @@ def run(capsys: pytest.CaptureFixture[str], *words: object) -> tuple[int, str, s
 def test_help_names_every_command(capsys: pytest.CaptureFixture[str], words: list[str]) -> None:
     code, out, err = run(capsys, *words)
     assert (code, err) == (0, "")
-    assert all(f"• {name} " in out for name in DATASET)
+    assert all(f"  {name} " in out for name in DATA_SET_COMMANDS)
     assert "dataset" in COMMANDS
-    assert "• dataset " in run(capsys, "--help")[1]
+    assert "  dataset " in run(capsys, "--help")[1]
 
 
-@pytest.mark.parametrize("name", DATASET)
+@pytest.mark.parametrize("name", DATA_SET_COMMANDS)
 def test_every_command_has_help(capsys: pytest.CaptureFixture[str], name: str) -> None:
     code, out, err = run(capsys, "dataset", name, "--help")
     assert (code, err) == (0, "")
@@ -142,7 +143,7 @@ def test_an_interrupted_build_says_how_to_go_on_and_goes_on(
         code, out, err = run(capsys, *words)
     assert (code, out) == (130, "")
     kept = f"1 of 2 experiments kept in {tmp_path / 'least-v1.unfinished'}"
-    assert err == f"hmtb: interrupted; {kept}; to go on: hmtb {' '.join(words)}\n"
+    assert err == f"hmtb: interrupted; {kept}; run the command again to resume: hmtb {' '.join(words)}\n"
     code, out, err = run(capsys, *words)
     assert (code, err) == (0, "")
     assert out.startswith(f"{tmp_path / 'least-v1'}: 2 experiments, 0 failed, hash ")
@@ -167,10 +168,9 @@ def test_failures_are_told_and_the_exit_code_is_one(
     assert "2 experiments, 4 failed" in out
 
 
-@pytest.mark.parametrize("name", DATASET)
+@pytest.mark.parametrize("name", DATA_SET_COMMANDS)
 def test_help_breaks_no_line_in_a_sentence(name: str) -> None:
     """The parser keeps line breaks within the description of an option, so each stands in one line."""
-    path = Path(__file__).parents[3] / f"scenarios/commands/dataset_{name}.py"
-    described = path.read_text(encoding="utf-8").split("    Args:\n", 1)[1].split('"""', 1)[0]
+    described = inspect.getdoc(_data_set_command(name)).split("Args:\n", 1)[1]
     lines = described.rstrip().splitlines()
-    assert lines and all(re.match(r" {8}\w+: ", line) for line in lines), lines
+    assert lines and all(re.match(r" {4}\w+: ", line) for line in lines), lines

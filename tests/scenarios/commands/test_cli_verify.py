@@ -87,7 +87,10 @@ def test_an_interrupted_run_says_how_to_go_on(
     assert main(["verify", "perfect", "--quick"]) == 130
     err = capsys.readouterr().err
     kept = Path("results") / "journals"
-    assert f"interrupted; 3 of 4 trials kept in {kept}; to go on: hmtb verify perfect --quick" in err
+    assert (
+        f"interrupted; 3 of 4 trials kept in {kept}; run the command again to resume: hmtb verify perfect --quick"
+        in err
+    )
     executor.after = 10
     assert main(["verify", "perfect", "--quick"]) == 0
     assert executor.asked == 4

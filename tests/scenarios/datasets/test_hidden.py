@@ -27,7 +27,7 @@ from scenarios.datasets.check import examine
 from scenarios.datasets.plan import DataSetPlan
 from scenarios.datasets.score import ModelPredictor, score_model
 from scenarios.datasets.spec_tables import RecordBlock
-from scenarios.experiments.registry import load, registered
+from scenarios.experiments.registry import load, names
 from scenarios.files.errors import ScenarioError
 from scenarios.files.hashes import file_hash
 from scenarios.files.netcdf import read_netcdf
@@ -377,7 +377,7 @@ def test_why_an_experiment_failed_is_kept_apart(hidden: Class, tmp_path: Path) -
 
 def test_commands_that_would_tell_of_the_outputs_are_refused(hidden: Class, tmp_path: Path) -> None:
     """An operator sees the arm, so what he commands says where it was."""
-    (name,) = [name for name in registered().names("operator") if load(name).task][:1]
+    (name,) = [name for name in names("operator") if load(name).task][:1]
     exchange = RecordBlock("exchange", "test", scenarios=(name,))
     spec = replace(hidden.spec, records=(hidden.spec.records[0], exchange))
     with pytest.raises(ScenarioError, match="its commands follow the arm"):

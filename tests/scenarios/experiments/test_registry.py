@@ -4,8 +4,8 @@ from pathlib import Path
 
 import pytest
 
-from scenarios import Excitation, Scenario, ScenarioError, load, names
-from scenarios.experiments.registry import Registry, table1
+from scenarios import ScenarioError, load, names
+from scenarios.experiments.registry import by_name, table1
 
 
 def test_table_1_is_there() -> None:
@@ -83,11 +83,8 @@ def test_printed_scenario_can_be_saved_and_loaded(tmp_path: Path) -> None:
 
 
 def test_duplicates_are_rejected() -> None:
-    registry = Registry()
-    scenario = Scenario("one", ("elbow_pitch",), (Excitation("prbs"),))
-    registry.add(scenario)
-    with pytest.raises(ScenarioError, match="'one' is already registered"):
-        registry.add(scenario)
+    with pytest.raises(ScenarioError, match="'siso-1-shoulder_yaw' is already registered"):
+        by_name([*table1(), table1()[0]])
 
 
 def test_unknown_names_say_what_there_is(tmp_path: Path) -> None:
@@ -102,7 +99,7 @@ def test_unknown_names_say_what_there_is(tmp_path: Path) -> None:
 
 
 def test_names_by_tag() -> None:
-    of_table1 = {entry.name for entry in table1() if entry.excitation[0].kind == "prbs"}
+    of_table1 = {table["name"] for table in table1() if table["excitation"]["kind"] == "prbs"}
     assert set(names("prbs")) & set(names("table1")) == of_table1
     assert {load(name).excitation[0].kind for name in names("prbs")} == {"prbs"}
     assert names() == tuple(dict.fromkeys(names()))
