@@ -19,7 +19,7 @@ from docs.images.published_servos import (
     tables,
 )
 from hmtb_twin import linearize, load_arm, simulate
-from hmtb_twin.parameters.published_variant import PUBLISHED_SERVOS
+from hmtb_twin.parameters.variants import PUBLISHED_SERVOS
 from scenarios.experiments.preparation import settled
 from scenarios.truth.published import SHOULDER_PITCH_OE, YAW_ARMAX, YAW_OE
 

@@ -6,9 +6,9 @@ import sys
 from dataclasses import fields
 from pathlib import Path
 
-from hmtb_twin import Specimen, TwinDistributions, load_arm
+from hmtb_twin import Specimen, load_arm
 from hmtb_twin.parameters.specimen import FARTHEST, LARGEST
-from hmtb_twin.parameters.specimen_draw import CUT, KINDS
+from hmtb_twin.parameters.specimen_draw import CUT, KINDS, TwinDistributions
 from hmtb_twin.parameters.values import LINKS
 from scenarios import Scenario, load
 

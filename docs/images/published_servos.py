@@ -14,9 +14,10 @@ import numpy as np
 from scipy.optimize import least_squares
 
 from hmtb_twin import JointTruth, Truth, linearize, load_arm
+from hmtb_twin.arm.arm_model import servo_gains
 from hmtb_twin.arm.controller_model import controller_model
-from hmtb_twin.arm.servo_gains import servo_gains
-from hmtb_twin.parameters.values import ACTUATORS, BUS, JOINTS, OPERATING_POSE, POSES, SAMPLE_TIME, SERVOS, Servo
+from hmtb_twin.parameters.drives import ACTUATORS
+from hmtb_twin.parameters.values import BUS, JOINTS, OPERATING_POSE, POSES, SAMPLE_TIME, SERVOS, Servo
 from scenarios.files.errors import ScenarioError
 from scenarios.truth.published import ELBOW_PITCH_ARMAX, PUBLISHED, SHOULDER_PITCH_OE, YAW_ARMAX, PublishedModel
 from sysid import StateSpace

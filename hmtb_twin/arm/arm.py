@@ -11,14 +11,13 @@ import numpy as np
 from hmtb_twin.arm.arm_model import compile_arm, tuned_gains
 from hmtb_twin.arm.controller_model import ControllerModel, controller_model
 from hmtb_twin.arm.worksite_model import LATCH_WELD
-from hmtb_twin.hydraulics.servo_rest import drooping, inertia, lean_on_pins, scales
-from hmtb_twin.parameters.electric_drive import Drive
+from hmtb_twin.hydraulics.rest import drooping, inertia, lean_on_pins, scales
+from hmtb_twin.parameters.drives import Actuator, Drive
 from hmtb_twin.parameters.errors import OverloadError, TwinError
-from hmtb_twin.parameters.payloads import PAYLOADS, WORKSITE_PAYLOADS
+from hmtb_twin.parameters.payloads import PAYLOADS, SEATS, WORKSITE_PAYLOADS
 from hmtb_twin.parameters.plant import NOMINAL_PLANT, Plant
-from hmtb_twin.parameters.seats import SEATS
 from hmtb_twin.parameters.specimen import NOMINAL_SPECIMEN, Specimen
-from hmtb_twin.parameters.values import INDEXED_JOINTS, JOINTS, MOTIONS, POSES, Actuator, Servo
+from hmtb_twin.parameters.values import INDEXED_JOINTS, JOINTS, MOTIONS, POSES, Servo
 from hmtb_twin.parameters.variants import variant_named
 
 
@@ -219,7 +218,7 @@ class Arm:
         """
         feedforward = self.controller.gravity_torque(command[None])[0]
         if self.plant.actuator == "orifice":
-            from hmtb_twin.hydraulics.oil_rest import settled_arm
+            from hmtb_twin.hydraulics.orifice import settled_arm
 
             return settled_arm(self.model, command, feedforward, self.weight, pinned)
         if self.specimen.as_designed:

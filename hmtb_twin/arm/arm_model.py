@@ -1,4 +1,4 @@
-"""The model that MuJoCo compiles of an arm: bodies, drives and servos written into the MJCF of `models/hmtb`."""
+"""MuJoCo model of an arm: bodies, drives and tuned servos written into the MJCF of `models/hmtb`."""
 
 from collections.abc import Mapping
 
@@ -7,14 +7,44 @@ import numpy as np
 
 from hmtb_twin.arm.controller_model import controller_model
 from hmtb_twin.arm.rigid_bodies import write_bodies
-from hmtb_twin.arm.servo_gains import servo_gains
 from hmtb_twin.arm.worksite_model import worksite_spec
-from hmtb_twin.parameters.electric_drive import Drive
+from hmtb_twin.parameters.drives import Actuator, Drive
+from hmtb_twin.parameters.errors import TwinError
 from hmtb_twin.parameters.plant import Plant
 from hmtb_twin.parameters.resources import model_file
 from hmtb_twin.parameters.specimen import Specimen
-from hmtb_twin.parameters.values import JOINTS, OPERATING_POSE, POSES, Actuator
+from hmtb_twin.parameters.values import JOINTS, OPERATING_POSE, POSES, Servo
 from hmtb_twin.parameters.variants import Variant, variant_named
+
+
+def servo_gains(inertia: float, servo: Servo, actuator: Drive) -> tuple[float, float]:
+    """Place the poles of one joint that is held by its neighbours.
+
+    With torque command kp (q_cmd - q) - kd dq/dt and a torque that follows it with the lag T of pressure or current,
+    the joint obeys J s^2 (T s + 1) + kd s + kp = J T (s - p1) (s - p2) (s - p3); the lag fixes p1 + p2 + p3 = -1/T.
+
+    Args:
+        inertia: Inertia J that the joint sees at the operating pose, kg m^2.
+        servo: The wanted poles p1 and p2, rad/s.
+        actuator: The drive, whose pressure or current lags by T.
+
+    Returns:
+        kp in N m/rad and kd in N m s/rad.
+
+    Raises:
+        TwinError: The lag is too long for the wanted poles: the third one would be unstable.
+    """
+    lag = actuator.motor.lag
+    slow, fast = servo.slow_pole, servo.fast_pole
+    third = -1.0 / lag - slow - fast
+    if max(slow, fast, third) >= 0.0:
+        raise TwinError(
+            f"wanted poles {slow:g} and {fast:g} rad/s with a lag of {lag:g} s leave the third pole at "
+            f"{third:g} rad/s; expected three negative poles, so -(p1 + p2) below {1.0 / lag:g} rad/s"
+        )
+    kp = -inertia * lag * slow * fast * third
+    kd = inertia * lag * (slow * fast + slow * third + fast * third)
+    return kp, kd
 
 
 def compile_arm(

@@ -2,8 +2,8 @@
 
 import mujoco
 
+from hmtb_twin.parameters.payloads import LATCH, TOUCH, UNIT
 from hmtb_twin.parameters.resources import model_file
-from hmtb_twin.parameters.seats import LATCH, TOUCH, UNIT
 from hmtb_twin.parameters.values import LINKS, SAMPLE_TIME
 
 UNIT_BODY = "rpcm"

@@ -11,8 +11,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from hmtb_twin.control.experiment import Status
 from hmtb_twin.control.modes import joint_index
-from hmtb_twin.control.status import Status
 from hmtb_twin.parameters.errors import TwinError
 from hmtb_twin.parameters.values import JOINTS
 from sysid import IOData

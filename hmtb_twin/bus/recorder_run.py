@@ -8,12 +8,10 @@ from pathlib import Path
 
 import numpy as np
 
-from hmtb_twin.bus.chapter10 import recording
+from hmtb_twin.bus.chapter10 import Test, announced, recording, setup_record
 from hmtb_twin.bus.chapter10_scan import scan
-from hmtb_twin.bus.faults import BUS_B, FAULTS, BusFaults
-from hmtb_twin.bus.messages import INTRA_PACKET_HEADER, layout, pack, unpack
+from hmtb_twin.bus.messages import BUS_B, FAULTS, INTRA_PACKET_HEADER, BusFaults, layout, pack, unpack
 from hmtb_twin.bus.record import BusRecord
-from hmtb_twin.bus.tmats import Test, announced, setup_record
 from hmtb_twin.bus.words import CLOCK, COUNTS_PER_TICK, MESSAGES, check_words
 from hmtb_twin.parameters.errors import TwinError
 from hmtb_twin.parameters.values import SAMPLE_RATE, SAMPLE_TIME

@@ -1,14 +1,66 @@
-"""What the laboratory needs to know of an experiment before it can run it."""
+"""Experiment, operator and status: the interface between the laboratory and whoever plans an experiment."""
 
 from dataclasses import dataclass
+from enum import IntFlag
 from typing import Protocol
 
 import numpy as np
 
-from hmtb_twin.control.chain import Chain
 from hmtb_twin.parameters.plant import Plant
 from hmtb_twin.parameters.specimen import Specimen
 from hmtb_twin.parameters.values import HandController
+
+
+@dataclass(frozen=True)
+class Chain:
+    """The imperfections of the laboratory; each can be switched off alone.
+
+    Attributes:
+        dac: The excitation computer's converter rounds.
+        noise: The wires pick up noise and hum.
+        bias: The hand controller's axes stand off zero.
+        adc: The hand controller's converter rounds.
+        hold: Its processor samples slower than the position loop and holds; matters where `HandController.hold` is
+            above 1.
+        velocity_limit: Joint commands move no faster than their limits.
+        friction: The seals rub; without, the oil's drag is left.
+        resolver: The resolvers are noisy and round.
+    """
+
+    dac: bool = True
+    noise: bool = True
+    bias: bool = True
+    adc: bool = True
+    hold: bool = True
+    velocity_limit: bool = True
+    friction: bool = True
+    resolver: bool = True
+
+
+IDEAL = Chain(
+    dac=False, noise=False, bias=False, adc=False, hold=False, velocity_limit=False, friction=False, resolver=False
+)
+"""Every link switched off; converters still saturate and joints keep their ranges."""
+
+
+class Status(IntFlag):
+    """Flags of one tick; 0 is ordinary operation.
+
+    Attributes:
+        VELOCITY_LIMITED: A joint's command moved as fast as its limit allows.
+        JOINT_LIMITED: A joint's command stood at an end of its range.
+        SINGULAR: The tool could not move as asked near a singular pose, and the step was damped.
+        CONVERTER_SATURATED: A hand-controller count stood at an end of the converter.
+        SHUT_DOWN: Emergency shutdown: servo power off, valves closed.
+        UNIT_HELD: The end effector holds the orbital replacement unit.
+    """
+
+    VELOCITY_LIMITED = 1
+    JOINT_LIMITED = 2
+    SINGULAR = 4
+    CONVERTER_SATURATED = 8
+    SHUT_DOWN = 16
+    UNIT_HELD = 32
 
 
 @dataclass(frozen=True)

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.signal import lfilter
 
-from hmtb_twin.control.chain import Chain
+from hmtb_twin.control.experiment import Chain
 from hmtb_twin.parameters.values import SAMPLE_TIME, HandController
 
 

@@ -1,16 +1,170 @@
 """Control modes: how stick motions become joint commands, within velocity limits and joint ranges."""
 
+import math
 from typing import Protocol
 
 import numpy as np
+import pinocchio as pin
 
 from hmtb_twin.arm.arm import Arm
-from hmtb_twin.control.cartesian import Cartesian
-from hmtb_twin.control.experiment import Experiment
-from hmtb_twin.control.single_joint import SingleJoint
-from hmtb_twin.control.status import Status
+from hmtb_twin.arm.controller_model import ControllerModel
+from hmtb_twin.control.experiment import Experiment, Status
+from hmtb_twin.control.resolved_rate import ResolvedRate
 from hmtb_twin.parameters.errors import TwinError
 from hmtb_twin.parameters.values import INDEXED_JOINTS, JOINTS, MOTIONS, SAMPLE_TIME, HandController
+
+
+class SingleJoint:
+    """Joint commands from stick deflections, within velocity limits and joint ranges.
+
+    In position mode a deflection is an offset from the reference pose, in rate mode a velocity.
+
+    Args:
+        pose: Reference pose, where the command starts (7,), rad.
+        joints: Joints that the stick moves, their places in `JOINTS`.
+        lower: Lower ends of the joint ranges (7,), rad.
+        upper: Upper ends (7,), rad.
+        step: Largest change of each joint's command in one tick (7,), rad; infinite without a velocity limit.
+        dt: Length of a tick in rate mode, s; None in position mode.
+    """
+
+    def __init__(
+        self,
+        pose: np.ndarray,
+        joints: list[int],
+        lower: np.ndarray,
+        upper: np.ndarray,
+        step: np.ndarray,
+        dt: float | None,
+    ) -> None:
+        self._command = np.array(pose, dtype=float)
+        self._reference = np.array(pose, dtype=float)
+        # Plain numbers: one tick of one joint costs less than a call of numpy.
+        self._joints = [(j, float(lower[j]), float(upper[j]), float(step[j])) for j in joints]
+        self._lower, self._upper, self._dt = lower, upper, dt
+
+    def step(self, deflection: np.ndarray) -> tuple[np.ndarray, Status]:
+        """Advance one tick.
+
+        Args:
+            deflection: Offsets in rad, or velocities in rad/s, of the joints that move (n,).
+
+        Returns:
+            The command (7,), rad, and what was limited.
+        """
+        status = 0
+        for (joint, lower, upper, step), moved in zip(self._joints, deflection.tolist(), strict=True):
+            previous = self._command.item(joint)
+            change = self._reference.item(joint) + moved - previous if self._dt is None else moved * self._dt
+            if abs(change) > step:
+                change = math.copysign(step, change)
+                status |= Status.VELOCITY_LIMITED.value
+            command = previous + change
+            if not lower <= command <= upper:
+                command = min(max(command, lower), upper)
+                status |= Status.JOINT_LIMITED.value
+            self._command[joint] = command
+        return self._command.copy(), Status(status)
+
+    def rebase(self, angles: np.ndarray, deflection: np.ndarray) -> tuple[np.ndarray, Status]:
+        """Take over at measured angles without a bump: this deflection now means the arm as it stands.
+
+        Args:
+            angles: Measured angles (7,), rad.
+            deflection: The deflection at this tick (n,).
+
+        Returns:
+            The command (7,), rad, and whether a range kept it from the angles.
+        """
+        self._command[:] = np.clip(angles, self._lower, self._upper)
+        self._reference[:] = self._command
+        if self._dt is None:
+            for (joint, *_), moved in zip(self._joints, deflection.tolist(), strict=True):
+                self._reference[joint] -= moved
+        limited = not np.array_equal(self._command, angles)
+        return self._command.copy(), Status.JOINT_LIMITED if limited else Status(0)
+
+
+class Cartesian:
+    """Joint commands from stick deflections in the tool frame, within velocity limits and joint ranges.
+
+    In position mode a deflection is an offset from the reference pose of the tool, in its frame; in rate mode a
+    velocity in the current tool frame. Directions without an axis of the stick are held.
+
+    Args:
+        controller: The controller's own model.
+        pose: Joint angles of the reference pose, where the command starts (7,), rad.
+        directions: Places in `TOOL_AXES` of the directions that the stick moves.
+        lower: Lower ends of the joint ranges (7,), rad.
+        upper: Upper ends (7,), rad.
+        step: Largest change of each joint's command in one tick (7,), rad; infinite without a velocity limit.
+        dt: Length of a tick in rate mode, s; None in position mode.
+    """
+
+    def __init__(
+        self,
+        controller: ControllerModel,
+        pose: np.ndarray,
+        directions: list[int],
+        lower: np.ndarray,
+        upper: np.ndarray,
+        step: np.ndarray,
+        dt: float | None,
+    ) -> None:
+        self._controller = controller
+        self._resolved_rate = ResolvedRate(controller, lower=lower, upper=upper, step=step)
+        self._directions, self._lower, self._upper = directions, lower, upper
+        self._dt = dt
+        self._command = np.array(pose, dtype=float)
+        self._position, self._rotation = controller.tool_pose(self._command)
+
+    def step(self, deflection: np.ndarray) -> tuple[np.ndarray, Status]:
+        """Advance one tick.
+
+        Args:
+            deflection: Offsets in m and rad, or velocities in m/s and rad/s, of the directions that move (n,).
+
+        Returns:
+            The command (7,), rad, and what was limited.
+        """
+        twist = np.zeros(6)
+        twist[self._directions] = deflection if self._dt is None else self._dt * deflection
+        position = self._position + self._rotation @ twist[:3]
+        rotation = self._rotation @ pin.exp3(twist[3:]) if twist[3:].any() else self._rotation
+        reached = self._resolved_rate.follow(self._command, position, rotation)
+        self._command = reached.angles
+        status = (
+            reached.velocity_limited * Status.VELOCITY_LIMITED
+            | reached.joint_limited * Status.JOINT_LIMITED
+            | reached.singular * Status.SINGULAR
+        )
+        if self._dt is not None:
+            # What was not reached is not owed: a limited rate command does not wind up.
+            self._position, self._rotation = (
+                self._controller.tool_pose(self._command) if status else (position, rotation)
+            )
+        return self._command.copy(), Status(status)
+
+    def rebase(self, angles: np.ndarray, deflection: np.ndarray) -> tuple[np.ndarray, Status]:
+        """Take over at measured angles without a bump: this deflection now means the tool where it is.
+
+        Args:
+            angles: Measured angles (7,), rad.
+            deflection: The deflection at this tick (n,).
+
+        Returns:
+            The command (7,), rad, and whether a range kept it from the angles.
+        """
+        self._command = np.clip(angles, self._lower, self._upper)
+        self._position, self._rotation = self._controller.tool_pose(self._command)
+        if self._dt is None:
+            twist = np.zeros(6)
+            twist[self._directions] = deflection
+            self._rotation = self._rotation @ pin.exp3(-twist[3:])
+            self._position = self._position - self._rotation @ twist[:3]
+        limited = not np.array_equal(self._command, angles)
+        return self._command.copy(), Status.JOINT_LIMITED if limited else Status(0)
+
 
 MODES = ("single_joint", "single_joint_rate", "cartesian", "cartesian_rate")
 """The control modes: a deflection is an offset (position mode) or a velocity (rate mode), of a joint or of the tool in

@@ -4,10 +4,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from numbers import Real
 
-from hmtb_twin.parameters.electric_drive import Drive, ElectricDrive
+from hmtb_twin.parameters.drives import COLDEST, HOTTEST, Drive, ElectricDrive, Friction, Hydraulics
 from hmtb_twin.parameters.errors import TwinError
-from hmtb_twin.parameters.oil import COLDEST, HOTTEST
-from hmtb_twin.parameters.values import Friction, Hydraulics
 
 ACTUATOR_FORMS = ("linear", "orifice")
 """Fidelities of the actuators: a linear load-flow characteristic, or a servo valve with square-root orifices."""

@@ -1,18 +1,17 @@
-"""A dataclass field that carries its unit, its provenance tag and its source beside its value."""
+"""Dataclass field of a physical parameter, with unit, provenance tag and source beside the value."""
 
-from collections.abc import Iterator
-from dataclasses import dataclass, field, fields
+from dataclasses import field
 from typing import Any
 
 TAGS = ("source", "analogue", "derived", "assumed")
-"""What a number may claim: a document of this machine, of a similar one, computed from others, or assumed."""
+"""Provenance tags: documented for this machine, for a similar one, computed from other numbers, or assumed."""
 
 
 def quantity(default: Any, unit: str, tag: str, source: str) -> Any:
     """Declare a physical parameter as a dataclass field.
 
     Args:
-        default: The value, in the unit given.
+        default: The value, in `unit`.
         unit: Its unit, as printed in the provenance table.
         tag: One of `TAGS`.
         source: Where the value comes from, or why it was assumed.
@@ -21,38 +20,8 @@ def quantity(default: Any, unit: str, tag: str, source: str) -> Any:
         A dataclass field with that metadata.
 
     Raises:
-        ValueError: The tag is none of `TAGS`.
+        ValueError: The tag is not one of `TAGS`.
     """
     if tag not in TAGS:
         raise ValueError(f"provenance tag {tag!r} given, expected one of {', '.join(TAGS)}")
     return field(default=default, metadata={"unit": unit, "tag": tag, "source": source})
-
-
-@dataclass(frozen=True)
-class Provenance:
-    """One line of the provenance table."""
-
-    owner: str
-    parameter: str
-    value: Any
-    unit: str
-    tag: str
-    source: str
-
-
-def provenance(owner: str, record: Any) -> Iterator[Provenance]:
-    """List the tagged parameters of a record.
-
-    Args:
-        owner: Name under which the record's parameters appear in the table.
-        record: A dataclass whose parameters are declared with `quantity`.
-
-    Yields:
-        One `Provenance` for each tagged field, in order of declaration.
-    """
-    for item in fields(record):
-        if "tag" in item.metadata:
-            value = getattr(record, item.name)
-            yield Provenance(
-                owner, item.name, value, item.metadata["unit"], item.metadata["tag"], item.metadata["source"]
-            )

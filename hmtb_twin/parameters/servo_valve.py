@@ -5,9 +5,8 @@ from math import pi
 
 import numpy as np
 
-from hmtb_twin.parameters.oil import relative_viscosity
+from hmtb_twin.parameters.drives import Actuator, relative_viscosity
 from hmtb_twin.parameters.quantity import quantity
-from hmtb_twin.parameters.values import Actuator
 
 
 @dataclass(frozen=True)

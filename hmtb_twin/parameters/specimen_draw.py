@@ -172,7 +172,7 @@ class TwinDistributions:
         return "".join(lines)
 
 
-def drawn(
+def draw_specimen(
     distributions: TwinDistributions, seed_sequence: np.random.SeedSequence
 ) -> tuple[Specimen, Mapping[str, float]]:
     """Draw one arm.

@@ -1,11 +1,9 @@
 """Every number of the twin, with unit, tag and source; what follows from others is computed."""
 
-from dataclasses import dataclass, field, replace
-from math import pi, radians, sqrt
+from dataclasses import dataclass
+from math import pi, radians
 
-from hmtb_twin.parameters.dc_motor import DcMotor
 from hmtb_twin.parameters.errors import TwinError
-from hmtb_twin.parameters.oil import relative_viscosity
 from hmtb_twin.parameters.quantity import quantity
 
 JOINTS = (
@@ -65,145 +63,6 @@ LINKS = {
     "end_effector": Link(0.14, 4.0, 0.045),
 }
 """The link that each joint moves; the end effector is fixed to the wrist roll flange behind the force/torque sensor."""
-
-
-@dataclass(frozen=True)
-class Hydraulics:
-    """The oil and its supply."""
-
-    supply_pressure: float = quantity(20.7, "MPa", "analogue", "Titan 4 manual, 1500-3000 psi")
-    return_pressure: float = quantity(3.4, "MPa", "analogue", "Titan 4 manual, 500 psi")
-    bulk_modulus: float = quantity(700.0, "MPa", "assumed", "other models take 300 (hoses, air) to 1550 (oil)")
-    leakage: float = quantity(
-        0.015, "1", "assumed", "internal leakage at rated pressure and 40 degrees Celsius, part of the rated flow"
-    )
-    oil_temperature: float = quantity(40.0, "degC", "assumed", "temperature at which viscosity grades are stated")
-
-    @property
-    def pressure(self) -> float:
-        """Pressure available across an actuator, MPa."""
-        return self.supply_pressure - self.return_pressure
-
-
-RATED_PRESSURE = Hydraulics().pressure
-"""Pressure across an actuator at which its flow, leakage and friction are stated, MPa."""
-
-
-@dataclass(frozen=True)
-class Friction:
-    """Friction as parts of the rated torque: LuGre [Canudas1995] or, without bristles, Coulomb; and the oil's drag."""
-
-    coulomb: float = quantity(
-        0.01, "1", "derived", "part of maximum torque; published pitch DC gains near one allow little"
-    )
-    static_ratio: float = quantity(1.5, "1", "assumed", "breakaway over Coulomb torque of lip seals")
-    stribeck_velocity: float = quantity(radians(1.5), "rad/s", "assumed", "1 to 2 deg/s")
-    presliding: float = quantity(1e-3, "rad", "assumed", "bristle deflection at Coulomb torque: 30 um at the rack")
-    bristle_time: float = quantity(0.01, "s", "assumed", "bristle damping over bristle stiffness")
-    viscous: float = quantity(
-        0.01, "1", "assumed", "the oil's drag at no-load speed and 40 degrees Celsius, part of maximum torque"
-    )
-    bristles: bool = True
-
-
-@dataclass(frozen=True)
-class Actuator:
-    """A rack-and-pinion actuator with its servo valve, linear between no-load flow and stall.
-
-    In cm^3, MPa and s the load-pressure equation V/(4 beta) dP/dt = Q - (K + C) P - D w has coefficients of order one,
-    and D P is a torque in N m. K is the slope of the straight line from no-load flow at zero load pressure to stall at
-    full pressure [Merritt1967, ch. 5 and 6]; C is the internal leakage.
-    """
-
-    displacement: float = quantity(
-        0.0, "cm3/rad", "assumed", "stall torques near 1000, 430, 170 N m; Titan 4, Atlas 7R wrists 170, 205 N m"
-    )
-    trapped_volume: float = quantity(0.0, "cm3", "assumed", "both chambers and lines")
-    no_load_speed: float = quantity(0.0, "rad/s", "assumed", "rated flow 18 (shoulder), 7.5 (elbow), 4.8 L/min (wrist)")
-    hydraulics: Hydraulics = field(default_factory=Hydraulics)
-    friction: Friction | None = field(default_factory=Friction)
-    valve_open: bool = True
-
-    @property
-    def maximum_torque(self) -> float:
-        """Stall torque at the pressure between supply and return, N m."""
-        return self.displacement * self.hydraulics.pressure
-
-    @property
-    def rated_torque(self) -> float:
-        """Stall torque at the rated pressure, N m; what friction and process noise are parts of."""
-        return self.displacement * RATED_PRESSURE
-
-    @property
-    def coulomb_torque(self) -> float:
-        """Coulomb friction, N m."""
-        return self.friction.coulomb * self.rated_torque if self.friction else 0.0
-
-    @property
-    def drag(self) -> float:
-        """Viscous friction at the oil's temperature, N m s/rad."""
-        if self.friction is None:
-            return 0.0
-        thickness = relative_viscosity(self.hydraulics.oil_temperature)
-        return self.friction.viscous * self.rated_torque / self.no_load_speed * thickness
-
-    @property
-    def rated_flow(self) -> float:
-        """Flow of the fully open valve without load, cm^3/s: the hydraulic velocity limit times the displacement.
-
-        No-load speed is stated at the rated pressure; flow through an orifice goes with the root of pressure.
-        """
-        return self.displacement * self.no_load_speed * sqrt(self.hydraulics.pressure / RATED_PRESSURE)
-
-    @property
-    def leakage(self) -> float:
-        """Internal leakage C, laminar and so the larger the thinner the oil, cm^3/(s MPa)."""
-        at_rating = self.hydraulics.leakage * self.displacement * self.no_load_speed / RATED_PRESSURE
-        return at_rating / relative_viscosity(self.hydraulics.oil_temperature)
-
-    @property
-    def compliance(self) -> float:
-        """Oil compressibility V/(4 beta), cm^3/MPa."""
-        return self.trapped_volume / (4.0 * self.hydraulics.bulk_modulus)
-
-    @property
-    def flow_pressure_gain(self) -> float:
-        """Flow lost per load pressure, cm^3/(s MPa): K + C, or the leakage C alone behind a closed valve."""
-        return self.valve_open * self.rated_flow / self.hydraulics.pressure + self.leakage
-
-    @property
-    def largest_flow(self) -> float:
-        """Largest flow that the servo can ask of the valve, cm^3/s; a closed one passes none that would be seen."""
-        return self.rated_flow if self.valve_open else 1e-12 * self.rated_flow
-
-    @property
-    def pressure_lag(self) -> float:
-        """Time constant from commanded to delivered torque, s."""
-        return self.compliance / self.flow_pressure_gain
-
-    @property
-    def motor(self) -> DcMotor:
-        """The actuator as a `dcmotor`: load pressure for current, flow for voltage."""
-        return DcMotor(
-            constant=self.displacement,
-            resistance=self.flow_pressure_gain,
-            inductance=self.compliance,
-            largest_input=self.largest_flow,
-            maximum_torque=self.maximum_torque,
-        )
-
-    @property
-    def unpowered(self) -> "Actuator":
-        """The actuator after an emergency shutdown: no flow through the valve, the oil trapped but for the leakage."""
-        return replace(self, valve_open=False)
-
-
-_SHOULDER = Actuator(60.0, 100.0, 5.0)
-_ELBOW = Actuator(25.0, 60.0, 5.0)
-_WRIST = Actuator(10.0, 40.0, 8.0)
-
-ACTUATORS = dict(zip(JOINTS, (_SHOULDER,) * 3 + (_ELBOW,) + (_WRIST,) * 3, strict=True))
-"""The actuator of each joint."""
 
 
 @dataclass(frozen=True)

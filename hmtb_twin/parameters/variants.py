@@ -1,14 +1,118 @@
-"""The arms that exist: what each is made of."""
+"""The arms that exist, nominal, published and flight, and what each is made of."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from types import MappingProxyType
 
-from hmtb_twin.parameters.electric_drive import Drive
+from hmtb_twin.parameters.drives import ACTUATORS, Actuator, Drive, ElectricDrive, Friction
 from hmtb_twin.parameters.errors import TwinError
-from hmtb_twin.parameters.flight_variant import FLIGHT_DRIVES, FLIGHT_LINKS, FLIGHT_SERVOS
-from hmtb_twin.parameters.published_variant import PUBLISHED_ACTUATORS, PUBLISHED_SERVOS
-from hmtb_twin.parameters.values import ACTUATORS, BUS, LINKS, SERVOS, BusTerminal, Link, Servo
+from hmtb_twin.parameters.quantity import quantity
+from hmtb_twin.parameters.values import BUS, JOINTS, LINKS, SERVOS, BusTerminal, Link, Servo
+
+
+@dataclass(frozen=True)
+class FittedServo(Servo):
+    """A servo with which the coupled arm has the printed poles."""
+
+    slow_pole: float = quantity(-6.0, "rad/s", "derived", "the coupled arm's poles are those of (4.7), (4.10), (4.12)")
+    fast_pole: float = quantity(
+        -60.0, "rad/s", "derived", "likewise; of shoulder yaw the best fit to the response of (4.7)"
+    )
+
+
+@dataclass(frozen=True)
+class SlowServo(Servo):
+    """A servo with a solved slow pole and the nominal damping."""
+
+    slow_pole: float = quantity(-6.0, "rad/s", "derived", "moves with the pitch joints: printed poles exactly met")
+
+
+@dataclass(frozen=True)
+class LightFriction(Friction):
+    """Seals that a soft servo still overcomes."""
+
+    coulomb: float = quantity(
+        0.01, "1", "derived", "as the nominal arm's beside the servo's stiffness: the printed DC gain is above one"
+    )
+
+
+PUBLISHED_SERVOS: Mapping[str, Servo] = MappingProxyType(
+    {
+        **SERVOS,
+        "shoulder_yaw": FittedServo(-1.004, -34.84),
+        "shoulder_pitch": FittedServo(-6.138, -63.36),
+        "elbow_pitch": FittedServo(-6.450, -55.68),
+        "wrist_pitch": SlowServo(-5.966, SERVOS["wrist_pitch"].fast_pole),
+    }
+)
+"""The servo of each joint."""
+
+PUBLISHED_ACTUATORS: Mapping[str, Actuator] = MappingProxyType(
+    {**ACTUATORS, "shoulder_yaw": replace(ACTUATORS["shoulder_yaw"], friction=LightFriction(0.0015))}
+)
+"""The drive of each joint: nominal but for the shoulder yaw's seals.
+
+Its servo is so soft that nominal seals would hold the joint back by a sixth of a 1 V command.
+"""
+
+
+@dataclass(frozen=True)
+class FlightLink(Link):
+    """A link of the arm in orbit, of the ground arm's length."""
+
+    length: float = quantity(0.0, "m", "source", "as the ground arm's: same kinematics, thesis I.2; assumed there")
+    mass: float = quantity(
+        0.0, "kg", "assumed", "40 kg in all, half the ground arm; electric 7-joint arms weigh 15 to 75 kg"
+    )
+    radius: float = quantity(0.0, "m", "assumed", "outer radius of a link of that mass")
+
+
+@dataclass(frozen=True)
+class FlightServo(Servo):
+    """A position servo of the arm in orbit."""
+
+    slow_pole: float = quantity(
+        -13.0, "rad/s", "assumed", "2 Hz, twice the ground arm: electric joint servos reach several"
+    )
+    fast_pole: float = quantity(-70.0, "rad/s", "assumed", "well apart from the slow one, more outward")
+
+
+_MASSES = {
+    "shoulder_roll": (6.0, 0.09),
+    "shoulder_yaw": (6.0, 0.09),
+    "shoulder_pitch": (9.0, 0.08),
+    "elbow_pitch": (6.5, 0.07),
+    "wrist_pitch": (4.0, 0.06),
+    "wrist_yaw": (3.5, 0.055),
+    "wrist_roll": (2.0, 0.05),
+    "end_effector": (3.0, 0.045),
+}
+
+FLIGHT_LINKS: Mapping[str, Link] = MappingProxyType(
+    {name: FlightLink(LINKS[name].length, mass, radius) for name, (mass, radius) in _MASSES.items()}
+)
+"""The link that each joint moves, and the end effector."""
+
+_SHOULDER = ElectricDrive(torque_constant=0.15, resistance=0.5, rotor_inertia=6e-5, largest_current=12.0)
+_ELBOW = ElectricDrive(torque_constant=0.12, resistance=0.7, rotor_inertia=4e-5, largest_current=8.5)
+_WRIST = ElectricDrive(torque_constant=0.07, gear_ratio=100.0, resistance=1.0, rotor_inertia=1e-5, largest_current=7.0)
+
+FLIGHT_DRIVES: Mapping[str, ElectricDrive] = MappingProxyType(
+    dict(zip(JOINTS, (_SHOULDER,) * 3 + (_ELBOW,) + (_WRIST,) * 3, strict=True))
+)
+"""The drive of each joint: 288, 163 and 49 N m at shoulder, elbow and wrist."""
+
+FLIGHT_SERVOS: Mapping[str, Servo] = MappingProxyType(
+    dict(
+        zip(
+            JOINTS,
+            map(FlightServo, (-13.0,) * 7, (-70.0, -70.0, -90.0, -140.0, -200.0, -200.0, -200.0)),
+            strict=True,
+        )
+    )
+)
+"""The servo of each joint."""
+
 
 EARTH = 9.81
 """Acceleration of gravity that the arm feels on the ground, m/s^2."""

@@ -1,7 +1,7 @@
-"""Experiments on arms of one structure, run as rows of one `mujoco.batch.Batch`, each on a model of its own."""
+"""Experiments on arms of one structure, run as rows of one `mujoco.batch.Batch`, each on its own model."""
 
 from collections import defaultdict
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from functools import partial
 from time import perf_counter
 
@@ -10,14 +10,63 @@ import numpy as np
 from mujoco import batch
 
 from hmtb_twin.bus.joint_log import WRENCH
-from hmtb_twin.control.experiment import View
-from hmtb_twin.control.status import Status
+from hmtb_twin.control.experiment import Status, View
 from hmtb_twin.parameters.errors import TwinError
 from hmtb_twin.parameters.values import JOINTS, SAMPLE_RATE, SAMPLE_TIME
-from hmtb_twin.run.engine_warnings import warned_of
 from hmtb_twin.run.experiment_row import STATE, ExperimentRow
-from hmtb_twin.run.recording import BLOCK, Recording
 from hmtb_twin.run.worksite_run import WorksiteRun
+
+
+def warned_of(counts: np.ndarray) -> str:
+    """Return the names of the warnings that were raised, with commas; nothing where none was.
+
+    Args:
+        counts: How often each warning of MuJoCo was raised (n,).
+    """
+    return ", ".join(str(mujoco.mjtWarning(i)).rsplit("mjWARN_", 1)[-1] for i in np.flatnonzero(counts))
+
+
+BLOCK = 256
+"""Ticks that are computed ahead, and recorded before each experiment is given its part: 5 s.
+
+Long enough that Python's work per block does not count, short enough that the blocks of a thousand experiments are
+small beside their logs."""
+
+
+class Recording:
+    """Channels of experiments of different lengths.
+
+    Args:
+        lengths: Ticks of each experiment.
+        widths: Numbers that each channel has at a tick.
+
+    Attributes:
+        records: Of each experiment, its channels by name, (ticks, width), complete after `close`.
+    """
+
+    def __init__(self, lengths: Sequence[int], widths: Mapping[str, int]) -> None:
+        rows, longest = len(lengths), max(lengths)
+        self._blocks = {name: np.empty((min(BLOCK, longest), rows, width)) for name, width in widths.items()}
+        self._first = 0
+        self.records = [{name: np.empty((ticks, width)) for name, width in widths.items()} for ticks in lengths]
+
+    def write(self, tick: int, values: Mapping[str, np.ndarray]) -> None:
+        """Write the channels (rows, width) of a tick; ticks come in turn."""
+        if tick - self._first == BLOCK:
+            self._hand_out(tick)
+        for name, now in values.items():
+            self._blocks[name][tick - self._first] = now
+
+    def close(self, ticks: int) -> None:
+        """Hand out what is left of a run of so many ticks."""
+        self._hand_out(ticks)
+
+    def _hand_out(self, stop: int) -> None:
+        first, self._first = self._first, stop
+        for row, record in enumerate(self.records):
+            for name, kept in record.items():
+                part = kept[first:stop]
+                part[:] = self._blocks[name][: len(part), row]
 
 
 class BatchRun:

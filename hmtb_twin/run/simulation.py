@@ -1,4 +1,4 @@
-"""Run experiments side by side, on one arm or on as many as there are experiments."""
+"""Simulation of experiments side by side, in batches of arms of one structure."""
 
 from collections import Counter, defaultdict
 from collections.abc import Callable, Hashable, Iterator, Mapping, Sequence
@@ -7,13 +7,49 @@ from functools import cache, partial
 from types import MappingProxyType
 from typing import overload
 
-from hmtb_twin.arm.arm import load_arm
-from hmtb_twin.arm.model_structure import structure
+import mujoco
+
+from hmtb_twin.arm.arm import Arm, load_arm
 from hmtb_twin.bus.joint_log import JointLog
 from hmtb_twin.control.experiment import Experiment
 from hmtb_twin.parameters.errors import OverloadError, TwinError
 from hmtb_twin.run.batch_run import BatchRun
 from hmtb_twin.run.experiment_row import ExperimentRow, at_rest, prepare
+
+
+def structure(arm: Arm) -> Hashable:
+    """Return what arms have in common that can run side by side, a model each, and that nothing else has.
+
+    `mujoco.batch.Batch.set_models` wants the same sizes of all that MuJoCo's state holds. One loop over the ticks wants
+    more: the same names at the same places, the same step and integrator, and the states of the drives in the same
+    places.
+
+    Args:
+        arm: An arm.
+
+    Returns:
+        A key, equal for arms of the same structure.
+    """
+    model = arm.model
+    supply, spools = arm.supply_state, arm.spool_states
+    return (
+        tuple(getattr(model, name) for name in _sizes()),
+        bytes(model.names),
+        model.opt.timestep,
+        int(model.opt.integrator),
+        arm.worksite,
+        tuple(arm.pressure_states.tolist()),
+        None if spools is None else tuple(spools.tolist()),
+        None if supply is None else tuple(supply.tolist()),
+    )
+
+
+@cache
+def _sizes() -> tuple[str, ...]:
+    """Names of all sizes of a model: MuJoCo calls each of them n and what is counted."""
+    empty = mujoco.MjSpec().compile()
+    return tuple(name for name in dir(empty) if name.startswith("n") and isinstance(getattr(empty, name), int))
+
 
 MOST_THREADS = 1024
 """More threads than that are a slip of the keyboard."""

@@ -1,4 +1,4 @@
-"""The truth from the physics: finite differences of the physics step, lifted to the position loop's rate."""
+"""Small-signal truth: finite differences of the physics, lifted to the rate of the position loop."""
 
 from collections.abc import Sequence
 from copy import copy
@@ -11,12 +11,82 @@ from scipy.linalg import block_diag
 from hmtb_twin.arm.arm import Arm, load_arm
 from hmtb_twin.bus.joint_log import software_versions
 from hmtb_twin.parameters.errors import OverloadError, TwinError
-from hmtb_twin.parameters.values import JOINTS, OPERATING_POSE, SAMPLE_TIME, STUDIED_JOINTS
+from hmtb_twin.parameters.values import INDEXED_JOINTS, JOINTS, MOTIONS, OPERATING_POSE, SAMPLE_TIME, STUDIED_JOINTS
 from hmtb_twin.truth.innovations import Disturbances, innovations_form
-from hmtb_twin.truth.joint_range import check_range, clear_of_stops
-from hmtb_twin.truth.sample_map import sample_map
 from hmtb_twin.truth.truth import Truth
 from sysid import StateSpace
+
+CLEARANCE = 1e-3
+"""Nearest that a joint may come to its stop, rad: ten steps of the finite differences, which must not touch it."""
+
+INDEX = 0.0
+"""Angle at which the pin of an indexed joint holds it, rad."""
+
+AT_INDEX = 1e-9
+"""How near to it an indexed joint has to be given, rad: a pin pushed aside pulls by its stiffness."""
+
+
+def check_range(angles: np.ndarray) -> None:
+    """Refuse angles at which a joint would stand on its stop, or an indexed joint beside its pin.
+
+    Args:
+        angles: Joint angles (7,), rad.
+
+    Raises:
+        TwinError: One is not inside its joint's range.
+    """
+    for name, angle in zip(JOINTS, angles, strict=True):
+        given = f"pose: {name} = {np.degrees(angle):g} deg given, expected"
+        if name in INDEXED_JOINTS:
+            if abs(angle - INDEX) > AT_INDEX:
+                raise TwinError(f"{given} {np.degrees(INDEX):g} deg, where its pin holds it")
+        elif not clear_of_stops(name, float(angle)):
+            low, high = np.degrees((MOTIONS[name].lower, MOTIONS[name].upper))
+            raise TwinError(f"{given} between {low:g} and {high:g} deg, at least {CLEARANCE:g} rad off the stops")
+
+
+def clear_of_stops(joint: str, angle: float) -> bool:
+    """Return whether a joint at an angle in rad moves freely either way."""
+    return MOTIONS[joint].lower + CLEARANCE <= angle <= MOTIONS[joint].upper - CLEARANCE
+
+
+STEP = 1e-6
+"""Step of the centred differences: far within the spool's null, and rounding errors stay near 1e-9."""
+
+
+def sample_map(
+    model: mujoco.MjModel, rest: mujoco.MjData, *, period: float = SAMPLE_TIME
+) -> tuple[np.ndarray, np.ndarray]:
+    """Differentiate the state after one tick by the state before it and by the controls held over it.
+
+    Args:
+        model: The model; all joints are hinges.
+        rest: The state about which to differentiate, at rest, with its controls.
+        period: Another length than that of a tick, s: a whole number of physics steps.
+
+    Returns:
+        A (n, n) and B (n, nu) of the map, with n = 2 nv + na: angles, velocities, activations.
+    """
+    precise = copy(model)
+    # The pin of the shoulder roll is a constraint: solved only to the default tolerance it would blur the differences.
+    precise.opt.tolerance = 0.0
+    data = mujoco.MjData(precise)
+    substeps = round(period / precise.opt.timestep)
+    point = np.concatenate([rest.qpos, rest.qvel, rest.act, rest.ctrl])
+    states = len(point) - precise.nu
+    cuts = np.cumsum([precise.nq, precise.nv, precise.na])
+
+    def after(start: np.ndarray) -> np.ndarray:
+        mujoco.mj_resetData(precise, data)
+        data.eq_active[:] = rest.eq_active
+        data.qpos[:], data.qvel[:], data.act[:], data.ctrl[:] = np.split(start, cuts)
+        mujoco.mj_step(precise, data, nstep=substeps)
+        return np.concatenate([data.qpos, data.qvel, data.act])
+
+    columns = [(after(point + e) - after(point - e)) / (2.0 * STEP) for e in STEP * np.eye(len(point))]
+    jacobian = np.column_stack(columns)
+    return jacobian[:, :states], jacobian[:, states:]
+
 
 AMPLITUDES = (1e-5, 1e-4, 1e-3, 1e-2)
 """Command amplitudes at which the linear model is tried against simulation, rad."""
@@ -24,7 +94,7 @@ AMPLITUDES = (1e-5, 1e-4, 1e-3, 1e-2)
 LARGEST_AMPLITUDE = 2.0 * np.pi
 """A whole turn: no command of the arm is larger, and few are as small signals."""
 
-STEP = 1e-4
+STEP_linearization = 1e-4
 """Step of the centred finite differences: below it rounding shows in the trial at 10 µrad, above it truncation will."""
 
 METHODS = {
@@ -131,7 +201,7 @@ def _lifted(original: mujoco.MjModel, data: mujoco.MjData) -> tuple[np.ndarray, 
     model.opt.tolerance = 0.0
     states = 2 * model.nv + model.na
     A, B = np.empty((states, states)), np.empty((states, model.nu))
-    mujoco.mjd_transitionFD(model, data, STEP, True, A, B, None, None)
+    mujoco.mjd_transitionFD(model, data, STEP_linearization, True, A, B, None, None)
     # Zero-order hold over the tick: x+ = A^n x + (I + A + ... + A^(n-1)) B u, by the powers of an augmented matrix.
     held = np.block([[A, B], [np.zeros((model.nu, states)), np.eye(model.nu)]])
     tick = np.linalg.matrix_power(held, round(SAMPLE_TIME / model.opt.timestep))[:states]

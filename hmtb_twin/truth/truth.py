@@ -1,4 +1,4 @@
-"""What is true of the arm: the linear model at 50 Hz that its physics implies."""
+"""The linear model of the arm at 50 Hz: whole, by joint and by channel."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -12,8 +12,59 @@ from hmtb_twin.parameters.plant import Plant
 from hmtb_twin.parameters.specimen import Specimen
 from hmtb_twin.parameters.values import INDEXED_JOINTS, JOINTS
 from hmtb_twin.truth.innovations import Disturbances, innovations_form, minimal_innovations_form
-from hmtb_twin.truth.modal import modal
 from sysid import StateSpace
+
+SILENT = 1e-7
+"""Modes that carry less than this part of the gain at 0 Hz are other channels': a zero of this one sits on them."""
+
+ORIGIN = 1e-6
+"""Poles and zeros of smaller modulus are delays, or faster than the sampling tells from one."""
+
+FAR = 1e3
+"""Zeros of larger modulus are rounding: the channel has them at infinity."""
+
+
+@dataclass(frozen=True)
+class Modal:
+    """One channel by its modes.
+
+    Attributes:
+        poles: Poles in the z plane, largest modulus first, without those at the origin (n,).
+        shares: Part of the gain at 0 Hz that each carries, as a modulus (n,).
+        zeros: Zeros in the z plane, largest modulus first, without those at the origin (m,).
+    """
+
+    poles: np.ndarray
+    shares: np.ndarray
+    zeros: np.ndarray
+
+
+def modal(channel: StateSpace) -> Modal:
+    """Take a channel apart into the modes that it shares with its command and its measurement.
+
+    Balanced truncation keeps the response but moves poles that a zero is near; here poles are eigenvalues of the whole
+    model. Of its zeros those on modes that the channel does not show are left out, each with its mode.
+
+    Args:
+        channel: A stable single-input single-output model, all states kept.
+
+    Returns:
+        Its poles with their shares, and its zeros.
+    """
+    A, B, C = channel.A, channel.B.astype(complex), channel.C
+    poles, vectors = np.linalg.eig(A)
+    residues = (C @ vectors)[0] * np.linalg.solve(vectors, B)[:, 0]
+    shares = np.abs(residues / (1.0 - poles)) / abs(channel.dc_gain()[0, 0])
+    moving = np.abs(poles) > ORIGIN
+    shown = moving & (shares > SILENT)
+    zeros = channel.zeros()
+    zeros = zeros[np.isfinite(zeros) & (np.abs(zeros) > ORIGIN) & (np.abs(zeros) < FAR)]
+    for pole in poles[moving & ~shown]:
+        if len(zeros):
+            zeros = np.delete(zeros, np.argmin(np.abs(zeros - pole)))
+    order = np.argsort(-np.abs(poles[shown]), kind="stable")
+    return Modal(poles[shown][order], shares[shown][order], zeros[np.argsort(-np.abs(zeros), kind="stable")])
+
 
 MINIMAL = 1e-9
 """Hankel singular values below this part of the largest are numerical dust of the finite differences."""

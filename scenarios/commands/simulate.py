@@ -160,7 +160,7 @@ def _record(
     logs: "Sequence[JointLog]", folder: Path, dropped: float, invalid: float, silent: float, remarks: list[str]
 ) -> list[Path]:
     """Record logs on the bus, five to a run; return the file of each, and add to the remarks what did not fit."""
-    from hmtb_twin.bus.faults import BusFaults
+    from hmtb_twin.bus.messages import BusFaults
     from hmtb_twin.bus.record import BusRecord
     from hmtb_twin.bus.recorder_run import record_run, runs
 

@@ -158,9 +158,9 @@ def waveform(
 
 def _beyond(wave: "Waveform") -> str | None:
     """Say which points the excitation computer cannot give."""
-    from scenarios.experiments.excitation_computer import BOARD
+    from hmtb_twin.control.data_acquisition import BOARD
 
-    count = int(BOARD.beyond(wave.points).sum())
+    count = int(BOARD.exceeds_range(wave.points).sum())
     if not count:
         return None
     return (

@@ -8,8 +8,8 @@ import numpy as np
 from hmtb_twin import JOINTS, JointLog
 from hmtb_twin.bus.joint_log import WRENCH
 from hmtb_twin.bus.recorder import delayed
+from hmtb_twin.control.experiment import Status
 from hmtb_twin.control.modes import joint_index
-from hmtb_twin.control.status import Status
 from hmtb_twin.parameters.values import SAMPLE_RATE, SAMPLE_TIME
 from hmtb_twin.parameters.variants import variant_named
 from scenarios.datasets.layout import LICENSE

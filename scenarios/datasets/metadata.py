@@ -12,12 +12,12 @@ from typing import Any
 import numpy as np
 
 from hmtb_twin import Status
+from hmtb_twin.control.data_acquisition import BOARD
 from hmtb_twin.parameters.values import SAMPLE_RATE
 from scenarios.datasets.datasheet import datasheet
 from scenarios.datasets.layout import LICENSE, LOCK, MANIFEST, SUMS
 from scenarios.datasets.plan import DataSetPlan
 from scenarios.datasets.spec import DataSetSpec
-from scenarios.experiments.excitation_computer import BOARD
 from scenarios.experiments.scenario import Scenario
 from scenarios.files.hashes import bytes_hash, file_hash
 from scenarios.files.netcdf import read_array
@@ -156,7 +156,7 @@ def _limited_samples(path: Path, plan: DataSetPlan, number: int) -> tuple[int, i
     # The excitation computer clips before the flags are set. Waveforms with withheld seeds cannot be recomputed.
     if isinstance(experiment, Scenario) and not plan.spec.commitment:
         for one in experiment.excitation:
-            clipped = clipped | BOARD.beyond(one.asked(experiment.duration)[: len(clipped), 0])
+            clipped = clipped | BOARD.exceeds_range(one.asked(experiment.duration)[: len(clipped), 0])
     return int(np.count_nonzero(status & Status.VELOCITY_LIMITED)), int(np.count_nonzero(clipped))
 
 

@@ -11,7 +11,7 @@ from typing import overload
 import numpy as np
 
 from hmtb_twin import STUDIED_JOINTS, Experiment, Plant, Specimen
-from hmtb_twin.parameters.specimen_draw import drawn
+from hmtb_twin.parameters.specimen_draw import draw_specimen
 from hmtb_twin.parameters.values import JOINTS, OPERATING_POSE, SAMPLE_RATE, SAMPLE_TIME
 from scenarios.datasets.layout import arm_file, best_linear_file, data_file, signals_file
 from scenarios.datasets.spec import DataSetSpec
@@ -205,7 +205,10 @@ class DataSetPlan(Sequence[PlannedExperiment]):
         """The arm of a twin, and what changes of its plant; experiments of one twin follow each other."""
         assert self.spec.twins is not None  # noqa: S101 - only a spec with twins has any
         if self._last is None or self._last[0] != twin:
-            self._last = (twin, drawn(self.spec.twins.distributions, np.random.SeedSequence([self.spec.entropy, twin])))
+            self._last = (
+                twin,
+                draw_specimen(self.spec.twins.distributions, np.random.SeedSequence([self.spec.entropy, twin])),
+            )
         return self._last[1]
 
 
@@ -230,8 +233,8 @@ def _seeds(spec: DataSetSpec, key: str) -> tuple[int, int]:
         # By a keyed hash: nobody finds the secret from a seed, nor the seed by trying which noise stands in a window.
         digest = hmac.digest(bytes.fromhex(spec.secret_seed), key.encode(), "sha256")
         return int.from_bytes(digest[:8]) >> 2, int.from_bytes(digest[8:16]) >> 2
-    drawn = np.random.SeedSequence([spec.entropy, *key.encode()]).generate_state(2, np.uint64)
-    return int(drawn[0]) >> 2, int(drawn[1]) >> 2
+    draw_specimen = np.random.SeedSequence([spec.entropy, *key.encode()]).generate_state(2, np.uint64)
+    return int(draw_specimen[0]) >> 2, int(draw_specimen[1]) >> 2
 
 
 def _reseeded(excitation: Excitation, seed: int) -> Excitation:

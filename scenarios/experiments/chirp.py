@@ -2,18 +2,19 @@
 
 import numpy as np
 
-from scenarios.experiments.waveform import POINTS, RATE, WINDOW, Waveform
+from hmtb_twin.parameters.values import SAMPLE_RATE
+from scenarios.experiments.waveform import POINTS, WINDOW, Waveform
 from scenarios.files.errors import ScenarioError
 
 
 def _time() -> np.ndarray:
-    return np.arange(POINTS) / RATE
+    return np.arange(POINTS) / SAMPLE_RATE
 
 
 def _check_band(*frequencies: float) -> None:
     for frequency in frequencies:
-        if not 0.0 <= frequency <= RATE / 2:
-            raise ScenarioError(f"frequencies must lie in 0 to {RATE / 2} Hz, given {frequency} Hz")
+        if not 0.0 <= frequency <= SAMPLE_RATE / 2:
+            raise ScenarioError(f"frequencies must lie in 0 to {SAMPLE_RATE / 2} Hz, given {frequency} Hz")
 
 
 def chirp(*, f_start: float, f_end: float, amplitude: float = 1.0) -> Waveform:
@@ -91,6 +92,6 @@ def chirp_franklin(
     k = np.arange(POINTS)
     envelope = np.clip(k / (ramp * POINTS), 0, 1) * np.clip((POINTS - k) / (ramp * POINTS), 0, 1)
     frequency = f_start + k / POINTS * (f_end - f_start)
-    points = offset + amplitude * envelope * np.sin(2.0 * np.pi * frequency * k / RATE)
+    points = offset + amplitude * envelope * np.sin(2.0 * np.pi * frequency * k / SAMPLE_RATE)
     parameters = {"f_start": f_start, "f_end": f_end, "amplitude": amplitude, "ramp": ramp, "offset": offset}
     return Waveform(points, "chirp_franklin", parameters)

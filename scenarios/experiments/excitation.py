@@ -9,9 +9,10 @@ from types import MappingProxyType
 
 import numpy as np
 
+from hmtb_twin.parameters.values import SAMPLE_RATE
 from scenarios.experiments.binary_sequences import prbs, sign_recursion
 from scenarios.experiments.chirp import chirp, chirp_as_printed, chirp_franklin
-from scenarios.experiments.waveform import POINTS, RATE, WINDOW, Waveform, check_seed, points
+from scenarios.experiments.waveform import POINTS, WINDOW, Waveform, check_seed, points
 from scenarios.files.errors import ScenarioError
 
 __all__ = [
@@ -32,10 +33,10 @@ __all__ = [
 
 def _whole_cycles(frequency: float) -> float:
     cycles = frequency * WINDOW
-    if not 0.0 < frequency < RATE / 2 or abs(cycles - round(cycles)) > 1e-9:
+    if not 0.0 < frequency < SAMPLE_RATE / 2 or abs(cycles - round(cycles)) > 1e-9:
         raise ScenarioError(
             f"frequency {frequency} Hz does not repeat in a {WINDOW} s file; "
-            f"expected a multiple of {1 / WINDOW} Hz above 0 and below {RATE / 2} Hz"
+            f"expected a multiple of {1 / WINDOW} Hz above 0 and below {SAMPLE_RATE / 2} Hz"
         )
     return frequency
 
@@ -53,7 +54,7 @@ def sine(*, frequency: float, amplitude: float = 1.0) -> Waveform:
     Raises:
         ScenarioError: The frequency does not repeat in the file.
     """
-    t = np.arange(POINTS) / RATE
+    t = np.arange(POINTS) / SAMPLE_RATE
     points = amplitude * np.sin(2.0 * np.pi * _whole_cycles(frequency) * t)
     return Waveform(points, "sine", {"frequency": frequency, "amplitude": amplitude})
 
@@ -75,11 +76,11 @@ def two_sines(*, frequency: float, amplitude: float = 1.0) -> Waveform:
     Raises:
         ScenarioError: The lower tone does not repeat in 2 s nor in 4 s, or the upper one is above half the update rate.
     """
-    rate = RATE
-    if not abs(frequency) < RATE:
-        raise ScenarioError(f"lower tone {frequency} Hz: expected one below {RATE / 8} Hz")
+    rate = float(SAMPLE_RATE)
+    if not abs(frequency) < SAMPLE_RATE:
+        raise ScenarioError(f"lower tone {frequency} Hz: expected one below {SAMPLE_RATE / 8} Hz")
     if abs(frequency * WINDOW - round(frequency * WINDOW)) > 1e-9:
-        rate = RATE / 2
+        rate = SAMPLE_RATE / 2
     cycles = frequency * POINTS / rate
     if frequency <= 0 or abs(cycles - round(cycles)) > 1e-9 or 4 * frequency > rate / 2:
         raise ScenarioError(
@@ -110,11 +111,11 @@ def bipolar_ramping_pulse(
     Raises:
         ScenarioError: The frequency does not repeat in the file, or the pulse does not fit.
     """
-    half = RATE / (2.0 * _whole_cycles(frequency))
-    width = round(pulse_width * RATE) if abs(pulse_width) <= WINDOW else 0
+    half = SAMPLE_RATE / (2.0 * _whole_cycles(frequency))
+    width = round(pulse_width * SAMPLE_RATE) if abs(pulse_width) <= WINDOW else 0
     if not 1 <= width <= half:
         raise ScenarioError(
-            f"pulse width must be {1 / RATE} to {half / RATE} s at {frequency} Hz, given {pulse_width} s"
+            f"pulse width must be {1 / SAMPLE_RATE} to {half / SAMPLE_RATE} s at {frequency} Hz, given {pulse_width} s"
         )
     ramp = np.arange(1, width + 1) / width
     starts = np.round(np.arange(round(POINTS / half)) * half).astype(int)
@@ -149,7 +150,7 @@ def multisine(
     chosen = (lines >= f_min * WINDOW - 1e-9) & (lines <= f_max * WINDOW + 1e-9)
     if odd:
         chosen &= lines % 2 == 1
-    if not chosen.any() or f_max >= RATE / 2:
+    if not chosen.any() or f_max >= SAMPLE_RATE / 2:
         raise ScenarioError(f"no line of a multisine in {f_min} to {f_max} Hz; expected 0.5 to 24.5 Hz")
     spectrum = np.zeros(POINTS // 2 + 1, dtype=complex)
     spectrum[lines[chosen]] = np.exp(2j * np.pi * np.random.default_rng(seed).random(int(chosen.sum())))

@@ -1,7 +1,4 @@
-"""The excitation computer: plays 100-point files periodically through the converter of its data acquisition board.
-
-The thesis used an AT-MIO-16 [Morris1996, sec. II.3]; the numbers here are those of its successor, the AT-MIO-16D.
-"""
+"""The excitation computer: plays 100-point files periodically through the converters of its data acquisition board."""
 
 import inspect
 from collections.abc import Mapping, Sequence
@@ -12,10 +9,11 @@ from typing import get_type_hints
 
 import numpy as np
 
-from hmtb_twin.parameters.quantity import quantity
+from hmtb_twin.control.data_acquisition import BOARD
+from hmtb_twin.parameters.values import SAMPLE_RATE
 from scenarios.experiments.excitation import KINDS
 from scenarios.experiments.waveform import KIND as FILE
-from scenarios.experiments.waveform import POINTS, RATE, Parameter, Waveform, read_points
+from scenarios.experiments.waveform import POINTS, Parameter, Waveform, read_points
 from scenarios.files.errors import ScenarioError, unknown
 from scenarios.files.toml_values import typed, written
 
@@ -24,44 +22,9 @@ FASTEST = 1000.0
 
 
 MISSES_POINTS = (
-    f"a file is played faster than {RATE:g} points per second: the position loop misses points, and tones alias"
+    f"a file is played faster than {SAMPLE_RATE:g} points per second: the position loop misses points, and tones alias"
 )
 """What to say of an excitation that `Excitation.misses_points`."""
-
-
-@dataclass(frozen=True)
-class Board:
-    """The analogue outputs of the data acquisition board."""
-
-    outputs: int = quantity(2, "1", "analogue", "AT-MIO-16D: two analogue outputs")
-    dac_bits: int = quantity(12, "bit", "analogue", "AT-MIO-16D: 12-bit converters")
-    dac_range: float = quantity(10.0, "V", "analogue", "AT-MIO-16D with its internal 10 V reference, bipolar")
-
-    @property
-    def dac_step(self) -> float:
-        """One count of the converter, V."""
-        return 2.0 * self.dac_range / 2**self.dac_bits
-
-    def convert(self, volts: np.ndarray, *, rounds: bool = True) -> np.ndarray:
-        """Return what the converter puts out: whole counts from -range to range less one count.
-
-        Args:
-            volts: What the file asks for, any shape, V.
-            rounds: Whether it rounds; it saturates always.
-
-        Returns:
-            Output, same shape, V.
-        """
-        counts = volts / self.dac_step
-        limit = 2 ** (self.dac_bits - 1)
-        return self.dac_step * np.clip(np.rint(counts) if rounds else counts, -limit, limit - 1)
-
-    def beyond(self, volts: np.ndarray) -> np.ndarray:
-        """Return which samples ask for more than the range, beyond half a count; truth values of the same shape."""
-        return (volts < -self.dac_range - self.dac_step / 2) | (volts >= self.dac_range - self.dac_step / 2)
-
-
-BOARD = Board()
 
 
 @dataclass(frozen=True)
@@ -112,7 +75,7 @@ class Excitation:
     @property
     def misses_points(self) -> bool:
         """Whether the file is played faster than the position loop reads: it then misses points, and tones alias."""
-        return self.waveform().update_rate > RATE * (1.0 + 1e-9)
+        return self.waveform().update_rate > SAMPLE_RATE * (1.0 + 1e-9)
 
     def to_toml(self) -> str:
         """Write the excitation as entries of a TOML table."""

@@ -6,7 +6,7 @@ from math import degrees
 import numpy as np
 
 from hmtb_twin import JOINTS, JointLog, Status
-from scenarios.experiments.excitation_computer import BOARD
+from hmtb_twin.control.data_acquisition import BOARD
 from scenarios.experiments.preparation import settled
 from scenarios.experiments.scenario import Scenario
 
@@ -20,7 +20,7 @@ def clipped_share(log: JointLog, scenario: Scenario) -> float:
     """
     clipped = (log.status & Status.CONVERTER_SATURATED) != 0
     for entry in scenario.excitation:
-        clipped |= BOARD.beyond(entry.asked(scenario.duration)[:, 0])
+        clipped |= BOARD.exceeds_range(entry.asked(scenario.duration)[:, 0])
     return float(np.mean(clipped))
 
 

@@ -5,8 +5,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from hmtb_twin import NOMINAL_PLANT, NOMINAL_SPECIMEN, Chain, Experiment, HandController, Operator, Plant, Specimen
+from hmtb_twin.control.data_acquisition import BOARD
 from hmtb_twin.parameters.values import HAND_CONTROLLER, OPERATING_POSE, SAMPLE_RATE, SAMPLE_TIME
-from scenarios.experiments.excitation_computer import BOARD
 from scenarios.experiments.waveform import LONGEST, check_seed
 from scenarios.files.errors import ScenarioError
 
@@ -194,7 +194,7 @@ class MultisineExperiment:
             ScenarioError: The multisine asks for more than the converter gives.
         """
         volts = self.asked() / self.hand_controller.gain
-        if BOARD.beyond(volts).any():
+        if BOARD.exceeds_range(volts).any():
             raise ScenarioError(
                 f"{self.name}: a multisine of {self.multisines.rms:g} rad has peaks of {np.abs(volts).max():.3g} V; "
                 "expected less than the converter's 10 V: lower rms, or raise the hand controller's gain"

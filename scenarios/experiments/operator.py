@@ -8,7 +8,7 @@ import numpy as np
 import pinocchio as pin
 
 from hmtb_twin import Motion, View
-from hmtb_twin.parameters.seats import UNIT
+from hmtb_twin.parameters.payloads import UNIT
 from hmtb_twin.parameters.values import LINKS, SAMPLE_TIME
 
 PEAK = 1.875

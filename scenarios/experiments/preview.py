@@ -6,8 +6,9 @@ import numpy as np
 
 from hmtb_twin import JOINTS, Status, load_arm
 from hmtb_twin.control.control_station import ControlStation
+from hmtb_twin.control.data_acquisition import BOARD
 from hmtb_twin.parameters.values import MOTIONS, SAMPLE_TIME
-from scenarios.experiments.excitation_computer import BOARD, MISSES_POINTS
+from scenarios.experiments.excitation_computer import MISSES_POINTS
 from scenarios.experiments.joint_inputs import STILL, JointInputs, joint_inputs, moved_joints
 from scenarios.experiments.needed_order import shortcoming
 from scenarios.experiments.preparation import SETTLING
@@ -100,7 +101,7 @@ class Preview:
     @property
     def dac_clipped(self) -> float:
         """Share of the samples that ask for more than the excitation computer's converter gives."""
-        return float(np.mean(BOARD.beyond(self.asked)))
+        return float(np.mean(BOARD.exceeds_range(self.asked)))
 
     @property
     def deflection(self) -> float:

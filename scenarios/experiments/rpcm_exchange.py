@@ -6,7 +6,7 @@ from math import radians
 import numpy as np
 
 from hmtb_twin import load_arm
-from hmtb_twin.parameters.seats import SEATS, Seat
+from hmtb_twin.parameters.payloads import SEATS, Seat
 from hmtb_twin.parameters.values import OPERATING_POSE
 from scenarios.experiments.operator import Pose, Step
 

@@ -10,7 +10,7 @@ import numpy as np
 
 from hmtb_twin import HandController, JointLog, Operator, Status
 from hmtb_twin.control.modes import TOOL_AXES, axis_gains
-from hmtb_twin.parameters.seats import SEATS, UNIT, Seat
+from hmtb_twin.parameters.payloads import SEATS, UNIT, Seat
 from scenarios.experiments.operator import ScriptedOperator, Step
 from scenarios.experiments.rpcm_exchange import approach_point, rpcm_script, unloaded_script
 from scenarios.files.errors import ScenarioError, unknown

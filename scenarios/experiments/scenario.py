@@ -23,13 +23,13 @@ from hmtb_twin import (
     Plant,
     Specimen,
     TwinError,
-    axis_names,
 )
 from hmtb_twin.arm.arm import check_arm
-from hmtb_twin.parameters.values import HAND_CONTROLLER
+from hmtb_twin.control.modes import axis_names
+from hmtb_twin.parameters.values import HAND_CONTROLLER, SAMPLE_RATE, SAMPLE_TIME
 from scenarios.experiments.excitation_computer import Excitation, check_outputs, played
 from scenarios.experiments.rpcm_outcome import check_task, task_operator
-from scenarios.experiments.waveform import LONGEST, RATE, check_seed
+from scenarios.experiments.waveform import LONGEST, check_seed
 from scenarios.files.errors import ScenarioError, unknown
 from scenarios.files.toml_values import record, typed, written
 
@@ -114,9 +114,9 @@ class Scenario:
                 check_outputs(self.excitation, self.axes, self.independent_channels)
         except ScenarioError as error:
             raise ScenarioError(f"scenario {self.name!r}: {error}") from error
-        if not 1.0 / RATE <= self.duration <= LONGEST:
+        if not 1.0 / SAMPLE_RATE <= self.duration <= LONGEST:
             raise ScenarioError(
-                f"scenario {self.name!r}: expected a duration of {1 / RATE} to {LONGEST:g} s, given {self.duration}"
+                f"scenario {self.name!r}: expected a duration of {SAMPLE_TIME} to {LONGEST:g} s, given {self.duration}"
             )
         check_seed(self.seed)
         try:
@@ -132,7 +132,7 @@ class Scenario:
             moves the stick.
         """
         if not self.excitation:
-            return np.zeros((round(RATE * self.duration), len(self.axes)))
+            return np.zeros((round(SAMPLE_RATE * self.duration), len(self.axes)))
         return played(self.excitation, len(self.axes), self.duration, rounds=self.chain.dac)
 
     def operator(self) -> Operator | None:

@@ -7,6 +7,7 @@ from types import MappingProxyType
 
 import numpy as np
 
+from hmtb_twin.parameters.values import SAMPLE_RATE
 from scenarios.files.errors import ScenarioError
 
 Parameter = float | int | bool | tuple[float, ...]
@@ -15,16 +16,13 @@ Parameter = float | int | bool | tuple[float, ...]
 POINTS = 100
 """Points in one file; they hold one period [Morris1996, sec. II.2B]."""
 
-RATE = 50.0
-"""Rate of the position loop and of the record, Hz [Morris1996, sec. II.4]."""
-
 LONGEST = 86_400.0
 """Longest experiment, s: a day. The recorder of the arm held twenty minutes [Morris1996, sec. II.4]."""
 
 LOUDEST = 1000.0
 """Largest voltage that a file may hold, V; the converters saturate at 10 V."""
 
-WINDOW = POINTS / RATE
+WINDOW = POINTS / SAMPLE_RATE
 """Length of one period at the default update rate, s."""
 
 
@@ -55,7 +53,7 @@ class Waveform:
     points: np.ndarray
     kind: str
     parameters: Mapping[str, Parameter] = field(default_factory=dict)
-    update_rate: float = RATE
+    update_rate: float = float(SAMPLE_RATE)
 
     def __post_init__(self) -> None:
         points = np.array(self.points, dtype=float)
@@ -91,11 +89,13 @@ class Waveform:
         Raises:
             ScenarioError: The duration is shorter than a sample or longer than `LONGEST`.
         """
-        if not 1.0 / RATE <= duration <= LONGEST:
-            raise ScenarioError(f"duration must be {1 / RATE} s (one sample) to {LONGEST:g} s, given {duration} s")
-        count = round(RATE * duration)
-        # The small shift keeps k * update_rate / RATE from rounding down onto the point before.
-        passed = np.floor(np.arange(count) * (self.update_rate / RATE) + 1e-9).astype(np.int64)
+        if not 1.0 / SAMPLE_RATE <= duration <= LONGEST:
+            raise ScenarioError(
+                f"duration must be {1 / SAMPLE_RATE} s (one sample) to {LONGEST:g} s, given {duration} s"
+            )
+        count = round(SAMPLE_RATE * duration)
+        # The small shift keeps k * update_rate / SAMPLE_RATE from rounding down onto the point before.
+        passed = np.floor(np.arange(count) * (self.update_rate / SAMPLE_RATE) + 1e-9).astype(np.int64)
         volts = self.points[passed % POINTS]
         if iterations is not None:
             volts[passed >= iterations * POINTS] = 0.0

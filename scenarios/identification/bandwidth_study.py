@@ -15,7 +15,7 @@ from scenarios.experiments.logged_arm import logged_arm
 from scenarios.experiments.needed_order import STRUCTURES
 from scenarios.experiments.preparation import SETTLING, prepared
 from scenarios.experiments.scenario import Scenario
-from scenarios.experiments.waveform import POINTS, RATE
+from scenarios.experiments.waveform import WINDOW
 from scenarios.files.errors import ScenarioError, unknown
 from scenarios.identification.one_hertz import (
     METHODS,
@@ -34,11 +34,11 @@ from scenarios.truth.published import published
 from sysid import IOData
 from sysid.models.bandwidth import half_power_hz
 
-SHORTEST = 2 * SETTLING + POINTS / RATE
+SHORTEST = 2 * SETTLING + WINDOW
 """Shortest test, s: what settles is cut off where more than as much again is left."""
 
 ENOUGH = (
-    f"expected {SHORTEST:g} s or more: the arm settles for {SETTLING:g} s, and a file of {POINTS / RATE:g} s is to be "
+    f"expected {SHORTEST:g} s or more: the arm settles for {SETTLING:g} s, and a file of {WINDOW:g} s is to be "
     "seen some times after that"
 )
 """What is expected of the length of a test, for messages."""

@@ -10,11 +10,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 import sysid
+from hmtb_twin.parameters.values import SAMPLE_TIME
 from scenarios.files.data_file import joints_of, log_of
 from scenarios.files.errors import ScenarioError, unknown
 from scenarios.identification.identification import identified, usable
 from scenarios.identification.methods import ESTIMATORS
-from scenarios.truth.published import BY_NAME, DT, PublishedModel, published, published_model
+from scenarios.truth.published import BY_NAME, PublishedModel, published, published_model
 from sysid import IOData, ModelFit, StateSpace
 from sysid.polynomial.fit_with_offset import subtract_means, unexplained_offset
 
@@ -203,9 +204,9 @@ def _known(one: Wanted, record: IOData, path: Path) -> list[tuple[str, StateSpac
     if not asked:
         have = ", ".join(dict.fromkeys(entry.joint for entry in BY_NAME.values() if isinstance(entry, PublishedModel)))
         raise ScenarioError(f"the thesis prints no model of {joints[0]}; it does of {have}")
-    if abs(record.dt - DT) > 1e-6:
+    if abs(record.dt - SAMPLE_TIME) > 1e-6:
         raise ScenarioError(
-            f"{path.name} is sampled every {record.dt:g} s; the printed models hold at {DT:g} s only: "
+            f"{path.name} is sampled every {record.dt:g} s; the printed models hold at {SAMPLE_TIME:g} s only: "
             "resample the record"
         )
     found = []

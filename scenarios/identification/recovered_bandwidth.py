@@ -7,8 +7,9 @@ from dataclasses import dataclass
 import numpy as np
 
 import sysid
+from hmtb_twin.parameters.values import SAMPLE_RATE
 from scenarios.experiments.needed_order import STRUCTURES, Structure, every_structure
-from scenarios.experiments.waveform import POINTS, RATE
+from scenarios.experiments.waveform import POINTS, WINDOW
 from scenarios.files.errors import ScenarioError, unknown
 from scenarios.identification.methods import ESTIMATORS
 from scenarios.identification.one_hertz import METHODS, Interval, Recovered
@@ -203,7 +204,7 @@ def _without_model(record: IOData, method: str, place: Place) -> RecoveredBandwi
     within = int(np.sum(response.frequencies <= REACH * level)) if np.isfinite(level) else 0
     if within < DEGREE + 2:
         # Of fewer, lines beyond the bandwidth would tell the gain at 0 Hz, with an interval that knows of noise alone.
-        every = f": the command repeats every {POINTS / RATE:g} s and excites a line every {RATE / POINTS:g} Hz"
+        every = f": the command repeats every {WINDOW:g} s and excites a line every {1 / WINDOW:g} Hz"
         reason = (
             f"too few lines of the response lie below {REACH:g} times the frequency of the gain 0.707 to tell the gain "
             f"at 0 Hz, {within} where {DEGREE + 2} are needed{every if _repeats(record) else ''}"
@@ -219,7 +220,7 @@ def _without_model(record: IOData, method: str, place: Place) -> RecoveredBandwi
 def _response(record: IOData, method: str) -> FrequencyResponse:
     """The response on the lines of a file of 100 points, or, where the command does not repeat, on an even grid."""
     if _repeats(record):
-        lines = np.arange(1, POINTS // 2) * RATE / POINTS
+        lines = np.arange(1, POINTS // 2) * SAMPLE_RATE / POINTS
         if method == "spa":
             return sysid.spa(record, frequencies=lines)
         return sysid.etfe([record[start : start + POINTS] for start in range(0, len(record) - POINTS + 1, POINTS)])

@@ -5,10 +5,11 @@ from functools import cached_property
 
 import numpy as np
 
+from hmtb_twin.parameters.values import SAMPLE_TIME
 from scenarios.estimators.task import Task
 from scenarios.problems.linear_problem import BURN_IN, LinearProblem
 from scenarios.problems.problem import Bound
-from scenarios.problems.textbook import DT, binary_sequence, noise_variance
+from scenarios.problems.textbook import binary_sequence, noise_variance
 from sysid import IOData, Polynomials, StateSpace, oe
 from sysid.records.arrays import ComplexArray, FloatArray, Locked
 
@@ -100,10 +101,10 @@ def shared(plain: str, name: str, samples: int | None) -> LinearProblem | Shared
     truth = Polynomials(B=np.stack((B1, B2)), F=np.stack((F, F)))
     variance = noise_variance(truth, _inputs(SAMPLES), SIGNAL_TO_NOISE_DB)
     inputs = _inputs(samples or SAMPLES)
-    both = LinearProblem(name, truth, inputs, variance, DT)
+    both = LinearProblem(name, truth, inputs, variance, SAMPLE_TIME)
     if plain == "shared":
         return both
-    first = LinearProblem(name, Polynomials(B=B1, F=F), inputs[:, :1], variance, DT)
+    first = LinearProblem(name, Polynomials(B=B1, F=F), inputs[:, :1], variance, SAMPLE_TIME)
     return SharedAlone(name, both, first)
 
 

@@ -2,8 +2,9 @@
 
 import numpy as np
 
+from hmtb_twin.parameters.values import SAMPLE_TIME
 from scenarios.problems.linear_problem import BURN_IN, Controller, LinearProblem
-from scenarios.problems.textbook import DT, binary_sequence
+from scenarios.problems.textbook import binary_sequence
 from sysid import Polynomials
 from sysid.records.arrays import FloatArray
 
@@ -37,4 +38,4 @@ def feedback(plain: str, name: str, samples: int | None) -> LinearProblem:
     truth = Polynomials(A=np.array([1.0, -1.5, 0.7]), B=np.array([0.0, 1.0, 0.5]), C=c)
     reference = REFERENCE * binary_sequence((samples or SAMPLES) + BURN_IN, HOLD)
     controller = Controller(np.array([GAIN]), np.ones(1))
-    return LinearProblem(name, truth, reference[:, None], DEVIATION**2, DT, controller)
+    return LinearProblem(name, truth, reference[:, None], DEVIATION**2, SAMPLE_TIME, controller)

@@ -7,12 +7,13 @@ import numpy as np
 import scipy.linalg
 from scipy.signal import max_len_seq
 
+from hmtb_twin.parameters.values import SAMPLE_TIME
 from scenarios.estimators.task import Task
 from scenarios.files.errors import ScenarioError
 from scenarios.problems.comparison import comparison_frequencies
 from scenarios.problems.problem import Bound
 from scenarios.problems.state_space_bound import Coordinates, coordinates, state_space_bound
-from scenarios.problems.textbook import BITS, DT
+from scenarios.problems.textbook import BITS
 from sysid import IOData, StateSpace
 from sysid.models.recursion import state_trajectory
 from sysid.records.arrays import FloatArray, Locked, lock
@@ -132,7 +133,7 @@ def mimo(plain: str, name: str, samples: int | None) -> MimoProblem:
         C = np.hstack((C, np.eye(CHANNELS)))
         K = np.vstack((K, COLOUR * np.eye(CHANNELS)))
         variances = variances * (1.0 - COLOUR**2)
-    truth = StateSpace(A, B, C, np.zeros((CHANNELS, CHANNELS)), K, DT, np.diag(variances))
+    truth = StateSpace(A, B, C, np.zeros((CHANNELS, CHANNELS)), K, SAMPLE_TIME, np.diag(variances))
     return MimoProblem(name, truth, _inputs(samples or SAMPLES), n)
 
 
@@ -148,9 +149,9 @@ def _system() -> tuple[FloatArray, FloatArray, FloatArray]:
     blocks = []
     for f, damping in zip(RESONANCES_HZ, DAMPING, strict=True):
         w = 2.0 * np.pi * f
-        q = np.exp((-damping + 1j * np.sqrt(1.0 - damping**2)) * w * DT)
+        q = np.exp((-damping + 1j * np.sqrt(1.0 - damping**2)) * w * SAMPLE_TIME)
         blocks.append(np.array([[q.real, q.imag], [-q.imag, q.real]]))
-    blocks += [np.array([[np.exp(-2.0 * np.pi * f * DT)]]) for f in REAL_HZ]
+    blocks += [np.array([[np.exp(-2.0 * np.pi * f * SAMPLE_TIME)]]) for f in REAL_HZ]
     A = np.asarray(scipy.linalg.block_diag(*blocks), dtype=np.float64)
     B, C = rng.standard_normal((len(A), CHANNELS)), rng.standard_normal((CHANNELS, len(A)))
     moduli = np.concatenate([np.full(len(block), np.linalg.norm(block, 2)) for block in blocks])

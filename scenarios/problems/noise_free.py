@@ -6,12 +6,12 @@ from functools import cached_property
 import numpy as np
 from scipy.signal import lfilter
 
+from hmtb_twin.parameters.values import SAMPLE_TIME
 from scenarios.estimators.task import Task
 from scenarios.problems.comparison import comparison_frequencies
 from scenarios.problems.embedding import Embedding, embedding, underfit
 from scenarios.problems.problem import Bound
 from scenarios.problems.seeding import chance
-from scenarios.problems.textbook import DT
 from sysid import IOData, Polynomials, StateSpace
 from sysid.models import hankel_singular_values, innovations_form
 from sysid.records.arrays import FloatArray, Locked
@@ -44,7 +44,7 @@ class QuietProblem(Locked):
     @cached_property
     def truth(self) -> StateSpace:
         """Without a model of the noise: there is none."""
-        return innovations_form(self.polynomials, DT).input_path()
+        return innovations_form(self.polynomials, SAMPLE_TIME).input_path()
 
     @cached_property
     def frequencies(self) -> FloatArray:
@@ -55,7 +55,7 @@ class QuietProblem(Locked):
         """One record, in the middle of what goes on: the input depends on the seed."""
         u = np.random.default_rng(seed).standard_normal(self.samples + BURN_IN)
         y = lfilter(self.polynomials.B, self.polynomials.A, u)
-        return IOData(u[BURN_IN:], y[BURN_IN:], DT)
+        return IOData(u[BURN_IN:], y[BURN_IN:], SAMPLE_TIME)
 
     def task(self, structure: str | None, ask: str = "fit") -> Task | None:
         """See `Problem.task`; None becomes `oe`.
@@ -101,7 +101,7 @@ def quiet(order: int, delay: int, name: str, samples: int | None) -> QuietProble
                 poles.append(rng.uniform(-0.5, 0.95))
         a = np.atleast_1d(np.poly(poles).real)
         b = rng.standard_normal(order)
-        bare = innovations_form(Polynomials(a, np.concatenate(([0.0], b))), DT).input_path()
+        bare = innovations_form(Polynomials(a, np.concatenate(([0.0], b))), SAMPLE_TIME).input_path()
         values = hankel_singular_values(bare)
         if len(values) == order and values[-1] >= WEAKEST * values[0]:
             return QuietProblem(name, Polynomials(a, np.concatenate((np.zeros(delay), b))), samples or SAMPLES)

@@ -2,9 +2,10 @@
 
 import numpy as np
 
+from hmtb_twin.parameters.values import SAMPLE_TIME
 from scenarios.problems.linear_problem import BURN_IN, LinearProblem
 from scenarios.problems.textbook import binary_sequence, noise_variance
-from scenarios.truth.published import BY_NAME, DT, PublishedModel
+from scenarios.truth.published import BY_NAME, PublishedModel
 from sysid import Polynomials
 from sysid.records.arrays import FloatArray
 
@@ -44,7 +45,7 @@ def published_problem(plain: str, name: str, samples: int | None) -> LinearProbl
     )
     variance = noise_variance(truth, binary_sequence(SAMPLES + BURN_IN, HOLD)[:, None], SIGNAL_TO_NOISE_DB)
     reference = binary_sequence((samples or SAMPLES) + BURN_IN, HOLD)
-    return LinearProblem(name, truth, reference[:, None], variance, DT)
+    return LinearProblem(name, truth, reference[:, None], variance, SAMPLE_TIME)
 
 
 def _shown(row: FloatArray, least: float = ROUNDING) -> FloatArray:

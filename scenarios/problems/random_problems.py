@@ -4,13 +4,14 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from hmtb_twin.parameters.values import SAMPLE_TIME
 from scenarios.files.errors import ScenarioError
 from scenarios.problems.embedding import layout
 from scenarios.problems.linear_problem import BURN_IN, LinearProblem
 from scenarios.problems.problem import Bound
 from scenarios.problems.regressors import response_derivatives
 from scenarios.problems.seeding import chance
-from scenarios.problems.textbook import DT, binary_sequence, noise_variance
+from scenarios.problems.textbook import binary_sequence, noise_variance
 from sysid import Polynomials
 from sysid.models.delta_method import standard_directions
 from sysid.models.polynomials import is_stable
@@ -83,12 +84,12 @@ def random_problem(difficulty: str, number: int, name: str, samples: int | None)
     for _ in range(CANDIDATES):
         truth = _system(rng, wanted, order, STRUCTURES[number % len(STRUCTURES)])
         variance = noise_variance(truth, full, wanted.signal_to_noise_db)
-        candidate = LinearProblem(name, truth, full, variance, DT)
+        candidate = LinearProblem(name, truth, full, variance, SAMPLE_TIME)
         if _fair(candidate, wanted, rng):
             if samples is None:
                 return candidate
             reference = binary_sequence(samples + BURN_IN, wanted.hold)[:, None]
-            return LinearProblem(name, truth, reference, variance, DT)
+            return LinearProblem(name, truth, reference, variance, SAMPLE_TIME)
     raise ScenarioError(f"{name}: none of {CANDIDATES} systems drawn is {difficulty}")
 
 

@@ -3,11 +3,11 @@
 import numpy as np
 from scipy.signal import lfilter, max_len_seq
 
+from hmtb_twin.parameters.values import SAMPLE_TIME
 from scenarios.problems.linear_problem import BURN_IN, LinearProblem
 from sysid import Polynomials
 from sysid.records.arrays import FloatArray
 
-DT = 0.02
 BITS = 12
 ONE = np.ones(1)
 
@@ -59,7 +59,7 @@ def textbook(name: str, label: str, samples: int | None) -> LinearProblem:
         variance = noise_variance(truth, full[:, None], 20.0)
     # the variance is that of the full length, whatever the record's: another length is no other system
     reference = full if samples is None else binary_sequence(samples + BURN_IN, hold)
-    return LinearProblem(label, truth, reference[:, None], variance, DT)
+    return LinearProblem(label, truth, reference[:, None], variance, SAMPLE_TIME)
 
 
 def noise_variance(truth: Polynomials, inputs: FloatArray, signal_to_noise_db: float) -> float:

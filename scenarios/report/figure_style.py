@@ -6,7 +6,8 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from scenarios.experiments.waveform import POINTS, RATE
+from hmtb_twin.parameters.values import SAMPLE_RATE
+from scenarios.experiments.waveform import POINTS
 from sysid import FrequencyResponse, StateSpace
 from sysid.plots import (
     BOUND,
@@ -33,7 +34,7 @@ MRAD = 1000.0
 HIGH = Style("#7a5195", (0, (1, 1.2)), 1.6, "P")  # type: ignore[arg-type]
 """The output-error model of higher order, told apart from the thesis' own."""
 
-EXCITED_FROM = RATE / POINTS
+EXCITED_FROM = SAMPLE_RATE / POINTS
 """Lowest frequency with power in the input of a 100-point file played at 50 Hz, Hz."""
 
 
@@ -72,7 +73,7 @@ def well_known(response: FrequencyResponse) -> FrequencyResponse:
     if covariance is None:
         return response
     spread = np.sqrt(np.trace(covariance[:, 0, 0], axis1=1, axis2=2))
-    kept = (spread < 0.2 * response.magnitude[:, 0, 0]) & (response.frequencies <= RATE / 4)
+    kept = (spread < 0.2 * response.magnitude[:, 0, 0]) & (response.frequencies <= SAMPLE_RATE / 4)
     return FrequencyResponse(
         response.frequencies[kept], response.response[kept], response.dt, response.method, covariance[kept]
     )

@@ -8,9 +8,9 @@ from matplotlib.figure import Figure
 
 import sysid
 from hmtb_twin import JOINTS, JointLog
-from hmtb_twin.parameters.values import MOTIONS
+from hmtb_twin.parameters.values import MOTIONS, SAMPLE_RATE
 from scenarios.experiments.registry import load
-from scenarios.experiments.waveform import POINTS, RATE
+from scenarios.experiments.waveform import POINTS
 from scenarios.report.figure_style import MRAD, WIDTH, dress, model_response, well_known
 from scenarios.thesis.comparison import Comparison, JointResult
 from scenarios.thesis.envelope import envelope
@@ -39,8 +39,8 @@ def tests(study: Comparison, entry: JointResult) -> Figure:
     figure = Figure(figsize=(WIDTH, 7.4), layout="constrained")
     grid = figure.subplots(4, 2, sharex=True).ravel()
     for axes, (number, data) in zip(grid, entry.data.items(), strict=False):
-        count = min(len(data), round(2 * RATE))
-        time = np.arange(count) / RATE
+        count = min(len(data), round(2 * SAMPLE_RATE))
+        time = np.arange(count) / SAMPLE_RATE
         axes.step(time, MRAD * data.u[:count, 0], where="post", color=COMMAND.colour, lw=1.1, label="commanded")
         axes.plot(time, MRAD * data.y[:count, 0], color=ANSWER.colour, lw=1.4, label="measured")
         said = load(f"siso-{number}-{entry.joint}").description.split(": ", 1)[1]

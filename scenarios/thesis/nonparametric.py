@@ -13,9 +13,10 @@ import numpy as np
 from scipy.signal.windows import parzen
 
 import sysid
+from hmtb_twin.parameters.values import SAMPLE_RATE
 from scenarios.experiments.campaign import RPCM, Campaign, single_joint_test
 from scenarios.experiments.registry import load
-from scenarios.experiments.waveform import POINTS, RATE
+from scenarios.experiments.waveform import POINTS
 from scenarios.files.errors import MissingRecordError
 from scenarios.thesis.period_spectra import PeriodSpectra, period_spectra
 from sysid import FrequencyResponse, IOData, SysidWarning
@@ -96,7 +97,7 @@ class Nonparametric:
 
     def resolution_hz(self, test: int) -> float:
         """How far the window of a test's spectra reaches to either side of a line, Hz: to its first zero."""
-        return RATE / self.lags[test]
+        return SAMPLE_RATE / self.lags[test]
 
 
 def nonparametric(joint: str, campaign: Campaign, *, summaries: bool = True) -> Nonparametric:
@@ -171,7 +172,7 @@ def half_power(told: FrequencyResponse) -> float | None:
 
 def period_of(name: str) -> int:
     """Samples after which all waveforms of a registered scenario repeat."""
-    return int(np.lcm.reduce([round(RATE * entry.waveform().period) for entry in load(name).excitation]))
+    return int(np.lcm.reduce([round(SAMPLE_RATE * entry.waveform().period) for entry in load(name).excitation]))
 
 
 def _summaries(joint: str, campaign: Campaign) -> dict[str, RecordSummary]:

@@ -5,7 +5,8 @@ from dataclasses import dataclass
 from math import degrees
 
 from hmtb_twin import STUDIED_JOINTS
-from hmtb_twin.parameters.values import BUS, HAND_CONTROLLER, MOTIONS, SERVOS, Friction
+from hmtb_twin.parameters.drives import Friction
+from hmtb_twin.parameters.values import BUS, HAND_CONTROLLER, MOTIONS, SERVOS
 from scenarios.thesis.finding import Finding
 from scenarios.truth.published import published
 

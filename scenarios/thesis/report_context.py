@@ -4,9 +4,10 @@ from collections import Counter
 from collections.abc import Callable, Sequence
 
 from hmtb_twin.parameters.provenance import provenance_table
+from hmtb_twin.parameters.values import SAMPLE_RATE
 from scenarios.experiments.needed_order import STRUCTURES
 from scenarios.experiments.preparation import SETTLING
-from scenarios.experiments.waveform import POINTS, RATE
+from scenarios.experiments.waveform import POINTS
 from scenarios.identification.one_hertz import ABOUT_1_HZ
 from scenarios.report.figure_style import EXCITED_FROM
 from scenarios.report.figures import Gallery, Picture
@@ -126,7 +127,7 @@ def _extent(study: Comparison) -> dict[str, float]:
         "experiments": len(logs),
         "arms": len(study.campaigns),
         "hours": sum(len(log) * log.dt for log in logs) / 3600.0,
-        "rate": RATE,
+        "rate": SAMPLE_RATE,
     }
 
 

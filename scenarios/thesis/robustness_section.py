@@ -2,7 +2,7 @@
 
 from collections.abc import Sequence
 
-from scenarios.experiments.waveform import RATE
+from hmtb_twin.parameters.values import SAMPLE_RATE
 from scenarios.report.figures import Gallery
 from scenarios.thesis import figures_robustness as draw
 from scenarios.thesis.comparison import Comparison
@@ -34,7 +34,7 @@ def robustness(study: Comparison, gallery: Gallery) -> dict[str, object]:
     shown: dict[str, object] = {
         "joints": tuple(found.judged_by),
         "judged_by": sorted({number for numbers in found.judged_by.values() for number in numbers}),
-        "seconds": PART / RATE,
+        "seconds": PART / SAMPLE_RATE,
         "comparable": COMPARABLE,
         "order_margin": ORDER_MARGIN,
         "tolerances": _tolerances(study),

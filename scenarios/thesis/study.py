@@ -10,6 +10,7 @@ import numpy as np
 
 import sysid
 from hmtb_twin import STUDIED_JOINTS, JointTruth
+from hmtb_twin.parameters.values import SAMPLE_RATE
 from scenarios.experiments.campaign import (
     CONDITIONS,
     EVERY_TEST,
@@ -23,7 +24,7 @@ from scenarios.experiments.campaign import (
 from scenarios.experiments.log_review import swing, velocity_limited_share
 from scenarios.experiments.needed_order import STRUCTURES, SUFFICIENT, Structure
 from scenarios.experiments.scenario import Scenario
-from scenarios.experiments.waveform import POINTS, RATE
+from scenarios.experiments.waveform import POINTS
 from scenarios.files.errors import ScenarioError
 from scenarios.files.provenance import versions
 from scenarios.identification.methods import estimate
@@ -140,7 +141,7 @@ def _campaigns(
     # Those at small amplitude go with the arm without friction, the second.
     extras: list[list[Scenario]] = [small if number == 1 else [] for number in range(len(played))]
     lengths = [
-        _ticks(tests, duration) + sum(round(entry.duration * RATE) for entry in extra)
+        _ticks(tests, duration) + sum(round(entry.duration * SAMPLE_RATE) for entry in extra)
         for (_, tests), extra in zip(played, extras, strict=True)
     ]
     campaigns: list[Campaign] = []
@@ -160,7 +161,7 @@ def _campaigns(
 
 def _ticks(tests: Sequence[str], duration: float | None) -> int:
     """Samples of these tests together."""
-    return sum(round(planned(name, duration=duration).duration * RATE) for name in tests)
+    return sum(round(planned(name, duration=duration).duration * SAMPLE_RATE) for name in tests)
 
 
 def concluded(campaigns: Sequence[Campaign], *, thorough: bool = True, progress: Progress | None = None) -> Comparison:
@@ -309,6 +310,6 @@ def _nonparametric(own: IOData) -> tuple[FrequencyResponse, FrequencyResponse]:
 
     Between the lines there is nothing but noise and leakage, and a curve through it would mean nothing.
     """
-    lines = np.arange(1, POINTS // 2) * RATE / POINTS
+    lines = np.arange(1, POINTS // 2) * SAMPLE_RATE / POINTS
     periods = [own[start : start + POINTS] for start in range(0, len(own) - POINTS + 1, POINTS)]
     return sysid.spa(own, frequencies=lines), sysid.etfe(periods)

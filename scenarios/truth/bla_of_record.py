@@ -7,8 +7,8 @@ import numpy as np
 
 from hmtb_twin import Arm, Experiment, linearize
 from hmtb_twin.control.control_station import ControlStation
+from hmtb_twin.control.data_acquisition import BOARD
 from hmtb_twin.control.modes import joint_index
-from scenarios.experiments.excitation_computer import BOARD
 from scenarios.experiments.multisines import MultisineExperiment, Multisines, multisine_experiments
 from scenarios.truth.bandwidth_caution import cautions
 from scenarios.truth.best_linear import best_linear

@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from hmtb_twin import PAYLOADS, Arm, Plant, load_arm
-from hmtb_twin.parameters.oil import COLDEST, HOTTEST
+from hmtb_twin.parameters.drives import COLDEST, HOTTEST
 from scenarios.truth.local_dynamics import LocalDynamics, Progress, dynamics_at, together
 from scenarios.truth.truth_summary import hydraulic
 

@@ -8,13 +8,11 @@ from types import MappingProxyType
 import numpy as np
 from numpy.typing import NDArray
 
+from hmtb_twin.parameters.values import SAMPLE_TIME
 from scenarios.files.errors import ScenarioError, unknown
 from sysid import StateSpace
 from sysid.models import block_diagonal
 from sysid.models.bandwidth import half_power_hz
-
-DT = 0.02
-"""Sampling interval of every published model, s."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -95,7 +93,7 @@ class PublishedModel:
             B[n - len(numerator) :, 0] = numerator
             matrices = A, B, np.eye(1, n), np.zeros((1, 1)), K[:, None]
         return StateSpace(
-            *matrices, DT, input_names=(f"{self.joint} commanded",), output_names=(f"{self.joint} measured",)
+            *matrices, SAMPLE_TIME, input_names=(f"{self.joint} commanded",), output_names=(f"{self.joint} measured",)
         )
 
 

@@ -6,7 +6,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from hmtb_twin import JOINTS, NOMINAL_PLANT, STUDIED_JOINTS, Arm, JointLog, JointTruth, Truth
-from hmtb_twin.parameters.values import Actuator
+from hmtb_twin.parameters.drives import Actuator
 from hmtb_twin.parameters.variants import variant_named
 from hmtb_twin.truth.analytic_hydraulics import LinearHydraulics, linear_hydraulics
 from scenarios.experiments.multisines import MultisineExperiment, Multisines

@@ -10,7 +10,7 @@ import numpy as np
 
 from hmtb_twin import JOINTS, NOMINAL_PLANT, load_arm
 from hmtb_twin.parameters.values import OPERATING_POSE
-from hmtb_twin.run.linear_balances import linear_balances
+from tests.hmtb_twin.balances import linear_balances
 
 AMPLITUDE = 0.067
 """Of the command, rad."""

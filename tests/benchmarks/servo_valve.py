@@ -18,12 +18,12 @@ from itertools import product
 import numpy as np
 
 from hmtb_twin import JOINTS, Arm, OverloadError, Plant, linearize, load_arm
-from hmtb_twin.arm.other_valves import with_valve
 from hmtb_twin.hydraulics import valve_equations as eq
 from hmtb_twin.parameters.payloads import PAYLOADS
 from hmtb_twin.parameters.servo_valve import SERVO_VALVE
 from hmtb_twin.parameters.values import INDEXED_JOINTS, OPERATING_POSE
-from hmtb_twin.truth.sample_map import sample_map
+from hmtb_twin.truth.linearization import sample_map
+from tests.hmtb_twin.altered_arms import with_valve
 
 POSES = (OPERATING_POSE, "home")
 AMPLITUDES = (1e-6, 1e-5, 1e-4, 1e-3, 1e-2)

@@ -9,8 +9,9 @@ from time import process_time
 import numpy as np
 import pytest
 
-from hmtb_twin import Distribution, Plant, TwinDistributions, drawn, linearize, load_arm
+from hmtb_twin import Plant, linearize, load_arm
 from hmtb_twin.arm import controller_model as controllers
+from hmtb_twin.parameters.specimen_draw import Distribution, TwinDistributions, draw_specimen
 from hmtb_twin.parameters.values import OPERATING_POSE
 from hmtb_twin.parameters.variants import variant_named
 
@@ -36,7 +37,7 @@ def _milliseconds(step: Callable[[int], object]) -> float:
 
 
 def test_a_specimen_costs_what_its_compilation_costs():
-    specimens = [drawn(POPULATION, np.random.SeedSequence(1, spawn_key=(i,)))[0] for i in range(3 * ROUNDS)]
+    specimens = [draw_specimen(POPULATION, np.random.SeedSequence(1, spawn_key=(i,)))[0] for i in range(3 * ROUNDS)]
     builds = controllers.controller_model.cache_info().misses
     # A plant of its own makes the nominal arm be loaded anew too.
     plain = _milliseconds(lambda i: load_arm(plant=Plant(friction_level=1.0 + 1e-6 * (i + 1))))
@@ -63,7 +64,7 @@ def test_a_thousand_specimens_leave_no_more_than_the_cache_holds():
 
     sizes = []
     for i in range(1000):
-        arm = load_arm(specimen=drawn(POPULATION, np.random.SeedSequence(2, spawn_key=(i,)))[0])
+        arm = load_arm(specimen=draw_specimen(POPULATION, np.random.SeedSequence(2, spawn_key=(i,)))[0])
         arm.rest(arm.pose(OPERATING_POSE))
         if i % 100 == 99:
             sizes.append(resident())

@@ -27,7 +27,7 @@ import numpy as np
 
 from hmtb_twin import JOINTS, NOMINAL_PLANT, STUDIED_JOINTS, Arm, load_arm
 from hmtb_twin.parameters.values import OPERATING_POSE, SAMPLE_TIME
-from hmtb_twin.truth.step_size import at_step, bandwidths
+from tests.hmtb_twin.altered_arms import at_step, bandwidths
 
 INTEGRATORS = {
     "Euler": mujoco.mjtIntegrator.mjINT_EULER,

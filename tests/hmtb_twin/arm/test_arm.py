@@ -3,11 +3,12 @@ import numpy as np
 import pytest
 
 from hmtb_twin import JOINTS, POSES, VARIANTS, TwinError, linearize, load_arm
+from hmtb_twin.arm.arm_model import servo_gains
 from hmtb_twin.arm.rendering import scene_model
-from hmtb_twin.arm.servo_gains import servo_gains
+from hmtb_twin.parameters.drives import ACTUATORS
 from hmtb_twin.parameters.payloads import PAYLOADS
 from hmtb_twin.parameters.resources import model_file
-from hmtb_twin.parameters.values import ACTUATORS, LINKS, MOTIONS, SERVOS
+from hmtb_twin.parameters.values import LINKS, MOTIONS, SERVOS
 
 
 @pytest.fixture(scope="module")

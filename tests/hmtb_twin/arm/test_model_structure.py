@@ -4,7 +4,7 @@ import pytest
 from mujoco import batch
 
 from hmtb_twin import JOINTS, Plant, Specimen, load_arm
-from hmtb_twin.arm.model_structure import structure
+from hmtb_twin.run.simulation import structure
 
 
 def rubbing_without(joint):

@@ -7,7 +7,7 @@ import pytest
 from hmtb_twin import IDEAL, JointLog, Motion, Status, View, linearize, load_arm, simulate
 from hmtb_twin.arm.worksite_model import LATCH_WELD, UNIT_BODY
 from hmtb_twin.control.modes import TOOL_AXES
-from hmtb_twin.parameters.seats import LATCH, SEATS, UNIT
+from hmtb_twin.parameters.payloads import LATCH, SEATS, UNIT
 from hmtb_twin.parameters.values import JOINTS, OPERATING_POSE, SAMPLE_TIME
 
 WEIGHT = 9.81 * UNIT.mass

@@ -6,7 +6,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from hmtb_twin import TwinError, simulate
-from hmtb_twin.bus.faults import BusFaults
+from hmtb_twin.bus.messages import BusFaults
 from hmtb_twin.bus.record import BusRecord
 from hmtb_twin.bus.recorder_run import MEMORY, read_run, record_run, runs
 from hmtb_twin.bus.words import BAM, FORCE_STEP, MESSAGES, TORQUE_STEP

@@ -12,7 +12,7 @@ from chapter10.ms1553 import MS1553F1
 from chapter10.time import TimeF1
 
 from hmtb_twin import TwinError
-from hmtb_twin.bus.faults import BusFaults
+from hmtb_twin.bus.messages import BusFaults
 from hmtb_twin.bus.recorder_run import DATE, record_run
 from hmtb_twin.bus.words import BAM, MESSAGES
 

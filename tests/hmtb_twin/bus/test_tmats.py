@@ -1,6 +1,6 @@
 import pytest
 
-from hmtb_twin.bus.tmats import Test, announced, setup_record
+from hmtb_twin.bus.chapter10 import Test, announced, setup_record
 
 TESTS = (
     Test("siso-5-elbow_pitch", 12_000, ("elbow_pitch",), 12_000),

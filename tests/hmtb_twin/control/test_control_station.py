@@ -5,7 +5,8 @@ import numpy as np
 import pytest
 
 from hmtb_twin import JOINTS, Chain, Motion, Status, TwinError, View, load_arm, simulate
-from hmtb_twin.parameters.values import ACTUATORS, MOTIONS, RECORDER
+from hmtb_twin.parameters.drives import ACTUATORS
+from hmtb_twin.parameters.values import MOTIONS, RECORDER
 from scenarios import Scenario
 
 CHANNELS = ("commanded", "measured", "wrench", "true_angles", "load_pressure", "volts", "counts", "status")

@@ -7,7 +7,7 @@ from scipy.optimize import brentq
 from hmtb_twin import JOINTS, OverloadError, Plant, linearize, load_arm, simulate
 from hmtb_twin.parameters.values import MOTIONS, OPERATING_POSE
 from hmtb_twin.truth.analytic_hydraulics import linear_hydraulics
-from hmtb_twin.truth.joint_range import CLEARANCE
+from hmtb_twin.truth.linearization import CLEARANCE
 
 FORMS = ("linear", "orifice")
 

@@ -6,7 +6,8 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from hmtb_twin import load_arm
-from hmtb_twin.parameters.values import ACTUATORS, JOINTS
+from hmtb_twin.parameters.drives import ACTUATORS
+from hmtb_twin.parameters.values import JOINTS
 
 BENCH = """
 <mujoco>

@@ -10,8 +10,8 @@ from scipy.integrate import solve_ivp
 
 from hmtb_twin import IDEAL, JOINTS, POSES, STUDIED_JOINTS, Arm, Plant, TwinError, linearize, load_arm, simulate
 from hmtb_twin.arm.rigid_bodies import BODIES
-from hmtb_twin.parameters.flight_variant import FLIGHT_DRIVES, FLIGHT_LINKS
 from hmtb_twin.parameters.values import LINKS
+from hmtb_twin.parameters.variants import FLIGHT_DRIVES, FLIGHT_LINKS
 from hmtb_twin.truth.linearization import linear
 
 

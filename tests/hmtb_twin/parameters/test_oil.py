@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from hmtb_twin.parameters.oil import COLDEST, HOTTEST, kinematic_viscosity, relative_viscosity
+from hmtb_twin.parameters.drives import COLDEST, HOTTEST, kinematic_viscosity, relative_viscosity
 
 
 def test_the_grade_and_its_hot_viscosity_are_met():

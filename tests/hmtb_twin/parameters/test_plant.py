@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 
 from hmtb_twin import JOINTS, STUDIED_JOINTS, Plant, TwinError, linearize, load_arm, simulate
-from hmtb_twin.parameters.oil import relative_viscosity
-from hmtb_twin.parameters.values import ACTUATORS, RATED_PRESSURE
+from hmtb_twin.parameters.drives import ACTUATORS, RATED_PRESSURE, relative_viscosity
 
 SHOULDER = ACTUATORS["shoulder_pitch"]
 

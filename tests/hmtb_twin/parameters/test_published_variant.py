@@ -5,8 +5,8 @@ import pytest
 
 from hmtb_twin import PAYLOADS, POSES, STUDIED_JOINTS, linearize, load_arm
 from hmtb_twin.parameters.provenance import provenance
-from hmtb_twin.parameters.published_variant import PUBLISHED_ACTUATORS, PUBLISHED_SERVOS
 from hmtb_twin.parameters.values import SERVOS
+from hmtb_twin.parameters.variants import PUBLISHED_ACTUATORS, PUBLISHED_SERVOS
 
 
 @pytest.fixture(scope="module")

@@ -14,10 +14,11 @@ from hypothesis import strategies as st
 from hmtb_twin import JOINTS, NOMINAL_SPECIMEN, Arm, OverloadError, Plant, Specimen, TwinError, linearize, load_arm
 from hmtb_twin.arm.controller_model import ControllerModel
 from hmtb_twin.arm.rigid_bodies import BODIES
-from hmtb_twin.control.chain import IDEAL
+from hmtb_twin.control.experiment import IDEAL
+from hmtb_twin.parameters.drives import ACTUATORS
 from hmtb_twin.parameters.resources import model_file
 from hmtb_twin.parameters.specimen import FARTHEST, LENGTHS, LINK_NAMES
-from hmtb_twin.parameters.values import ACTUATORS, LINKS, OPERATING_POSE, RECORDER
+from hmtb_twin.parameters.values import LINKS, OPERATING_POSE, RECORDER
 from hmtb_twin.run.simulation import simulate
 from hmtb_twin.truth.linearization import sliding, small_signal_error
 

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from hmtb_twin import NOMINAL_SPECIMEN, Distribution, Plant, Specimen, TwinDistributions, TwinError, drawn, load_arm
-from hmtb_twin.parameters.specimen_draw import CUT
+from hmtb_twin import NOMINAL_SPECIMEN, Plant, Specimen, TwinError, load_arm
+from hmtb_twin.parameters.specimen_draw import CUT, Distribution, TwinDistributions, draw_specimen
 
 POPULATION = TwinDistributions(
     mass=Distribution("lognormal", 0.05),
@@ -24,12 +24,12 @@ POPULATION = TwinDistributions(
 
 def test_the_same_seed_draws_the_same_arm_and_another_one_another() -> None:
     seed = np.random.SeedSequence(7, spawn_key=(2,))
-    specimen, changes = drawn(POPULATION, seed)
-    assert drawn(POPULATION, seed) == (specimen, changes)
+    specimen, changes = draw_specimen(POPULATION, seed)
+    assert draw_specimen(POPULATION, seed) == (specimen, changes)
     stream = np.random.SeedSequence(7, spawn_key=(2, crc32(b"mass")))
     normal = np.random.Generator(np.random.PCG64(stream)).standard_normal(8)
     np.testing.assert_allclose(specimen.mass, np.exp(0.05 * normal), rtol=1e-14)
-    others = [drawn(POPULATION, other)[0].mass for other in seed.spawn(3)]
+    others = [draw_specimen(POPULATION, other)[0].mass for other in seed.spawn(3)]
     assert len({specimen.mass, *others}) == 4
     assert changes.keys() == {"supply_pressure", "process_noise"}
     assert load_arm(plant=Plant(**changes), specimen=specimen).specimen == specimen
@@ -38,7 +38,10 @@ def test_the_same_seed_draws_the_same_arm_and_another_one_another() -> None:
 @pytest.mark.parametrize("gone", POPULATION.stated)
 def test_a_distribution_less_changes_nothing_of_the_others(gone: str) -> None:
     seed = np.random.SeedSequence(7)
-    (whole, changes), (less, fewer) = drawn(POPULATION, seed), drawn(replace(POPULATION, **{gone: None}), seed)
+    (whole, changes), (less, fewer) = (
+        draw_specimen(POPULATION, seed),
+        draw_specimen(replace(POPULATION, **{gone: None}), seed),
+    )
     nominal = {**vars(NOMINAL_SPECIMEN), "supply_pressure": None, "process_noise": None}
     before, after = {**nominal, **vars(whole), **changes}, {**nominal, **vars(less), **fewer}
     assert before[gone] != nominal[gone]
@@ -46,7 +49,7 @@ def test_a_distribution_less_changes_nothing_of_the_others(gone: str) -> None:
 
 
 def test_quantities_of_one_distribution_are_drawn_apart() -> None:
-    specimen, _ = drawn(replace(POPULATION, kd=POPULATION.kp), np.random.SeedSequence(7))
+    specimen, _ = draw_specimen(replace(POPULATION, kd=POPULATION.kp), np.random.SeedSequence(7))
     assert not set(specimen.kp) & set(specimen.kd)
 
 
@@ -75,14 +78,14 @@ def test_they_are_written_and_read_as_a_table() -> None:
     assert TwinDistributions.from_table(tomllib.loads(text)) == POPULATION
     assert hash(TwinDistributions.from_table(tomllib.loads(text))) == hash(POPULATION)
     assert TwinDistributions.from_table({}) == TwinDistributions()
-    assert drawn(TwinDistributions(), np.random.SeedSequence(0)) == (NOMINAL_SPECIMEN, {})
+    assert draw_specimen(TwinDistributions(), np.random.SeedSequence(0)) == (NOMINAL_SPECIMEN, {})
 
 
 def test_every_quantity_of_a_specimen_may_scatter() -> None:
     names = {entry.name for entry in fields(TwinDistributions)}
     assert names > {entry.name for entry in fields(Specimen)}
     everything = TwinDistributions(**{name: Distribution("uniform", 0.001) for name in names - {"process_noise"}})
-    specimen, changes = drawn(everything, np.random.SeedSequence(0))
+    specimen, changes = draw_specimen(everything, np.random.SeedSequence(0))
     assert set(specimen.deviations) | set(changes) | {"process_noise"} == names
 
 

@@ -9,7 +9,7 @@ from mujoco import batch
 
 from hmtb_twin import Motion, OverloadError, Plant, Specimen, Status, TwinError, load_arm, simulate
 from hmtb_twin.arm.arm import _load
-from hmtb_twin.control.chain import Chain
+from hmtb_twin.control.experiment import Chain
 
 CHANNELS = (
     *("commanded", "measured", "wrench", "true_angles", "load_pressure", "volts", "counts", "status"),

@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from hmtb_twin.run.recording import BLOCK, Recording
+from hmtb_twin.run.batch_run import BLOCK, Recording
 
 
 @pytest.mark.parametrize("lengths", [(3,), (BLOCK,), (BLOCK + 1, 5, 3 * BLOCK), (2 * BLOCK - 1, 2 * BLOCK)])

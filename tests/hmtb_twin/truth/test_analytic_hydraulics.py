@@ -15,7 +15,8 @@ import pytest
 from scipy.linalg import expm
 
 from hmtb_twin import JOINTS, Arm, Plant, TwinError, load_arm
-from hmtb_twin.parameters.values import OPERATING_POSE, Actuator
+from hmtb_twin.parameters.drives import Actuator
+from hmtb_twin.parameters.values import OPERATING_POSE
 from hmtb_twin.truth.analytic_hydraulics import LinearHydraulics, linear_hydraulics
 
 CONDITIONS = {

@@ -6,8 +6,8 @@ import pytest
 from hmtb_twin import JOINTS, STUDIED_JOINTS, Plant, TwinError, linearize, load_arm
 from hmtb_twin.parameters.values import MOTIONS, OPERATING_POSE, POSES
 from hmtb_twin.truth import linearization
-from hmtb_twin.truth.joint_range import CLEARANCE
-from hmtb_twin.truth.linearization import STEP, linear, simulated, small_signal_error
+from hmtb_twin.truth.linearization import CLEARANCE, linear, simulated, small_signal_error
+from hmtb_twin.truth.linearization import STEP_linearization as STEP
 
 
 def test_bandwidth_is_near_one_hertz(truth):

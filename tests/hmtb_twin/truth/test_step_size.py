@@ -4,13 +4,11 @@ from importlib.util import find_spec
 from itertools import product
 
 import mujoco
-import numpy as np
 import pytest
 
-from hmtb_twin import NOMINAL_PLANT, VARIANTS, Arm, Plant, TwinError, linearize, load_arm
+from hmtb_twin import VARIANTS, Arm, Plant, linearize, load_arm
 from hmtb_twin.parameters.payloads import PAYLOADS
-from hmtb_twin.parameters.values import SAMPLE_TIME
-from hmtb_twin.truth.step_size import at_step, bandwidths
+from tests.hmtb_twin.altered_arms import at_step, bandwidths
 
 COMPILED = pytest.mark.skipif(not find_spec("numba"), reason="orifice actuators need Numba")
 ARMS = [
@@ -54,9 +52,3 @@ def test_integrator_and_step_are_those_asked_for():
     assert arm.model.opt.timestep == VARIANTS["nominal"].step == 0.0005
     assert load_arm("flight").model.opt.timestep == VARIANTS["flight"].step == 0.000125
     assert bandwidths(other)["elbow_pitch"] != pytest.approx(bandwidths(arm)["elbow_pitch"], rel=1e-3)
-
-
-@pytest.mark.parametrize("step", [0.0, -0.001, 0.003, 0.04, np.inf])
-def test_step_that_is_no_part_of_a_tick(step):
-    with pytest.raises(TwinError, match=f"{SAMPLE_TIME} s"):
-        at_step(load_arm(plant=NOMINAL_PLANT), step)

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from hmtb_twin import NOMINAL_PLANT, STUDIED_JOINTS, Plant, linearize, load_arm, simulate
-from hmtb_twin.parameters.values import Actuator
+from hmtb_twin.parameters.drives import Actuator
 from scenarios import load
 from scenarios.commands.cli import main
 from scenarios.experiments.multisines import MultisineExperiment, Multisines

@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from hmtb_twin.parameters.values import SAMPLE_RATE
 from scenarios.experiments.excitation import (
     KINDS,
     bipolar_ramping_pulse,
@@ -17,7 +18,7 @@ from scenarios.experiments.excitation import (
     two_sines,
     white_noise,
 )
-from scenarios.experiments.waveform import POINTS, RATE, Waveform
+from scenarios.experiments.waveform import POINTS, Waveform
 from scenarios.files.errors import ScenarioError
 
 EXAMPLES = [
@@ -145,7 +146,7 @@ def test_franklins_chirp_is_equations_2_12_to_2_14() -> None:
 @pytest.mark.parametrize(("f_start", "f_end"), [(0, 1), (0, 5), (5, 10), (5, 15)])
 def test_chirps_of_both_tables_repeat_without_a_jump(f_start: float, f_end: float) -> None:
     played = chirp(f_start=f_start, f_end=f_end).play(4.0)[:, 0]
-    t = np.arange(POINTS + 1) / RATE
+    t = np.arange(POINTS + 1) / SAMPLE_RATE
     phase = 2 * np.pi * (f_start * t + (f_end - f_start) * t**2 / 4)
     assert played[POINTS] == pytest.approx(np.cos(phase[-1]), abs=1e-9)
 
@@ -187,7 +188,7 @@ def test_multisine_has_equal_lines_in_its_band_only() -> None:
 @pytest.mark.parametrize("waveform", EXAMPLES, ids=lambda w: w.kind)
 def test_play_repeats_the_period(waveform: Waveform) -> None:
     played = waveform.play(2.5 * waveform.period)
-    period = round(RATE * waveform.period)
+    period = round(SAMPLE_RATE * waveform.period)
     assert played.shape == (round(2.5 * period), 1)
     np.testing.assert_array_equal(played[period : 2 * period], played[:period])
     assert set(np.unique(played)) == set(np.unique(waveform.points))

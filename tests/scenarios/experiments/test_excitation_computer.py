@@ -7,9 +7,10 @@ import numpy as np
 import pytest
 
 from hmtb_twin import Chain
+from hmtb_twin.control.data_acquisition import BOARD
 from scenarios import Excitation, Scenario, ScenarioError
 from scenarios.commands.cli import main
-from scenarios.experiments.excitation_computer import BOARD, played
+from scenarios.experiments.excitation_computer import played
 from scenarios.experiments.waveform import read_points, write_points
 
 STEP = 20.0 / 4096
@@ -26,8 +27,8 @@ def test_the_converter_rounds_to_its_counts_and_saturates() -> None:
     np.testing.assert_allclose(BOARD.convert(volts), expected, rtol=1e-15)
     smooth = [-10.0, -10.0, -0.6 * STEP, 0.0, 0.4 * STEP, 1.0, 2047 * STEP, 2047 * STEP]
     np.testing.assert_allclose(BOARD.convert(volts, rounds=False), smooth, rtol=1e-15)
-    assert BOARD.beyond(volts).tolist() == [True, False, False, False, False, False, True, True]
-    assert not BOARD.beyond(np.array([-10.0, 2047 * STEP])).any()
+    assert BOARD.exceeds_range(volts).tolist() == [True, False, False, False, False, False, True, True]
+    assert not BOARD.exceeds_range(np.array([-10.0, 2047 * STEP])).any()
 
 
 @pytest.mark.parametrize("frequency", [None, 0.5])

@@ -6,8 +6,9 @@ import numpy as np
 import pytest
 
 import hmtb_twin
-from hmtb_twin import JointLog, Status, UnitView, View
-from hmtb_twin.parameters.seats import SEATS, UNIT
+from hmtb_twin import JointLog, Status, View
+from hmtb_twin.control.experiment import UnitView
+from hmtb_twin.parameters.payloads import SEATS, UNIT
 from hmtb_twin.parameters.values import JOINTS, LINKS, MOTIONS
 from scenarios import ScenarioError, load
 from scenarios.experiments.operator import GRAVITY, ScriptedOperator, Skill, Step

@@ -8,8 +8,8 @@ import pytest
 from scipy.stats import binom, kstest
 
 from hmtb_twin import IDEAL, STUDIED_JOINTS, Chain, HandController, Plant, Specimen, linearize, load_arm
+from hmtb_twin.control.data_acquisition import BOARD
 from scenarios import ScenarioError, load
-from scenarios.experiments.excitation_computer import BOARD
 from scenarios.experiments.multisines import MultisineExperiment, Multisines, multisine_experiments
 from scenarios.truth.best_linear import best_linear
 from sysid import SysidError

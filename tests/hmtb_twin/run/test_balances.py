@@ -1,17 +1,13 @@
 """Oil and energy of real runs of the whole arm: nothing is lost, nothing comes from nowhere."""
 
 from dataclasses import fields, replace
-from importlib.util import find_spec
 
-import mujoco
 import numpy as np
 import pytest
 
-from hmtb_twin import JOINTS, Arm, Plant, TwinError, load_arm
+from hmtb_twin import JOINTS, Arm, Plant, load_arm
 from hmtb_twin.parameters.values import OPERATING_POSE
-from hmtb_twin.run.balances import FINEST, check_course
-from hmtb_twin.run.linear_balances import linear_balances
-from hmtb_twin.run.orifice_balances import orifice_balances
+from tests.hmtb_twin.balances import linear_balances
 
 OIL, ENERGY = 1e-6, 1e-4
 
@@ -91,70 +87,3 @@ def test_what_does_not_balance_shows():
     assert len(large) >= 5
     for name in large:
         assert replace(energy, **{name: 1.1 * getattr(energy, name)}).closure > ENERGY
-
-
-def test_balances_cannot_be_changed():
-    arm = load_arm()
-    oil, _ = linear_balances(arm, binary(arm, ("elbow_pitch",))[:5])
-    with pytest.raises(ValueError, match="read-only"):
-        oil.swept[0] = 1.0
-
-
-ODD = (0, -1, 1.5, True, "2", None, np.nan, 10**9)
-
-
-def calls():
-    forms = [pytest.param("linear", linear_balances, id="linear")]
-    if find_spec("numba"):
-        forms.append(pytest.param("orifice", orifice_balances, id="orifice"))
-    return forms
-
-
-def spoiled(value, dtype=float):
-    command = np.zeros((5, 7), dtype=dtype)
-    command[2, 3] = value
-    return command
-
-
-@pytest.mark.parametrize(("form", "balances"), calls())
-@pytest.mark.parametrize(
-    ("command", "refined", "words"),
-    [
-        (spoiled(np.nan), 1, "command of nan rad given to the elbow pitch at tick 2"),
-        (spoiled(np.inf), 1, "command of inf rad given to the elbow pitch at tick 2"),
-        (spoiled(-1e200), 1, r"command of -1e\+200 rad given .*expected finite angles within 6.283 rad"),
-        (spoiled(1.0j, complex), 1, "command of type complex128"),
-        (np.full((5, 7), "0"), 1, "command of type <U1"),
-        ("still", 1, "command of type <U5"),
-        (None, 1, "command of type object"),
-        ([[0.0] * 7, [0.0] * 6], 1, "no array of angles"),
-        (np.zeros(7), 1, r"shape \(7,\) given, expected \(N, 7\)"),
-        (np.zeros((7, 5)), 1, r"shape \(7, 5\) given"),
-        (np.zeros((0, 7)), 1, r"shape \(0, 7\) given"),
-        *((np.zeros((5, 7)), refined, f"refined = .*, expected a whole number from 1 to {FINEST}") for refined in ODD),
-    ],
-)
-def test_bad_runs_are_refused_before_anything_moves(
-    form, balances, command, refined, words, tmp_path, monkeypatch, capfd
-):
-    monkeypatch.chdir(tmp_path)
-    with pytest.raises(TwinError, match=words):
-        balances(load_arm(plant=Plant(actuator=form)), command, refined=refined)
-    assert not list(tmp_path.iterdir())
-    assert capfd.readouterr() == ("", "")
-
-
-def test_run_in_which_the_engine_started_anew_has_no_books(arm):
-    data = arm.rest(arm.pose(OPERATING_POSE))
-    check_course(data)
-    data.warning[mujoco.mjtWarning.mjWARN_BADQACC].number = 1
-    with pytest.raises(TwinError, match="warned of BADQACC in this run"):
-        check_course(data)
-
-
-def test_only_linear_actuators_in_free_space():
-    arm = load_arm()
-    with pytest.raises(TwinError, match=r"\(250, 6\).*\(N, 7\)"):
-        linear_balances(arm, np.zeros((250, 6)))
-    with pytest.raises(TwinError, match="worksite"):
-        linear_balances(load_arm(worksite=True), np.zeros((5, 7)))

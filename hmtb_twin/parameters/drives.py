@@ -1,0 +1,289 @@
+"""Joint drives: hydraulic actuators with their oil and friction, geared electric drives."""
+
+from dataclasses import dataclass, field, replace
+from math import exp, log, log10, radians, sqrt
+
+from hmtb_twin.parameters.quantity import quantity
+from hmtb_twin.parameters.values import JOINTS
+
+COLDEST, HOTTEST = 0.0, 100.0
+"""Temperatures between which the viscosity law is used, degrees Celsius."""
+
+REFERENCE_TEMPERATURE = 40.0
+"""Temperature at which drag and leakage are stated, degrees Celsius."""
+
+_KELVIN = 273.15
+_KNOWN = ((40.0, 32.0), (100.0, 5.4))
+"""Temperature, degrees Celsius, and kinematic viscosity, mm^2/s, of a mineral oil of ISO grade VG 32 (assumed)."""
+
+
+def kinematic_viscosity(temperature: float) -> float:
+    """Return the kinematic viscosity of an ISO VG 32 mineral oil, in mm^2/s.
+
+    Walther's equation, log log (v + 0.7) linear in log T [ASTMD341], through 32 mm^2/s at 40 degrees Celsius, which is
+    what the grade means, and 5.4 mm^2/s at 100.
+
+    Args:
+        temperature: Of the oil, degrees Celsius.
+    """
+    (cool, thick), (hot, thin) = _KNOWN
+    outer = [log10(log10(v + 0.7)) for v in (thick, thin)]
+    steps = [log(t + _KELVIN) for t in (cool, hot)]
+    slope = (outer[1] - outer[0]) / (steps[1] - steps[0])
+    power = outer[0] + slope * (log(temperature + _KELVIN) - steps[0])
+    return exp(log(10.0) * 10.0**power) - 0.7
+
+
+def relative_viscosity(temperature: float) -> float:
+    """Return the viscosity at a temperature in degrees Celsius over that at 40: the density hardly changes."""
+    return kinematic_viscosity(temperature) / kinematic_viscosity(REFERENCE_TEMPERATURE)
+
+
+@dataclass(frozen=True)
+class DcMotor:
+    """L di/dt = v - R i - K w, torque K i: current or load pressure i, voltage or valve flow v.
+
+    Attributes:
+        constant: K, torque per current, N m/A, or displacement, cm^3/rad.
+        resistance: R, ohm, or flow-pressure gain, cm^3/(s MPa).
+        inductance: L, H, or oil compliance, cm^3/MPa.
+        largest_input: Largest v that the servo can ask for, V or cm^3/s.
+        maximum_torque: Torque at which the drive saturates, N m.
+        armature: Inertia that turns with the drive, at the joint, kg m^2.
+        brake: Torque of a brake that holds the joint, N m.
+    """
+
+    constant: float
+    resistance: float
+    inductance: float
+    largest_input: float
+    maximum_torque: float
+    armature: float = 0.0
+    brake: float = 0.0
+
+    @property
+    def holding_torque(self) -> float:
+        """Largest torque that it holds at rest, N m: largest input less what the resistance takes, if not saturated."""
+        return min(self.maximum_torque, self.constant * self.largest_input / self.resistance)
+
+    @property
+    def lag(self) -> float:
+        """Time constant from commanded to delivered torque, s."""
+        return self.inductance / self.resistance
+
+
+@dataclass(frozen=True)
+class Hydraulics:
+    """The oil and its supply."""
+
+    supply_pressure: float = quantity(20.7, "MPa", "analogue", "Titan 4 manual, 1500-3000 psi")
+    return_pressure: float = quantity(3.4, "MPa", "analogue", "Titan 4 manual, 500 psi")
+    bulk_modulus: float = quantity(700.0, "MPa", "assumed", "other models take 300 (hoses, air) to 1550 (oil)")
+    leakage: float = quantity(
+        0.015, "1", "assumed", "internal leakage at rated pressure and 40 degrees Celsius, part of the rated flow"
+    )
+    oil_temperature: float = quantity(40.0, "degC", "assumed", "temperature at which viscosity grades are stated")
+
+    @property
+    def pressure(self) -> float:
+        """Pressure available across an actuator, MPa."""
+        return self.supply_pressure - self.return_pressure
+
+
+RATED_PRESSURE = Hydraulics().pressure
+"""Pressure across an actuator at which its flow, leakage and friction are stated, MPa."""
+
+
+@dataclass(frozen=True)
+class Friction:
+    """Friction as parts of the rated torque: LuGre [Canudas1995] or, without bristles, Coulomb; and the oil's drag."""
+
+    coulomb: float = quantity(
+        0.01, "1", "derived", "part of maximum torque; published pitch DC gains near one allow little"
+    )
+    static_ratio: float = quantity(1.5, "1", "assumed", "breakaway over Coulomb torque of lip seals")
+    stribeck_velocity: float = quantity(radians(1.5), "rad/s", "assumed", "1 to 2 deg/s")
+    presliding: float = quantity(1e-3, "rad", "assumed", "bristle deflection at Coulomb torque: 30 um at the rack")
+    bristle_time: float = quantity(0.01, "s", "assumed", "bristle damping over bristle stiffness")
+    viscous: float = quantity(
+        0.01, "1", "assumed", "the oil's drag at no-load speed and 40 degrees Celsius, part of maximum torque"
+    )
+    bristles: bool = True
+
+
+@dataclass(frozen=True)
+class Actuator:
+    """A rack-and-pinion actuator with its servo valve, linear between no-load flow and stall.
+
+    In cm^3, MPa and s the load-pressure equation V/(4 beta) dP/dt = Q - (K + C) P - D w has coefficients of order one,
+    and D P is a torque in N m. K is the slope of the straight line from no-load flow at zero load pressure to stall at
+    full pressure [Merritt1967, ch. 5 and 6]; C is the internal leakage.
+    """
+
+    displacement: float = quantity(
+        0.0, "cm3/rad", "assumed", "stall torques near 1000, 430, 170 N m; Titan 4, Atlas 7R wrists 170, 205 N m"
+    )
+    trapped_volume: float = quantity(0.0, "cm3", "assumed", "both chambers and lines")
+    no_load_speed: float = quantity(0.0, "rad/s", "assumed", "rated flow 18 (shoulder), 7.5 (elbow), 4.8 L/min (wrist)")
+    hydraulics: Hydraulics = field(default_factory=Hydraulics)
+    friction: Friction | None = field(default_factory=Friction)
+    valve_open: bool = True
+
+    @property
+    def maximum_torque(self) -> float:
+        """Stall torque at the pressure between supply and return, N m."""
+        return self.displacement * self.hydraulics.pressure
+
+    @property
+    def rated_torque(self) -> float:
+        """Stall torque at the rated pressure, N m; what friction and process noise are parts of."""
+        return self.displacement * RATED_PRESSURE
+
+    @property
+    def coulomb_torque(self) -> float:
+        """Coulomb friction, N m."""
+        return self.friction.coulomb * self.rated_torque if self.friction else 0.0
+
+    @property
+    def drag(self) -> float:
+        """Viscous friction at the oil's temperature, N m s/rad."""
+        if self.friction is None:
+            return 0.0
+        thickness = relative_viscosity(self.hydraulics.oil_temperature)
+        return self.friction.viscous * self.rated_torque / self.no_load_speed * thickness
+
+    @property
+    def rated_flow(self) -> float:
+        """Flow of the fully open valve without load, cm^3/s: the hydraulic velocity limit times the displacement.
+
+        No-load speed is stated at the rated pressure; flow through an orifice goes with the root of pressure.
+        """
+        return self.displacement * self.no_load_speed * sqrt(self.hydraulics.pressure / RATED_PRESSURE)
+
+    @property
+    def leakage(self) -> float:
+        """Internal leakage C, laminar and so the larger the thinner the oil, cm^3/(s MPa)."""
+        at_rating = self.hydraulics.leakage * self.displacement * self.no_load_speed / RATED_PRESSURE
+        return at_rating / relative_viscosity(self.hydraulics.oil_temperature)
+
+    @property
+    def compliance(self) -> float:
+        """Oil compressibility V/(4 beta), cm^3/MPa."""
+        return self.trapped_volume / (4.0 * self.hydraulics.bulk_modulus)
+
+    @property
+    def flow_pressure_gain(self) -> float:
+        """Flow lost per load pressure, cm^3/(s MPa): K + C, or the leakage C alone behind a closed valve."""
+        return self.valve_open * self.rated_flow / self.hydraulics.pressure + self.leakage
+
+    @property
+    def largest_flow(self) -> float:
+        """Largest flow that the servo can ask of the valve, cm^3/s; a closed one passes none that would be seen."""
+        return self.rated_flow if self.valve_open else 1e-12 * self.rated_flow
+
+    @property
+    def pressure_lag(self) -> float:
+        """Time constant from commanded to delivered torque, s."""
+        return self.compliance / self.flow_pressure_gain
+
+    @property
+    def motor(self) -> DcMotor:
+        """The actuator as a `dcmotor`: load pressure for current, flow for voltage."""
+        return DcMotor(
+            constant=self.displacement,
+            resistance=self.flow_pressure_gain,
+            inductance=self.compliance,
+            largest_input=self.largest_flow,
+            maximum_torque=self.maximum_torque,
+        )
+
+    @property
+    def unpowered(self) -> "Actuator":
+        """The actuator after an emergency shutdown: no flow through the valve, the oil trapped but for the leakage."""
+        return replace(self, valve_open=False)
+
+
+_SHOULDER = Actuator(60.0, 100.0, 5.0)
+_ELBOW = Actuator(25.0, 60.0, 5.0)
+_WRIST = Actuator(10.0, 40.0, 8.0)
+
+ACTUATORS = dict(zip(JOINTS, (_SHOULDER,) * 3 + (_ELBOW,) + (_WRIST,) * 3, strict=True))
+"""The actuator of each joint."""
+
+
+@dataclass(frozen=True)
+class GearFriction(Friction):
+    """Friction of a harmonic drive as parts of the rated torque: LuGre or Coulomb, and the lubricant's drag."""
+
+    coulomb: float = quantity(0.02, "1", "assumed", "part of rated torque; harmonic drives lose several percent")
+    static_ratio: float = quantity(1.3, "1", "assumed", "breakaway over Coulomb torque of a greased gear")
+    stribeck_velocity: float = quantity(0.02, "rad/s", "assumed", "about 1 deg/s at the joint")
+    presliding: float = quantity(1e-3, "rad", "assumed", "deflection of gear and bearings at Coulomb torque")
+    viscous: float = quantity(0.03, "1", "assumed", "grease: drag at no-load speed, part of rated torque")
+
+
+@dataclass(frozen=True)
+class ElectricDrive:
+    """A brushless motor with its current loop, seen as a DC motor behind a gear, and a brake that power releases.
+
+    With V the bus voltage, N the gear ratio and k the motor's torque constant the joint's torque is N k i, and
+    L di/dt = v - R i - N k w with v within V. The rotor turns N times as fast as the joint and weighs N^2 J there.
+    """
+
+    torque_constant: float = quantity(0.1, "N m/A", "assumed", "of the motor; frameless motors of 60 to 100 mm")
+    gear_ratio: float = quantity(160.0, "1", "assumed", "harmonic drive, a usual ratio")
+    resistance: float = quantity(1.0, "ohm", "assumed", "of a winding for the bus voltage")
+    electrical_lag: float = quantity(0.002, "s", "assumed", "inductance over resistance")
+    rotor_inertia: float = quantity(5e-5, "kg m2", "assumed", "of rotor and wave generator")
+    largest_current: float = quantity(8.0, "A", "assumed", "limit of the drive's electronics")
+    bus_voltage: float = quantity(28.0, "V", "analogue", "direct-current bus of the Space Shuttle Orbiter")
+    brake_torque: float = quantity(1.5, "1", "assumed", "of the brake that holds without power, part of rated torque")
+    friction: Friction | None = field(default_factory=GearFriction)
+    powered: bool = True
+
+    @property
+    def rated_torque(self) -> float:
+        """Torque at the joint at the largest current, N m; what friction, brake and process noise are parts of."""
+        return self.torque_constant * self.gear_ratio * self.largest_current
+
+    @property
+    def maximum_torque(self) -> float:
+        """Largest torque at the joint, N m: the rated one."""
+        return self.rated_torque
+
+    @property
+    def no_load_speed(self) -> float:
+        """Speed of the joint at the bus voltage without load, rad/s."""
+        return self.bus_voltage / (self.torque_constant * self.gear_ratio)
+
+    @property
+    def coulomb_torque(self) -> float:
+        """Coulomb friction, N m."""
+        return self.friction.coulomb * self.rated_torque if self.friction else 0.0
+
+    @property
+    def drag(self) -> float:
+        """Viscous friction, N m s/rad."""
+        return self.friction.viscous * self.rated_torque / self.no_load_speed if self.friction else 0.0
+
+    @property
+    def motor(self) -> DcMotor:
+        """The drive at the joint; without power its windings are shorted and its brake holds."""
+        return DcMotor(
+            constant=self.torque_constant * self.gear_ratio,
+            resistance=self.resistance,
+            inductance=self.electrical_lag * self.resistance,
+            largest_input=self.bus_voltage if self.powered else 1e-12 * self.bus_voltage,
+            maximum_torque=self.maximum_torque,
+            armature=self.rotor_inertia * self.gear_ratio**2,
+            brake=0.0 if self.powered else self.brake_torque * self.rated_torque,
+        )
+
+    @property
+    def unpowered(self) -> "ElectricDrive":
+        """The drive after an emergency shutdown."""
+        return replace(self, powered=False)
+
+
+Drive = Actuator | ElectricDrive
+"""What moves a joint."""

@@ -1,0 +1,55 @@
+"""Arms with other servo valves, another physics step or another integrator than `load_arm` gives."""
+
+from copy import copy
+from dataclasses import replace
+
+import mujoco
+import numpy as np
+
+from hmtb_twin import JOINTS, Arm
+from hmtb_twin.hydraulics import valve_equations as eq
+from hmtb_twin.hydraulics.orifice import valve_parameters
+from hmtb_twin.parameters.servo_valve import POWER_UNIT, SERVO_VALVE, PowerUnit, ServoValve
+from hmtb_twin.parameters.values import INDEXED_JOINTS, OPERATING_POSE, SAMPLE_TIME
+from hmtb_twin.truth.linearization import sample_map, sliding
+from sysid import StateSpace
+
+
+def with_valve(arm: Arm, *, valve: ServoValve = SERVO_VALVE, power_unit: PowerUnit = POWER_UNIT) -> Arm:
+    """Return an arm with orifice actuators on other servo valves, or on another supply."""
+    model = copy(arm.model)
+    for j, name in enumerate(JOINTS):
+        parameters = valve_parameters(arm.actuators[name], arm.gains[name], valve, power_unit, joints=len(JOINTS))
+        kept = [eq.BRISTLE, eq.BRISTLE_DAMPING]
+        parameters[kept] = model.actuator_user[2 * j, kept]
+        model.actuator_user[2 * j] = parameters
+    return replace(arm, model=model)
+
+
+def at_step(arm: Arm, step: float, integrator: mujoco.mjtIntegrator | None = None) -> Arm:
+    """Return an arm with another physics step in s, a whole part of a tick, and perhaps another integrator."""
+    model = copy(arm.model)
+    model.opt.timestep = SAMPLE_TIME / round(SAMPLE_TIME / step)
+    if integrator is not None:
+        model.opt.integrator = integrator
+    return replace(arm, model=model)
+
+
+def bandwidths(arm: Arm) -> dict[str, float]:
+    """Return the small-signal bandwidth of each joint as the arm's own step and integrator make it, Hz.
+
+    The 50 Hz map is differentiated by whole ticks, which works with every integrator; dry friction is off, as in the
+    truth. Bus delays, which do not move a bandwidth, are left out.
+    """
+    smooth = at_step(sliding(arm), arm.model.opt.timestep, mujoco.mjtIntegrator(arm.model.opt.integrator))
+    angles = smooth.pose(OPERATING_POSE)
+    A, B = sample_map(smooth.model, smooth.rest(angles))
+    B = B[:, 0::2] + B[:, 1::2] @ smooth.controller.gravity_gradient(angles)
+    n = len(JOINTS)
+    return {
+        name: float(
+            StateSpace(A, B[:, [i]], np.eye(n, len(A))[[i]], np.zeros((1, 1)), None, SAMPLE_TIME).bandwidth()[0, 0]
+        )
+        for i, name in enumerate(JOINTS)
+        if name not in INDEXED_JOINTS
+    }
