@@ -5,7 +5,9 @@ import importlib
 import re
 import subprocess
 import sys
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
 
 import pytest
@@ -31,22 +33,67 @@ FORBIDDEN_NAMES = {"utils", "util", "base", "common", "misc", "helpers", "helper
 LONGEST_FILE = 400
 REFERENCE_KEY = re.compile(r"[\[;]\s*([A-Z][A-Za-z]+(?:19|20)\d\d[a-z]?)\b")
 
-MODULES = [path for package in PACKAGES for path in sorted((ROOT / package).rglob("*.py"))]
-module = pytest.mark.parametrize("path", MODULES, ids=[p.relative_to(ROOT).as_posix() for p in MODULES])
+
+@dataclass(eq=False)
+class Module:
+    """A file of the product."""
+
+    path: Path
+
+    @property
+    def name(self) -> str:
+        return self.path.relative_to(ROOT).as_posix()
+
+    @property
+    def dotted(self) -> str:
+        return self.name.removesuffix(".py").removesuffix("/__init__").replace("/", ".")
+
+    @property
+    def package(self) -> str:
+        return self.path.relative_to(ROOT).parts[0]
+
+    @property
+    def room(self) -> str | None:
+        parts = self.path.relative_to(ROOT).parts
+        return parts[1] if len(parts) > 2 else None
+
+    @cached_property
+    def text(self) -> str:
+        return self.path.read_text(encoding="utf-8")
+
+    @cached_property
+    def tree(self) -> ast.Module:
+        return ast.parse(self.text)
+
+    @cached_property
+    def imports(self) -> tuple[tuple[str, str | None, int], ...]:
+        """(module, imported name or None, line) of every import, inside functions too, relative ones resolved."""
+        return tuple(self._imports())
+
+    def _imports(self) -> Iterator[tuple[str, str | None, int]]:
+        package = self.path.relative_to(ROOT).parent.parts
+        for node in ast.walk(self.tree):
+            if isinstance(node, ast.Import):
+                for alias in node.names:
+                    yield alias.name, None, node.lineno
+            elif isinstance(node, ast.ImportFrom):
+                parts = package[: len(package) - node.level + 1] if node.level else ()
+                origin = ".".join((*parts, node.module) if node.module else parts)
+                for alias in node.names:
+                    yield origin, alias.name, node.lineno
 
 
-def imports(path: Path) -> Iterator[tuple[str, str | None, int]]:
-    """Yield (module, imported name or None, line) of every import, inside functions too, relative ones resolved."""
-    package = path.relative_to(ROOT).parent.parts
-    for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
-        if isinstance(node, ast.Import):
-            for alias in node.names:
-                yield alias.name, None, node.lineno
-        elif isinstance(node, ast.ImportFrom):
-            parts = package[: len(package) - node.level + 1] if node.level else ()
-            origin = ".".join((*parts, node.module) if node.module else parts)
-            for alias in node.names:
-                yield origin, alias.name, node.lineno
+MODULES = [Module(path) for package in PACKAGES for path in sorted((ROOT / package).rglob("*.py"))]
+
+
+def wrong_imports(is_wrong: Callable[[Module, str, str | None], bool]) -> list[str]:
+    """Imports that break a rule, each with its file and line."""
+    return [
+        f"{module.name}:{line}: {origin} {name or ''}"
+        for module in MODULES
+        for origin, name, line in module.imports
+        if is_wrong(module, origin, name)
+    ]
 
 
 @pytest.mark.parametrize("package", PACKAGES)
@@ -55,15 +102,12 @@ def test_every_package_is_there(package: str) -> None:
     assert (ROOT / package / "py.typed").is_file()
 
 
-@module
-def test_arrows_point_one_way(path: Path) -> None:
-    room = path.relative_to(ROOT).parts[0]
-    wrong = [
-        f"line {line}: {origin}"
-        for origin, _, line in imports(path)
-        if (target := origin.partition(".")[0]) in PACKAGES and target != room and target not in ARROWS[room]
-    ]
-    assert not wrong, f"{room} may import only {sorted(ARROWS[room]) or 'neither of the other packages'}: {wrong}"
+def test_packages_import_one_way() -> None:
+    def is_wrong(module: Module, origin: str, name: str | None) -> bool:
+        target = origin.partition(".")[0]
+        return target in PACKAGES and target != module.package and target not in ARROWS[module.package]
+
+    assert not wrong_imports(is_wrong), f"each package may import only {ARROWS}"
 
 
 @pytest.mark.parametrize("package", PACKAGES)
@@ -73,58 +117,63 @@ def test_every_module_stands_in_a_room(package: str) -> None:
     assert {path.parent.name for path in (ROOT / package).glob("*/*.py")} == set(ROOMS[package])
 
 
-@module
-def test_a_room_imports_only_rooms_before_it(path: Path) -> None:
-    package, *room = path.relative_to(ROOT).parts[:-1]
-    if not room:
-        return
-    before = ROOMS[package][: ROOMS[package].index(room[0]) + 1]
-    wrong = [
-        f"line {line}: {origin}"
-        for origin, _, line in imports(path)
-        if origin.startswith(f"{package}.") and origin.split(".")[1] not in before
-    ]
-    assert not wrong, f"{package}.{room[0]} may import {before} of its package: {wrong}"
+def test_a_room_imports_only_rooms_before_it() -> None:
+    def is_wrong(module: Module, origin: str, name: str | None) -> bool:
+        package, _, rest = origin.partition(".")
+        if module.room is None or package != module.package or not rest:
+            return False
+        rooms = ROOMS[package]
+        return rest.partition(".")[0] not in rooms[: rooms.index(module.room) + 1]
+
+    assert not wrong_imports(is_wrong), f"rooms from the ground up: {ROOMS}"
 
 
-@module
-def test_the_laboratory_takes_only_records_from_the_analyst(path: Path) -> None:
-    if path.relative_to(ROOT).parts[0] != "hmtb_twin":
-        return
-    wrong = [
-        f"line {line}: {origin} {name or ''}"
-        for origin, name, line in imports(path)
-        if origin.partition(".")[0] == "sysid" and name not in RECORDS
-    ]
-    assert not wrong, f"hmtb_twin may import {sorted(RECORDS)} from sysid, by name: {wrong}"
+def test_no_module_imports_itself_through_others() -> None:
+    names = {module.dotted: module for module in MODULES}
+
+    def targets(module: Module) -> set[str]:
+        return {
+            full if (full := f"{origin}.{name}") in names else origin
+            for origin, name, _ in module.imports
+            if f"{origin}.{name}" in names or origin in names
+        }
+
+    arrows = {name: targets(module) - {name} for name, module in names.items()}
+    while leaves := {name for name, others in arrows.items() if not others & arrows.keys()}:
+        for leaf in leaves:
+            del arrows[leaf]
+    assert not arrows, f"modules in circles, or that lead into one: {sorted(arrows)}"
 
 
-@module
-def test_the_bare_name_sysid_is_ours(path: Path) -> None:
-    text = path.read_text(encoding="utf-8")
-    wrong = re.findall(
-        r"^\s*(?:from mujoco import sysid(?! as mj_sysid)|import mujoco\.sysid(?! as mj_sysid)).*", text, re.M
-    )
+def test_the_laboratory_takes_only_records_from_the_analyst() -> None:
+    def is_wrong(module: Module, origin: str, name: str | None) -> bool:
+        return module.package == "hmtb_twin" and origin.partition(".")[0] == "sysid" and name not in RECORDS
+
+    assert not wrong_imports(is_wrong), f"hmtb_twin may import {sorted(RECORDS)} from sysid, by name"
+
+
+def test_the_bare_name_sysid_is_ours() -> None:
+    pattern = r"^\s*(?:from mujoco import sysid(?! as mj_sysid)|import mujoco\.sysid(?! as mj_sysid)).*"
+    wrong = {module.name: lines for module in MODULES if (lines := re.findall(pattern, module.text, re.M))}
     assert not wrong, f"write 'import mujoco.sysid as mj_sysid': {wrong}"
 
 
-@module
-def test_files_are_small_shallow_named_and_documented(path: Path) -> None:
-    text = path.read_text(encoding="utf-8")
-    parts = path.relative_to(ROOT).parts
-    assert len(parts) <= 3, f"packages are at most two deep, {path.relative_to(ROOT)} is deeper"
-    assert not FORBIDDEN_NAMES & {part.removesuffix(".py").strip("_") for part in parts}, "name the concept"
-    assert text.count("\n") <= LONGEST_FILE, f"{text.count(chr(10))} lines, at most {LONGEST_FILE}"
-    assert ast.get_docstring(ast.parse(text)), "a file says in its first line what it holds"
+def test_files_are_small_shallow_named_and_documented() -> None:
+    for module in MODULES:
+        parts = module.path.relative_to(ROOT).parts
+        lines = module.text.count("\n")
+        assert len(parts) <= 3, f"packages are at most two deep, {module.name} is deeper"
+        assert not FORBIDDEN_NAMES & {part.removesuffix(".py").strip("_") for part in parts}, module.name
+        assert lines <= LONGEST_FILE, f"{module.name} has {lines} lines, at most {LONGEST_FILE}"
+        assert ast.get_docstring(module.tree), f"{module.name} does not say in its first line what it holds"
 
 
-@module
-def test_every_cited_reference_is_listed(path: Path) -> None:
+def test_every_cited_reference_is_listed() -> None:
     listed = re.findall(r"^- \*\*(\w+)\*\*", (ROOT / "docs/references.md").read_text(encoding="utf-8"), re.M)
     duplicates = {key for key in listed if listed.count(key) > 1}
     assert not duplicates, f"docs/references.md lists {sorted(duplicates)} more than once"
-    missing = set(REFERENCE_KEY.findall(path.read_text(encoding="utf-8"))) - set(listed)
-    assert not missing, f"docs/references.md lacks {sorted(missing)}, it has {sorted(listed)}"
+    missing = {m.name: keys for m in MODULES if (keys := set(REFERENCE_KEY.findall(m.text)) - set(listed))}
+    assert not missing, f"docs/references.md lacks {missing}, it has {sorted(listed)}"
 
 
 def packages() -> list[str]:
@@ -150,26 +199,9 @@ def test_public_names_are_explicit_and_importable(name: str) -> None:
     assert not undocumented, f"{name} exports {undocumented} without a docstring"
 
 
-@pytest.mark.parametrize("name", PACKAGES)
-def test_all_modules_import_without_the_others_having_been_imported(name: str) -> None:
-    """A cycle shows only when its other end is entered first, so each module is imported as the first of its package.
-
-    Whichever it is, the package itself comes before it: what that loads stays, and is the same for all. The other
-    packages stay too, because they import nothing from this one or nothing that imports back.
-    """
-    modules = [".".join(p.relative_to(ROOT).with_suffix("").parts) for p in sorted((ROOT / name).rglob("*.py"))]
-    modules = [m.removesuffix(".__init__") for m in modules if not m.endswith("__main__")]
-    script = (
-        "import importlib, sys\n"
-        f"importlib.import_module({name!r})\n"
-        "first = set(sys.modules)\n"
-        f"for module in {modules!r}:\n"
-        f"    for loaded in [m for m in sys.modules if m.startswith({name + '.'!r}) and m not in first]:\n"
-        "        parent, _, own = loaded.rpartition('.')\n"
-        "        if parent in first and own in vars(sys.modules[parent]):\n"
-        "            delattr(sys.modules[parent], own)\n"
-        "        del sys.modules[loaded]\n"
-        "    importlib.import_module(module)\n"
-    )
+def test_every_module_can_be_imported() -> None:
+    """In a process of its own, so that nothing which other tests have loaded helps."""
+    names = [module.dotted for module in MODULES if module.path.stem != "__main__"]
+    script = f"import importlib\nfor name in {names!r}:\n    importlib.import_module(name)"
     done = subprocess.run([sys.executable, "-c", script], cwd=ROOT, capture_output=True, text=True, timeout=120)
     assert done.returncode == 0, done.stderr
