@@ -29,7 +29,7 @@ from scenarios.bench.work import FAMILY, Bench, Piece, pieces, spread
 from scenarios.estimators.contestant import Contestant, Limits
 from scenarios.estimators.outcome import MODEL, REFUSED
 from scenarios.estimators.sandbox import open_sandbox
-from scenarios.files.durable_write import write_text
+from scenarios.files.atomic_write import write_whole
 from scenarios.files.errors import ScenarioError
 from scenarios.files.provenance import versions
 from scenarios.problems.registry import problem
@@ -197,7 +197,7 @@ def verify(
                 measured = journal.measured()
                 own = {trial: measured[trial] for trial in trials if trial in measured}
                 results.append(_result(plan, contestant, (journal.run, where, key["source"]), own, referee))
-                write_text(folder / f"{file_name(contestant.name)}.json", results[-1].to_json())
+                write_whole(folder / f"{file_name(contestant.name)}.json", results[-1].to_json(), durable=True)
         return results
 
 

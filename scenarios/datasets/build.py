@@ -21,7 +21,7 @@ from scenarios.datasets.lock import locked
 from scenarios.datasets.manifest import Manifest
 from scenarios.datasets.plan import DataSetPlan
 from scenarios.datasets.spec import DataSetSpec
-from scenarios.files.durable_write import make_folder, remove_partial, write_files
+from scenarios.files.atomic_write import make_folder, remove_partial, write_files
 from scenarios.files.errors import ScenarioError
 from scenarios.files.hashes import bytes_hash, file_hash
 from scenarios.jobs.steady_memory import steady_memory

@@ -9,7 +9,7 @@ from typing import Any
 from scenarios.datasets.layout import BUILD, LOCK, SPEC
 from scenarios.datasets.lock import unlock_file
 from scenarios.datasets.spec import DataSetSpec
-from scenarios.files.durable_write import write_text
+from scenarios.files.atomic_write import write_whole
 from scenarios.files.errors import ScenarioError
 from scenarios.files.provenance import fingerprint, versions
 
@@ -45,8 +45,8 @@ def begin(folder: Path, spec: DataSetSpec) -> None:
             f"{folder} holds no build but {', '.join(foreign[:SHOWN])}: expected an empty folder or none"
         )
     # The spec first: where the record is, everything else that a build begins with is.
-    write_text(folder / SPEC, spec.to_toml())
-    write_text(folder / BUILD, json.dumps(record, indent=1, sort_keys=True) + "\n")
+    write_whole(folder / SPEC, spec.to_toml(), durable=True)
+    write_whole(folder / BUILD, json.dumps(record, indent=1, sort_keys=True) + "\n", durable=True)
 
 
 def _read(folder: Path) -> Mapping[str, Any]:

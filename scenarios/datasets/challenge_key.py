@@ -18,7 +18,7 @@ from typing import Any
 from scenarios.datasets.challenge_secret import commitment, drawn_secret, student_spec
 from scenarios.datasets.layout import DATA, SPEC, SUMS
 from scenarios.datasets.spec import DataSetSpec
-from scenarios.files.durable_write import PARTIAL, sync_folder
+from scenarios.files.atomic_write import PARTIAL, sync_folder
 from scenarios.files.errors import ScenarioError, unknown
 from scenarios.files.hashes import bytes_hash
 

@@ -16,7 +16,7 @@ from scenarios.datasets.manifest import Manifest
 from scenarios.datasets.metadata import metadata_files
 from scenarios.datasets.plan import DataSetPlan, PlannedExperiment
 from scenarios.datasets.spec import DataSetSpec
-from scenarios.files.durable_write import make_folder, remove_partial, sync_folder, write_files
+from scenarios.files.atomic_write import make_folder, remove_partial, sync_folder, write_files
 from scenarios.files.errors import ScenarioError
 from scenarios.files.hashes import bytes_hash
 from scenarios.files.netcdf import read_netcdf

@@ -15,7 +15,7 @@ from scenarios.datasets.manifest import Manifest
 from scenarios.datasets.plan import DataSetPlan
 from scenarios.datasets.stage import Stage
 from scenarios.datasets.stages import PAPERS, STAGES
-from scenarios.files.durable_write import sync_folder, write_files, writing
+from scenarios.files.atomic_write import replacing, sync_folder, write_files
 from scenarios.files.errors import ScenarioError
 from scenarios.files.hashes import bytes_hash, file_hash
 from scenarios.files.netcdf import Contents
@@ -70,7 +70,7 @@ def write_sums(folder: Path, manifest: Manifest) -> None:
     Raises:
         OSError: A file cannot be read or written.
     """
-    with writing(folder / SUMS) as stream:
+    with replacing(folder / SUMS, durable=True) as partial, partial.open("wb") as stream:
         for line in manifest.noted():
             for place, of_file in sorted(line["files"].items()):
                 stream.write(f"{of_file}  {place}\n".encode())

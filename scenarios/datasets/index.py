@@ -9,7 +9,7 @@ from typing import Any
 
 from scenarios.datasets.layout import INDEX, MANIFEST
 from scenarios.datasets.manifest import Manifest, entry_of
-from scenarios.files.durable_write import writing
+from scenarios.files.atomic_write import replacing
 
 
 @dataclass(frozen=True)
@@ -40,7 +40,7 @@ def write_index(folder: Path, label: str, manifest: Manifest, *, commitment: str
         OSError: The file cannot be written.
     """
     digest, failed, kept = sha256(), dict[str, str](), 0
-    with writing(folder / INDEX) as stream:
+    with replacing(folder / INDEX, durable=True) as partial, partial.open("wb") as stream:
         committed = f' "commitment": {json.dumps(commitment)},\n' if commitment else ""
         stream.write(f'{{\n "data_set": {json.dumps(label)},\n{committed} "experiments": ['.encode())
         for number, line in enumerate(manifest.noted()):

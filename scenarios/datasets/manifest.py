@@ -17,7 +17,7 @@ from typing import Any, BinaryIO
 
 import numpy as np
 
-from scenarios.files.durable_write import naming, writing
+from scenarios.files.atomic_write import replacing
 
 NONE = -1
 """Where nothing is known of an experiment."""
@@ -132,7 +132,7 @@ class Manifest:
             OSError: They cannot be written; none of them is noted then.
         """
         lines = [line_of(entry) for entry in entries]
-        with naming(self._path), self._path.open("r+b") as stream:
+        with self._path.open("r+b") as stream:
             # Where a write before failed, half a line may stand.
             stream.truncate(self._end)
             stream.seek(self._end)
@@ -152,7 +152,7 @@ class Manifest:
         Raises:
             OSError: It cannot be written; the old one stays.
         """
-        with writing(self._path) as stream:
+        with replacing(self._path, durable=True) as partial, partial.open("wb") as stream:
             of_pieces = (self._at(self._pieces[piece]) for piece in pieces)
             for entry in chain(self.noted(), of_pieces):
                 stream.write(line_of(entry))

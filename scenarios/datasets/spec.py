@@ -2,30 +2,25 @@
 
 import datetime
 import re
-import tomllib
 from collections.abc import Mapping
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 from functools import cache
 from importlib.resources import files
 from pathlib import Path
-from typing import Any, get_type_hints
 from unicodedata import category
 
 from scenarios.datasets.layout import PARTS
 from scenarios.datasets.spec_tables import BaselineSpec, RecordBlock, Scoring, TruthSpec, Twins
 from scenarios.experiments.scenario import NAME
 from scenarios.experiments.waveform import check_seed
+from scenarios.files import codec
 from scenarios.files.errors import ScenarioError, unknown
-from scenarios.files.toml_values import record, typed, written
 
 MOST_VERSIONS = 10**6
 """No version is higher."""
 
 CHANNELS = ("all", "studied")
 """How much the files hold."""
-
-TABLES: Mapping[str, Any] = {"scoring": Scoring, "truth": TruthSpec, "baselines": BaselineSpec}
-"""Tables of a spec that are flat records."""
 
 
 HIDING = ("secret_seed", "commitment", "student")
@@ -178,18 +173,9 @@ class DataSetSpec:
 
     def to_toml(self) -> str:
         """Write every field as TOML, such that `from_toml` gives an equal spec back."""
-        own = [entry.name for entry in fields(self) if entry.name not in ("records", "twins", *TABLES)]
-        own = [
-            name for name in own if not (name in HIDING and not getattr(self, name)) and getattr(self, name) is not None
-        ]
-        lines = [f"{name} = {written(getattr(self, name))}" for name in own]
-        for table in TABLES:
-            lines += ["", f"[{table}]", *(f"{k} = {written(v)}" for k, v in vars(getattr(self, table)).items())]
-        if self.twins is not None:
-            lines += ["", self.twins.to_toml().rstrip()]
-        for block in self.records:
-            lines += ["", block.to_toml().rstrip()]
-        return "\n".join(lines) + "\n"
+        table = codec.unstructure(self)
+        records = [block.to_table() for block in self.records]
+        return codec.to_toml({k: v for k, v in table.items() if v or k not in HIDING} | {"records": records})
 
     @classmethod
     def from_toml(cls, text: str, *, source: str = "TOML text") -> "DataSetSpec":
@@ -202,42 +188,16 @@ class DataSetSpec:
         Raises:
             ScenarioError: The text is not TOML, or a key, a type, a name or a value is wrong.
         """
+        table = codec.read_toml(text, source)
+        for block in table["records"] if isinstance(table.get("records"), list) else ():
+            if isinstance(block, dict) and isinstance(block.get("excitation"), dict):
+                block["excitation"] = [block["excitation"]]  # one excitation for all axes may be a plain table
+        if {"secret_seed", "commitment"} & table.keys():
+            table.setdefault("seed", None)
         try:
-            return cls.from_table(tomllib.loads(text))
-        except tomllib.TOMLDecodeError as error:
-            raise ScenarioError(f"{source}: not a TOML file ({error})") from error
-        except RecursionError as error:
-            raise ScenarioError(f"{source}: not a spec: values nested too deeply") from error
-        # Errors of the laboratory's parts too, and numbers of more digits than Python writes.
-        except (ValueError, OverflowError) as error:
+            return codec.structure(cls, table)
+        except ScenarioError as error:
             raise ScenarioError(f"{source}: {error}") from error
-
-    @classmethod
-    def from_table(cls, table: Mapping[str, Any]) -> "DataSetSpec":
-        """Build a spec from parsed TOML; see `from_toml`."""
-        hints = get_type_hints(cls)
-        values: dict[str, Any] = {}
-        for key, value in table.items():
-            if key not in hints:
-                raise ScenarioError(unknown("key", key, hints))
-            if key == "records":
-                if not isinstance(value, list):
-                    raise ScenarioError(f"records must be blocks [[records]], given {value!r}")
-                values[key] = tuple(RecordBlock.from_table(entry) for entry in value)
-            elif key in TABLES:
-                values[key] = record(TABLES[key], key, value)
-            elif key == "twins":
-                values[key] = Twins.from_table(value)
-            else:
-                values[key] = typed(key, value, int if key == "seed" else hints[key])
-        if {"secret_seed", "commitment"} & values.keys():
-            values.setdefault("seed", None)
-        missing = [key for key in ("name", "version", "title", "seed", "records") if key not in values]
-        if missing:
-            raise ScenarioError(
-                f"missing {', '.join(missing)}; a data set needs name, version, title, seed and records"
-            )
-        return cls(**values)
 
 
 def _is_day(text: str) -> bool:

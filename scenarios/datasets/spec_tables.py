@@ -1,8 +1,8 @@
 """Tables of a data set's spec: record blocks, scoring, truth, baselines, randomised twins."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass, fields
-from typing import Any, get_type_hints
+from dataclasses import dataclass, fields, replace
+from typing import Any
 
 from hmtb_twin import MODES, PAYLOADS, POSES, VARIANTS, Chain, HandController
 from hmtb_twin.parameters.errors import TwinError
@@ -13,8 +13,8 @@ from scenarios.datasets.layout import PARTS
 from scenarios.experiments.excitation_computer import Excitation
 from scenarios.experiments.multisines import Multisines
 from scenarios.experiments.scenario import NAME
+from scenarios.files import codec
 from scenarios.files.errors import ScenarioError, unknown
-from scenarios.files.toml_values import record, typed, written
 from scenarios.identification.methods import ESTIMATORS
 
 TRIVIAL = ("hold", "gain", "truth")
@@ -154,26 +154,26 @@ class Twins:
 
     @classmethod
     def from_table(cls, table: object) -> "Twins":
-        """Build it from parsed TOML, strictly: count, and a table of kind, spread and centre per quantity.
+        """Build it from parsed TOML: count, and a table of kind, spread and centre for each quantity.
 
         Raises:
             ScenarioError: No table, an unknown key, or a value of a wrong type or out of range.
         """
-        if not isinstance(table, Mapping):
-            raise ScenarioError(f"twins must be a table, given {table!r}")
-        if "count" not in table:
-            raise ScenarioError("twins needs count")
+        if not isinstance(table, Mapping) or "count" not in table:
+            raise ScenarioError(f"twins must be a table with a count, given {table!r}")
         quantities = {key: value for key, value in table.items() if key != "count"}
         try:
             distributions = TwinDistributions.from_table(quantities)
         except TwinError as error:
             raise ScenarioError(f"twins: {error}") from error
-        return cls(typed("twins.count", table["count"], int), distributions)
+        return cls(codec.structure(int, table["count"], "twins.count"), distributions)
 
-    def to_toml(self) -> str:
-        """Write it as a TOML table."""
-        return f"[twins]\ncount = {written(self.count)}\n{self.distributions.to_toml()}"
+    def to_table(self) -> dict[str, Any]:
+        """Write it as plain values."""
+        return {"count": self.count, **codec.unstructure(self.distributions)}
 
+
+codec.register(Twins, Twins.from_table, Twins.to_table)
 
 METRICS = ("rmse", "nrmse", "fit")
 """Root mean square error; that over the spread of the output in percent; 100 (1 - |error| / |y - mean y|) percent."""
@@ -226,6 +226,9 @@ CHOICES: Mapping[str, tuple[str, ...]] = {
     "joints": JOINTS,
 }
 """What may stand in the lists of a block."""
+
+NOMINAL: Mapping[str, object] = {"chain": Chain(), "hand_controller": HAND_CONTROLLER}
+"""Tables of a block, of which specs hold only what differs from these."""
 
 
 @dataclass(frozen=True)
@@ -319,49 +322,11 @@ class RecordBlock:
         if not 1 <= self.repeats <= MOST_REPEATS:
             raise ScenarioError(f"{where}: repeats = {self.repeats} given, expected 1 to {MOST_REPEATS}")
 
-    @classmethod
-    def from_table(cls, table: object) -> "RecordBlock":
-        """Build a block from parsed TOML, strictly.
-
-        Raises:
-            ScenarioError: No table, an unknown key, a value of a wrong type or out of range, or a missing one.
-        """
-        if not isinstance(table, Mapping):
-            raise ScenarioError(f"records must be a table, given {table!r}")
-        hints = get_type_hints(cls)
-        where = f"records {table.get('name', '')!r}"
-        values: dict[str, Any] = {}
-        for key, value in table.items():
-            if key not in hints:
-                raise ScenarioError(f"{where}: {unknown('key', key, hints)}")
-            if key == "excitation":
-                values[key] = tuple(
-                    Excitation.from_table(entry) for entry in (value if isinstance(value, list) else [value])
-                )
-            elif key in ("chain", "hand_controller", "multisines"):
-                kind = {"chain": Chain, "hand_controller": HandController, "multisines": Multisines}[key]
-                values[key] = record(kind, f"{where}: {key}", value)
-            else:
-                values[key] = typed(f"{where}: {key}", value, float if key == "duration" else hints[key])
-        missing = [key for key in ("name", "part") if key not in values]
-        if missing:
-            raise ScenarioError(f"{where}: missing {', '.join(missing)}")
-        return cls(**values)
-
-    def to_toml(self) -> str:
-        """Write the block as a table of an array, such that `from_table` gives an equal one back."""
-        lines = ["[[records]]"]
-        for entry in fields(self):
-            value = getattr(self, entry.name)
-            if entry.name not in ("excitation", "chain", "hand_controller", "multisines") and value is not None:
-                lines.append(f"{entry.name} = {written(value)}")
-        for name, usual in (("chain", Chain()), ("hand_controller", HAND_CONTROLLER), ("multisines", None)):
-            value = getattr(self, name)
-            if value is None:
-                continue
-            changed = {k: v for k, v in vars(value).items() if usual is None or v != getattr(usual, k)}
-            if changed:
-                lines += ["", f"[records.{name}]", *(f"{k} = {written(v)}" for k, v in changed.items())]
-        for one in self.excitation:
-            lines += ["", "[[records.excitation]]", one.to_toml()]
-        return "\n".join(lines) + "\n"
+    def to_table(self) -> dict[str, Any]:
+        """Write the block as plain values; of chain and hand controller only what differs from the nominal ones."""
+        table = codec.unstructure(replace(self, chain=Chain(), hand_controller=HAND_CONTROLLER))
+        excitation = table.pop("excitation")
+        table |= {name: codec.changes(getattr(self, name), usual) for name, usual in NOMINAL.items()}
+        return {key: value for key, value in table.items() if value != {}} | (
+            {"excitation": excitation} if excitation else {}
+        )

@@ -5,7 +5,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from types import MappingProxyType
-from typing import get_type_hints
+from typing import Any, get_type_hints
 
 import numpy as np
 
@@ -14,8 +14,8 @@ from hmtb_twin.parameters.values import SAMPLE_RATE
 from scenarios.experiments.excitation import KINDS
 from scenarios.experiments.waveform import KIND as FILE
 from scenarios.experiments.waveform import POINTS, Parameter, Waveform, read_points
+from scenarios.files import codec
 from scenarios.files.errors import ScenarioError, unknown
-from scenarios.files.toml_values import typed, written
 
 FASTEST = 1000.0
 """Most repetitions of a file per second, Hz: the board converts a hundred thousand points per second."""
@@ -77,11 +77,10 @@ class Excitation:
         """Whether the file is played faster than the position loop reads: it then misses points, and tones alias."""
         return self.waveform().update_rate > SAMPLE_RATE * (1.0 + 1e-9)
 
-    def to_toml(self) -> str:
-        """Write the excitation as entries of a TOML table."""
-        entries: dict[str, object] = {"kind": self.kind}
-        entries |= {name: getattr(self, name) for name in SETTINGS if getattr(self, name) is not None}
-        return "\n".join(f"{name} = {written(value)}" for name, value in {**entries, **self.parameters}.items())
+    def to_table(self) -> dict[str, Any]:
+        """Write the excitation as plain values of a TOML table."""
+        settings = {name: getattr(self, name) for name in SETTINGS if getattr(self, name) is not None}
+        return {"kind": self.kind, **settings, **self.parameters}
 
     @classmethod
     def from_table(cls, table: object, folder: Path = Path()) -> "Excitation":
@@ -98,8 +97,8 @@ class Excitation:
             kinds = ", ".join((*KINDS, FILE))
             raise ScenarioError(f"excitation must be a table with a kind, given {table!r}; kinds: {kinds}")
         kind = str(table["kind"])
-        types: Mapping[str, type] = {"repeat_frequency": float, "iterations": int}
-        settings = {name: typed(name, table[name], types[name]) for name in SETTINGS if name in table}
+        types: Mapping[str, Any] = {"repeat_frequency": float, "iterations": int}
+        settings = {name: codec.structure(types[name], table[name], name) for name in SETTINGS if name in table}
         parameters = {key: entry for key, entry in table.items() if key != "kind" and key not in SETTINGS}
         if kind == FILE:
             if set(parameters) != {"path"} or not isinstance(parameters["path"], str):
@@ -112,7 +111,9 @@ class Excitation:
 
 
 SETTINGS = ("repeat_frequency", "iterations")
-"""What is set on the excitation computer, not in the file."""
+"""Settings of the excitation computer; all other keys are parameters of the waveform."""
+
+codec.register(Excitation, Excitation.from_table, Excitation.to_table)
 
 
 def played(excitations: Sequence[Excitation], axes: int, duration: float, *, rounds: bool = True) -> np.ndarray:
@@ -159,7 +160,7 @@ def _checked(kind: str, parameters: Mapping[str, object]) -> dict[str, Parameter
     values: dict[str, Parameter] = {}
     for key, parameter in signature.items():
         if key in parameters:
-            values[key] = typed(f"{kind}.{key}", parameters[key], hints[key])
+            values[key] = codec.structure(hints[key], parameters[key], f"{kind}.{key}")
         elif parameter.default is not inspect.Parameter.empty:
             values[key] = parameter.default
         else:

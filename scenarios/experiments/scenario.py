@@ -1,11 +1,10 @@
 """One experiment: a frozen record that is a TOML file."""
 
 import re
-import tomllib
 from collections.abc import Mapping
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any, get_type_hints
+from typing import Any
 from zlib import crc32
 
 import numpy as np
@@ -30,11 +29,19 @@ from hmtb_twin.parameters.values import HAND_CONTROLLER, SAMPLE_RATE, SAMPLE_TIM
 from scenarios.experiments.excitation_computer import Excitation, check_outputs, played
 from scenarios.experiments.rpcm_outcome import check_task, task_operator
 from scenarios.experiments.waveform import LONGEST, check_seed
+from scenarios.files import codec
 from scenarios.files.errors import ScenarioError, unknown
-from scenarios.files.toml_values import record, typed, written
 
 NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9._+-]{0,99}")
 """What a scenario may be called."""
+
+NOMINAL: Mapping[str, object] = {
+    "plant": NOMINAL_PLANT,
+    "specimen": NOMINAL_SPECIMEN,
+    "chain": Chain(),
+    "hand_controller": HAND_CONTROLLER,
+}
+"""Tables of a scenario, of which files hold only what differs from these."""
 
 
 @dataclass(frozen=True)
@@ -156,24 +163,11 @@ class Scenario:
 
     def to_toml(self) -> str:
         """Write every field as TOML, such that `from_toml` gives an equal scenario back."""
-        tables = {
-            "plant": NOMINAL_PLANT,
-            "specimen": NOMINAL_SPECIMEN,
-            "chain": Chain(),
-            "hand_controller": HAND_CONTROLLER,
-        }
-        lines = [
-            f"{entry.name} = {written(getattr(self, entry.name))}"
-            for entry in fields(self)
-            if entry.name not in ("excitation", *tables)
-        ]
-        for name, nominal in tables.items():
-            changed = {key: value for key, value in vars(getattr(self, name)).items() if value != getattr(nominal, key)}
-            if changed:
-                lines += ["", f"[{name}]", *(f"{key} = {written(value)}" for key, value in changed.items())]
-        for entry in self.excitation:
-            lines += ["", "[[excitation]]", entry.to_toml()]
-        return "\n".join(lines) + "\n"
+        table = codec.unstructure(self)
+        excitation = table.pop("excitation")
+        for name, nominal in NOMINAL.items():
+            table[name] = codec.changes(getattr(self, name), nominal)
+        return codec.to_toml({key: value for key, value in table.items() if value != {}} | {"excitation": excitation})
 
     @classmethod
     def from_toml(cls, text: str, *, source: str = "TOML text", folder: Path = Path()) -> "Scenario":
@@ -190,10 +184,7 @@ class Scenario:
         Raises:
             ScenarioError: The text is not TOML, or a key, a type or a name is wrong.
         """
-        try:
-            table = tomllib.loads(text)
-        except tomllib.TOMLDecodeError as error:
-            raise ScenarioError(f"{source}: not a TOML file ({error})") from error
+        table = codec.read_toml(text, source)
         try:
             return cls.from_table(table, folder=folder)
         except ScenarioError as error:
@@ -202,27 +193,14 @@ class Scenario:
     @classmethod
     def from_table(cls, table: Mapping[str, Any], *, folder: Path = Path()) -> "Scenario":
         """Build a scenario from parsed TOML; see `from_toml`."""
-        hints = get_type_hints(cls)
-        values: dict[str, Any] = {}
-        for key, value in table.items():
-            if key not in hints:
-                raise ScenarioError(unknown("key", key, hints))
-            if key == "excitation":
-                entries = value if isinstance(value, list) else [value]
-                values[key] = tuple(Excitation.from_table(entry, folder) for entry in entries)
-            elif key in ("plant", "specimen", "chain", "hand_controller"):
-                try:
-                    values[key] = record(hints[key], key, value)
-                except TwinError as error:
-                    raise ScenarioError(str(error)) from error
-            else:
-                values[key] = typed(key, value, hints[key])
-        if values.get("task"):
-            values.setdefault("excitation", ())
-        missing = [key for key in ("name", "axes", "excitation") if key not in values]
-        if missing:
-            raise ScenarioError(f"missing {', '.join(missing)}; a scenario needs name, axes and excitation")
-        return cls(**values)
+        values = dict(table)
+        if "excitation" in values:
+            entries = values["excitation"]
+            entries = entries if isinstance(entries, list) else [entries]
+            values["excitation"] = tuple(Excitation.from_table(entry, folder) for entry in entries)
+        elif values.get("task"):
+            values["excitation"] = ()
+        return codec.structure(cls, values)
 
     @classmethod
     def read(cls, path: str | Path) -> "Scenario":

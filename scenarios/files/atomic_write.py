@@ -1,14 +1,19 @@
-"""Write a file whole or not at all."""
+"""Write files whole or not at all, and with `durable` on the disk before they have their name."""
 
-from collections.abc import Iterator
+import errno
+import os
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
 
 from scenarios.files.errors import ScenarioError
 
+PARTIAL = ".partial"
+"""Ending of a file that is being written."""
+
 
 def check_place(path: Path) -> None:
-    """Refuse a place where no file can stand, before the work for it begins.
+    """Refuse a path where no file can be written, before the work for it begins.
 
     Raises:
         ScenarioError: There is a folder of that name.
@@ -18,38 +23,94 @@ def check_place(path: Path) -> None:
 
 
 @contextmanager
-def replacing(path: Path) -> Iterator[Path]:
-    """Write under a temporary name, then rename: whoever looks finds the old file or the new one.
+def replacing(path: Path, *, durable: bool = False) -> Iterator[Path]:
+    """Write under a temporary name, then rename: readers find the old file or the new one, never half of one.
 
     Args:
         path: The file.
+        durable: Flush file and folder to the disk, so that a power cut leaves no empty file under the name.
 
     Yields:
-        The temporary name; if the work inside fails, nothing of it stays and the old file does.
+        The temporary name. If the work inside fails, the temporary file is removed and the old file stays.
 
     Raises:
         ScenarioError: There is a folder of that name.
-        OSError: The file cannot be written.
+        OSError: The file cannot be written; the error names it.
     """
     check_place(path)
-    partial = path.with_name(path.name + ".partial")
+    partial = path.with_name(path.name + PARTIAL)
     try:
         yield partial
+        if durable:
+            _sync(partial)
         partial.replace(path)
+        if durable:
+            _sync(path.parent)
+    except OSError as error:
+        if error.errno is not None and error.filename in (None, str(partial)):
+            error.filename = str(path)
+        raise
     finally:
         partial.unlink(missing_ok=True)
 
 
-def write_whole(path: Path, text: str) -> None:
-    """Write a text; whoever looks finds the old file or the new one.
+def write_whole(path: Path, content: str | bytes, *, durable: bool = False) -> None:
+    """Write a text as UTF-8, or bytes, whole or not at all; see `replacing`."""
+    with replacing(path, durable=durable) as partial:
+        partial.write_bytes(content.encode() if isinstance(content, str) else content)
+
+
+def write_files(folder: Path, files: Mapping[str, bytes]) -> None:
+    """Write files durably, each whole or not at all; each folder is flushed once for all its files.
 
     Args:
-        path: The file.
-        text: Its content, written as UTF-8.
+        folder: Where the paths start; folders that are missing are made.
+        files: Contents by path in the folder.
 
     Raises:
-        ScenarioError: There is a folder of that name.
-        OSError: The file cannot be written.
+        ScenarioError: There is a folder in the place of a file.
+        OSError: A file cannot be written; the error names it.
     """
-    with replacing(path) as partial:
-        partial.write_text(text, encoding="utf-8")
+    touched: dict[Path, None] = {}
+    for place, content in files.items():
+        path = folder / place
+        make_folder(path.parent)
+        with replacing(path) as partial:
+            partial.write_bytes(content)
+            _sync(partial)
+        touched[path.parent] = None
+    for parent in touched:
+        sync_folder(parent)
+
+
+def make_folder(path: Path) -> None:
+    """Make a folder and those above it, durably."""
+    if path.is_dir():
+        return
+    make_folder(path.parent)
+    path.mkdir(exist_ok=True)
+    sync_folder(path.parent)
+
+
+def sync_folder(path: Path) -> None:
+    """Flush the names in a folder to the disk: a rename survives a power cut only then."""
+    _sync(path)
+
+
+def remove_partial(folder: Path) -> None:
+    """Remove files that a killed process left half written, in a folder and all below."""
+    for partial in folder.rglob(f"*{PARTIAL}"):
+        partial.unlink()
+
+
+def _sync(path: Path) -> None:
+    descriptor = os.open(path, os.O_RDONLY)
+    try:
+        os.fsync(descriptor)
+    except OSError as error:
+        # Some network file systems cannot flush folders.
+        if error.errno not in (errno.EINVAL, errno.ENOTSUP) or not path.is_dir():
+            error.filename = str(path)
+            raise
+    finally:
+        os.close(descriptor)

@@ -21,7 +21,7 @@ from scenarios.datasets.index import read_index
 from scenarios.datasets.manifest import line_of
 from scenarios.datasets.plan import DataSetPlan, PlannedExperiment
 from scenarios.datasets.spec import DataSetSpec
-from scenarios.files import durable_write as safe_write
+from scenarios.files import atomic_write
 from scenarios.files.errors import ScenarioError
 
 
@@ -357,8 +357,8 @@ def test_a_full_disk_is_one_line_and_costs_nothing(
             raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
 
     with monkeypatch.context() as patch:
-        patch.setattr(safe_write.os, "fsync", full)
-        with pytest.raises(ScenarioError, match=f"tiny-v1.*: {os.strerror(errno.ENOSPC)}"):
+        patch.setattr(atomic_write.os, "fsync", full)
+        with pytest.raises(ScenarioError, match=f"{tmp_path}.*: {os.strerror(errno.ENOSPC)}"):
             build(tiny_spec, tmp_path, executor=Recorded(records))
     assert not (tmp_path / "tiny-v1").exists()
     assert not list(tmp_path.rglob("*.partial"))
@@ -467,7 +467,9 @@ def test_a_folder_where_a_file_should_be_is_named(
 ) -> None:
     in_the_way = begun(tiny_spec, records, tmp_path) / "data" / "test" / "noise.nc"
     in_the_way.mkdir(parents=True)
-    with pytest.raises(ScenarioError, match=r"/data/test/noise\.nc: a folder of that name is there, .* remove it"):
+    with pytest.raises(
+        ScenarioError, match=r"cannot write \S+/data/test/noise\.nc: it is a folder; expected a file or nothing there"
+    ):
         build(tiny_spec, tmp_path, executor=Recorded(records))
     in_the_way.rmdir()
     assert files(build(tiny_spec, tmp_path, executor=Recorded(records)).path) == expected

@@ -1,0 +1,226 @@
+"""Frozen dataclasses to and from TOML and JSON: read strictly, written such that they read back equal."""
+
+import json
+import sys
+import tomllib
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import fields, is_dataclass
+from typing import Any, TypeVar, get_args, get_origin, get_type_hints
+
+from cattrs import Converter
+from cattrs.errors import ClassValidationError, ForbiddenExtraKeysError, IterableValidationError, IterableValidationNote
+from cattrs.gen import make_dict_structure_fn, make_dict_unstructure_fn
+
+from scenarios.files.errors import ScenarioError, unknown
+
+Record = TypeVar("Record")
+
+NAMES: Mapping[Any, str] = {bool: "true or false", int: "whole number", float: "finite number", str: "text"}
+"""Types of values in messages."""
+
+
+def structure(kind: type[Record], value: object, where: str = "") -> Record:
+    """Build a record, or a value of any type that a record can hold, from parsed TOML or JSON.
+
+    Args:
+        kind: A dataclass, whose missing fields keep their defaults; or a type of its fields.
+        value: The parsed table or value. Values of `kind` itself stay as they are.
+        where: Place of the value in the file, for messages.
+
+    Raises:
+        ScenarioError: A key is unknown or missing, or a value has another type or is out of range. The message names
+            the place and, for unknown keys, the nearest one.
+    """
+    try:
+        return _CONVERTER.structure(value, kind)
+    except RecursionError as error:
+        raise ScenarioError(f"{where or 'it'}: values nested too deeply") from error
+    except (ExceptionGroup, ValueError, OverflowError) as error:
+        raise ScenarioError(next(_problems(error, where))) from error
+
+
+def unstructure(record: object) -> dict[str, Any]:
+    """Write a record as a table of plain values; `structure` reads it back. Fields that are None are left out."""
+    table: dict[str, Any] = _CONVERTER.unstructure(record)
+    return table
+
+
+def changes(record: object, nominal: object) -> dict[str, Any]:
+    """Write those fields of a record that differ from those of another record of its type."""
+    return {key: value for key, value in unstructure(record).items() if getattr(record, key) != getattr(nominal, key)}
+
+
+def register(kind: type[Record], read: Callable[[object], Record], write: Callable[[Record], object]) -> None:
+    """Read and write a class by functions of its own, wherever it is a field.
+
+    Args:
+        kind: The class.
+        read: From a parsed value; it raises `ScenarioError`.
+        write: To plain values.
+    """
+    _CONVERTER.register_structure_hook(kind, lambda value, _: value if isinstance(value, kind) else read(value))
+    _CONVERTER.register_unstructure_hook(kind, write)
+
+
+def read_toml(text: str, source: str) -> dict[str, Any]:
+    """Parse TOML.
+
+    Args:
+        text: The text.
+        source: Where it came from, for messages.
+
+    Raises:
+        ScenarioError: It is not TOML.
+    """
+    try:
+        return tomllib.loads(text)
+    except RecursionError as error:
+        raise ScenarioError(f"{source}: values nested too deeply") from error
+    except ValueError as error:  # also numbers with more digits than Python converts
+        raise ScenarioError(f"{source}: not a TOML file ({error})") from error
+
+
+def from_json(kind: type[Record], text: str | bytes, source: str) -> Record:
+    """Read a record from JSON.
+
+    Args:
+        kind: The dataclass.
+        text: The text.
+        source: Where it came from, for messages.
+
+    Raises:
+        ScenarioError: It is not JSON, or not that of such a record; see `structure`.
+    """
+    try:
+        return structure(kind, json.loads(text))
+    except ScenarioError as error:
+        raise ScenarioError(f"{source}: {error}") from error
+    except (ValueError, RecursionError) as error:
+        raise ScenarioError(f"{source}: not a JSON file ({error})") from error
+
+
+def to_toml(table: Mapping[str, Any], path: tuple[str, ...] = ()) -> str:
+    """Write plain values as TOML: values first, then tables, then arrays of tables.
+
+    tomli-w writes every array over several lines; a line for each keeps waveforms of a hundred points readable, and the
+    text that records carry as their provenance keeps its bytes.
+
+    Args:
+        table: Texts, numbers, truth values, lists and tables of them.
+        path: Names of the tables around it.
+    """
+    parts = ["".join(f"{key} = {_toml(value)}\n" for key, value in table.items() if not _has_tables(value))]
+    for key, value in table.items():
+        name = ".".join((*path, key))
+        if isinstance(value, Mapping):
+            parts.append(f"[{name}]\n{to_toml(value, (*path, key))}")
+    for key, value in table.items():
+        if _has_tables(value) and not isinstance(value, Mapping):
+            name = ".".join((*path, key))
+            parts += [f"[[{name}]]\n{to_toml(entry, (*path, key))}" for entry in value]
+    return "\n".join(part for part in parts if part)
+
+
+def _has_tables(value: object) -> bool:
+    return isinstance(value, Mapping) or (
+        isinstance(value, list | tuple) and bool(value) and isinstance(value[0], Mapping)
+    )
+
+
+def _toml(value: object) -> str:
+    # JSON's texts, finite numbers and lists are TOML's, but for one control character.
+    return json.dumps(value, ensure_ascii=False, allow_nan=False).replace("\x7f", "\\u007f")
+
+
+class _WrongValueError(ValueError):
+    """A value of another type; its message continues a sentence that begins with the place."""
+
+
+def _scalar(kind: type, passes: Callable[[Any], bool]) -> None:
+    def read(value: Any, _: type) -> Any:
+        if not passes(value):
+            article = "" if kind is bool else "a "
+            raise _WrongValueError(f"must be {article}{NAMES[kind]}, given {value!r}")
+        return kind(value)
+
+    _CONVERTER.register_structure_hook(kind, read)
+    _CONVERTER.register_unstructure_hook(kind, kind)  # numbers and texts of NumPy become Python's
+
+
+def _is_number(value: object) -> bool:
+    return isinstance(value, int | float) and not isinstance(value, bool) and abs(value) < sys.float_info.max
+
+
+def _sequence_hook(kind: Any) -> Callable[[Any, Any], tuple[Any, ...]]:
+    item = get_args(kind)[0]
+
+    def read(value: Any, _: Any) -> tuple[Any, ...]:
+        if not isinstance(value, list | tuple):
+            raise _WrongValueError(f"must be a list of {NAMES.get(item, 'table')}s, given {value!r}")
+        result = []
+        for number, entry in enumerate(value):
+            try:
+                result.append(_CONVERTER.structure(entry, item))
+            except (ExceptionGroup, _WrongValueError) as error:
+                error.add_note(IterableValidationNote("", number, item))
+                raise IterableValidationError("", [error], kind) from error
+        return tuple(result)
+
+    return read
+
+
+def _table_hook(kind: Any) -> Callable[[Any, Any], Any]:
+    read_table = make_dict_structure_fn(kind, _CONVERTER, _cattrs_forbid_extra_keys=True)
+
+    def read(value: Any, _: Any) -> Any:
+        if isinstance(value, kind):
+            return value
+        if not isinstance(value, Mapping):
+            raise _WrongValueError(f"must be a table, given {value!r}")
+        return read_table(value, kind)
+
+    return read
+
+
+def _plain_hook(kind: Any) -> Callable[[Any], dict[str, Any]]:
+    write = make_dict_unstructure_fn(kind, _CONVERTER)
+    return lambda record: {key: value for key, value in write(record).items() if value is not None}
+
+
+def _problems(error: BaseException, where: str) -> Iterator[str]:
+    """One line for each problem, unknown keys first: a misspelt key is why another one is missing."""
+    at = f"{where}: " if where else ""
+    if isinstance(error, ClassValidationError):
+        of_fields, others = error.group_exceptions()
+        for other in sorted(others, key=lambda one: not isinstance(one, ForbiddenExtraKeysError)):
+            yield from _problems(other, where)
+        missing = [note.name for one, note in of_fields if isinstance(one, KeyError)]
+        if missing:
+            yield f"{at}missing {', '.join(missing)}; it takes {', '.join(get_type_hints(error.cl))}"
+        for one, note in of_fields:
+            if not isinstance(one, KeyError):
+                yield from _problems(one, f"{where}.{note.name}" if where else note.name)
+    elif isinstance(error, IterableValidationError):
+        ((item, place), *_), _ = error.group_exceptions()
+        index = place.index
+        yield from _problems(item, f"{where}.{index}" if isinstance(index, str) else f"{where}[{index}]")
+    elif isinstance(error, ForbiddenExtraKeysError):
+        known = [entry.name for entry in fields(error.cl)]
+        for key in sorted(map(str, error.extra_fields)):
+            yield f"{at}{unknown('key', key, known)}"
+    elif isinstance(error, _WrongValueError):
+        yield f"{where or 'it'} {error}"
+    else:
+        yield str(error)  # of a record that refuses its values, whose message names it
+
+
+_CONVERTER = Converter(forbid_extra_keys=True)
+_CONVERTER.register_structure_hook_factory(
+    lambda kind: get_origin(kind) is tuple and get_args(kind)[1:] == (...,), _sequence_hook
+)
+_CONVERTER.register_structure_hook_factory(lambda kind: isinstance(kind, type) and is_dataclass(kind), _table_hook)
+_CONVERTER.register_unstructure_hook_factory(lambda kind: isinstance(kind, type) and is_dataclass(kind), _plain_hook)
+_scalar(bool, lambda value: isinstance(value, bool))
+_scalar(int, lambda value: isinstance(value, int) and not isinstance(value, bool))
+_scalar(float, _is_number)
+_scalar(str, lambda value: isinstance(value, str))

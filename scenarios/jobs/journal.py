@@ -1,0 +1,193 @@
+"""Journal of a run: finished work in an SQLite file, from which an interrupted run resumes."""
+
+import json
+import sqlite3
+from collections.abc import Iterator, Mapping
+from contextlib import closing, suppress
+from pathlib import Path
+from types import TracebackType
+from typing import Any
+
+from scenarios.files.errors import ScenarioError
+
+SHOWN = 3
+"""Differences between two fingerprints that an error names."""
+
+LONGEST_VALUE = 40
+"""Values of a fingerprint up to this length are shown in full, characters."""
+
+HASH_LENGTH = 64
+"""Hashes in a fingerprint are shown by their first twelve digits."""
+
+LAST = "\U0010ffff"
+"""Sorts behind everything that may follow a prefix."""
+
+SCHEMA = """
+CREATE TABLE IF NOT EXISTS fingerprint (name TEXT PRIMARY KEY, value TEXT NOT NULL);
+CREATE TABLE IF NOT EXISTS entries (number INTEGER PRIMARY KEY, key TEXT UNIQUE NOT NULL, payload NOT NULL);
+"""
+
+
+class Journal:
+    """Payloads by key, each on file as soon as it is added; one process at a time has the journal open.
+
+    A process that is killed leaves whole entries only, and its lock goes with it. A power cut may take the last entries
+    along: their work is done again.
+
+    Args:
+        path: The file; made where there is none, its folder too.
+        fingerprint: What the entries depend on, such as versions of software and settings, by name.
+
+    Raises:
+        ScenarioError: Another process has the journal open; it was begun with another fingerprint; it is damaged; or
+            it cannot be written.
+    """
+
+    def __init__(self, path: Path, fingerprint: Mapping[str, str]) -> None:
+        self._path = path
+        path.parent.mkdir(parents=True, exist_ok=True)
+        try:
+            self._database = sqlite3.connect(path, timeout=0.0, isolation_level=None)
+        except sqlite3.Error as error:
+            raise self._error(error) from error
+        try:
+            self._open(fingerprint)
+        except BaseException:
+            self._database.close()
+            raise
+
+    def __enter__(self) -> "Journal":
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self.close()
+
+    def __len__(self) -> int:
+        return int(self._execute("SELECT COUNT(*) FROM entries").fetchone()[0])
+
+    def __contains__(self, key: str) -> bool:
+        return bool(self._execute("SELECT 1 FROM entries WHERE key = ?", (key,)).fetchone())
+
+    def close(self) -> None:
+        """Release the lock; other processes may open the journal."""
+        self._database.close()
+
+    def entries(self) -> dict[str, Any]:
+        """All payloads by key, in the order in which they were added."""
+        return dict(self.items())
+
+    def items(self, prefix: str = "") -> Iterator[tuple[str, Any]]:
+        """Keys and payloads one by one: with a prefix sorted by key, without one in the order of adding.
+
+        Args:
+            prefix: Only keys that begin with this text.
+        """
+        order = "key" if prefix else "number"
+        rows = self._execute(
+            f"SELECT key, payload FROM entries WHERE key BETWEEN ? AND ? ORDER BY {order}", (prefix, prefix + LAST)
+        )
+        return ((key, _payload(value)) for key, value in rows)
+
+    def keys(self, prefix: str = "") -> set[str]:
+        """Keys that begin with a prefix."""
+        rows = self._execute("SELECT key FROM entries WHERE key BETWEEN ? AND ?", (prefix, prefix + LAST))
+        return {key for (key,) in rows}
+
+    def get(self, key: str) -> Any:
+        """The payload of a key; None where there is none."""
+        row = self._execute("SELECT payload FROM entries WHERE key = ?", (key,)).fetchone()
+        return None if row is None else _payload(row[0])
+
+    def add(self, key: str, payload: Any) -> None:
+        """Add an entry, or replace that of the same key.
+
+        Args:
+            key: Its name.
+            payload: Bytes, or anything that JSON holds.
+        """
+        self.add_all({key: payload})
+
+    def add_all(self, payloads: Mapping[str, Any]) -> None:
+        """Add several entries at once: after a kill all of them are there, or none."""
+        rows = [(key, value if isinstance(value, bytes) else json.dumps(value)) for key, value in payloads.items()]
+        self._execute("BEGIN")
+        try:
+            for row in rows:
+                self._execute("INSERT OR REPLACE INTO entries (key, payload) VALUES (?, ?)", row)
+            self._execute("COMMIT")
+        except BaseException:
+            with suppress(sqlite3.Error):
+                self._database.rollback()
+            raise
+
+    def remove(self, key: str) -> None:
+        """Remove an entry: its work is to be done again."""
+        self._execute("DELETE FROM entries WHERE key = ?", (key,))
+
+    def _open(self, fingerprint: Mapping[str, str]) -> None:
+        # Exclusive locks last until the file is closed, and need no shared memory beside it. In WAL mode a commit is a
+        # write without a flush: enough against kills, and quick enough for an entry per trial.
+        for pragma in ("locking_mode = EXCLUSIVE", "journal_mode = WAL", "synchronous = NORMAL"):
+            self._execute(f"PRAGMA {pragma}")
+        self._execute("BEGIN EXCLUSIVE")
+        for statement in SCHEMA.strip().splitlines():
+            self._execute(statement)
+        before = dict(self._execute("SELECT name, value FROM fingerprint").fetchall())
+        if not before:
+            for row in fingerprint.items():
+                self._execute("INSERT INTO fingerprint VALUES (?, ?)", row)
+        self._execute("COMMIT")
+        if before and (found := differences(before, fingerprint)):
+            more = f"; {len(found) - SHOWN} more" if len(found) > SHOWN else ""
+            raise ScenarioError(
+                f"{self._path} was begun with other settings or software: {'; '.join(found[:SHOWN])}{more}. Resume "
+                f"with those, or remove {self._path} to start again"
+            )
+
+    def _execute(self, statement: str, values: tuple[Any, ...] = ()) -> sqlite3.Cursor:
+        try:
+            return self._database.execute(statement, values)
+        except sqlite3.Error as error:
+            raise self._error(error) from error
+
+    def _error(self, error: sqlite3.Error) -> ScenarioError:
+        if "locked" in str(error):
+            return ScenarioError(f"{self._path}: another process is at work here; wait for it, or stop it")
+        if isinstance(error, sqlite3.OperationalError):
+            return ScenarioError(f"cannot read or write {self._path}: {error}")
+        return ScenarioError(f"{self._path} is damaged ({error}); remove it to start again")
+
+
+def read_fingerprint(path: Path) -> dict[str, str] | None:
+    """The fingerprint of a journal; None where the file is none, or another process has it open."""
+    if not path.is_file():
+        return None
+    with suppress(sqlite3.Error), closing(sqlite3.connect(f"file:{path}?mode=ro", uri=True, timeout=0.0)) as database:
+        return dict(database.execute("SELECT name, value FROM fingerprint").fetchall())
+    return None
+
+
+def differences(
+    before: Mapping[str, str], now: Mapping[str, str], words: tuple[str, str] = ("then", "now")
+) -> list[str]:
+    """Describe in what two fingerprints differ, one text for each entry.
+
+    Args:
+        before: One fingerprint.
+        now: The other.
+        words: What to call the two.
+    """
+    texts = []
+    for name in dict.fromkeys((*before, *now)):
+        values = [table.get(name, "none") for table in (before, now)]
+        if values[0] != values[1]:
+            shown = [value[:12] if len(value) == HASH_LENGTH else value for value in values]
+            short = all(len(value) <= LONGEST_VALUE for value in shown)
+            texts.append(f"{name} {shown[0]} {words[0]}, {shown[1]} {words[1]}" if short else f"{name} differs")
+    return texts
+
+
+def _payload(value: Any) -> Any:
+    return value if isinstance(value, bytes) else json.loads(value)
