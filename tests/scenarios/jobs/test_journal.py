@@ -83,7 +83,7 @@ def test_other_settings_are_refused_by_name(tmp_path: Path) -> None:
 def test_a_damaged_journal_is_one_line(tmp_path: Path, content: bytes) -> None:
     path = tmp_path / "journal.sqlite"
     path.write_bytes(content)
-    with pytest.raises(ScenarioError, match="journal.sqlite"):
+    with pytest.raises(ScenarioError, match=r"journal\.sqlite"):
         Journal(path, FINGERPRINT)
 
 
