@@ -1,43 +1,46 @@
-"""Bandwidth: what an estimator recovers for each joint of the arm, beside what is true and the 1 Hz of the thesis."""
+"""Bandwidth: the value recovered for each joint of the arm, beside the truth and the 1 Hz of the thesis."""
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from functools import lru_cache
 from typing import Any
 
 import numpy as np
 
-from scenarios.bench.interval_of_mean import exact_interval_of_share
-from scenarios.bench.measured import Measured
-from scenarios.bench.metric import Figure, Part
-from scenarios.bench.twin_trials import multisine_trials, sequence_trials
-from scenarios.bench.worst_part import unjudged
+from scenarios.bench.amplitude_split import JOINTS, multisine_trials
+from scenarios.bench.measurement import Measurement, Measurements
+from scenarios.bench.metric import NAN, UNLIMITED, Metric, MetricDefinition, Part, unjudged
+from scenarios.bench.statistics import exact_interval_of_share
 from scenarios.estimators.contestant import Contestant
 from scenarios.estimators.outcome import MODEL
 from scenarios.identification.one_hertz import ABOUT_1_HZ, near_1_hz
 from scenarios.problems.trial import Trial
 from sysid.records.arrays import FloatArray
 
-NAN = float("nan")
+SEQUENCES = {"quick": 2, "full": 20}
+"""Records of binary sequences of each joint, each with its own sequence."""
+
+SEQUENCE_MRAD = 67
+"""Amplitude of the thesis' test 5, mrad: 1 V."""
 
 WIDEST = 100.0
-"""An interval whose ends differ by more than this factor says nothing; as `sysid.models.bandwidth_claim` has it."""
+"""Ratio of an interval's ends beyond which it is uninformative; as in `sysid.models.bandwidth_claim`."""
 
 WHY = (
-    "half-power bandwidth: the median over records, its expected value the best linear truth, the interval what holds "
-    "95 % of the records; told, not judged. It answers whether the thesis' finding, about 1 Hz in each joint "
-    "[Morris1996, sec. VI.6], is what this estimator finds, and whether that is true: near 1 Hz and right are two "
-    "questions. Friction and the velocity limit lower the best linear truth below that of small signals"
+    "half-power bandwidth: the median over records, its expected value the best linear truth, the interval the range "
+    "of 95 % of the records; not judged. It answers whether this estimator finds what the thesis found, about 1 Hz in "
+    "each joint [Morris1996, sec. VI.6], and whether that is true: near 1 Hz and right are two questions. Friction and "
+    "the velocity limit lower the best linear truth below that of small signals"
 )
 
 
 @dataclass(frozen=True)
 class TrueBandwidths:
-    """What is true of a class of excitation.
+    """True bandwidths for a class of excitation.
 
     Attributes:
         small_signal: Of the linearised arm, without dry friction, Hz.
-        best_linear: Of the best linear approximation, Hz; NaN where none shows.
+        best_linear: Of the best linear approximation, Hz; NaN where it has none.
         best_linear_ci95: Its 95 % interval, Hz.
         lowest: Lowest frequency that is excited, Hz.
         published: Of the models that the thesis prints, Hz, by name.
@@ -52,12 +55,8 @@ class TrueBandwidths:
 
 @lru_cache(maxsize=64)
 def true_bandwidths(excitation_class: str) -> TrueBandwidths:
-    """Look them up.
-
-    Args:
-        excitation_class: Name of a problem of the twin.
-    """
-    # it loads the physics
+    """True bandwidths of a problem of the twin, by its name."""
+    # imported late: it loads the physics
     from scenarios.problems.twin_problem import twin_problem
     from scenarios.truth.published import published
 
@@ -72,64 +71,69 @@ def true_bandwidths(excitation_class: str) -> TrueBandwidths:
     )
 
 
-@dataclass(frozen=True)
-class Bandwidth:
-    """The headline: the distribution of the recovered bandwidth, by joint, amplitude and excitation.
+def sequence_class(joint: str) -> str:
+    """Name of the problem of binary sequences of a joint."""
+    return f"twin-nominal-{joint}-prbs-{SEQUENCE_MRAD}mrad"
 
-    Joints differ, and a number over all of them would be that of none. The figure's own is that of the joint that is
+
+class Bandwidth(MetricDefinition):
+    """The distribution of the recovered bandwidth, by joint, amplitude and excitation.
+
+    Joints differ, so a number over all of them would be that of none. The metric's own is that of the joint that is
     furthest from its best linear truth under the thesis' binary sequences, its largest amplitude; the parts have all.
 
     A bandwidth is claimed where the model has one, not below the lowest frequency that is excited, and not with an
     interval that spans more than a factor of a hundred. Models without one count all the same, as not near 1 Hz.
 
-    Attributes:
-        truths: What is true of a class of excitation.
+    Args:
+        truths: True bandwidths of a class of excitation.
     """
 
-    truths: Callable[[str], TrueBandwidths] = true_bandwidths
-    name: str = field(default="bandwidth", init=False)
-    title: str = field(default="Recovered bandwidth", init=False)
+    name = "bandwidth"
+    title = "Recovered bandwidth"
+    unit = "Hz"
+
+    def __init__(self, truths: Callable[[str], TrueBandwidths] = true_bandwidths) -> None:
+        self._truths = truths
 
     def trials(self, effort: str) -> tuple[Trial, ...]:
         """The multisines of the split over amplitude, and binary sequences like the thesis' test 5."""
-        return (*multisine_trials(effort), *sequence_trials(effort))
+        sequences = [Trial(sequence_class(joint), draw) for joint in JOINTS for draw in range(SEQUENCES[effort])]
+        return (*multisine_trials(effort), *sequences)
 
-    def verdicts(self) -> int:
-        """None."""
-        return 0
-
-    def figure(
-        self, measured: Sequence[Measured], contestant: Contestant, false_alarm: float, referee: Sequence[Measured]
-    ) -> Figure:
+    def evaluate(
+        self, measurements: Measurements, estimator: Contestant, false_alarm: float, reference: Measurements
+    ) -> Metric:
         """Median, 95 % range and share near 1 Hz of each class; all values in the curves."""
-        del contestant, false_alarm, referee
-        groups: dict[str, list[Measured]] = {}
-        for m in measured:
+        groups: dict[str, list[Measurement]] = {}
+        for m in measurements:
             if m.kind == MODEL:
-                groups.setdefault(_class(m.trial.problem), []).append(m)
-        rows = [self._row(name, found) for name, found in groups.items()]
+                # without the number of the waveform and the length of the record
+                groups.setdefault("-".join(m.trial.problem.partition("@")[0].split("-")[:5]), []).append(m)
+        rows = [self._row(name, group) for name, group in groups.items()]
         near = sum(row["near"] for row in rows)
         models = sum(row["models"] for row in rows)
         parts = tuple(map(_part, rows)) or (unjudged("all joints", "no record has a model"),)
-        told = _furthest(rows, parts)
-        return Figure(
+        shown = _furthest(rows, parts)
+        own = f"The number is that of {shown.label}: {shown.why}. " if rows else ""
+        return Metric(
             name=self.name,
             title=self.title,
-            unit="Hz",
-            value=told.value,
-            expected=told.expected,
-            interval=told.interval,
+            unit=self.unit,
+            value=shown.value,
+            expected=shown.expected,
+            interval=shown.interval,
             passed=None,
             false_alarm=0.0,
-            why=f"{WHY}. {_told_of(told, len(rows))}All joints together: {_share(near, models)}",
+            why=f"{WHY}. {own}All joints together: {_share_near_1_hz(near, models)}",
             parts=parts,
             curves={"about_1_hz": list(ABOUT_1_HZ), "classes": rows, "near": near, "models": models},
         )
 
-    def _row(self, name: str, found: Sequence[Measured]) -> dict[str, Any]:
-        truth = self.truths(name)
+    def _row(self, name: str, group: Measurements) -> dict[str, Any]:
+        truth = self._truths(name)
         _, variant, joint, excitation, amplitude = name.split("-")
-        claimed = [hz for m in found if np.isfinite(hz := _claimed(m, truth.lowest))]
+        claimed = [hz for m in group if np.isfinite(hz := _claimed(m, truth.lowest))]
         mrad = float(amplitude.removesuffix("mrad"))
         return {
             "label": f"{joint} {excitation} {mrad:g} mrad",
@@ -138,7 +142,7 @@ class Bandwidth:
             "excitation": excitation,
             "mrad": mrad,
             "hz": claimed,
-            "models": len(found),
+            "models": len(group),
             "near": sum(map(near_1_hz, claimed)),
             "small_signal": truth.small_signal,
             "best_linear": truth.best_linear,
@@ -147,12 +151,7 @@ class Bandwidth:
         }
 
 
-def _class(problem: str) -> str:
-    """Name of a problem without the number of its waveform and the length of its records."""
-    return "-".join(problem.partition("@")[0].split("-")[:5])
-
-
-def _claimed(m: Measured, lowest: float) -> float:
+def _claimed(m: Measurement, lowest: float) -> float:
     if m.bandwidth_hz is None:
         return NAN
     hz = float(m.bandwidth_hz[0, 0])
@@ -169,29 +168,25 @@ def _part(row: dict[str, Any]) -> Part:
     values = np.array(row["hz"])
     return Part(
         label=row["label"],
-        value=_median(values),
+        value=float(np.median(values)) if len(values) else NAN,
         expected=row["best_linear"],
         interval=_range(values),
-        limits=(-np.inf, np.inf),
+        limits=UNLIMITED,
         passed=None,
-        why=f"{_share(row['near'], row['models'])}; small signals {row['small_signal']:.3g} Hz",
+        why=f"{_share_near_1_hz(row['near'], row['models'])}; small signals {row['small_signal']:.3g} Hz",
         draws=row["models"],
     )
-
-
-def _told_of(part: Part, classes: int) -> str:
-    return f"The number is that of {part.label}: {part.why}. " if classes else ""
 
 
 def _furthest(rows: Sequence[dict[str, Any]], parts: Sequence[Part]) -> Part:
     """The part whose median is furthest from its truth, as a ratio, of those with the largest amplitude."""
     largest = max((row["mrad"] for row in rows if row["hz"]), default=NAN)
-    found = [part for row, part in zip(rows, parts, strict=False) if row["hz"] and row["mrad"] == largest]
-    # where no best linear truth shows there is nothing to be far from
-    return max(found, key=lambda part: np.nan_to_num(abs(np.log(part.value / part.expected))), default=parts[0])
+    chosen = [part for row, part in zip(rows, parts, strict=False) if row["hz"] and row["mrad"] == largest]
+    # NaN where there is no best linear truth: no distance
+    return max(chosen, key=lambda part: np.nan_to_num(abs(np.log(part.value / part.expected))), default=parts[0])
 
 
-def _share(near: int, models: int) -> str:
+def _share_near_1_hz(near: int, models: int) -> str:
     """In words, with the exact binomial interval, as if records were independent."""
     if models == 0:
         return "no record has a model"
@@ -200,18 +195,11 @@ def _share(near: int, models: int) -> str:
     return f"{near} of {models} near 1 Hz ({low:g} to {high:g} Hz), a share of {100 * least:.0f} to {100 * most:.0f} %"
 
 
-def _median(values: FloatArray) -> float:
-    known = values[np.isfinite(values)]
-    return float(np.median(known)) if len(known) else NAN
-
-
 def _range(values: FloatArray) -> tuple[float, float]:
-    """What holds 95 % of the values; all of fewer than forty."""
+    """Range of 95 % of the values; of all, if they are fewer than forty."""
     if not len(values):
         return (NAN, NAN)
-    low, high = np.quantile(values, [0.025, 0.975], method="inverted_cdf") if len(values) >= 40 else _ends(values)
+    if len(values) < 40:
+        return (float(values.min()), float(values.max()))
+    low, high = np.quantile(values, [0.025, 0.975], method="inverted_cdf")
     return (float(low), float(high))
-
-
-def _ends(values: FloatArray) -> tuple[float, float]:
-    return (float(values.min()), float(values.max()))

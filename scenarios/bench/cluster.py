@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 from scenarios.bench.cluster_task import DONE, Parcel, task
 from scenarios.bench.executor import Crew
-from scenarios.bench.measured import Measured
+from scenarios.bench.measurement import Measurement
 from scenarios.bench.work import Bench, Done, Piece
 from scenarios.datasets.batches import Batches
 from scenarios.datasets.cluster import check_cluster
@@ -94,7 +94,7 @@ class Pieces(Batches[Piece, Done]):
 
     def _read(self, answer: dict[str, Any]) -> Iterator[Done]:
         for contestant, line, wall in answer[DONE]:
-            yield Done(contestant, Measured.from_json(line), wall)
+            yield Done(contestant, Measurement.from_json(line), wall)
 
     def _name(self, item: Piece) -> str:
         return f"{item.problem}, record {item.draw}"

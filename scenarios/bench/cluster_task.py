@@ -18,7 +18,7 @@ from scenarios.jobs.bitwise_compatibility import kinship, strangeness
 from scenarios.problems.trial import Trial
 
 DONE = "done"
-"""Key of an answer with what was measured: number of the contestant, a line of `Measured`, time."""
+"""Key of an answer with what was measured: number of the contestant, a line of `Measurement`, time."""
 
 
 @dataclass(frozen=True)

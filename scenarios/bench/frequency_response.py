@@ -1,42 +1,49 @@
-"""Error of the frequency response, against the band that the estimator claims around it."""
+"""Error of the frequency response in the standard deviations that the estimator claims."""
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Mapping
+from dataclasses import replace
 from functools import lru_cache
 from typing import Any
 
 import numpy as np
 
-from scenarios.bench.accuracy_records import NO_RECORD, QUICK, accuracy_trials, by_problem, enough
-from scenarios.bench.claimed_errors import NOT_CLAIMED, by_claim, claims
-from scenarios.bench.measured import Measured
-from scenarios.bench.metric import Figure, Part
-from scenarios.bench.part_of_mean import TOGETHER, Judgement, Values, part_of_mean, parts_together
-from scenarios.bench.perfect_mean import limits_of_moments
-from scenarios.bench.perfect_records import bound_for, single_records
-from scenarios.bench.response_statistics import free_parts, power, power_by_frequency
+from scenarios.bench.accuracy import (
+    QUICK,
+    TOGETHER,
+    RecordStatistic,
+    accuracy_trials,
+    by_problem,
+    enough,
+    pooled_part,
+)
+from scenarios.bench.claims import NO_COVARIANCE, UNIT_SQUARE, by_claim, claims_covariance, expected_of_claims
+from scenarios.bench.measurement import Measurements
+from scenarios.bench.metric import Metric, MetricDefinition, Part, excess
+from scenarios.bench.statistics import (
+    bound_for,
+    free_parts,
+    limits_of_moments,
+    null_distribution,
+    variance_ratio,
+    variance_ratio_by_frequency,
+)
 from scenarios.bench.theory import Expectation
-from scenarios.bench.theory_of_claims import ClaimsTheory
-from scenarios.bench.worst_part import excess, figure_of_parts, unjudged
 from scenarios.estimators.contestant import Contestant
 from scenarios.problems.bound import response_covariance
 from scenarios.problems.registry import problem
 from scenarios.problems.trial import Trial
 from sysid.records.arrays import FloatArray
 
-JUDGED = Judgement(expected=1.0, ratio=1.05)
-"""Of squares; the figure tells their roots."""
 
-
-@dataclass(frozen=True)
-class FrequencyResponse:
+class FrequencyResponse(MetricDefinition):
     """Root mean square error of the response in claimed standard deviations, over all frequencies and at the worst.
 
-    The error relative to the response, in percent, is told beside it, also where nothing is claimed.
+    The error relative to the response, in percent, is shown beside it, also where nothing is claimed.
     """
 
-    name: str = "frequency_response"
-    title: str = "Error of the frequency response against the claimed band"
+    name = "frequency_response"
+    title = "Error of the frequency response against the claimed band"
+    unit = "claimed standard deviations"
 
     def trials(self, effort: str) -> tuple[Trial, ...]:
         """The records of accuracy."""
@@ -46,38 +53,33 @@ class FrequencyResponse:
         """Two of each problem of the quick effort and one of all; with more problems each gets less."""
         return 2 * len(QUICK) + 1
 
-    def figure(
-        self, measured: Sequence[Measured], contestant: Contestant, false_alarm: float, referee: Sequence[Measured]
-    ) -> Figure:
-        """Compare the errors with what is claimed of them."""
-        del referee
-        groups = by_problem(measured)
+    def evaluate(
+        self, measurements: Measurements, estimator: Contestant, false_alarm: float, reference: Measurements
+    ) -> Metric:
+        """Compare the errors with the claimed covariance."""
+        groups = by_problem(measurements)
         budget = false_alarm * self.verdicts()
         share = budget / (2 * len(groups) + 1)
-        structure = contestant.structure
-        given: list[Values] = []
+        structure = estimator.structure
+        statistics: list[RecordStatistic] = []
         parts: list[Part] = []
         for name, (good, run) in groups.items():
-            theory = ClaimsTheory(contestant, name, good).expectation(self.name)
-            ratios = by_claim(good, name, structure, power_by_frequency)
-            values = np.array([float(np.nanmean(one)) for one in ratios])
-            given.append(
-                Values(name, values, run, single_records(name, structure, power, 1.0), theory, NOT_CLAIMED, len(good))
-            )
-            parts.append(_root(part_of_mean(given[-1], JUDGED, share)))
+            theory = expected_of_claims(estimator, name, good, self.name)
+            ratios = by_claim(good, name, structure, variance_ratio_by_frequency)
+            values = np.array([float(np.nanmean(ratio)) for ratio in ratios])
+            null = null_distribution(name, structure, variance_ratio, 1.0)
+            statistics.append(RecordStatistic(name, values, run, null, theory, NO_COVARIANCE, len(good)))
+            parts.append(statistics[-1].part(UNIT_SQUARE, share))
             if enough(len(ratios), run):
-                parts.append(_root(_worst_frequency(np.concatenate(ratios), name, structure, theory, share)))
-        parts += [_root(part) for part in parts_together(TOGETHER, given, JUDGED, share)]
-        curves = {name: _curves(good, name, structure) for name, (good, _) in groups.items() if good}
-        told = ", ".join(f"{curve['relative_error_percent']:.3g} % on {name}" for name, curve in curves.items())
-        return figure_of_parts(
-            self.name,
-            self.title,
-            "claimed standard deviations",
-            parts or [unjudged("all", NO_RECORD)],
+                parts.append(_worst_frequency(np.concatenate(ratios), name, structure, theory, share))
+        parts += pooled_part(TOGETHER, statistics, UNIT_SQUARE, share)
+        curves = {name: _response_curves(good, name, structure) for name, (good, _) in groups.items() if good}
+        percent = ", ".join(f"{curve['relative_error_percent']:.3g} % on {name}" for name, curve in curves.items())
+        return self.of_parts(
+            [_root(part) for part in parts],
             budget,
             "root mean square error of the response in claimed standard deviations, within what chance allows a "
-            f"perfect estimator and 5 % of the variance; relative to the response it is {told or 'not known'}",
+            f"perfect estimator and 5 % of the variance; relative to the response it is {percent or 'not known'}",
             curves,
         )
 
@@ -92,14 +94,14 @@ def _worst_frequency(
     low, high = limits_by_frequency(name, structure, len(ratios), false_alarm)
     parts = []
     for k, i, j in np.argwhere(np.isfinite(low)):
-        limits = JUDGED.widened(float(low[k, i, j]), float(high[k, i, j]))
+        limits = UNIT_SQUARE.with_slack(float(low[k, i, j]), float(high[k, i, j]))
         values = ratios[:, k, i, j]
         parts.append(
             Part(
                 label=f"{name} at {bound.frequencies[k]:.3g} Hz",
                 value=float(np.mean(values)),
                 expected=1.0,
-                interval=JUDGED.interval(values),
+                interval=UNIT_SQUARE.interval(values),
                 limits=limits,
                 passed=bool(limits[0] <= np.mean(values) <= limits[1]),
                 theory=theory.passes,
@@ -118,9 +120,9 @@ def limits_by_frequency(
 
     Args:
         name: Of a problem with a bound.
-        structure: Of the contestant.
+        structure: Of the estimator.
         draws: Records.
-        false_alarm: Probability that a perfect estimator's mean lies outside at any frequency, at most.
+        false_alarm: Greatest probability that a perfect estimator's mean lies outside at any frequency.
 
     Returns:
         Lower and upper limits, NaN where the response cannot be wrong.
@@ -142,21 +144,22 @@ def limits_by_frequency(
 
 
 def _root(part: Part) -> Part:
-    """The same of roots of mean squares."""
+    """The part of mean squares as one of root mean squares."""
+
+    def root(square: float) -> float:
+        return float(np.sqrt(max(square, 0.0))) if not np.isnan(square) else square
+
+    low, high = part.limits
     return replace(
         part,
         value=float(np.sqrt(part.value)),
-        interval=(_above_zero(part.interval[0]), _above_zero(part.interval[1])),
-        limits=(_above_zero(part.limits[0]) if np.isfinite(part.limits[0]) else -np.inf, _above_zero(part.limits[1])),
+        interval=(root(part.interval[0]), root(part.interval[1])),
+        limits=(root(low) if np.isfinite(low) else -np.inf, root(high)),
     )
 
 
-def _above_zero(square: float) -> float:
-    return float(np.sqrt(max(square, 0.0))) if not np.isnan(square) else square
-
-
-def _curves(good: Sequence[Measured], name: str, structure: str | None) -> Mapping[str, Any]:
-    """For drawing: gains (nf, ny, nu) of truth, error, claimed band and bound."""
+def _response_curves(good: Measurements, name: str, structure: str | None) -> Mapping[str, Any]:
+    """Gains (nf, ny, nu) of truth, error, claimed band and bound."""
     bound = bound_for(name, structure)
     frequencies = problem(name).frequencies
     true = problem(name).truth.frequency_response(frequencies)
@@ -164,7 +167,7 @@ def _curves(good: Sequence[Measured], name: str, structure: str | None) -> Mappi
     claimed = [
         np.trace(m.response_covariance, axis1=-2, axis2=-1)
         for m in good
-        if claims(m) and m.response_covariance is not None
+        if claims_covariance(m) and m.response_covariance is not None
     ]
     return {
         "frequencies_hz": frequencies.tolist(),

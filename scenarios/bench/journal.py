@@ -10,7 +10,7 @@ from pathlib import Path
 from types import TracebackType
 from typing import IO, Any
 
-from scenarios.bench.measured import Measured
+from scenarios.bench.measurement import Measurement
 from scenarios.files.errors import ScenarioError
 from scenarios.problems.trial import Trial
 
@@ -85,17 +85,17 @@ class Journal:
             self.path.unlink(missing_ok=True)
         self._stream.close()
 
-    def add(self, measured: Measured) -> None:
+    def add(self, measured: Measurement) -> None:
         """Add a trial; one that it holds already is left as it is."""
         if measured.trial.key not in self.done:
             self._write(measured.to_json())
             self._count(measured)
 
-    def measured(self) -> dict[Trial, Measured]:
+    def measured(self) -> dict[Trial, Measurement]:
         """All that it holds, by trial."""
         with self.path.open("rb") as stream:
             next(stream)
-            return {one.trial: one for one in (Measured.from_json(line.decode()) for line in stream)}
+            return {one.trial: one for one in (Measurement.from_json(line.decode()) for line in stream)}
 
     def _write(self, line: str) -> None:
         left = memoryview(f"{line}\n".encode())
@@ -106,7 +106,7 @@ class Journal:
                 error.filename = str(self.path)
                 raise
 
-    def _count(self, measured: Measured) -> None:
+    def _count(self, measured: Measurement) -> None:
         self.done.add(measured.trial.key)
         hung = measured.kind == HANG and not measured.why.startswith(GIVEN_UP)
         self.hangs = self.hangs + 1 if hung else 0
@@ -130,7 +130,7 @@ class Journal:
                     continue
                 try:
                     if good:
-                        self._count(Measured.from_json(line.decode()))
+                        self._count(Measurement.from_json(line.decode()))
                     else:
                         self.run = str(json.loads(line)["run"])
                 except (ValueError, TypeError, KeyError, RecursionError):

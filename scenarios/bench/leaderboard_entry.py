@@ -4,7 +4,7 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
-from scenarios.bench.metric import Figure, Part
+from scenarios.bench.metric import Metric, Part
 from scenarios.bench.result import Result
 from scenarios.files.errors import ScenarioError
 from scenarios.files.printable import one_line
@@ -45,7 +45,7 @@ class Entry:
         """Its anchor on the page."""
         return f"estimator-{self.number}"
 
-    def figure(self, name: str) -> Figure | None:
+    def figure(self, name: str) -> Metric | None:
         """One of its figures, or None."""
         return self.result.figures.get(name)
 
@@ -128,7 +128,7 @@ def _wrong(result: Result) -> str:
     limit = result.limits.seconds
     if type(limit) not in (int, float) or not limit <= LARGEST:
         return f"the limit of time is {str(limit)[:80]}, expected s"
-    for key, kind in (("outcomes", int), ("reasons", int), ("refused", int), ("versions", str), ("figures", Figure)):
+    for key, kind in (("outcomes", int), ("reasons", int), ("refused", int), ("versions", str), ("figures", Metric)):
         table = getattr(result, key)
         if not isinstance(table, Mapping) or not all(type(value) is kind for value in table.values()):
             return f"{key} is {str(table)[:80]!r}, expected {kind.__name__} by name"
@@ -148,7 +148,7 @@ def _wrong(result: Result) -> str:
     return ""
 
 
-def _wrong_verdict(made: Figure | Part) -> str:
+def _wrong_verdict(made: Metric | Part) -> str:
     if made.passed not in (True, False, None) or not isinstance(made.why, str):
         return f"passed {made.passed!r} because {made.why!r}, expected true, false or null and a text"
     if isinstance(made, Part) and (type(made.draws) is not int or not 0 <= made.draws <= LARGEST):

@@ -9,7 +9,7 @@ from scenarios.bench.leaderboard_reading import FIGURES
 from scenarios.bench.leaderboard_response_error import compared, median_cell, told
 from scenarios.bench.leaderboard_table import Cell, Table, number_cell, pair, table_of_entries, verdict_cell
 from scenarios.bench.leaderboard_verdict import Verdict, count, judged_figures, part_verdict, verdict
-from scenarios.bench.metric import Figure, Part
+from scenarios.bench.metric import Metric, Part
 from scenarios.estimators.outcome import KINDS
 from scenarios.files.printable import one_line
 
@@ -158,7 +158,7 @@ def failures(entries: Sequence[Entry]) -> Table:
     return table_of_entries("How many requests ended how", [one_line(kind).replace("_", " ") for kind in kinds], rows)
 
 
-def _value(figure: Figure | None) -> Cell:
+def _value(figure: Metric | None) -> Cell:
     if figure is None:
         return Cell("", float("inf"))
     return number_cell(figure.value, verdict(figure), one_line(figure.why))

@@ -4,7 +4,7 @@ from collections.abc import Iterable
 from enum import Enum
 
 from scenarios.bench.leaderboard_reading import FIGURES, TOLD
-from scenarios.bench.metric import Figure, Part
+from scenarios.bench.metric import Metric, Part
 from scenarios.bench.result import Result
 
 
@@ -31,7 +31,7 @@ ORDER = (Verdict.PASSES, Verdict.FAILS_AS_THEORY_SAYS, Verdict.NONE, Verdict.FAI
 """From good to bad, by which tables sort."""
 
 
-def verdict(figure: Figure | None) -> Verdict:
+def verdict(figure: Metric | None) -> Verdict:
     """The verdict of a figure: a part that fails where theory expects it to pass outweighs all others.
 
     Args:
@@ -65,7 +65,7 @@ def judged_figures(results: Iterable[Result]) -> tuple[str, ...]:
     return (*(name for name in FIGURES if name not in TOLD), *sorted(others - set(FIGURES)))
 
 
-def count(figures: Iterable[Figure | None]) -> dict[Verdict, int]:
+def count(figures: Iterable[Metric | None]) -> dict[Verdict, int]:
     """How many figures have which verdict."""
     found = dict.fromkeys(ORDER, 0)
     for figure in figures:

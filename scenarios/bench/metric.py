@@ -1,36 +1,46 @@
-"""A figure of the test bench: a number, what theory expects, how sure the number is, and a verdict."""
+"""A metric of the test bench: a number, its expected value, its uncertainty and a verdict."""
 
+import math
+from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Any, Protocol
+from typing import Any, ClassVar
 
 import numpy as np
 
-from scenarios.bench.measured import Measured
+from scenarios.bench.measurement import Measurements
 from scenarios.estimators.contestant import Contestant
 from scenarios.problems.trial import Trial
 
+NAN = float("nan")
+UNLIMITED = (-math.inf, math.inf)
+
 DRAWS = {"quick": 1, "full": 10}
-"""Efforts, with the factor on the number of records that each figure takes."""
+"""Efforts, with the factor on the number of records that each metric takes."""
 
 FALSE_ALARM = 0.005
-"""Probability that a perfect estimator fails any verdict of a run: shared among all that are given."""
+"""Probability that a perfect estimator fails any verdict of a run, shared evenly among all verdicts."""
+
+NO_RECORD = "no verdict: no record was run"
+
+INFORMATIVE_ONLY = ("reliability", "speed", "bandwidth")
+"""Metrics that say nothing about whether a model is right."""
 
 
 @dataclass(frozen=True)
 class Part:
-    """A figure on one problem.
+    """A metric on one problem.
 
     Attributes:
-        label: Problem, or what else it is a part of.
-        value: The number; NaN where it could not be measured.
-        expected: What it is where all is well.
+        label: The problem, or another part of the metric.
+        value: NaN where it could not be measured.
+        expected: Value of a perfect estimator.
         interval: 95 % Monte-Carlo interval of the value.
-        limits: Within which the value passes; infinite where any will do on that side.
-        passed: Whether the value lies within; None where no verdict is given.
+        limits: Range of values that pass; infinite on a side without a limit.
+        passed: Whether the value lies within the limits; None where there is no verdict.
         theory: Whether theory expects it to pass.
-        why: What theory says, or why there is no verdict.
-        draws: Records that it rests on.
+        why: Explanation from theory, or why there is no verdict.
+        draws: Number of records that it rests on.
     """
 
     label: str
@@ -44,33 +54,32 @@ class Part:
     draws: int = 0
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "passed", _verdict(self.passed))
+        object.__setattr__(self, "passed", _plain_verdict(self.passed))
 
     @property
     def surprises(self) -> bool:
-        """Whether it fails where theory expects it to pass."""
+        """Whether it fails although theory expects it to pass."""
         return self.passed is False and self.theory
 
 
 @dataclass(frozen=True)
-class Figure:
-    """A figure: that of its worst part.
+class Metric:
+    """The value and verdict of a metric: those of its worst part.
 
     Attributes:
         name: Key in results.
-        title: In words.
+        title: Name for people.
         unit: Of the value.
-        value: That of the part furthest beyond its limits: of those that fail where theory expects them to pass, else
-            of those that theory expects to fail, or nearest to its limits where all pass; NaN where nothing could be
-            measured. `reliability`, `speed` and `bandwidth` say themselves what theirs is of.
+        value: Value of the worst part, see `worst_part`; NaN where nothing could be measured. `reliability`, `speed`
+            and `bandwidth` define their own.
         expected: Of that part.
         interval: Of that part.
-        passed: Whether all parts pass that theory expects to: those that it expects to fail are left out here alone.
-            None where no verdict is given.
-        false_alarm: Probability that a perfect estimator fails it.
-        why: In words: what the verdict rests on, and what theory says.
+        passed: Whether all parts pass that theory expects to pass; None where there is no verdict. Only here are the
+            parts left out that theory expects to fail.
+        false_alarm: Probability that a perfect estimator fails.
+        why: What the verdict rests on, and what theory says.
         parts: All parts.
-        curves: For drawing, numbers by name.
+        curves: Numbers for drawing, by name.
     """
 
     name: str
@@ -86,59 +95,150 @@ class Figure:
     curves: Mapping[str, Any] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "passed", _verdict(self.passed))
-
-
-class FigureMaker(Protocol):
-    """Says which trials a figure needs, and makes it from what was measured."""
+        object.__setattr__(self, "passed", _plain_verdict(self.passed))
 
     @property
-    def name(self) -> str:
-        """Key in results."""
+    def has_verdict(self) -> bool:
+        """Whether it or any of its parts has a verdict, even one that theory expects to fail."""
+        return self.passed is not None or any(part.passed is not None for part in self.parts)
 
-    @property
-    def title(self) -> str:
-        """In words."""
 
+class MetricDefinition(ABC):
+    """A metric as it is computed: the trials that it needs, and its value from their measurements.
+
+    Attributes:
+        name: Key in results.
+        title: Name for people.
+        unit: Of its value.
+    """
+
+    name: ClassVar[str]
+    title: ClassVar[str]
+    unit: ClassVar[str] = ""
+
+    @abstractmethod
     def trials(self, effort: str) -> tuple[Trial, ...]:
-        """Trials that it needs; those that figures share are run once.
+        """Trials that it needs; trials that several metrics need are run once.
 
         Args:
             effort: One of `DRAWS`.
         """
 
     def verdicts(self) -> int:
-        """How many verdicts it gives at most that chance can turn; false alarms are shared among all of them."""
+        """Most verdicts that chance can turn; the probability of a false alarm is shared among all of them."""
+        return 0
 
-    def figure(
-        self,
-        measured: Sequence[Measured],
-        contestant: Contestant,
-        false_alarm: float,
-        referee: Sequence[Measured],
-    ) -> Figure:
-        """Make it.
+    @abstractmethod
+    def evaluate(
+        self, measurements: Measurements, estimator: Contestant, false_alarm: float, reference: Measurements
+    ) -> Metric:
+        """Compute the metric.
 
         Args:
-            measured: Its own trials among those that were run, in the order of `trials`.
-            contestant: Whose.
-            false_alarm: Allowed probability of a false alarm, of each of its verdicts.
-            referee: Trials of the second implementation that were run, those of the figure of agreement.
+            measurements: Of its own trials, as far as they were run, in the order of `trials`.
+            estimator: The estimator that was measured.
+            false_alarm: Allowed probability of a false alarm of each of its verdicts.
+            reference: Measurements of the second implementation on the trials of `agreement`.
         """
 
+    def of_parts(
+        self, parts: Sequence[Part], false_alarm: float, why: str, curves: Mapping[str, Any] | None = None
+    ) -> Metric:
+        """Combine parts: the metric fails if any part fails that theory expects to pass.
 
-def _verdict(passed: bool | None) -> bool | None:
-    """Without NumPy's truth values, of which none is True or False itself."""
+        It has no verdict where theory expects no judged part to pass. Reasons of parts that fail as expected are added
+        to `why`.
+
+        Args:
+            parts: None of them: there was no record.
+            false_alarm: Probability that a perfect estimator fails.
+            why: What the verdict rests on.
+            curves: Numbers for drawing.
+        """
+        parts = parts or [unjudged("all", NO_RECORD)]
+        decisive = [part for part in parts if part.passed is not None and part.theory]
+        worst = worst_part(parts)
+        reasons = [part.why for part in parts if part.passed is False and not part.theory and part.why]
+        if not decisive:
+            reasons += [part.why for part in parts if part.passed is None and part.why]
+        return Metric(
+            name=self.name,
+            title=self.title,
+            unit=self.unit,
+            value=worst.value,
+            expected=worst.expected,
+            interval=worst.interval,
+            passed=not any(part.surprises for part in parts) if decisive else None,
+            false_alarm=false_alarm,
+            why="; ".join(dict.fromkeys((why, *reasons))),
+            parts=tuple(parts),
+            curves={} if curves is None else curves,
+        )
+
+
+def unjudged(label: str, why: str, draws: int = 0) -> Part:
+    """A part without value and verdict, and the reason."""
+    return Part(label, NAN, NAN, (NAN, NAN), UNLIMITED, None, why=why, draws=draws)
+
+
+def worst_part(parts: Sequence[Part]) -> Part:
+    """The part whose value is shown as that of the metric: the one furthest beyond its limits.
+
+    Parts that fail although theory expects them to pass come first, so that a metric that fails shows the number that
+    fails it; then those that fail as expected; where all pass it is the one nearest to its limits.
+
+    Args:
+        parts: At least one; without any verdict it is the first that has a value.
+    """
+    judged = [part for part in parts if part.surprises] or [part for part in parts if part.passed is not None]
+    if judged:
+        return max(judged, key=lambda part: (part.passed is False, excess(part)))
+    return next((part for part in parts if np.isfinite(part.value)), parts[0])
+
+
+def excess(part: Part) -> float:
+    """Distance from the expected value in units of the distance to the limit: 0 as expected, 1 at a limit.
+
+    0 without a verdict. Where the limit is the expected value itself, what exceeds it counts in units of the limit.
+    """
+    if part.passed is not None and np.isnan(part.value):
+        return float("inf")
+    distance = 0.0
+    for limit, outwards in ((part.limits[0], -1.0), (part.limits[1], 1.0)):
+        room = limit - part.expected
+        if not np.isfinite(room):
+            continue
+        if room != 0.0:
+            distance = max(distance, (part.value - part.expected) / room)
+        elif (part.value - limit) * outwards > 0.0:
+            distance = max(distance, 1.0 + abs(part.value - limit) / (abs(limit) or 1.0))
+    return float(distance)
+
+
+def all_pass(metrics: Mapping[str, Metric]) -> bool:
+    """Whether no metric fails that theory expects to pass, and at least one was judged.
+
+    An estimator that refuses everything, or has too few models for any verdict, has not passed. Where only metrics were
+    chosen that say nothing about whether a model is right, one of them must have a value.
+
+    Args:
+        metrics: By name.
+    """
+    if any(metric.passed is False for metric in metrics.values()):
+        return False
+    judging = [metric for name, metric in metrics.items() if name not in INFORMATIVE_ONLY]
+    if not judging:
+        return any(math.isfinite(metric.value) for metric in metrics.values())
+    return any(metric.has_verdict for metric in judging)
+
+
+def union_of_trials(definitions: Sequence[MetricDefinition], effort: str) -> tuple[Trial, ...]:
+    """Trials of several metrics, each once, in the order of the metrics."""
+    return tuple(dict.fromkeys(trial for definition in definitions for trial in definition.trials(effort)))
+
+
+def _plain_verdict(passed: bool | None) -> bool | None:
+    """Python's own truth value: NumPy's are not identical with True and False, and JSON does not take them."""
     if passed is not None and not isinstance(passed, bool | np.bool_):
         raise TypeError(f"passed {passed!r} given, expected true, false or none")
     return None if passed is None else bool(passed)
-
-
-def trials_of(makers: Sequence[FigureMaker], effort: str) -> tuple[Trial, ...]:
-    """Trials of several figures, each once, in the order of the figures.
-
-    Args:
-        makers: The figures.
-        effort: One of `DRAWS`.
-    """
-    return tuple(dict.fromkeys(trial for maker in makers for trial in maker.trials(effort)))

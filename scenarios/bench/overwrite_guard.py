@@ -3,7 +3,7 @@
 import re
 from collections.abc import Sequence
 
-from scenarios.bench.metric import DRAWS, FigureMaker
+from scenarios.bench.metric import DRAWS, MetricDefinition
 from scenarios.bench.result import Result
 from scenarios.problems.trial import Trial
 
@@ -23,13 +23,13 @@ def told_effort(effort: str, records: int | None) -> str:
     return effort if records is None else f"{effort}, at most {records} record{'s' * (records > 1)} of a problem"
 
 
-def trials_within(maker: FigureMaker, effort: str, records: int | None) -> tuple[Trial, ...]:
+def trials_within(maker: MetricDefinition, effort: str, records: int | None) -> tuple[Trial, ...]:
     """Trials of a figure with at most so many records of each problem; see `told_effort`."""
     every = maker.trials(effort)
     return every if records is None else tuple(trial for trial in every if trial.draw < records)
 
 
-def lost(there: Result, figures: Sequence[FigureMaker], effort: str, records: int | None) -> str:
+def lost(there: Result, figures: Sequence[MetricDefinition], effort: str, records: int | None) -> str:
     """What a result has that a run would not, in words; empty where the run has it all.
 
     Args:

@@ -7,8 +7,7 @@ from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Any
 
-from scenarios.bench.metric import Figure, Part
-from scenarios.bench.whole_verdict import all_pass
+from scenarios.bench.metric import Metric, Part, all_pass
 from scenarios.estimators.contestant import Contestant, Limits
 from scenarios.estimators.task import PROTOCOL
 from scenarios.files.errors import ScenarioError
@@ -50,7 +49,7 @@ class Result:
     outcomes: Mapping[str, int]
     reasons: Mapping[str, int]
     seconds: float
-    figures: Mapping[str, Figure]
+    figures: Mapping[str, Metric]
     run: str = ""
     protocol: int = PROTOCOL
     refused: Mapping[str, int] = field(default_factory=dict)
@@ -90,10 +89,10 @@ class Result:
             raise ScenarioError(f"{path} is no result of hmtb verify: {error}") from error
 
 
-def _figure(entry: Mapping[str, Any]) -> Figure:
+def _figure(entry: Mapping[str, Any]) -> Metric:
     values = _numbers(entry, ("value", "expected", "false_alarm"), ("interval",))
     parts = [_numbers(part, ("value", "expected"), ("interval", "limits")) for part in entry["parts"]]
-    return Figure(**{**values, "parts": tuple(Part(**part) for part in parts)})
+    return Metric(**{**values, "parts": tuple(Part(**part) for part in parts)})
 
 
 def _numbers(entry: Mapping[str, Any], single: tuple[str, ...], pairs: tuple[str, ...]) -> dict[str, Any]:

@@ -6,7 +6,7 @@ from time import monotonic
 
 from scenarios.bench.cost import Pilot
 from scenarios.bench.journal import GIVEN_UP, HANG, Journal
-from scenarios.bench.measured import Measured
+from scenarios.bench.measurement import Measurement
 from scenarios.bench.work import Done, Piece
 from scenarios.problems.trial import Trial
 
@@ -79,10 +79,10 @@ class Counted:
                 why = f"{GIVEN_UP} after {HANGS} hangs in a row: not asked any more"
                 self._said(f"{names[number]}: {why}, which {len(left)} trials count as")
             for trial in left:
-                self._add(number, Measured(trial, HANG, why))
+                self._add(number, Measurement(trial, HANG, why))
         self._tell()
 
-    def _add(self, number: int, measured: Measured) -> bool:
+    def _add(self, number: int, measured: Measurement) -> bool:
         """Whether it was new."""
         journal, trial = self._journals[number], measured.trial
         if trial.key in journal.done:

@@ -6,7 +6,7 @@ from dataclasses import replace
 from time import perf_counter
 from types import TracebackType
 
-from scenarios.bench.measure import measure
+from scenarios.bench.measurement import measure
 from scenarios.bench.perfect import perfect
 from scenarios.bench.prepared_records import is_twin, use_records
 from scenarios.bench.work import Bench, Done, Piece

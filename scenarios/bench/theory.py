@@ -1,4 +1,4 @@
-"""What theory expects of an estimator on the test bench: which figures it passes, which not, and why.
+"""What theory expects of an estimator on the test bench: which metrics it passes, which not, and why.
 
 The classical results: a prediction-error estimate in a structure that holds the truth, its disturbance included, is
 consistent, reaches the Cramér-Rao bound and knows its own covariance, in open loop and under feedback [Ljung1999,
@@ -12,10 +12,10 @@ from scenarios.estimators.contestant import Contestant
 from scenarios.problems.registry import problem
 
 CONSISTENT = ("consistency", "bias")
-"""Figures of the mean error."""
+"""Metrics of the mean error."""
 
 CLAIMS = ("coverage", "normalised_error", "frequency_response")
-"""Figures of what an estimator says of its own accuracy."""
+"""Metrics of the accuracy that an estimator claims."""
 
 ACCURACY = (*CONSISTENT, "efficiency", *CLAIMS)
 TESTS = "tests_and_orders"
@@ -27,11 +27,11 @@ BIAS, BIAS_AND_SCATTER = "bias", "bias and scatter"
 
 @dataclass(frozen=True)
 class Expectation:
-    """What theory says.
+    """Theory's expectation of a metric.
 
     Attributes:
-        passes: Whether the figure is expected to pass; where not it fails in the limit of long records, and may do so
-            on those of the bench.
+        passes: Whether the metric is expected to pass; if not, it fails in the limit of long records, and may fail on
+            those of the bench.
         why: Reason and reference.
     """
 
@@ -41,13 +41,13 @@ class Expectation:
 
 @dataclass(frozen=True)
 class Limitation:
-    """A reason why a kind of estimator fails some figures.
+    """A reason why a kind of estimator fails some metrics.
 
     Attributes:
-        fails: Names of the figures.
+        fails: Names of the metrics.
         why: Reason and reference.
-        claims: What makes claims fail: `BIAS` alone, `BIAS_AND_SCATTER`, since a wrong model of the disturbance spoils
-            the claimed covariance too, or neither of them; see `scenarios.bench.theory_of_claims`.
+        claims: Why claims fail: `BIAS` alone; `BIAS_AND_SCATTER`, where a wrong model of the disturbance spoils the
+            claimed covariance too; empty for another reason. See `scenarios.bench.claims.expected_of_claims`.
     """
 
     fails: tuple[str, ...]
@@ -118,29 +118,26 @@ UNSTABLE_MODELS = {
     "instrumental": "instrumental variables minimise no error of the model; nothing keeps its poles within the unit "
     "circle where noise and distortion are large [Soderstrom1989, ch. 8]",
 }
-"""Methods of which theory says that some models may be unstable, and why."""
+"""Methods that may give unstable models, and why."""
 
 
-def expectation(contestant: Contestant, name: str, figure: str) -> Expectation:
-    """What theory expects of an estimator.
+def expectation(estimator: Contestant, name: str, metric: str) -> Expectation:
+    """Theory's expectation of an estimator on a problem.
 
     Args:
-        contestant: The estimator; everything is expected of it where its method is not said.
+        estimator: The estimator; without a stated method it is expected to pass.
         name: Name of the problem.
-        figure: Key of the figure, or `INDEPENDENCE`.
-
-    Returns:
-        Whether it passes, and why.
+        metric: Key of the metric, or `INDEPENDENCE`.
     """
-    found = limitation(contestant.method, contestant.structure, name)
-    if found is not None and figure in found.fails:
-        return Expectation(False, found.why)
+    limit = limitation(estimator.method, estimator.structure, name)
+    if limit is not None and metric in limit.fails:
+        return Expectation(False, limit.why)
     return Expectation(True)
 
 
 @lru_cache(maxsize=1024)
 def limitation(method: str | None, structure: str | None, name: str) -> Limitation | None:
-    """What theory holds against a method in a structure on a problem; None: nothing.
+    """The limitation of a method in a structure on a problem; None: there is none.
 
     Args:
         method: One of `scenarios.estimators.contestant.METHODS`, or None.

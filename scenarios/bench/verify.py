@@ -16,9 +16,9 @@ from scenarios.bench.cost import Cost, Pilot, pilot_of, told_time
 from scenarios.bench.executor import Executor
 from scenarios.bench.journal import IDENTITY, Journal, file_name
 from scenarios.bench.key import key_of, machine
-from scenarios.bench.measured import Measured
-from scenarios.bench.metric import DRAWS, Figure, FigureMaker
-from scenarios.bench.metrics import ALL_FIGURES, false_alarm_of_each
+from scenarios.bench.measurement import Measurement
+from scenarios.bench.metric import DRAWS, Metric, MetricDefinition
+from scenarios.bench.metrics import ALL_METRICS, false_alarm_of_each
 from scenarios.bench.overwrite_guard import lost, told_effort, trials_within
 from scenarios.bench.prepared_records import is_twin, simulate_records
 from scenarios.bench.result import Result
@@ -42,7 +42,7 @@ RECORDS = "records"
 """Folder of records that the twin made, beside it."""
 
 AGREEMENT = "agreement"
-"""Figure that needs the second implementation."""
+"""Metric that needs the second implementation."""
 
 LONGEST_NAME = 100
 """Characters of an estimator's name, which files are named by."""
@@ -79,7 +79,7 @@ class Plan:
     effort: str = "full"
     seed: int = 0
     limits: Limits = field(default_factory=Limits)
-    figures: tuple[FigureMaker, ...] = ALL_FIGURES
+    figures: tuple[MetricDefinition, ...] = ALL_METRICS
     referee: Contestant | None = None
     commands: Mapping[str, str] = field(default_factory=dict)
     records: int | None = None
@@ -110,7 +110,7 @@ class Plan:
             return self.contestants
         return (*self.contestants, self.referee)
 
-    def trials_of(self, maker: FigureMaker) -> tuple[Trial, ...]:
+    def trials_of(self, maker: MetricDefinition) -> tuple[Trial, ...]:
         """Trials of a figure.
 
         Args:
@@ -277,7 +277,7 @@ def _run(
                 counted.note(done, names)
 
 
-def _of_referee(plan: Plan, everyone: Sequence[Contestant], journals: Sequence[Journal]) -> tuple[Measured, ...]:
+def _of_referee(plan: Plan, everyone: Sequence[Contestant], journals: Sequence[Journal]) -> tuple[Measurement, ...]:
     makers = [maker for maker in plan.figures if maker.name == AGREEMENT]
     if plan.referee is None or plan.referee not in everyone or not makers:
         return ()
@@ -289,14 +289,14 @@ def _result(
     plan: Plan,
     contestant: Contestant,
     ran: tuple[str, str, str],
-    measured: Mapping[Trial, Measured],
-    referee: Sequence[Measured],
+    measured: Mapping[Trial, Measurement],
+    referee: Sequence[Measurement],
 ) -> Result:
     each = false_alarm_of_each()
-    figures: dict[str, Figure] = {}
+    figures: dict[str, Metric] = {}
     for maker in plan.figures:
         own = [measured[trial] for trial in plan.trials_of(maker) if trial in measured]
-        figures[maker.name] = maker.figure(own, contestant, each, referee)
+        figures[maker.name] = maker.evaluate(own, contestant, each, referee)
     outcomes = Counter(one.kind for one in measured.values())
     reasons = Counter(f"{one.kind}: {one.why}" for one in measured.values() if one.kind not in (MODEL, REFUSED))
     return Result(

@@ -5,7 +5,7 @@ from collections.abc import Collection, Iterable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from scenarios.bench.measured import Measured
+from scenarios.bench.measurement import Measurement
 from scenarios.estimators.contestant import Contestant, Limits
 from scenarios.problems.trial import ASKS, Trial
 
@@ -56,7 +56,7 @@ class Done:
     """
 
     contestant: int
-    measured: Measured
+    measured: Measurement
     wall: float
 
 

@@ -98,7 +98,7 @@ def verify(
         return _listed(json=json)
     from scenarios.bench.estimator_arguments import Said
     from scenarios.bench.estimator_arguments import estimators as found
-    from scenarios.bench.selection import figures_of
+    from scenarios.bench.metrics import metrics_named
     from scenarios.bench.verify import Plan
     from scenarios.commands.verify_tables import record, show
     from scenarios.estimators.contestant import Limits
@@ -116,7 +116,7 @@ def verify(
         effort,
         seed,
         limits,
-        figures_of(figures),
+        metrics_named(figures),
         REFEREE,
         {contestant.name: f"hmtb verify {words}{options}" for contestant, words in given.items()},
         records,

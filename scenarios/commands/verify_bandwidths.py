@@ -6,13 +6,13 @@ from typing import Any
 
 import numpy as np
 
-from scenarios.bench.metric import Figure
+from scenarios.bench.metric import Metric
 from scenarios.commands.output import print_table
 from scenarios.commands.verify_numbers import interval, number
 from scenarios.identification.one_hertz import ABOUT_1_HZ, near_1_hz
 
 NAME = "bandwidth"
-"""Figure that has them."""
+"""Metric that has them."""
 
 CLOSE = 1.1
 """A median within this factor of its truth is called close."""
@@ -29,7 +29,7 @@ COLUMNS = (
 )
 
 
-def bandwidth_rows(figures: Mapping[str, Figure]) -> list[dict[str, Any]]:
+def bandwidth_rows(figures: Mapping[str, Metric]) -> list[dict[str, Any]]:
     """A row for each joint, excitation and amplitude; none where the run has no such figure or no models.
 
     Args:

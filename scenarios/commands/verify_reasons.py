@@ -5,11 +5,10 @@ import shutil
 import textwrap
 from collections.abc import Iterable, Sequence
 
+from scenarios.bench.consistency import WHERE_IT_FAILS
 from scenarios.bench.leaderboard_reading import TOLD
 from scenarios.bench.leaderboard_verdict import Verdict, part_verdict, verdict
-from scenarios.bench.metric import Figure, Part
-from scenarios.bench.noise_free_recovery import WHERE_IT_FAILS
-from scenarios.bench.worst_part import excess
+from scenarios.bench.metric import Metric, Part, excess
 from scenarios.commands.output import say
 from scenarios.commands.verify_numbers import limits, number
 
@@ -20,7 +19,7 @@ WIDEST, INDENT = 120, "    "
 """Of lines of text."""
 
 
-def show_reasons(figures: Iterable[Figure], *, verbose: bool) -> None:
+def show_reasons(figures: Iterable[Metric], *, verbose: bool) -> None:
     """Print a block for each figure that does not simply pass.
 
     Args:
@@ -49,7 +48,7 @@ def _fails(found: Verdict) -> bool:
     return found in (Verdict.FAILS, Verdict.FAILS_AS_THEORY_SAYS)
 
 
-def _reasons(figure: Figure, parts: Sequence[Part], told: dict[str, str]) -> list[str]:
+def _reasons(figure: Metric, parts: Sequence[Part], told: dict[str, str]) -> list[str]:
     """What theory says, each of it in full only once."""
     short = figure.title.partition(":")[0]
     reasons = []
@@ -59,7 +58,7 @@ def _reasons(figure: Figure, parts: Sequence[Part], told: dict[str, str]) -> lis
     return list(dict.fromkeys(reasons))
 
 
-def _block(figure: Figure, reasons: Sequence[str], parts: Sequence[Part], *, most: int = SHOWN_PARTS) -> None:
+def _block(figure: Metric, reasons: Sequence[str], parts: Sequence[Part], *, most: int = SHOWN_PARTS) -> None:
     found = verdict(figure)
     say(f"{found.sign} {figure.title}: {found.word}")
     for reason in reasons:

@@ -7,7 +7,7 @@ from typing import Any
 
 from scenarios.bench.journal import file_name
 from scenarios.bench.leaderboard_verdict import Verdict, verdict
-from scenarios.bench.metric import Figure
+from scenarios.bench.metric import Metric
 from scenarios.bench.result import Result
 from scenarios.commands.output import print_table, say
 from scenarios.commands.verify_bandwidths import answer, bandwidth_rows, show_bandwidths
@@ -87,7 +87,7 @@ def _entry(result: Result, out: Path) -> dict[str, Any]:
     }
 
 
-def _figure(figure: Figure) -> dict[str, Any]:
+def _figure(figure: Metric) -> dict[str, Any]:
     return {
         "title": figure.title,
         "value": figure.value,

@@ -15,14 +15,13 @@ from dataclasses import replace
 
 import numpy as np
 from scipy.stats import chi2
+from simulated_estimators import Fault, simulated
 
-from scenarios.bench.agreement import Agreement
-from scenarios.bench.bias import ALLOWED, ALONE, DIRECTIONS, RECORDS, Bias
-from scenarios.bench.mean_error import significance
-from scenarios.bench.measured import Measured
+from scenarios.bench.accuracy import Agreement
+from scenarios.bench.bias import ALLOWED, ALONE, DIRECTIONS, RECORDS, Bias, significance
+from scenarios.bench.measurement import Measurement
 from scenarios.bench.metrics import false_alarm_of_each
-from scenarios.bench.perfect_records import bound_for
-from scenarios.bench.simulated_estimators import Fault, simulated
+from scenarios.bench.statistics import bound_for
 from scenarios.bench.tests_and_orders import LAGS, PROBLEMS, ResidualTestsAndOrders
 from scenarios.estimators.contestant import Contestant
 from scenarios.problems.trial import Trial
@@ -87,28 +86,28 @@ def power(sets: int) -> None:
         print(f"| {records} | " + " | ".join(f"{cell:.3g}" for cell in cells) + " |", flush=True)
 
 
-def residual_tests(rng: np.random.Generator) -> list[Measured]:
+def residual_tests(rng: np.random.Generator) -> list[Measurement]:
     """Right orders, residuals of a model whose error has nothing to do with the record."""
     out = []
     for trial in ResidualTestsAndOrders().trials("quick"):
         if trial.ask != "fit":
-            out.append(Measured(trial, "refused"))
+            out.append(Measurement(trial, "refused"))
             continue
         bound = bound_for(trial.problem, None)
         count = len(bound.parameters) if bound is not None else 0
         statistics = rng.chisquare(LAGS - count, 2) + 2.0 * rng.chisquare(count, 2)
         white, independent = chi2.sf(statistics, LAGS)
-        out.append(Measured(trial, "model", whiteness_p=float(white), independence_p=float(independent)))
+        out.append(Measurement(trial, "model", whiteness_p=float(white), independence_p=float(independent)))
     return out
 
 
-def answers(maker: Agreement | Bias, fault: Fault, rng: np.random.Generator) -> list[Measured]:
+def answers(maker: Agreement | Bias, fault: Fault, rng: np.random.Generator) -> list[Measurement]:
     """On problems with a bound."""
     trials: Sequence[Trial] = [trial for trial in maker.trials("quick") if trial.problem != ALONE]
     return simulated(trials, fault, rng)
 
 
-def mirrored(m: Measured) -> Measured:
+def mirrored(m: Measurement) -> Measurement:
     """With the opposite error."""
     bound = bound_for(m.trial.problem, None)
     return m if bound is None or m.response is None else replace(m, response=2.0 * bound.response - m.response)
@@ -122,10 +121,10 @@ def whole_figures(runs: int) -> int:
     for _ in range(runs):
         own, theirs = answers(Agreement(), Fault(), rng), answers(Agreement(), Fault(), rng)
         figures = {
-            "bias": Bias().figure(answers(Bias(), Fault(), rng), CONTESTANT, share, ()),
-            "tests_and_orders": ResidualTestsAndOrders().figure(residual_tests(rng), CONTESTANT, share, ()),
-            "agreement, independent": Agreement().figure(own, CONTESTANT, share, theirs),
-            "agreement, opposite": Agreement().figure(own, CONTESTANT, share, [mirrored(m) for m in own]),
+            "bias": Bias().evaluate(answers(Bias(), Fault(), rng), CONTESTANT, share, ()),
+            "tests_and_orders": ResidualTestsAndOrders().evaluate(residual_tests(rng), CONTESTANT, share, ()),
+            "agreement, independent": Agreement().evaluate(own, CONTESTANT, share, theirs),
+            "agreement, opposite": Agreement().evaluate(own, CONTESTANT, share, [mirrored(m) for m in own]),
         }
         for name, figure in figures.items():
             failed[name] += figure.passed is not True
@@ -149,10 +148,10 @@ def faults(runs: int) -> None:
         ("variance 1.5 times the bound", Fault(variance=1.5)),
         ("variance 10 times the bound", Fault(variance=10.0)),
     ):
-        bias = [Bias().figure(answers(Bias(), fault, rng), CONTESTANT, share, ()).passed for _ in range(runs)]
+        bias = [Bias().evaluate(answers(Bias(), fault, rng), CONTESTANT, share, ()).passed for _ in range(runs)]
         agreement = [
             Agreement()
-            .figure(answers(Agreement(), fault, rng), CONTESTANT, share, answers(Agreement(), Fault(), rng))
+            .evaluate(answers(Agreement(), fault, rng), CONTESTANT, share, answers(Agreement(), Fault(), rng))
             .passed
             for _ in range(runs)
         ]

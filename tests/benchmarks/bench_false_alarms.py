@@ -12,29 +12,31 @@ import sys
 from typing import TypeVar
 
 import numpy as np
+from simulated_estimators import FAULTS, FOUND_BY, simulated
 
-from scenarios.bench.accuracy_records import QUICK, RECORDS
-from scenarios.bench.consistency import LENGTHS, Consistency, perfect_slopes
+from scenarios.bench.accuracy import QUICK, RECORDS, Efficiency
+from scenarios.bench.claims import COVERAGE, Coverage, NormalisedError
+from scenarios.bench.consistency import LENGTHS, Consistency, NoiseFreeRecovery, perfect_slopes
 from scenarios.bench.consistency import QUICK as SLOPES
 from scenarios.bench.consistency import RECORDS as SLOPE_RECORDS
-from scenarios.bench.coverage import SHARE, Coverage
-from scenarios.bench.efficiency import Efficiency
 from scenarios.bench.frequency_response import FrequencyResponse, limits_by_frequency
-from scenarios.bench.metric import FigureMaker
+from scenarios.bench.metric import MetricDefinition
 from scenarios.bench.metrics import false_alarm_of_each
-from scenarios.bench.noise_free_recovery import NoiseFreeRecovery
-from scenarios.bench.normalised_error import NormalisedError, chi_square
-from scenarios.bench.perfect_mean import limits_of_mean
-from scenarios.bench.perfect_records import (
-    bandwidth_covered,
+from scenarios.bench.statistics import (
     bound_for,
-    parameters_covered,
-    parts_of_perfect,
-    single_records,
+    covered_share,
+    errors_of_perfect,
+    free_parts,
+    limits_of_mean,
+    normalised_square,
+    null_bandwidth_coverage,
+    null_chi_square,
+    null_distribution,
+    null_parameter_coverage,
     statistic_of_perfect,
+    variance_ratio,
+    variance_ratio_by_frequency,
 )
-from scenarios.bench.response_statistics import covered, free_parts, normalised, power, power_by_frequency
-from scenarios.bench.simulated_estimators import FAULTS, FOUND_BY, simulated
 from scenarios.estimators.contestant import Contestant
 from scenarios.files.errors import ScenarioError
 from scenarios.problems.bound import response_covariance
@@ -44,7 +46,7 @@ Thing = TypeVar("Thing")
 ASKED = (1e-2, 1e-3, 1e-4)
 SETS = 20_000
 SEED = 77
-MAKERS: tuple[FigureMaker, ...] = (
+MAKERS: tuple[MetricDefinition, ...] = (
     NoiseFreeRecovery(),
     Consistency(),
     Efficiency(),
@@ -104,25 +106,25 @@ def statistics() -> list[tuple[str, str, FloatArray, FloatArray, int, int]]:
     for name in QUICK:
         bound = known(bound_for(name, None))
         for label, statistic, mean, sides in (
-            ("squares over the bound", power, 1.0, 1),
-            ("squares over the claim", power, 1.0, 2),
-            ("normalised error of the response", normalised, 1.0, 2),
-            ("coverage of the response", covered, SHARE, 2),
+            ("squares over the bound", variance_ratio, 1.0, 1),
+            ("squares over the claim", variance_ratio, 1.0, 2),
+            ("normalised error of the response", normalised_square, 1.0, 2),
+            ("coverage of the response", covered_share, COVERAGE, 2),
         ):
             drawn = statistic_of_perfect(bound, statistic, SETS * RECORDS, SEED).reshape(SETS, RECORDS)
             out.append(
-                (label, name, drawn.mean(axis=1), known(single_records(name, None, statistic, mean)), RECORDS, sides)
+                (label, name, drawn.mean(axis=1), known(null_distribution(name, None, statistic, mean)), RECORDS, sides)
             )
         p = len(bound.parameters)
-        single = chi_square(p)
+        single = null_chi_square(p)
         means = rng.chisquare(p * RECORDS, SETS) / (p * RECORDS)
         out.append(("normalised error of parameters", name, means, single, RECORDS, 2))
-        single = known(parameters_covered(name, None))
+        single = known(null_parameter_coverage(name, None))
         # resampled: the share of one record has few values, its distribution is known
         means = single[rng.integers(len(single), size=(SETS, RECORDS))].mean(axis=1)
         out.append(("coverage of parameters", name, means, single, RECORDS, 2))
-    means = rng.binomial(RECORDS, SHARE, SETS) / RECORDS
-    out.append(("coverage of the bandwidth", "each", means, bandwidth_covered(), RECORDS, 2))
+    means = rng.binomial(RECORDS, COVERAGE, SETS) / RECORDS
+    out.append(("coverage of the bandwidth", "each", means, null_bandwidth_coverage(), RECORDS, 2))
     for name in SLOPES:
         counts = (SLOPE_RECORDS,) * len(LENGTHS)
         drawn = np.concatenate([perfect_slopes(name, None, LENGTHS, counts, seed=SEED + k) for k in range(5)])
@@ -138,7 +140,9 @@ def worst_frequencies(name: str) -> list[tuple[float, float, int]]:
     rng = np.random.default_rng(SEED)
     means = np.array(
         [
-            power_by_frequency(parts_of_perfect(bound, RECORDS, rng), covariance, free_parts(covariance)).mean(axis=0)
+            variance_ratio_by_frequency(
+                errors_of_perfect(bound, RECORDS, rng), covariance, free_parts(covariance)
+            ).mean(axis=0)
             for _ in range(sets)
         ]
     )
@@ -156,7 +160,7 @@ def verdicts(fault: str, rng: np.random.Generator) -> dict[str, tuple[bool | Non
     for maker in MAKERS:
         shared = maker.trials("quick") == Efficiency().trials("quick")
         measured = accuracy if shared else simulated(maker.trials("quick"), FAULTS[fault], rng)
-        figure = maker.figure(measured, Contestant("simulated", "bench:perfect"), false_alarm_of_each(), ())
+        figure = maker.evaluate(measured, Contestant("simulated", "bench:perfect"), false_alarm_of_each(), ())
         out[maker.name] = (figure.passed, figure.false_alarm)
     return out
 

@@ -3,7 +3,7 @@
     python tests/benchmarks/bench_planted_faults.py [NAME ...] [--out FOLDER] [--workers N] [--whole]
 
 Every estimator that is wrong on purpose goes through the quick bench, in its sandbox, and the figures that it fails
-are compared with `scenarios.bench.planted_faults`: the exact set. The slow one is asked for the systems without
+are compared with `planted_faults`: the exact set. The slow one is asked for the systems without
 noise alone, since its answers are those of `our-pem` and each takes 1800 rulers; `--whole` asks it for everything, some
 twenty minutes of one core. The hanging one is given ten seconds. What is done is kept in FOLDER, and the same command
 goes on from there.
@@ -14,9 +14,9 @@ import sys
 from pathlib import Path
 
 from bench_sets import Asked, of_verdict, results, row
+from planted_faults import PLANTED_FAULTS
 
 from scenarios.bench.leaderboard_verdict import Verdict
-from scenarios.bench.planted_faults import PLANTED_FAULTS
 
 CHEAP = ("noise_free_recovery", "reliability", "speed")
 HANG = 10.0

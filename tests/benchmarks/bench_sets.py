@@ -8,9 +8,9 @@ from pathlib import Path
 
 from scenarios.bench.leaderboard_verdict import Verdict, verdict
 from scenarios.bench.local import Local
-from scenarios.bench.metric import Figure
+from scenarios.bench.metric import Metric
+from scenarios.bench.metrics import metrics_named
 from scenarios.bench.result import Result
-from scenarios.bench.selection import figures_of
 from scenarios.bench.verify import Plan, verify
 from scenarios.estimators.contestant import Limits
 from scenarios.estimators.known_estimators import contestant
@@ -47,7 +47,12 @@ def results(asked: Sequence[Asked], out: Path | None, workers: int | None) -> di
         found: dict[str, Result] = {}
         for (seconds, figures), names in runs.items():
             plan = Plan(
-                tuple(map(contestant, names)), "quick", 0, Limits(seconds), figures_of(figures), contestant("referee")
+                tuple(map(contestant, names)),
+                "quick",
+                0,
+                Limits(seconds),
+                metrics_named(figures),
+                contestant("referee"),
             )
             done = verify(
                 plan,
@@ -59,7 +64,7 @@ def results(asked: Sequence[Asked], out: Path | None, workers: int | None) -> di
     return {one.name: found[one.name] for one in asked}
 
 
-def of_verdict(result: Result, wanted: Verdict) -> dict[str, Figure]:
+def of_verdict(result: Result, wanted: Verdict) -> dict[str, Metric]:
     """Figures with a verdict, by name."""
     return {name: figure for name, figure in result.figures.items() if verdict(figure) is wanted}
 

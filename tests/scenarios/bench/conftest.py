@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from scenarios.bench.metric import Figure, Part
+from scenarios.bench.metric import Metric, Part
 from scenarios.bench.result import Result
 from scenarios.estimators.contestant import Contestant, Limits
 
@@ -27,12 +27,12 @@ def part(label: str, value: float, expected: float, limits: tuple[float, float],
 
 def figure(
     name: str, title: str, unit: str, parts: tuple[Part, ...], curves: dict[str, object] | None = None
-) -> Figure:
+) -> Metric:
     judged = [p for p in parts if p.passed is not None and p.theory]
     worst = next((p for p in judged if not p.passed), (judged or parts)[0])
     passed = all(p.passed for p in judged) if judged else None
     told = (name, title, unit, worst.value, worst.expected, worst.interval, passed)
-    return Figure(*told, 5e-4, f"{title} by problem", parts, curves or {})
+    return Metric(*told, 5e-4, f"{title} by problem", parts, curves or {})
 
 
 def figures(
@@ -44,7 +44,7 @@ def figures(
     failed: int = 0,
     rulers: float = 6.0,
     coloured: str = "",
-) -> dict[str, Figure]:
+) -> dict[str, Metric]:
     """Figures of an estimator.
 
     Args:
@@ -130,7 +130,7 @@ def figures(
     return {f.name: f for f in made}
 
 
-def result(name: str, made: dict[str, Figure], **more: object) -> Result:
+def result(name: str, made: dict[str, Metric], **more: object) -> Result:
     plain = Result(
         contestant=Contestant(name, f"my_module:{name.split()[0]}", version="1.2.3", method="pem", structure="oe"),
         limits=Limits(),

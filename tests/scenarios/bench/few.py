@@ -8,8 +8,8 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 from scenarios.bench.executor import Crew
-from scenarios.bench.measured import Measured
-from scenarios.bench.metric import Figure
+from scenarios.bench.measurement import Measurement
+from scenarios.bench.metric import Metric
 from scenarios.bench.run_trials import Runner
 from scenarios.bench.work import Bench, Done, Piece
 from scenarios.estimators.contestant import Contestant
@@ -21,8 +21,6 @@ PERFECT = Contestant("perfect", "bench:perfect", method="pem")
 
 @dataclass(frozen=True)
 class Few:
-    """The mean number of parameters within their intervals, on four short records of two problems."""
-
     draws: int = 2
     problems: tuple[str, ...] = ("p1@300", "p2@300")
     name: str = "few"
@@ -34,19 +32,21 @@ class Few:
     def verdicts(self) -> int:
         return 1
 
-    def figure(
-        self, measured: Sequence[Measured], contestant: Contestant, false_alarm: float, referee: Sequence[Measured]
-    ) -> Figure:
+    def evaluate(
+        self,
+        measured: Sequence[Measurement],
+        contestant: Contestant,
+        false_alarm: float,
+        referee: Sequence[Measurement],
+    ) -> Metric:
         answered = [m.normalised_error for m in measured if m.kind == "model"]
         value = sum(answered) / max(1, len(answered))
         passed = len(answered) == len(self.trials("quick"))
-        return Figure(self.name, self.title, "", value, 2.0, (1.0, 3.0), passed, false_alarm, f"of {len(answered)}")
+        return Metric(self.name, self.title, "", value, 2.0, (1.0, 3.0), passed, false_alarm, f"of {len(answered)}")
 
 
 @dataclass
 class Here:
-    """Does pieces in this process; after some trials it is interrupted, or dies of an error."""
-
     after: int = 10**6
     error: BaseException = field(default_factory=KeyboardInterrupt)
     workers: int = 1

@@ -7,8 +7,6 @@ from typing import NamedTuple
 
 
 class Deed(NamedTuple):
-    """A piece: its process dies of `always`, and of `once` if the file is not there yet."""
-
     problem: str
     draw: int
     mark: str = ""

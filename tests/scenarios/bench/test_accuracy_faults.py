@@ -3,18 +3,16 @@
 import numpy as np
 import pytest
 
-from scenarios.bench.consistency import Consistency
-from scenarios.bench.coverage import Coverage
-from scenarios.bench.efficiency import Efficiency
+from scenarios.bench.accuracy import Efficiency
+from scenarios.bench.claims import Coverage, NormalisedError
+from scenarios.bench.consistency import Consistency, NoiseFreeRecovery
 from scenarios.bench.frequency_response import FrequencyResponse
-from scenarios.bench.metric import FigureMaker
+from scenarios.bench.metric import MetricDefinition
 from scenarios.bench.metrics import false_alarm_of_each
-from scenarios.bench.noise_free_recovery import NoiseFreeRecovery
-from scenarios.bench.normalised_error import NormalisedError
-from scenarios.bench.simulated_estimators import FAULTS, FOUND_BY, HONEST, simulated
 from scenarios.estimators.contestant import Contestant
+from tests.benchmarks.simulated_estimators import FAULTS, FOUND_BY, HONEST, simulated
 
-MAKERS: tuple[FigureMaker, ...] = (
+MAKERS: tuple[MetricDefinition, ...] = (
     NoiseFreeRecovery(),
     Consistency(),
     Efficiency(),
@@ -27,20 +25,18 @@ RUNS = 1
 
 
 def verdicts(fault: str, seed: int) -> dict[str, bool | None]:
-    """Of each figure, by the quick effort."""
     rng = np.random.default_rng(seed)
     out = {}
     accuracy = simulated(Efficiency().trials("quick"), FAULTS[fault], rng)
     for maker in MAKERS:
         shared = maker.trials("quick") == Efficiency().trials("quick")
         measured = accuracy if shared else simulated(maker.trials("quick"), FAULTS[fault], rng)
-        out[maker.name] = maker.figure(measured, CONTESTANT, false_alarm_of_each(), ()).passed
+        out[maker.name] = maker.evaluate(measured, CONTESTANT, false_alarm_of_each(), ()).passed
     return out
 
 
 @pytest.mark.parametrize("fault", [name for name in FAULTS if name != "claims nothing"])
 def test_a_fault_fails_the_figures_that_should_find_it_and_no_other(fault: str) -> None:
-    """By the quick effort, at the false-alarm rate of a real run."""
     for seed in range(RUNS):
         given = verdicts(fault, seed)
         assert None not in given.values()
@@ -48,12 +44,10 @@ def test_a_fault_fails_the_figures_that_should_find_it_and_no_other(fault: str) 
 
 
 def test_who_claims_nothing_has_no_verdict_on_claims() -> None:
-    """And passes the others."""
     given = verdicts("claims nothing", 1)
     assert {name for name, passed in given.items() if passed is None} == HONEST
     assert all(passed for name, passed in given.items() if name not in HONEST)
 
 
 def test_every_fault_is_in_the_matrix() -> None:
-    """So that none is simulated in vain."""
     assert set(FAULTS) == set(FOUND_BY)

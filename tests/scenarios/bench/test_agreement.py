@@ -5,46 +5,41 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from scenarios.bench.agreement import PROBLEMS, Agreement
-from scenarios.bench.measured import Measured
-from scenarios.bench.metric import Figure
-from scenarios.bench.perfect_records import bound_for
-from scenarios.bench.simulated_estimators import Fault, simulated
+from scenarios.bench.accuracy import QUICK, Agreement
+from scenarios.bench.measurement import Measurement
+from scenarios.bench.metric import Metric
+from scenarios.bench.statistics import bound_for
 from scenarios.estimators.contestant import Contestant
+from tests.benchmarks.simulated_estimators import Fault, simulated
 
 ANYONE = Contestant("anyone", "bench:perfect")
 SHARE = 1e-4
 MAKER = Agreement()
 
 
-def perfect(seed: int, fault: Fault = Fault()) -> list[Measured]:  # noqa: B008
-    """Answers whose errors are of the bound, or a fault's."""
+def perfect(seed: int, fault: Fault = Fault()) -> list[Measurement]:  # noqa: B008
     return simulated(MAKER.trials("quick"), fault, np.random.default_rng(seed))
 
 
-def figure(own: list[Measured], theirs: list[Measured], contestant: Contestant = ANYONE) -> Figure:
-    """Of two lists of answers."""
-    return MAKER.figure(own, contestant, SHARE, theirs)
+def figure(own: list[Measurement], theirs: list[Measurement], contestant: Contestant = ANYONE) -> Metric:
+    return MAKER.evaluate(own, contestant, SHARE, theirs)
 
 
-def mirrored(m: Measured) -> Measured:
-    """The answer with the opposite error."""
+def mirrored(m: Measurement) -> Measurement:
     bound = bound_for(m.trial.problem, None)
     assert bound is not None and m.response is not None
     return replace(m, response=2.0 * bound.response - m.response)
 
 
 def test_the_same_answers_agree_to_all_digits() -> None:
-    """No difference at all."""
     one = perfect(1)
     found = figure(one, one)
     assert found.passed
     assert found.value == 0.0
-    assert found.curves["digits"] == dict.fromkeys(PROBLEMS, 16.0)
+    assert found.curves["digits"] == dict.fromkeys(QUICK, 16.0)
 
 
 def test_independent_errors_differ_by_two_variances_and_opposite_ones_by_four() -> None:
-    """Neither fails: nothing efficient can."""
     one, other = perfect(1), perfect(2)
     independent = [part.value for part in figure(one, other).parts]
     assert np.mean(independent) == pytest.approx(2.0, abs=0.5)
@@ -55,14 +50,12 @@ def test_independent_errors_differ_by_two_variances_and_opposite_ones_by_four() 
 
 
 def test_errors_beyond_that_fail() -> None:
-    """A sample too late."""
     found = figure(perfect(1, Fault(delay=1)), perfect(2))
     assert found.passed is False
     assert found.value > 10.0
 
 
 def test_where_efficiency_is_not_expected_it_is_no_surprise() -> None:
-    """Least squares under coloured noise; on equation noise they must agree."""
     arx = Contestant("arx", "bench:perfect", structure="arx", method="pem")
     found = figure(perfect(1, Fault(delay=1)), perfect(2), arx)
     assert {part.label for part in found.parts if part.theory} == {"p5"}
@@ -71,7 +64,6 @@ def test_where_efficiency_is_not_expected_it_is_no_surprise() -> None:
 
 
 def test_a_second_implementation_that_errs_itself_is_not_believed() -> None:
-    """One record of it is far off: that record is left out."""
     theirs = perfect(2)
     assert theirs[0].response is not None
     theirs[0] = replace(theirs[0], response=100.0 * theirs[0].response)
@@ -81,9 +73,8 @@ def test_a_second_implementation_that_errs_itself_is_not_believed() -> None:
 
 
 def test_nothing_to_compare() -> None:
-    """No second implementation, no answers, or failures only: no verdict."""
     one = perfect(1)
-    failed = [Measured(m.trial, "crash") for m in one]
+    failed = [Measurement(m.trial, "crash") for m in one]
     for own, theirs in ((one, []), ([], one), (failed, one), (one, failed)):
         found = figure(own, theirs)
         assert found.passed is None
@@ -91,9 +82,8 @@ def test_nothing_to_compare() -> None:
 
 
 def test_half_of_the_records_are_enough() -> None:
-    """Fewer are not."""
     one, other = perfect(1), perfect(2)
-    half = [Measured(m.trial, "hang") if m.trial.draw < 10 else m for m in one]
+    half = [Measurement(m.trial, "hang") if m.trial.draw < 10 else m for m in one]
     assert figure(half, other).passed
-    fewer = [Measured(m.trial, "hang") if m.trial.draw < 11 else m for m in one]
+    fewer = [Measurement(m.trial, "hang") if m.trial.draw < 11 else m for m in one]
     assert figure(fewer, other).passed is None

@@ -4,9 +4,9 @@ import itertools
 
 import pytest
 
-from scenarios.bench.measured import Measured
+from scenarios.bench.measurement import Measurement
 from scenarios.bench.metric import FALSE_ALARM
-from scenarios.bench.metrics import ALL_FIGURES, TEN_AND_BANDWIDTH, false_alarm_of_each
+from scenarios.bench.metrics import ALL_METRICS, MODEL_METRICS, false_alarm_of_each
 from scenarios.bench.verify import Plan
 from scenarios.estimators.contestant import Contestant
 from scenarios.estimators.outcome import KINDS, MODEL
@@ -15,38 +15,33 @@ ANYONE = Contestant("anyone", "bench:perfect")
 
 
 def test_names_are_different() -> None:
-    """They are keys."""
-    names = [maker.name for maker in ALL_FIGURES]
+    names = [maker.name for maker in ALL_METRICS]
     assert len(names) == len(set(names))
     assert names[-2:] == ["reliability", "speed"]
 
 
 def test_false_alarms_add_up() -> None:
-    """To what a run may have."""
-    assert false_alarm_of_each() * sum(maker.verdicts() for maker in ALL_FIGURES) == pytest.approx(FALSE_ALARM)
+    assert false_alarm_of_each() * sum(maker.verdicts() for maker in ALL_METRICS) == pytest.approx(FALSE_ALARM)
 
 
 def test_trials_are_told_once() -> None:
-    """Those of all figures, of neighbours beside each other."""
     trials = Plan((ANYONE,), effort="quick").trials(ANYONE)
     assert len(trials) == len(set(trials))
-    assert set(trials) == {trial for maker in TEN_AND_BANDWIDTH for trial in maker.trials("quick")}
+    assert set(trials) == {trial for maker in MODEL_METRICS for trial in maker.trials("quick")}
     names = [trial.problem for trial in trials]
     assert len(set(names)) == 1 + sum(one != other for one, other in itertools.pairwise(names))
 
 
 @pytest.mark.parametrize("kind", [kind for kind in KINDS if kind != MODEL])
 def test_every_figure_copes_with_nothing_but_failures(kind: str) -> None:
-    """No verdict but that of reliability, and none at all where everything was refused."""
-    for maker in ALL_FIGURES:
-        measured = [Measured(trial, kind, "so it is") for trial in maker.trials("quick")]
-        found = maker.figure(measured, ANYONE, false_alarm_of_each(), ())
+    for maker in ALL_METRICS:
+        measured = [Measurement(trial, kind, "so it is") for trial in maker.trials("quick")]
+        found = maker.evaluate(measured, ANYONE, false_alarm_of_each(), ())
         judged = maker.name == "reliability" and kind != "refused"
         assert found.name == maker.name
         assert found.passed is (False if judged else None), maker.name
 
 
 def test_every_figure_copes_with_nothing() -> None:
-    """As after a run that was stopped before it began."""
-    for maker in ALL_FIGURES:
-        assert maker.figure([], ANYONE, false_alarm_of_each(), ()).passed is None
+    for maker in ALL_METRICS:
+        assert maker.evaluate([], ANYONE, false_alarm_of_each(), ()).passed is None

@@ -1,9 +1,8 @@
 import numpy as np
 import pytest
 
-from scenarios.bench.bandwidth import Bandwidth, TrueBandwidths, true_bandwidths
-from scenarios.bench.measured import Measured
-from scenarios.bench.twin_trials import sequence_class
+from scenarios.bench.bandwidth import Bandwidth, TrueBandwidths, sequence_class, true_bandwidths
+from scenarios.bench.measurement import Measurement
 from scenarios.estimators.contestant import Contestant
 from scenarios.problems.trial import Trial
 
@@ -17,11 +16,11 @@ ONE = Contestant("one", "module:one")
 def outcome(problem, draw, hz, interval=None, kind="model"):
     band = None if hz is None else np.array([[hz]])
     ends = None if interval is None else np.array(interval)[:, None, None]
-    return Measured(Trial(problem, draw), kind, bandwidth_hz=band, bandwidth_ci95=ends)
+    return Measurement(Trial(problem, draw), kind, bandwidth_hz=band, bandwidth_ci95=ends)
 
 
 def figure(outcomes):
-    return FIGURE.figure(outcomes, ONE, 1e-4, ())
+    return FIGURE.evaluate(outcomes, ONE, 1e-4, ())
 
 
 def test_it_is_told_and_never_judged():

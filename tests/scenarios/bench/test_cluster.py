@@ -11,7 +11,7 @@ import pytest
 from scenarios.bench import cluster_task
 from scenarios.bench.cluster import Cluster, Pieces
 from scenarios.bench.cluster_task import DONE, Parcel
-from scenarios.bench.measured import Measured
+from scenarios.bench.measurement import Measurement
 from scenarios.bench.run_trials import Runner
 from scenarios.bench.work import Bench, Done, Piece, pieces
 from scenarios.datasets.cluster_link import LostError
@@ -42,7 +42,6 @@ def scheduler() -> Iterator[str]:
 
 
 def plain(done: Sequence[Done]) -> list[str]:
-    """What was measured, without what a clock says."""
     lines = []
     for one in done:
         line = json.loads(one.measured.to_json())
@@ -92,8 +91,6 @@ def test_a_worker_of_other_software_ends_the_run(scheduler: str, monkeypatch: py
 
 
 class Sent:
-    """A task that was sent, as Dask's future of it."""
-
     status = "finished"
 
     def __init__(self, draws: list[int]) -> None:
@@ -107,8 +104,6 @@ class Sent:
 
 
 class Fake:
-    """Link and client at once: loses the first answer, and brings death to all that does one of the records."""
-
     def __init__(self, deadly: int) -> None:
         self.lines: list[str] = []
         self.said, self.deadly = self.lines.append, deadly
@@ -140,7 +135,7 @@ class Fake:
             raise LostError
         if self.deadly in future.draws:
             return None
-        return {DONE: [(0, Measured(Trial("p1", draw), "crash").to_json(), 0.5) for draw in future.draws]}
+        return {DONE: [(0, Measurement(Trial("p1", draw), "crash").to_json(), 0.5) for draw in future.draws]}
 
 
 def test_what_is_lost_is_done_again_and_what_brings_death_is_named():

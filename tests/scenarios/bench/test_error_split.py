@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from scenarios.bench.error_split import scatter_of, systematic_of
+from scenarios.bench.amplitude_split import scatter_of, systematic_of
 
 LINES = 20
 

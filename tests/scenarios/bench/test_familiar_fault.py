@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import sysid
-from scenarios.bench.familiar_fault import familiar_fault
+from scenarios.bench.consistency import recognised_fault
 
 DT = 0.02
 F = np.array([0.1, 0.5, 2.0, 8.0, 20.0])
@@ -31,9 +31,9 @@ TRUE = response([0.0, 0.2, 0.1], [1.0, -1.5, 0.7])
 )
 def test_what_is_familiar_is_told(b: list[float], told: str) -> None:
     found = response(b, [1.0, -1.5, 0.7])
-    assert familiar_fault([found, found], TRUE, F, DT, 1e-6) == told
+    assert recognised_fault([found, found], TRUE, F, DT, 1e-6) == told
 
 
 def test_all_responses_must_have_it() -> None:
-    assert familiar_fault([-TRUE, TRUE], TRUE, F, DT, 1e-6) == ""
-    assert familiar_fault([1.02 * TRUE, 1.03 * TRUE], TRUE, F, DT, 1e-6) == ""
+    assert recognised_fault([-TRUE, TRUE], TRUE, F, DT, 1e-6) == ""
+    assert recognised_fault([1.02 * TRUE, 1.03 * TRUE], TRUE, F, DT, 1e-6) == ""

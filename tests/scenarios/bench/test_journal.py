@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from scenarios.bench.journal import Journal, file_name
-from scenarios.bench.measured import Measured
+from scenarios.bench.measurement import Measurement
 from scenarios.problems.trial import Trial
 
 KEY = {"contestant": {"name": "mine"}, "source": "1", "software": "2", "seed": 0}
@@ -18,9 +18,9 @@ def opened(folder: Path, said: list[str] | None = None, **changes: object) -> Jo
     return Journal(folder, "mine", {**KEY, **changes}, run="a", said=told.append)
 
 
-def trials(count: int) -> list[Measured]:
+def trials(count: int) -> list[Measurement]:
     response = np.array([[[1.0 + 2.0j]]])
-    return [Measured(Trial("p1", k), "model", response=response, whiteness_p=0.1 * k) for k in range(count)]
+    return [Measurement(Trial("p1", k), "model", response=response, whiteness_p=0.1 * k) for k in range(count)]
 
 
 def lines(journal: Journal) -> list[str]:

@@ -3,13 +3,12 @@
 import numpy as np
 import pytest
 
-from scenarios.bench.mean_error import mean_error, significance
+from scenarios.bench.bias import mean_error, significance
 
 RUNS = 200
 
 
 def sizes(records: int, directions: int, shift: float, allowed: float, seed: int) -> tuple[float, float]:
-    """Share of runs beyond the limit at 5 %, and of those whose interval holds the shift."""
     rng = np.random.default_rng(seed)
     mixing = rng.standard_normal((directions, directions)) + 3.0 * np.eye(directions)
     beyond = inside = 0
@@ -26,7 +25,6 @@ def sizes(records: int, directions: int, shift: float, allowed: float, seed: int
 def test_a_mean_as_large_as_allowed_is_beyond_the_limit_as_often_as_asked(
     records: int, directions: int, shift: float
 ) -> None:
-    """Whatever the scatter; and the interval holds it in 95 %. Within three deviations of the count."""
     beyond, inside = sizes(records, directions, shift, shift, 7)
     assert beyond == pytest.approx(0.05, abs=0.046)
     assert inside >= 0.904
@@ -34,14 +32,12 @@ def test_a_mean_as_large_as_allowed_is_beyond_the_limit_as_often_as_asked(
 
 @pytest.mark.parametrize(("shift", "least", "most"), [(1.2, 0.99, 1.0), (0.2, 0.0, 0.1), (0.0, 0.0, 0.05)])
 def test_what_is_larger_is_found_and_what_is_smaller_is_not(shift: float, least: float, most: float) -> None:
-    """Something over a deviation in one of four directions, 0.2 allowed."""
     rng = np.random.default_rng(8)
     given = [rng.standard_normal((40, 4)) + np.array([shift, 0.0, 0.0, 0.0]) for _ in range(RUNS)]
     assert least <= np.mean([significance(errors, 0.2) < 0.05 for errors in given]) <= most
 
 
 def test_the_size_is_that_of_the_mean() -> None:
-    """And not more because of the scatter."""
     rng = np.random.default_rng(3)
     errors = rng.standard_normal((4000, 3)) * (1.0, 10.0, 0.1) + (2.0, 0.0, 0.0)
     found = mean_error(errors, 1e-4)
@@ -52,7 +48,6 @@ def test_the_size_is_that_of_the_mean() -> None:
 
 
 def test_errors_without_scatter() -> None:
-    """None at all is no bias, the same everywhere is nothing else."""
     assert mean_error(np.zeros((10, 2)), 1e-3).size == 0.0
     assert mean_error(np.full((10, 2), 3.0), 1e-3).size == np.inf
     mixed = np.column_stack((np.full(10, 3.0), np.arange(10.0) - 4.5))

@@ -5,8 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from scenarios.bench.measure import dynamic_order, measure, normalised_error
-from scenarios.bench.measured import Measured
+from scenarios.bench.measurement import Measurement, dynamic_order, measure, normalised_error
 from scenarios.estimators.answer import Answer
 from scenarios.estimators.outcome import Outcome
 from scenarios.estimators.reference_time import Ruler
@@ -51,7 +50,7 @@ def estimate(record: IOData, task: Task) -> Estimate:
 
 def measured(
     p2: Problem, task: Task, bound: Bound | None, record: IOData, answer: Answer, ask: str = "fit"
-) -> Measured:
+) -> Measurement:
     return measure(p2, replace(TRIAL, ask=ask), task, bound, record, Outcome("model", answer=answer, seconds=2.0))
 
 
@@ -66,7 +65,7 @@ def test_one_of_our_estimates(p2: Problem, task: Task, bound: Bound, record: IOD
     assert found.response_covariance == pytest.approx(known.covariance, rel=1e-9)
     assert found.bandwidth_ci95 == pytest.approx(np.stack(estimate.bandwidth().ci95))
     assert 0.0 < found.whiteness_p < 1.0 and 0.0 < found.independence_p < 1.0
-    assert Measured.from_json(found.to_json()).to_json() == found.to_json()
+    assert Measurement.from_json(found.to_json()).to_json() == found.to_json()
 
 
 def test_what_is_claimed_itself_counts_before_what_follows(

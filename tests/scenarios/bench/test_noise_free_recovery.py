@@ -5,38 +5,37 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from scenarios.bench.measured import Measured
-from scenarios.bench.noise_free_recovery import MOST, NoiseFreeRecovery
-from scenarios.bench.simulated_estimators import Fault, simulated
+from scenarios.bench.consistency import MOST_DIGITS, NoiseFreeRecovery
+from scenarios.bench.measurement import Measurement
 from scenarios.estimators.contestant import Contestant
+from tests.benchmarks.simulated_estimators import Fault, simulated
 
 CONTESTANT = Contestant("simulated", "bench:perfect")
 MAKER = NoiseFreeRecovery()
 TRIALS = MAKER.trials("quick")
 
 
-def measured(gain: float) -> list[Measured]:
-    """Of an estimator with a relative error."""
+def measured(gain: float) -> list[Measurement]:
     return simulated(TRIALS, Fault(gain=gain), np.random.default_rng(0))
 
 
-@pytest.mark.parametrize(("gain", "digits", "passed"), [(1.0, MOST, True), (1.0 + 1e-8, 8.0, True), (1.02, 1.7, False)])
+@pytest.mark.parametrize(
+    ("gain", "digits", "passed"), [(1.0, MOST_DIGITS, True), (1.0 + 1e-8, 8.0, True), (1.02, 1.7, False)]
+)
 def test_digits(gain: float, digits: float, passed: bool) -> None:
-    """Of the largest error, here the same everywhere."""
-    figure = MAKER.figure(measured(gain), CONTESTANT, 1e-4, ())
+    figure = MAKER.evaluate(measured(gain), CONTESTANT, 1e-4, ())
     assert figure.passed is passed
     assert figure.value == pytest.approx(digits, abs=0.01)
     assert np.array(figure.curves["digits"]) == pytest.approx(np.full((6, 3), digits), abs=0.01)
 
 
 def test_the_worst_system_stands_for_all() -> None:
-    """And has its place in the table."""
     data = measured(1.0)
     wrong = TRIALS[4]
     response = data[4].response
     assert response is not None
     data[4] = replace(data[4], response=response * (1.0 + 1e-3))
-    figure = MAKER.figure(data, CONTESTANT, 1e-4, ())
+    figure = MAKER.evaluate(data, CONTESTANT, 1e-4, ())
     assert figure.passed is False
     assert figure.value == pytest.approx(3.0, abs=0.01)
     assert wrong.problem == "quiet-2-2"
@@ -44,23 +43,22 @@ def test_the_worst_system_stands_for_all() -> None:
 
 
 def test_what_is_familiar_is_told_where_all_that_fail_have_it() -> None:
-    figure = MAKER.figure(measured(1.02), CONTESTANT, 1e-4, ())
+    figure = MAKER.evaluate(measured(1.02), CONTESTANT, 1e-4, ())
     assert {part.why for part in figure.parts} == {"the response is 1.02 times the truth"}
     assert figure.why.endswith("; where it fails, the response is 1.02 times the truth")
     data = measured(1.02)
     assert data[4].response is not None
     data[4] = replace(data[4], response=-data[4].response)
-    assert "where it fails" not in MAKER.figure(data, CONTESTANT, 1e-4, ()).why
-    assert "where it fails" not in MAKER.figure(measured(1.0), CONTESTANT, 1e-4, ()).why
+    assert "where it fails" not in MAKER.evaluate(data, CONTESTANT, 1e-4, ()).why
+    assert "where it fails" not in MAKER.evaluate(measured(1.0), CONTESTANT, 1e-4, ()).why
 
 
 def test_systems_without_model_are_left_out_until_they_are_most() -> None:
-    """They are failures of reliability."""
     data = measured(1.0)
-    few = [Measured(m.trial, "hang") if k < 9 else m for k, m in enumerate(data)]
-    assert MAKER.figure(few, CONTESTANT, 1e-4, ()).passed
-    many = [Measured(m.trial, "hang") if k < 10 else m for k, m in enumerate(data)]
-    figure = MAKER.figure(many, CONTESTANT, 1e-4, ())
+    few = [Measurement(m.trial, "hang") if k < 9 else m for k, m in enumerate(data)]
+    assert MAKER.evaluate(few, CONTESTANT, 1e-4, ()).passed
+    many = [Measurement(m.trial, "hang") if k < 10 else m for k, m in enumerate(data)]
+    figure = MAKER.evaluate(many, CONTESTANT, 1e-4, ())
     assert figure.passed is None
     assert "8 of 18" in figure.why
-    assert MAKER.figure([], CONTESTANT, 1e-4, ()).passed is None
+    assert MAKER.evaluate([], CONTESTANT, 1e-4, ()).passed is None

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from scenarios.bench.part_of_mean import Judgement, Values, part_of_mean
+from scenarios.bench.accuracy import Acceptance, RecordStatistic
 from scenarios.bench.theory import Expectation
 
 
@@ -16,8 +16,7 @@ from scenarios.bench.theory import Expectation
     ],
 )
 def test_how_many_records_are_needed(values: int, run: int, passed: bool | None, why: str) -> None:
-    """Two, and half of those that were run."""
     single = np.linspace(0.0, 2.0, 101)
-    given = Values("p1", np.ones(values), run, single, Expectation(True))
-    part = part_of_mean(given, Judgement(expected=1.0), 0.01)
+    statistic = RecordStatistic("p1", np.ones(values), run, single, Expectation(True))
+    part = statistic.part(Acceptance(expected=1.0), 0.01)
     assert (part.passed, part.why) == (passed, why)

@@ -15,7 +15,6 @@ DRAWS = 200
 
 @pytest.mark.parametrize("name", ["p3", "feedback", "p4@500"])
 def test_error_is_that_of_the_bound(name: str) -> None:
-    """Its normalised error is chi-square, and it claims the bound."""
     found = problem(name)
     bound, task = found.bound(None), found.task(None)
     assert bound is not None and task is not None
@@ -36,7 +35,6 @@ def test_error_is_that_of_the_bound(name: str) -> None:
 
 
 def test_error_belongs_to_the_record() -> None:
-    """It is that of a real fit to the same record, to first order."""
     found = problem("p3")
     bound, task = found.bound(None), found.task(None)
     assert bound is not None and task is not None
@@ -48,7 +46,6 @@ def test_error_belongs_to_the_record() -> None:
 
 
 def test_without_noise_it_is_the_truth() -> None:
-    """There is nothing that it does not know."""
     found = problem("quiet-4-2")
     task = found.task("armax")
     assert task is not None
@@ -58,7 +55,6 @@ def test_without_noise_it_is_the_truth() -> None:
 
 @pytest.mark.parametrize(("structure", "order"), [("armax", 1), ("bj", 1), ("oe", 1), ("arx", 1), ("ss", 1)])
 def test_orders_too_low(structure: str, order: int) -> None:
-    """A real fit, so that residuals are those of one."""
     found = problem("p3")
     task = found.task(structure, "underfit")
     assert task is not None
@@ -68,7 +64,6 @@ def test_orders_too_low(structure: str, order: int) -> None:
 
 
 def test_orders_of_its_own_choice() -> None:
-    """Those of the truth."""
     found = problem("p3")
     task = found.task(None, "select")
     assert task is not None

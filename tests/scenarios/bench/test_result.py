@@ -5,7 +5,7 @@ from typing import Any
 
 import numpy as np
 
-from scenarios.bench.metric import Figure, Part
+from scenarios.bench.metric import Metric, Part
 from scenarios.bench.result import Result
 from scenarios.estimators.contestant import Contestant, Limits
 
@@ -15,7 +15,7 @@ def test_what_is_written_is_read_again(tmp_path: Path):
     number: Any = np.float64(1.5)
     part = Part("p1", number, float("nan"), (0.0, 1.0), (-np.inf, number), failed, draws=int(np.int64(3)))
     curves = {"count": np.int64(4), "grid": np.arange(2.0), "flag": np.bool_(True), "none": np.array([np.nan])}
-    figure = Figure("few", "Few", "", number, 1.0, (1.0, 2.0), failed, 1e-4, "why", (part,), curves)
+    figure = Metric("few", "Few", "", number, 1.0, (1.0, 2.0), failed, 1e-4, "why", (part,), curves)
     result = Result(
         Contestant("mine", "a:b"), Limits(), "quick", 0, "", "", {}, "", {"model": 1}, {}, 0.5, {"few": figure}
     )

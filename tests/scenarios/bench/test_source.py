@@ -79,7 +79,6 @@ def test_that_of_a_program_follows_every_file_that_it_names(tmp_path: Path):
 
 @pytest.mark.parametrize("words", ["--path {folder}", "--path={folder}"])
 def test_that_of_a_program_follows_the_sources_in_folders_that_it_names(words: str, tmp_path: Path):
-    """Octave and MATLAB find functions in folders."""
     folder = tmp_path / "functions"
     folder.mkdir()
     target = f"sh {words.format(folder='functions')} --eval 'exit(mine({{mat}}, {{task}}, {{model}}))'"
@@ -94,7 +93,6 @@ def test_that_of_a_program_follows_the_sources_in_folders_that_it_names(words: s
 
 
 def test_what_cannot_be_read_is_its_name(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
-    """Folders are shared, and a program may not need what the bench cannot read."""
     (tmp_path / "others.sh").write_text("true")
     program = Contestant("program", "sh --tmp=. {csv}", program=True, home=str(tmp_path))
     readable = source_hash(program)

@@ -5,20 +5,19 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from scenarios.bench.measured import Measured
-from scenarios.bench.speed import SLOW, Speed
+from scenarios.bench.measurement import Measurement
+from scenarios.bench.metrics import SLOW, Speed
 from scenarios.estimators.contestant import Contestant
 from scenarios.problems.trial import Trial
 
 ANYONE = Contestant("anyone", "bench:perfect")
 
 
-def measured(multiple: float, ruler: float = 0.002) -> list[Measured]:
-    """Fifty answers to two problems about so slow."""
+def measured(multiple: float, ruler: float = 0.002) -> list[Measurement]:
     spread = np.random.default_rng(1).lognormal(0.0, 0.3, 50)
     spread /= np.median(spread)
     return [
-        Measured(
+        Measurement(
             Trial("p3" if n < 25 else "p4", n % 25),
             "model",
             seconds=multiple * ruler * one,
@@ -30,8 +29,7 @@ def measured(multiple: float, ruler: float = 0.002) -> list[Measured]:
 
 
 def test_times_are_multiples_of_the_ruler() -> None:
-    """Whatever the processor."""
-    found = [Speed().figure(measured(20.0, ruler), ANYONE, 0.0, ()) for ruler in (0.0005, 0.01)]
+    found = [Speed().evaluate(measured(20.0, ruler), ANYONE, 0.0, ()) for ruler in (0.0005, 0.01)]
     assert found[0].value == pytest.approx(20.0)
     assert found[0].value == pytest.approx(found[1].value)
     assert found[0].passed
@@ -42,26 +40,23 @@ def test_times_are_multiples_of_the_ruler() -> None:
 
 
 def test_slow_is_slow() -> None:
-    """Beyond the limit, and not before it."""
-    assert Speed().figure(measured(1.01 * SLOW), ANYONE, 0.0, ()).passed is False
-    assert Speed().figure(measured(0.99 * SLOW), ANYONE, 0.0, ()).passed is True
+    assert Speed().evaluate(measured(1.01 * SLOW), ANYONE, 0.0, ()).passed is False
+    assert Speed().evaluate(measured(0.99 * SLOW), ANYONE, 0.0, ()).passed is True
 
 
 def test_failures_are_not_timed() -> None:
-    """A crash is quick; a hang has its figure elsewhere."""
     own = measured(20.0)
     failing = [replace(m, kind="hang", seconds=1e6) if n % 3 == 0 else m for n, m in enumerate(own)]
-    assert Speed().figure(failing, ANYONE, 0.0, ()).passed
+    assert Speed().evaluate(failing, ANYONE, 0.0, ()).passed
     for other in ([replace(m, kind="crash") for m in own], []):
-        assert Speed().figure(other, ANYONE, 0.0, ()).passed is None
+        assert Speed().evaluate(other, ANYONE, 0.0, ()).passed is None
 
 
 def test_times_that_are_not_known_leave_no_verdict() -> None:
-    """Unless most are."""
     own = measured(20.0)
     unknown = [replace(m, seconds=float("nan")) for m in own]
-    found = Speed().figure(unknown, ANYONE, 0.0, ())
+    found = Speed().evaluate(unknown, ANYONE, 0.0, ())
     assert found.passed is None
     assert np.isnan(found.value)
     assert "0 of 50" in found.why
-    assert Speed().figure([*own, *unknown[:20]], ANYONE, 0.0, ()).passed
+    assert Speed().evaluate([*own, *unknown[:20]], ANYONE, 0.0, ()).passed

@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 from scipy.stats import chi2
 
-from scenarios.bench.measured import Measured
-from scenarios.bench.metric import Figure
+from scenarios.bench.measurement import Measurement
+from scenarios.bench.metric import Metric
 from scenarios.bench.tests_and_orders import (
     PROBLEMS,
     SELECTED,
@@ -25,28 +25,24 @@ SHARE = 1e-4
 MAKER = ResidualTestsAndOrders()
 
 
-def measured(trial: Trial, rng: np.random.Generator, structure: str | None = None) -> Measured:
-    """What an estimator gives that does all well."""
+def measured(trial: Trial, rng: np.random.Generator, structure: str | None = None) -> Measurement:
     task = problem(trial.problem).task(structure, "fit" if trial.ask == "select" else trial.ask)
     assert task is not None
     white, independent = (1e-9, 1e-9) if trial.ask == "underfit" else rng.uniform(size=2)
-    return Measured(trial, "model", order=order_of(task), whiteness_p=white, independence_p=independent)
+    return Measurement(trial, "model", order=order_of(task), whiteness_p=white, independence_p=independent)
 
 
-def figure(change: Callable[[Measured], Measured] = lambda m: m, contestant: Contestant = ANYONE) -> Figure:
-    """With a change to what is measured of each trial."""
+def figure(change: Callable[[Measurement], Measurement] = lambda m: m, contestant: Contestant = ANYONE) -> Metric:
     rng = np.random.default_rng(2)
     trials = MAKER.trials("quick")
-    return MAKER.figure([change(measured(t, rng, contestant.structure)) for t in trials], contestant, SHARE, ())
+    return MAKER.evaluate([change(measured(t, rng, contestant.structure)) for t in trials], contestant, SHARE, ())
 
 
-def failing(found: Figure) -> set[str]:
-    """Labels of parts that fail."""
+def failing(found: Metric) -> set[str]:
     return {part.label for part in found.parts if part.passed is False}
 
 
 def test_right_orders_pass() -> None:
-    """Of residuals that are white and independent."""
     found = figure()
     assert found.passed
     assert len(found.parts) == 3 * len(PROBLEMS) + len(SELECTED)
@@ -61,9 +57,8 @@ def test_right_orders_pass() -> None:
     ],
 )
 def test_residuals_that_are_rejected_too_often(name: str, labels: set[str]) -> None:
-    """Half of the models of right orders."""
 
-    def change(m: Measured) -> Measured:
+    def change(m: Measurement) -> Measurement:
         return replace(m, **{name: 1e-6}) if m.trial.ask == "fit" and m.trial.draw % 2 else m  # type: ignore[arg-type]
 
     found = figure(change)
@@ -73,25 +68,22 @@ def test_residuals_that_are_rejected_too_often(name: str, labels: set[str]) -> N
 
 
 def test_orders_that_are_not_obeyed() -> None:
-    """Where too low ones were asked, nothing is rejected."""
 
-    def change(m: Measured) -> Measured:
+    def change(m: Measurement) -> Measurement:
         return replace(m, whiteness_p=0.5, independence_p=0.5) if m.trial.ask == "underfit" else m
 
     assert failing(figure(change)) == {f"orders too low on {name}" for name in PROBLEMS}
 
 
 def test_orders_that_are_chosen_wrongly() -> None:
-    """One too high, always."""
     found = figure(lambda m: replace(m, order=m.order + (m.trial.ask == "select")))
     assert failing(found) == {f"choice on {name}" for name in SELECTED}
 
 
 def test_what_is_refused_has_no_verdict() -> None:
-    """The rest has."""
 
-    def change(m: Measured) -> Measured:
-        return Measured(m.trial, "refused", "it does not choose") if m.trial.ask != "fit" else m
+    def change(m: Measurement) -> Measurement:
+        return Measurement(m.trial, "refused", "it does not choose") if m.trial.ask != "fit" else m
 
     found = figure(change)
     assert found.passed
@@ -99,13 +91,11 @@ def test_what_is_refused_has_no_verdict() -> None:
 
 
 def test_nothing_but_failures() -> None:
-    """Or no trial at all."""
-    assert figure(lambda m: Measured(m.trial, "hang")).passed is None
-    assert MAKER.figure([], ANYONE, SHARE, ()).passed is None
+    assert figure(lambda m: Measurement(m.trial, "hang")).passed is None
+    assert MAKER.evaluate([], ANYONE, SHARE, ()).passed is None
 
 
 def test_a_model_without_disturbance_is_tested_by_independence_alone() -> None:
-    """And not at all where only the order of the disturbance is too low."""
     era = Contestant("era", "bench:perfect", structure="ss")
     found = figure(lambda m: replace(m, whiteness_p=float("nan")), era)
     verdicts = {part.label: part.passed for part in found.parts}
@@ -116,7 +106,6 @@ def test_a_model_without_disturbance_is_tested_by_independence_alone() -> None:
 
 
 def test_what_is_not_efficient_need_not_leave_white_residuals() -> None:
-    """Theory says so, of subspace methods and of output error under coloured noise."""
     for contestant in (
         Contestant("n4sid", "bench:perfect", structure="ss", method="subspace"),
         Contestant("oe", "bench:perfect", structure="oe", method="pem"),
@@ -129,14 +118,13 @@ def test_what_is_not_efficient_need_not_leave_white_residuals() -> None:
 
 @pytest.mark.parametrize(("size", "fails"), [(0.5, True), (3.0, False)])
 def test_output_error_is_independent_of_past_inputs_if_its_error_is_small(size: float, fails: bool) -> None:
-    """Whatever the disturbance, since residuals and inputs are whitened; what is far from the bound may show."""
     bound = problem("p4").bound(None)
     assert bound is not None
     step = np.sqrt(size * len(bound.response_directions)) * bound.response_directions[0]
     response = bound.response + step[..., 0] + 1j * step[..., 1]
     oe = Contestant("oe", "bench:perfect", structure="oe", method="pem")
 
-    def change(m: Measured) -> Measured:
+    def change(m: Measurement) -> Measurement:
         return replace(m, independence_p=1e-9, response=response) if m.trial.problem == "p4" else m
 
     found = figure(change, oe)
@@ -145,7 +133,6 @@ def test_output_error_is_independent_of_past_inputs_if_its_error_is_small(size: 
 
 
 def test_size_of_an_estimate_that_has_nothing_to_do_with_the_record() -> None:
-    """More than nominal, the more parameters there are; residuals of regressions show the same."""
     assert size_of_independent_estimate(0) == pytest.approx(0.01, abs=0.001)
     sizes = [size_of_independent_estimate(count) for count in (2, 4, 8)]
     assert sizes == sorted(sizes)

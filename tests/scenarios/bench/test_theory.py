@@ -22,7 +22,6 @@ CASES: dict[tuple[str, str], dict[str, set[str]]] = {
 
 @pytest.mark.parametrize(("method", "structure"), CASES)
 def test_what_fails(method: str, structure: str) -> None:
-    """On each problem, with a reason that names its source."""
     contestant = Contestant("one", "a:b", structure=structure, method=method)
     for name, fails in CASES[method, structure].items():
         said = {figure: expectation(contestant, name, figure) for figure in ALL}
@@ -32,7 +31,6 @@ def test_what_fails(method: str, structure: str) -> None:
 
 @pytest.mark.parametrize("figure", sorted(ALL))
 def test_everything_is_expected_of_who_does_not_say_the_method(figure: str) -> None:
-    """Whatever the structure, and of prediction error with the truth's own structure."""
     for structure in (None, *STRUCTURES):
         assert expectation(Contestant("one", "a:b", structure=structure), "p3", figure).passes
     assert expectation(Contestant("one", "a:b", method="pem"), "p3", figure).passes
@@ -40,14 +38,12 @@ def test_everything_is_expected_of_who_does_not_say_the_method(figure: str) -> N
 
 @pytest.mark.parametrize("method", METHODS)
 def test_every_method_recovers_what_has_no_noise(method: str) -> None:
-    """In each structure: there is nothing that could be modelled wrongly."""
     for structure in STRUCTURES:
         contestant = Contestant("one", "a:b", structure=structure, method=method)
         assert expectation(contestant, "quiet-2-1", "noise_free_recovery").passes
 
 
 def test_feedback() -> None:
-    """Biases all but prediction error with the right model of the disturbance."""
     biased = {
         (method, structure)
         for method, structure in (*CASES, ("pem", "arx"))

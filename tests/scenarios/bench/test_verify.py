@@ -80,7 +80,6 @@ def hungry(data, task):
 
 
 def journal_of(folder: Path) -> list[dict]:
-    """Lines of the only journal, by trial, without what a clock says."""
     (path,) = (folder / JOURNALS).iterdir()
     lines = [json.loads(line) for line in path.read_text().splitlines()[1:]]
     for line in lines:

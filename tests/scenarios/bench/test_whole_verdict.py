@@ -2,16 +2,14 @@
 
 import pytest
 
-from scenarios.bench.metric import Figure, Part
-from scenarios.bench.whole_verdict import all_pass
+from scenarios.bench.metric import Metric, Part, all_pass
 
 NAN = float("nan")
 
 
-def figure(name: str, passed: bool | None, value: float = 1.0, part: bool | None = None) -> Figure:
-    """One with a part that theory expects to fail, where its verdict is given."""
+def figure(name: str, passed: bool | None, value: float = 1.0, part: bool | None = None) -> Metric:
     parts = () if part is None else (Part("p3", 2.0, 1.0, (NAN, NAN), (0.0, 1.5), part, theory=False),)
-    return Figure(name, name, "", value, 1.0, (NAN, NAN), passed, 0.0, "", parts)
+    return Metric(name, name, "", value, 1.0, (NAN, NAN), passed, 0.0, "", parts)
 
 
 @pytest.mark.parametrize(
@@ -28,6 +26,5 @@ def figure(name: str, passed: bool | None, value: float = 1.0, part: bool | None
         ((), False),
     ],
 )
-def test_whether_all_pass(figures: tuple[Figure, ...], passes: bool) -> None:
-    """Something must have been judged beside speed and failures, unless nothing else was wanted."""
+def test_whether_all_pass(figures: tuple[Metric, ...], passes: bool) -> None:
     assert all_pass({one.name: one for one in figures}) is passes

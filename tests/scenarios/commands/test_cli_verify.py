@@ -24,7 +24,7 @@ def executor(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Here:
     """In an empty folder, with one small figure, everything in this process."""
     monkeypatch.chdir(tmp_path)
     here = Here()
-    monkeypatch.setattr("scenarios.bench.selection.ALL_FIGURES", (Few(),))
+    monkeypatch.setattr("scenarios.bench.metrics.ALL_METRICS", (Few(),))
     monkeypatch.setattr("scenarios.bench.local.Local", lambda *workers: here)
     return here
 

@@ -7,8 +7,8 @@ from pathlib import Path
 import pytest
 
 from scenarios.bench.cost import Pilot, kind, pilot_of
-from scenarios.bench.measured import Measured
-from scenarios.bench.metric import Figure, Part
+from scenarios.bench.measurement import Measurement
+from scenarios.bench.metric import Metric, Part
 from scenarios.bench.result import Result
 from scenarios.bench.work import Done, Piece, spread
 from scenarios.commands.verify_bandwidths import answer, bandwidth_rows, show_bandwidths
@@ -23,7 +23,7 @@ INFINITE = (-math.inf, math.inf)
 ROWS = (("elbow_pitch", 40.0, 1.02, 1.04, 8), ("elbow_pitch", 5.0, 0.9, 0.6, 5), ("shoulder_yaw", 5.0, NAN, NAN, 0))
 
 
-def bandwidth() -> Figure:
+def bandwidth() -> Metric:
     parts = [Part(f"{row[0]} multisine {row[1]:g} mrad", row[2], row[3], (0.8, 1.1), INFINITE, None) for row in ROWS]
     classes = [
         {
@@ -37,7 +37,7 @@ def bandwidth() -> Figure:
         | {"models": 8}
         for joint, mrad, _, best, near in ROWS
     ]
-    return Figure(
+    return Metric(
         "bandwidth",
         "Recovered bandwidth",
         "Hz",
@@ -71,8 +71,8 @@ def test_bandwidths_joint_by_joint_and_the_answer(capsys: pytest.CaptureFixture[
     assert bandwidth_rows({"bandwidth": replace(bandwidth(), parts=(), curves={})}) == []
 
 
-def figure(name: str, *parts: Part, passed: bool | None) -> Figure:
-    return Figure(name, f"{name.title()}: of something", "", 1.0, 1.0, (0.0, 2.0), passed, 1e-4, "what; more", parts)
+def figure(name: str, *parts: Part, passed: bool | None) -> Metric:
+    return Metric(name, f"{name.title()}: of something", "", 1.0, 1.0, (0.0, 2.0), passed, 1e-4, "what; more", parts)
 
 
 def test_a_block_for_each_figure_that_does_not_pass(capsys: pytest.CaptureFixture[str]) -> None:
@@ -155,7 +155,7 @@ def test_the_last_line_counts_what_theory_excuses(
     figures = {}
     for place in range(3):
         bad = [Part("p2", 9.0, 1.0, (8.0, 9.9), (0.5, 1.5), False, theory=False, why="so it is")] * (place < number)
-        figures[f"f{place}"] = Figure(f"f{place}", "One", "", 1.0, 1.0, (0.9, 1.1), True, 0.0, "", (fine, *bad))
+        figures[f"f{place}"] = Metric(f"f{place}", "One", "", 1.0, 1.0, (0.9, 1.1), True, 0.0, "", (fine, *bad))
     one = Contestant("mine", "a:b", method=method)
     show([Result(one, Limits(), "quick", 0, "", "", {}, "", {"model": 1}, {}, 0.5, figures)], tmp_path)
     assert capsys.readouterr().out.splitlines()[-1] == f"mine: {words}"
@@ -181,7 +181,7 @@ def test_the_first_of_each_kind_tells_the_cost_and_families_are_spread() -> None
     assert [kind(piece.problem) for piece in first] == ["twin-a", "p1@300", "p1"]
     pilot = Pilot()
     for piece in first:
-        pilot.learn(Done(0, Measured(Trial(piece.problem, piece.draw), "crash"), 1.0 + piece.draw))
+        pilot.learn(Done(0, Measurement(Trial(piece.problem, piece.draw), "crash"), 1.0 + piece.draw))
     assert [pilot.seconds(piece) for piece in others] == [1.0, 1.0, 1.0, 5.0]
     cost = pilot.cost(others, 2)
     assert (cost.calls, cost.core_seconds, cost.wall) == (4, 8.0, 4.0)

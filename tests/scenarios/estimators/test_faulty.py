@@ -6,7 +6,7 @@ import control
 import numpy as np
 import pytest
 
-from scenarios.bench.speed import SLOW
+from scenarios.bench.metrics import SLOW
 from scenarios.estimators import changed_answers, faulty, ours
 from scenarios.estimators.answer import Answer
 from scenarios.estimators.contestant import Limits

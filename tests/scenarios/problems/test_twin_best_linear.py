@@ -1,7 +1,8 @@
 import numpy as np
 from scipy.stats import f
 
-from scenarios.bench.twin_trials import AMPLITUDES, JOINTS, multisine_class, sequence_class
+from scenarios.bench.amplitude_split import AMPLITUDES, JOINTS, multisine_class
+from scenarios.bench.bandwidth import sequence_class
 from scenarios.problems import twin_best_linear as module
 from scenarios.problems.twin_best_linear import BestLinear, class_key, measured_best_linear, twin_best_linear
 from scenarios.problems.twin_best_linear_table import classes

@@ -8,9 +8,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from scenarios.bench.measured import Measured
-from scenarios.bench.perfect_records import bound_for
-from scenarios.bench.response_statistics import TWO_SIDED_95
+from scenarios.bench.measurement import Measurement
+from scenarios.bench.statistics import TWO_SIDED_95, bound_for
 from scenarios.estimators.outcome import MODEL
 from scenarios.problems.bound import response_covariance
 from scenarios.problems.problem import Bound
@@ -79,7 +78,7 @@ FOUND_BY = {
 """Figures of accuracy that each fault fails, and no others: a test holds them to it."""
 
 
-def simulated(trials: Sequence[Trial], fault: Fault, rng: np.random.Generator) -> list[Measured]:
+def simulated(trials: Sequence[Trial], fault: Fault, rng: np.random.Generator) -> list[Measurement]:
     """Measure an estimator that is perfect but for a fault.
 
     Args:
@@ -93,13 +92,13 @@ def simulated(trials: Sequence[Trial], fault: Fault, rng: np.random.Generator) -
     return [_one(trial, fault, rng) for trial in trials]
 
 
-def _one(trial: Trial, fault: Fault, rng: np.random.Generator) -> Measured:
+def _one(trial: Trial, fault: Fault, rng: np.random.Generator) -> Measurement:
     if fault.failing > 0.0 and rng.random() < fault.failing:
-        return Measured(trial, "unstable", "a pole outside the unit circle")
+        return Measurement(trial, "unstable", "a pole outside the unit circle")
     here = problem(trial.problem)
     if trial.problem.startswith("quiet-"):
         true = here.truth.frequency_response(here.frequencies)
-        return Measured(trial, MODEL, response=_wrong(true, here.frequencies, here.truth.dt, fault))
+        return Measurement(trial, MODEL, response=_wrong(true, here.frequencies, here.truth.dt, fault))
     bound = bound_for(trial.problem, None)
     if bound is None:
         raise AssertionError(f"{trial.problem}: no bound to simulate from")
@@ -107,7 +106,7 @@ def _one(trial: Trial, fault: Fault, rng: np.random.Generator) -> Measured:
     parts = np.tensordot(steps, bound.response_directions, axes=1)
     response = _wrong(bound.response + parts[..., 0] + 1j * parts[..., 1], bound.frequencies, here.truth.dt, fault)
     if fault.claimed_share < 1.0 and rng.random() >= fault.claimed_share:
-        return Measured(trial, MODEL, response=response)
+        return Measurement(trial, MODEL, response=response)
     scale = fault.variance * fault.claimed
     deviation = bound.bandwidth_deviation * np.sqrt(scale) * TWO_SIDED_95
     bandwidth = bound.bandwidth_hz * np.exp(
@@ -116,7 +115,7 @@ def _one(trial: Trial, fault: Fault, rng: np.random.Generator) -> Measured:
     normalised, covered, count = _parameters(bound, fault, scale, rng)
     with np.errstate(over="ignore"):
         ends = np.stack((bandwidth * np.exp(-deviation), bandwidth * np.exp(deviation)))
-    return Measured(
+    return Measurement(
         trial,
         MODEL,
         response=response,

@@ -1,0 +1,281 @@
+"""Measurements of one trial: the answer against the truth of its problem and against its own record."""
+
+import json
+import warnings
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from scipy.linalg import LinAlgError, LinAlgWarning, cho_factor, cho_solve
+
+from scenarios.estimators.answer import Answer
+from scenarios.estimators.claims import known_parameters, response_and_interval
+from scenarios.estimators.no_model import NoModelError
+from scenarios.estimators.outcome import KINDS, MODEL, Outcome
+from scenarios.estimators.task import Task
+from scenarios.files.errors import ScenarioError
+from scenarios.problems.problem import Bound, Periodic, Problem
+from scenarios.problems.trial import ASKS, Trial
+from sysid import Estimate, IOData, StateSpace, SysidError, SysidWarning, resid
+from sysid.models.frequency_response import NORMAL_95
+from sysid.polynomial.orders import make_orders
+from sysid.polynomial.polynomial_estimate import Realise
+from sysid.records.arrays import ComplexArray, FloatArray, Locked
+
+CANCELS = 1e-9
+"""States with a Hankel singular value below this part of the largest cancel."""
+
+NAN = float("nan")
+ARRAYS = ("response", "response_covariance", "bandwidth_hz", "bandwidth_ci95", "nonparametric")
+
+
+@dataclass(frozen=True, eq=False)
+class Measurement(Locked):
+    """Measurements of one trial: all that metrics need, and nothing that only its process knows.
+
+    Attributes:
+        trial: The trial.
+        kind: Kind of its outcome; see `scenarios.estimators.outcome.KINDS`.
+        why: Its reason, where it is no model.
+        seconds: Processor time, s; NaN where not known.
+        ruler_seconds: Processor time of a fixed least-squares problem on the same record in the same run, s: the unit
+            in which the times of estimators are compared.
+        peak_bytes: Greatest memory use, bytes; 0 where not known.
+        order: Of the model from input to output, without states that cancel; -1 where there is no model.
+        response: From input to output at the problem's frequencies (nf, ny, nu); None where there is no stable model.
+        response_covariance: Claimed (nf, ny, nu, 2, 2), or None.
+        normalised_error: error' covariance^-1 error of the parameters, by the claimed covariance; NaN where none is
+            claimed or the parameters are not those of the truth's structure.
+        parameters: Number of its parameters.
+        covered: Number of true parameters within their claimed 95 % intervals; -1 where not claimed.
+        bandwidth_hz: (ny, nu); NaN where there is none; None where there is no stable model.
+        bandwidth_ci95: (2, ny, nu), or None.
+        whiteness_p: p-value of the residuals' whiteness test, the least of all outputs; NaN where not tested.
+        independence_p: Of their independence of past inputs, the least of all pairs; NaN where not tested.
+        nonparametric: Response of the record without a model, at the same frequencies (nf, ny, nu); None where the
+            problem's records are not periodic.
+    """
+
+    trial: Trial
+    kind: str
+    why: str = ""
+    seconds: float = NAN
+    ruler_seconds: float = NAN
+    peak_bytes: int = 0
+    order: int = -1
+    response: ComplexArray | None = None
+    response_covariance: FloatArray | None = None
+    normalised_error: float = NAN
+    parameters: int = 0
+    covered: int = -1
+    bandwidth_hz: FloatArray | None = None
+    bandwidth_ci95: FloatArray | None = None
+    whiteness_p: float = NAN
+    independence_p: float = NAN
+    nonparametric: ComplexArray | None = None
+
+    def to_json(self) -> str:
+        """One line of text."""
+        return json.dumps({name: _plain(value) for name, value in vars(self).items()}, allow_nan=True)
+
+    @classmethod
+    def from_json(cls, line: str) -> "Measurement":
+        """Read a line of `to_json`.
+
+        Raises:
+            ScenarioError: It is none.
+        """
+        try:
+            table = json.loads(line)
+            trial = Trial(**table.pop("trial"))
+            measurement = cls(trial=trial, **{name: _array(value) for name, value in table.items()})
+            measurement._check()
+            return measurement
+        except (ValueError, TypeError, KeyError, AttributeError, RecursionError) as error:
+            raise ScenarioError(f"{line[:80]!r} is no measured trial: {error}") from error
+
+    def _check(self) -> None:
+        """Check the types that metrics rely on: a damaged file may hold anything.
+
+        Raises:
+            ValueError: A value is of another type.
+        """
+        trial = self.trial
+        if not isinstance(trial.problem, str) or type(trial.draw) is not int or trial.ask not in ASKS:
+            raise ValueError(f"no trial: {trial}")
+        if self.kind not in KINDS or not isinstance(self.why, str):
+            raise ValueError(f"kind {self.kind!r}")
+        for name, value in vars(self).items():
+            if name in ("trial", "kind", "why"):
+                continue
+            valid = value is None or isinstance(value, np.ndarray) if name in ARRAYS else type(value) in (int, float)
+            if not valid:
+                raise ValueError(f"{name} of type {type(value).__name__}")
+
+
+Measurements = Sequence[Measurement]
+
+
+def _plain(value: Any) -> Any:
+    if isinstance(value, Trial):
+        return vars(value)
+    if isinstance(value, np.ndarray):
+        if np.iscomplexobj(value):
+            return {"complex": np.stack((value.real, value.imag), axis=-1).tolist()}
+        return {"real": value.tolist()}
+    return value
+
+
+def _array(value: Any) -> Any:
+    if isinstance(value, dict):
+        if "complex" in value:
+            pairs = np.array(value["complex"], dtype=float)
+            return pairs[..., 0] + 1j * pairs[..., 1]
+        return np.array(value["real"], dtype=float)
+    return value
+
+
+def measure(
+    problem: Problem,
+    trial: Trial,
+    task: Task,
+    bound: Bound | None,
+    record: IOData,
+    outcome: Outcome,
+    *,
+    ruler_seconds: float = NAN,
+) -> Measurement:
+    """Measure the outcome of a trial.
+
+    Args:
+        problem: Its problem.
+        trial: The trial.
+        task: The task.
+        bound: That of the estimator's structure, with the truth in its parameters; None where there is none.
+        record: The record that the estimator was given.
+        outcome: The estimator's answer, or its failure.
+        ruler_seconds: Of the fixed problem on the same record; see `Ruler`.
+    """
+
+    def failed(kind: str, why: str) -> Measurement:
+        return Measurement(trial, kind, why, outcome.seconds, ruler_seconds, outcome.peak_bytes)
+
+    answer = outcome.answer
+    if outcome.kind != MODEL or answer is None:
+        return failed(outcome.kind, outcome.why)
+    with warnings.catch_warnings(), np.errstate(all="ignore"):
+        # Warnings of an uncertain bandwidth, of a predictor that is not stable, of poles close to the unit circle: the
+        # measurements show each of them.
+        warnings.simplefilter("ignore", SysidWarning)
+        warnings.simplefilter("ignore", LinAlgWarning)
+        try:
+            claim = _claimed_parameters(answer, record, task)
+            response_covariance, interval = _derived_claims(answer, claim, task)
+            normalised, parameters, covered = _errors(claim, task, bound if trial.ask == "fit" else None)
+            whiteness, independence = _residual_tests(answer, record)
+            return Measurement(
+                trial,
+                MODEL,
+                "",
+                outcome.seconds,
+                ruler_seconds,
+                outcome.peak_bytes,
+                order=dynamic_order(answer.model),
+                response=answer.model.frequency_response(problem.frequencies),
+                response_covariance=response_covariance,
+                normalised_error=normalised,
+                parameters=parameters,
+                covered=covered,
+                bandwidth_hz=answer.model.bandwidth(),
+                bandwidth_ci95=None if interval is None else np.stack(interval),
+                whiteness_p=whiteness,
+                independence_p=independence,
+                nonparametric=problem.nonparametric(record) if isinstance(problem, Periodic) else None,
+            )
+        except NoModelError as error:
+            return failed(error.kind, str(error))
+        except (SysidError, LinAlgError) as error:
+            return failed("malformed", f"a model that cannot be evaluated: {error}")
+
+
+def dynamic_order(model: StateSpace) -> int:
+    """Number of states from input to output of a stable model, without those that cancel."""
+    return model.input_path().minimal(CANCELS).order
+
+
+def normalised_error(error: FloatArray, covariance: FloatArray) -> float:
+    """The error weighed by its covariance, e' P^-1 e; infinite where the covariance is not positive definite.
+
+    Args:
+        error: (p,).
+        covariance: (p, p). It is scaled to ones on its diagonal first: parameters differ by orders of magnitude.
+    """
+    deviations = np.sqrt(np.diag(covariance))
+    if not (deviations > 0.0).all():
+        return float("inf")
+    try:
+        factor = cho_factor(covariance / np.outer(deviations, deviations))
+    except (LinAlgError, ValueError):
+        return float("inf")
+    scaled = error / deviations
+    return float(scaled @ cho_solve(factor, scaled))
+
+
+def _claimed_parameters(answer: Answer, record: IOData, task: Task) -> Estimate | None:
+    """The parameters with their claimed covariance; None where none is claimed."""
+    if answer.polynomials is None or answer.covariance is None:
+        return None
+    return known_parameters(answer.covariance, answer.polynomials, answer.model, record, task)
+
+
+def _derived_claims(
+    answer: Answer, claim: Estimate | None, task: Task
+) -> tuple[FloatArray | None, tuple[FloatArray, FloatArray] | None]:
+    """Covariance of the response and interval of the bandwidth: claimed, or derived from those of the parameters."""
+    covariance, interval = answer.response_covariance, answer.bandwidth_ci95
+    if claim is not None and (covariance is None or interval is None):
+        derived = response_and_interval(claim, task)
+        covariance = derived[0] if covariance is None else covariance
+        interval = derived[1] if interval is None else interval
+    return covariance, interval
+
+
+def _errors(claim: Estimate | None, task: Task, bound: Bound | None) -> tuple[float, int, int]:
+    """Normalised error, number of parameters, and how many of them lie within their intervals."""
+    if claim is None:
+        return NAN, 0, -1
+    count = len(claim.parameters)
+    if bound is None or not _of_requested_orders(claim, task) or count != len(bound.parameters):
+        return NAN, count, -1
+    error = claim.parameters - bound.parameters
+    half = NORMAL_95 * np.sqrt(np.maximum(np.diag(claim.covariance), 0.0))
+    return normalised_error(error, claim.covariance), count, int((np.abs(error) <= half).sum())
+
+
+def _of_requested_orders(claim: Estimate, task: Task) -> bool:
+    """Whether the parameters correspond one by one to those of the orders in the task."""
+    if task.chooses or task.structure == "ss" or not isinstance(claim.realise, Realise):
+        return False
+    orders = {name: 0 for name in ("na", "nc", "nd", "nf")} | dict(task.orders)
+    return claim.realise.orders == make_orders(len(claim.realise.orders.nb), **orders)
+
+
+def _residual_tests(answer: Answer, record: IOData) -> tuple[float, float]:
+    """p-values of whiteness and of independence of past inputs, the least of all; the initial state is fitted.
+
+    Whiteness is not tested without a model of the noise. NaN where nothing can be tested, as with residuals of zero.
+    """
+    try:
+        test = resid(answer.model, record)
+    except SysidError:
+        return NAN, NAN
+    return float(np.min(test.whiteness_p)) if _models_noise(answer) else NAN, float(np.min(test.independence_p))
+
+
+def _models_noise(answer: Answer) -> bool:
+    """Whether there is a model of the noise: dynamics, a covariance, or polynomials that say that it is white."""
+    if answer.model.innovation_covariance is not None or bool(np.any(answer.model.gain)):
+        return True
+    p = answer.polynomials
+    return p is not None and all(not np.any(row[1:]) for row in (p.A, p.C, p.D))
