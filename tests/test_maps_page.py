@@ -20,9 +20,9 @@ def test_small_signal_sentences_are_computed() -> None:
     """Those over amplitude and friction take a minute; the command at the head of the page renews them."""
     (block,) = re.findall(r"<!-- findings -->\n(.*?)<!-- end -->", PAGE, re.S)
     shown = [line.removeprefix("- ") for line in block.strip().splitlines()]
-    said = findings(maps(load_arm(), OPERATING_POSE, Density(amplitudes=())))
-    assert len(shown) == len(said) + 2
-    for printed, text in zip(shown, said, strict=False):
+    texts = findings(maps(load_arm(), OPERATING_POSE, Density(amplitudes=())))
+    assert len(shown) == len(texts) + 2
+    for printed, text in zip(shown, texts, strict=False):
         assert NUMBER.sub("#", printed) == NUMBER.sub("#", text)
         # One step in the last digit is left to other compilers and processors.
         for given, new in zip(NUMBER.findall(printed), NUMBER.findall(text), strict=True):

@@ -23,19 +23,20 @@ def main() -> None:
     # Text as text keeps the files small; the same ids on every run keep their differences small.
     matplotlib.rcParams.update({"svg.fonttype": "none", "svg.hashsalt": "maps", "font.family": "sans-serif"})
     arm = load_arm()
-    found = maps(arm, OPERATING_POSE)
-    figures = {f"maps-{name}.svg": map_figures(found)[name][0] for name in SHOWN}
+    made = maps(arm, OPERATING_POSE)
+    figures_of_maps = map_figures(made)
+    figures = {f"maps-{name}.svg": figures_of_maps[name] for name in SHOWN}
     figures["truth.svg"] = truth_figure(truth_summary(arm, linearize(arm)))
     for name, figure in figures.items():
         figure.savefig(FOLDER / name, metadata={"Date": None})
-    PAGE.write_text(renewed(PAGE.read_text(encoding="utf-8"), found), encoding="utf-8")
+    PAGE.write_text(renewed(PAGE.read_text(encoding="utf-8"), made), encoding="utf-8")
 
 
-def renewed(page: str, found: Maps) -> str:
+def renewed(page: str, made: Maps) -> str:
     """Return the page with its sentences made anew."""
-    said = "\n".join(f"- {text}" for text in findings(found))
+    sentences = "\n".join(f"- {text}" for text in findings(made))
     block = re.compile(r"(<!-- findings -->\n).*?(<!-- end -->)", re.S)
-    return block.sub(lambda match: f"{match[1]}{said}\n{match[2]}", page)
+    return block.sub(lambda match: f"{match[1]}{sentences}\n{match[2]}", page)
 
 
 if __name__ == "__main__":

@@ -227,8 +227,8 @@ def _figure(summary: "TruthSummary", out: Path | None) -> list[Path]:
 def _maps(
     arm: "Arm", summary: "TruthSummary", grid: "Density", seed: int, threads: int | None, out: Path | None
 ) -> tuple[list[Path], tuple[str, ...]]:
+    from scenarios.truth.map_figures import write_maps
     from scenarios.truth.map_findings import findings
-    from scenarios.truth.map_page import write_maps
     from scenarios.truth.maps import maps as made
 
     with output_folder(out or PLACE) as folder:
@@ -239,7 +239,7 @@ def _maps(
 def _print(summary: "TruthSummary") -> None:
     import numpy as np
 
-    from scenarios.truth.bandwidth_caution import cautions
+    from scenarios.truth.best_linear import cautions
     from scenarios.truth.truth_summary import LOCKED_NOTE, conditions_in_words, pose_in_words
 
     truth, bla = summary.truth, summary.best_linear

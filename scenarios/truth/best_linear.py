@@ -18,6 +18,18 @@ from sysid.frequency.bla import ResponseAgreement, response_agreement
 from sysid.models.bandwidth import response_bandwidth
 from sysid.records.arrays import FloatArray
 
+SLOWEST = 0.3
+"""Lines up to this frequency tell the gain at low frequency, Hz."""
+
+DISTORTED = 10.0
+"""Nonlinear distortion from which on no one linear model is good, percent."""
+
+WIDE = 1.5
+"""Factor between the ends of an interval from which on the bandwidth in it is a rough guess."""
+
+STUCK = 0.7
+"""Gain at low frequency, over the truth's, below which the joint sticks: its bandwidth is relative to that gain."""
+
 
 @dataclass(frozen=True, eq=False)
 class SilentLines:
@@ -256,6 +268,41 @@ def distortion_percent(approximation: BestLinearApproximation) -> FloatArray:
     excess = approximation.realisations * (approximation.total_variance - approximation.noise_variance)
     linear = np.abs(approximation.response.response) ** 2 - approximation.total_variance
     return np.asarray(100.0 * np.sqrt(np.maximum(excess.sum(axis=(0, 2)), 0.0) / linear.sum(axis=(0, 2))))
+
+
+def slow_gain(approximation: BestLinearTruth, truth: Truth) -> float:
+    """Return the gain from commanded to measured angle over that of the small-signal truth, lines up to `SLOWEST`.
+
+    Args:
+        approximation: The approximation of one joint, excited alone.
+        truth: The small-signal truth of the same arm.
+    """
+    response, joint = approximation.servo.response, approximation.measured[0]
+    slow = response.frequencies <= SLOWEST
+    expected = truth.channel(joint, joint).frequency_response(response.frequencies[slow])[:, 0, 0]
+    return float(np.abs(response.response[slow, 0, 0] / expected).mean())
+
+
+def cautions(approximation: BestLinearTruth, truth: Truth) -> tuple[str, ...]:
+    """Return in words why the bandwidth of an approximation says little; nothing where it may be relied upon.
+
+    Args:
+        approximation: The approximation of one joint, excited alone.
+        truth: The small-signal truth of the same arm.
+    """
+    remarks = []
+    band, gain = approximation.bandwidth, slow_gain(approximation, truth)
+    distortion = float(approximation.distortion_percent[0])
+    hz, low, high = (float(part[0, 0]) for part in (band.hz, *band.ci95))
+    if gain < STUCK:
+        remarks.append(f"it follows {100 * gain:.0f} % of a slow command, and the bandwidth is relative to that")
+    if distortion > DISTORTED:
+        remarks.append(f"distortion is {distortion:.0f} %, so no linear model is good")
+    if not np.isfinite(hz):
+        remarks.append("no bandwidth shows")
+    elif not high <= WIDE * low:
+        remarks.append(f"the interval's ends differ by a factor of {high / low:.1f}")
+    return tuple(remarks)
 
 
 def _outputs(measured: Sequence[str]) -> tuple[str, ...]:

@@ -10,8 +10,7 @@ from hmtb_twin.control.control_station import ControlStation
 from hmtb_twin.control.data_acquisition import BOARD
 from hmtb_twin.control.modes import joint_index
 from scenarios.experiments.multisines import MultisineExperiment, Multisines, multisine_experiments
-from scenarios.truth.bandwidth_caution import cautions
-from scenarios.truth.best_linear import best_linear
+from scenarios.truth.best_linear import best_linear, cautions
 from sysid import FrequencyResponse, IOData
 from sysid.models.bandwidth import HALF_POWER, gain_crossing
 

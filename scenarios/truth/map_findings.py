@@ -1,52 +1,40 @@
-"""What the maps of an arm say, in words."""
+"""Findings of the maps in words, all numbers computed from their table."""
 
 import numpy as np
 
 from hmtb_twin import JOINTS, STUDIED_JOINTS
-from scenarios.truth.amplitude_maps import LEVEL_AMPLITUDE, LargeSignal, LargeSignals
-from scenarios.truth.condition_maps import Conditions
-from scenarios.truth.local_dynamics import MOVING
-from scenarios.truth.maps import REACH, Maps
-from scenarios.truth.pose_maps import STUDIED, TOLERANCE, change, reach
+from scenarios.truth.map_table import MOVING, UNITS, MapTable
+from scenarios.truth.maps import LEVEL_AMPLITUDE, REACH, Maps
 
-SLIGHT = 0.01
-"""A condition that changes no bandwidth by more than this part is not dwelt upon."""
+TOLERANCE = 0.1
+"""A bandwidth counts as unchanged within this part of that at the operating pose."""
 
 PERCENT = f"{100 * TOLERANCE:.0f} %"
-"""The tolerance in words."""
+
+SLIGHT = 0.01
+"""A condition that changes no bandwidth by more than this part gets no numbers of single joints."""
+
+STUDIED = [MOVING.index(name) for name in STUDIED_JOINTS]
+"""Columns of the studied joints among the moving ones."""
+
+LARGE_SIGNALS = ("amplitude", "friction")
+"""What varies in rows of best linear approximations."""
 
 
 def findings(maps: Maps) -> tuple[str, ...]:
-    """Return one sentence or two for each thing that the maps were made to answer, all numbers computed from them."""
+    """Return a sentence or two for each question that the maps answer."""
+    table = maps.table
+    conditions = [name for name in ("payload", "supply pressure", "oil temperature") if name in table.varied]
     return (
-        _neighbourhood(maps),
+        _neighbourhood(maps, table.rows("near")),
         _one_joint(maps),
-        _everywhere(maps),
-        _shape(maps),
-        _coupling(maps),
-        *(_condition(maps, varied) for varied in maps.conditions),
-        *(_large(maps, maps.large) if maps.large else ()),
+        _everywhere(maps, table.rows("anywhere")),
+        _stability(table.rows("operating pose", "workspace", "near", "anywhere", *MOVING)),
+        _coupling(maps, table.rows("anywhere")),
+        *(_condition(maps, table.rows(name)) for name in conditions),
+        *([_amplitude(maps, table.rows("amplitude"))] if "amplitude" in table.varied else []),
+        *([_friction(table.rows("friction"))] if "friction" in table.varied else []),
     )
-
-
-def linear_range(points: list[LargeSignal], hz: float) -> tuple[float, float] | None:
-    """Return between which amplitudes the bandwidth is within the tolerance of the small-signal one.
-
-    Args:
-        points: One joint's points, amplitudes rising.
-        hz: Its small-signal bandwidth, Hz.
-
-    Returns:
-        Smallest and largest amplitude of the longest run of such points, rad; None where there is none.
-    """
-    runs: list[list[float]] = [[]]
-    for point in points:
-        if np.isfinite(point.hz) and abs(point.hz / hz - 1.0) <= TOLERANCE:
-            runs[-1].append(point.amplitude)
-        elif runs[-1]:
-            runs.append([])
-    longest = max(runs, key=len)
-    return (longest[0], longest[-1]) if longest else None
 
 
 def words(joint: str) -> str:
@@ -54,182 +42,188 @@ def words(joint: str) -> str:
     return joint.replace("_", " ")
 
 
-def listed(parts: list[str]) -> str:
-    """Join words with commas and an "and"."""
-    return parts[0] if len(parts) == 1 else f"{', '.join(parts[:-1])} and {parts[-1]}"
+def turns_within(maps: Maps, joint: str) -> tuple[float, float]:
+    """Return how far a joint may turn down and up before a studied bandwidth leaves the tolerance.
+
+    Args:
+        maps: The maps.
+        joint: The joint that turns; the others stay at the operating pose.
+
+    Returns:
+        Largest turns, deg, by linear interpolation between the poses of the table, or up to the last pose before one
+        that has no bandwidth; infinite where none leaves the tolerance.
+    """
+    rows = maps.table.rows(joint)
+    turns = rows.value.astype(float) - np.degrees(maps.truth.angles[JOINTS.index(joint)])
+    worst = np.abs(maps.change(rows)[:, STUDIED]).max(axis=1)
+    down, up = turns < 0.0, turns > 0.0
+    return _first_beyond(-turns[down][::-1], worst[down][::-1]), _first_beyond(turns[up], worst[up])
 
 
-def _neighbourhood(maps: Maps) -> str:
-    worst = np.abs(change(maps.near.dynamics, maps.here)[:, STUDIED]).max(axis=1)
-    outside = ~(worst <= TOLERANCE)
-    first = maps.near.distance[outside].min(initial=np.inf)
-    looked = f"{len(worst)} random poses up to {np.degrees(REACH):.0f}° away"
+def _first_beyond(turns: np.ndarray, changes: np.ndarray) -> float:
+    # At the operating pose itself nothing has changed.
+    turns, changes = np.concatenate([[0.0], turns]), np.concatenate([[0.0], changes])
+    beyond = np.flatnonzero(~(changes <= TOLERANCE))
+    if not len(beyond):
+        return float("inf")
+    k = beyond[0]
+    if not np.isfinite(changes[k]):
+        return float(turns[k - 1])
+    part = (TOLERANCE - changes[k - 1]) / (changes[k] - changes[k - 1])
+    return float(turns[k - 1] + part * (turns[k] - turns[k - 1]))
+
+
+def linear_range(amplitudes: np.ndarray, bandwidths: np.ndarray, hz: float) -> tuple[float, float] | None:
+    """Return between which amplitudes the bandwidth is within the tolerance of the small-signal one.
+
+    Args:
+        amplitudes: Rising amplitudes (n,), rad.
+        bandwidths: Bandwidths of a joint at these (n,), Hz.
+        hz: Its small-signal bandwidth, Hz.
+
+    Returns:
+        Smallest and largest amplitude of the longest run of such points, rad; None where there is none.
+    """
+    runs: list[list[float]] = [[]]
+    for amplitude, bandwidth in zip(amplitudes, bandwidths, strict=True):
+        if np.isfinite(bandwidth) and abs(bandwidth / hz - 1.0) <= TOLERANCE:
+            runs[-1].append(float(amplitude))
+        elif runs[-1]:
+            runs.append([])
+    longest = max(runs, key=len)
+    return (longest[0], longest[-1]) if longest else None
+
+
+def _neighbourhood(maps: Maps, near: MapTable) -> str:
+    outside = ~(np.abs(maps.change(near)[:, STUDIED]).max(axis=1) <= TOLERANCE)
+    turns = near.value.astype(float)
+    first = turns[outside].min(initial=np.inf)
+    sample = f"{len(near)} random poses up to {np.degrees(REACH):.0f}° away"
     if not np.isfinite(first):
-        return f"Near the pose: of {looked} no studied bandwidth differs by more than {PERCENT} from that at the pose."
-    inside = int((maps.near.distance < first).sum())
+        return f"Near the pose: of {sample} no studied bandwidth differs by more than {PERCENT} from that at the pose."
     return (
-        f"Near the pose: turn every joint at once by up to {np.degrees(first):.0f}° and no studied bandwidth differs "
-        f"by more than {PERCENT} from that at the pose ({inside} random poses); of {looked}, "
+        f"Near the pose: turn every joint at once by up to {first:.0f}° and no studied bandwidth differs by more than "
+        f"{PERCENT} from that at the pose ({(turns < first).sum()} random poses); of {sample}, "
         f"{100 * outside.mean():.0f} % do."
     )
 
 
 def _one_joint(maps: Maps) -> str:
     limited, free = [], []
-    for cut in maps.cuts:
-        start = maps.truth.angles[JOINTS.index(cut.joint)]
-        down, up = reach(cut, maps.here, start)
-        ways = [f"{np.degrees(turn):.0f}° {way}" for turn, way in ((down, "down"), (up, "up")) if np.isfinite(turn)]
+    for joint in MOVING:
+        limits = zip(turns_within(maps, joint), ("down", "up"), strict=True)
+        ways = [f"{turn:.0f}° {way}" for turn, way in limits if np.isfinite(turn)]
         if ways:
-            limited.append(f"{words(cut.joint)} {' or '.join(ways)}")
+            limited.append(f"{words(joint)} {' or '.join(ways)}")
         else:
-            free.append(words(cut.joint))
+            free.append(words(joint))
     if not limited:
         return f"One joint alone, anywhere in its range, changes no studied bandwidth by more than {PERCENT}."
-    kept = f"; {listed(free)} may go anywhere in {'its' if len(free) == 1 else 'their'} range" if free else ""
-    return f"One joint alone takes a studied bandwidth beyond {PERCENT} when it turns: {', '.join(limited)}{kept}."
+    text = f"One joint alone takes a studied bandwidth beyond {PERCENT} when it turns: {', '.join(limited)}"
+    return f"{text}; free in the whole range: {', '.join(free)}." if free else f"{text}."
 
 
-def _everywhere(maps: Maps) -> str:
-    dynamics = maps.anywhere.dynamics
+def _everywhere(maps: Maps, anywhere: MapTable) -> str:
+    within = np.abs(maps.change(anywhere)) <= TOLERANCE
     parts = []
-    for joint in STUDIED_JOINTS:
-        low, high = np.nanquantile(dynamics.of(joint), [0.05, 0.95])
-        within = np.abs(dynamics.of(joint) / maps.here.of(joint) - 1.0) <= TOLERANCE
+    for joint, k in zip(STUDIED_JOINTS, STUDIED, strict=True):
+        low, high = np.nanquantile(anywhere.of(joint), [0.05, 0.95])
         parts.append(
-            f"{words(joint)} {low:.2f} to {high:.2f} Hz ({100 * within.mean():.0f} % of poses within {PERCENT} of its "
-            f"{maps.here.of(joint)[0]:.3f} Hz)"
+            f"{words(joint)} {low:.2f} to {high:.2f} Hz ({100 * within[:, k].mean():.0f} % of poses within {PERCENT} "
+            f"of its {maps.here.of(joint)[0]:.3f} Hz)"
         )
-    heavy = 1.0 - float(dynamics.held.mean())
-    lost = f"; at {100 * heavy:.1f} % of poses the drives cannot hold the arm" if heavy else ""
-    return f"Anywhere, 90 % of {len(dynamics)} random poses: {', '.join(parts)}{lost}."
+    heavy = 1.0 - float(anywhere.held.mean())
+    gaps = f"; at {100 * heavy:.1f} % of poses the drives cannot hold the arm" if heavy else ""
+    return f"Anywhere, 90 % of {len(anywhere)} random poses: {', '.join(parts)}{gaps}."
 
 
-def _shape(maps: Maps) -> str:
-    everything = [maps.here, maps.plane.dynamics, maps.anywhere.dynamics, maps.near.dynamics]
-    everything += [cut.dynamics for cut in maps.cuts]
-    damping = min(float(np.nanmin(part.damping[:, STUDIED], initial=1.0)) for part in everything)
-    gain = max(float(np.abs(part.gain[part.stable] - 1.0).max(initial=0.0)) for part in everything)
-    heavy = sum(int((~part.held).sum()) for part in everything)
-    unstable = sum(int((part.held & ~part.stable).sum()) for part in everything)
-    count = sum(map(len, everything))
-    real = "the dominant poles stay real" if damping >= 1.0 else f"damping ratios go down to {damping:.2f}"
-    stays = "the arm is stable" if not unstable else f"the arm is stable but for {unstable} of them, where it is not"
-    said = f"{stays}, {real}, and the gain at 0 Hz differs from one by at most {gain:.1g}."
-    if not heavy:
-        return f"At all {count} poses {said}"
-    return (
-        f"At {heavy} of all {count} poses ({100 * heavy / count:.1f} %) the drives cannot hold the arm; at the others "
-        f"{said}"
-    )
+def _stability(poses: MapTable) -> str:
+    damping = float(np.nanmin(poses.damping[:, STUDIED], initial=1.0))
+    gain = float(np.abs(poses.gain[poses.stable] - 1.0).max(initial=0.0))
+    heavy, unstable = int((~poses.held).sum()), int((poses.held & ~poses.stable).sum())
+    poles = "the dominant poles stay real" if damping >= 1.0 else f"damping ratios go down to {damping:.2f}"
+    stable = "the arm is stable" + (f" but for {unstable} of them" if unstable else "")
+    where = f"At all {len(poses)} poses"
+    if heavy:
+        share = 100 * heavy / len(poses)
+        where = f"At {heavy} of all {len(poses)} poses ({share:.1f} %) the drives cannot hold the arm; at the others"
+    return f"{where} {stable}, {poles}, and the gain at 0 Hz differs from one by at most {gain:.1g}."
 
 
-def _coupling(maps: Maps) -> str:
+def _coupling(maps: Maps, anywhere: MapTable) -> str:
+    studied = np.ix_(STUDIED, STUDIED)
     cross = maps.here.cross[0]
     i, j = np.unravel_index(np.argmax(cross), cross.shape)
-    studied = np.ix_(STUDIED, STUDIED)
     k, m = np.unravel_index(np.argmax(cross[studied]), (len(STUDIED), len(STUDIED)))
-    dynamics = maps.anywhere.dynamics
-    often = np.nanquantile(dynamics.cross[:, studied[0], studied[1]].max(axis=(1, 2)), 0.95)
-    most = float(np.nanmax(dynamics.interaction[:, STUDIED]))
-    alone = ": for a bandwidth, joints may be identified one by one" if most <= TOLERANCE else ""
+    often = np.nanquantile(anywhere.cross[:, studied[0], studied[1]].max(axis=(1, 2)), 0.95)
+    largest = float(np.nanmax(anywhere.interaction[:, STUDIED]))
+    alone = ": for a bandwidth, joints may be identified one by one" if largest <= TOLERANCE else ""
     return (
         f"Coupling up to 5 Hz: at the pose a command to the {words(MOVING[j])} moves the {words(MOVING[i])} by up to "
-        f"{100 * cross[i, j]:.0f} % of itself, the most there is; between the studied joints it is "
+        f"{100 * cross[i, j]:.0f} % of itself, the largest of all pairs; between the studied joints it is "
         f"{100 * cross[studied][k, m]:.0f} % at the pose ({words(STUDIED_JOINTS[m])} to {words(STUDIED_JOINTS[k])}) "
         f"and below {100 * often:.0f} % at 95 % of all poses. At a joint's own bandwidth the relative gain differs "
         f"from one by at most {np.nanmax(maps.here.interaction[:, STUDIED]):.2g} at the pose and "
-        f"{most:.2g} anywhere{alone}."
+        f"{largest:.2g} anywhere{alone}."
     )
 
 
-def _condition(maps: Maps, varied: Conditions) -> str:
-    works = varied.dynamics.stable & np.isfinite(varied.dynamics.bandwidth).all(axis=1)
+def _condition(maps: Maps, rows: MapTable) -> str:
+    name = str(rows.varied[0])
+    unit = f" {UNITS[name]}" if name in UNITS else ""
+    values = np.array([value if isinstance(value, str) else f"{value:g}" for value in rows.value])
+    works = rows.stable & np.isfinite(rows.bandwidth).all(axis=1)
     if not works.any():
-        return f"{varied.name.capitalize()}: at none of the values does the arm stand."
-    values = [value for value, fine in zip(varied.values, works, strict=True) if fine]
-    changes = []
-    for name in MOVING:
-        hz = varied.dynamics.of(name)[works]
-        changes.append((float(np.ptp(hz)) / float(maps.here.of(name)[0]), name, float(hz[0]), float(hz[-1])))
-    most, name, first, last = max(changes)
-    studied = max(part for part, joint, *_ in changes if joint in STUDIED_JOINTS)
-    unit = f" {varied.unit}" if varied.unit else ""
-    shown = [_value(value) for value in (values[0], values[-1])]
-    held = varied.dynamics.held
-    fails = ""
-    for lost, what in ((~held, "the drives cannot hold the arm"), (held & ~works, "a joint has no stable bandwidth")):
-        if lost.any():
-            at = ", ".join(f"{_value(value)}{unit}" for value, so in zip(varied.values, lost, strict=True) if so)
-            fails += f" At {at} {what}."
-    if most < SLIGHT:
-        slightly = f"no bandwidth changes by more than {100 * most:.1f} %."
-        return f"{varied.name.capitalize()} from {shown[0]} to {shown[1]}{unit}: {slightly}{fails}"
-    most_studied = name in STUDIED_JOINTS
-    rest = (
-        f", the {words(name)}'s most, from {first:.2f} to {last:.2f} Hz"
-        if most_studied
-        else f"; of the other joints the {words(name)}'s changes most, from {first:.2f} to {last:.2f} Hz "
-        f"({100 * most:.0f} % of {maps.here.of(name)[0]:.3f} Hz)"
-    )
+        return f"{name.capitalize()}: the arm stands at none of the values."
+    gaps = ""
+    for missing, why in ((~rows.held, "the drives cannot hold the arm"), (rows.held & ~works, "the arm is unstable")):
+        if missing.any():
+            gaps += f" At {', '.join(value + unit for value in values[missing])} {why}."
+    span = f"{name.capitalize()} from {values[works][0]} to {values[works][-1]}{unit}"
+    hz = rows.bandwidth[works]
+    changes = np.ptp(hz, axis=0) / maps.here.bandwidth[0]
+    k = int(np.argmax(changes))
+    if changes[k] < SLIGHT:
+        return f"{span}: no bandwidth changes by more than {100 * changes[k]:.1f} %.{gaps}"
     return (
-        f"{varied.name.capitalize()} from {shown[0]} to {shown[1]}{unit}: studied bandwidths change by up to "
-        f"{100 * studied:.1f} %{rest}.{fails}"
+        f"{span}: studied bandwidths change by up to {100 * changes[STUDIED].max():.1f} %; of all joints the "
+        f"{words(MOVING[k])}'s changes most, from {hz[0, k]:.2f} to {hz[-1, k]:.2f} Hz.{gaps}"
     )
 
 
-def _large(maps: Maps, large: LargeSignals) -> tuple[str, ...]:
-    said = [_amplitude(maps, large)]
-    if large.over_level:
-        said.append(_level(maps, large))
-    return tuple(said)
-
-
-def _amplitude(maps: Maps, large: LargeSignals) -> str:
-    parts = []
+def _amplitude(maps: Maps, rows: MapTable) -> str:
+    amplitudes, parts = rows.value.astype(float), []
     for joint in STUDIED_JOINTS:
-        points = [point for point in large.over_amplitude if point.joint == joint]
-        found = linear_range(points, float(maps.here.of(joint)[0]))
-        if found is None:
-            span = "nowhere"
-        elif found[0] == found[1]:
-            span = f"at {found[0]:g} rad alone"
-        else:
-            span = f"from {found[0]:g} to {found[1]:g} rad"
+        ends = linear_range(amplitudes, rows.of(joint), float(maps.here.of(joint)[0]))
+        span = "nowhere" if ends is None else f"from {ends[0]:g} to {ends[1]:g} rad"
         parts.append(f"{words(joint)} {span}")
-    smallest, largest = large.over_amplitude[0], large.over_amplitude[-1]
-    last = large.over_amplitude[-1]
+    first, last = STUDIED_JOINTS[0], STUDIED_JOINTS[-1]
     return (
-        f"Amplitude (root mean square, {smallest.amplitude:g} to {largest.amplitude:g} rad): the bandwidth from "
-        f"commanded to measured angle is within {PERCENT} of the small-signal one: {', '.join(parts)}. At "
-        f"{smallest.amplitude:g} rad the {words(smallest.joint)} follows {100 * smallest.gain:.0f} % of a slow command "
-        f"with {smallest.distortion_percent:.0f} % distortion. At {last.amplitude:g} rad commands move at the velocity "
-        f"limit {100 * last.slewing:.0f} % of the time: from the stick the {words(last.joint)} has "
-        f"{_hz(last.asked_hz)} left."
+        f"Amplitude (root mean square, {amplitudes[0]:g} to {amplitudes[-1]:g} rad): the bandwidth from commanded to "
+        f"measured angle is within {PERCENT} of the small-signal one: {', '.join(parts)}. At {amplitudes[0]:g} rad the "
+        f"{words(first)} follows {100 * rows.of(first, 'gain')[0]:.0f} % of a slow command with "
+        f"{rows.of(first, 'distortion')[0]:.0f} % distortion. At {amplitudes[-1]:g} rad commands move at the velocity "
+        f"limit {100 * rows.of(last, 'slewing')[-1]:.0f} % of the time: from the stick, the bandwidth of the "
+        f"{words(last)} is {_hz(rows.of(last, 'stick_bandwidth')[-1])}."
     )
 
 
-def _level(maps: Maps, large: LargeSignals) -> str:
+def _friction(rows: MapTable) -> str:
     parts = []
     for joint in STUDIED_JOINTS:
-        points = [point for point in large.over_level if point.joint == joint]
-        rows = [f"{_hz(point.hz)}{_interval(point)} at {point.level:g}" for point in (points[0], points[-1])]
-        parts.append(f"{words(joint)} {rows[0]}, {rows[1]}")
+        ends = []
+        for k in (0, -1):
+            hz = rows.of(joint)[k]
+            low, high = (f"{end:.2f}" for end in rows.of(joint, "interval")[k])
+            # An interval narrower than the rounding of the bandwidth says nothing more.
+            interval = f" ({low} to {high})" if np.isfinite(hz) and low != high else ""
+            ends.append(f"{_hz(hz)}{interval} at {rows.value[k]:g}")
+        parts.append(f"{words(joint)} {', '.join(ends)}")
     return (
         f"Dry friction in multiples of the arm's, at {LEVEL_AMPLITUDE:g} rad: bandwidths (95 %) {'; '.join(parts)}. "
-        "The small-signal truth knows nothing of it."
+        "The small-signal truth leaves dry friction out."
     )
-
-
-def _value(value: object) -> str:
-    return f"{value:g}" if isinstance(value, float) else str(value)
 
 
 def _hz(value: float) -> str:
-    return f"{value:.2f} Hz" if np.isfinite(value) else "no bandwidth that shows"
-
-
-def _interval(point: LargeSignal) -> str:
-    """The interval where it is wider than the rounding of the bandwidth."""
-    low, high = (f"{end:.2f}" for end in point.ci95)
-    return f" ({low} to {high})" if np.isfinite(point.hz) and low != high else ""
+    return f"{value:.2f} Hz" if np.isfinite(value) else "not visible"

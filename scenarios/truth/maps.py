@@ -1,27 +1,50 @@
-"""All maps of one arm: over the workspace, over what it carries and runs on, over amplitude and friction."""
+"""Maps of the truth: how the dynamics of one arm vary with pose, payload, supply, oil, amplitude and friction."""
 
 from collections.abc import Callable, Iterator
 from contextlib import AbstractContextManager, contextmanager
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from hmtb_twin import Arm, Truth, linearize, load_arm
-from scenarios.experiments.multisines import Multisines
+from hmtb_twin import IDEAL, PAYLOADS, STUDIED_JOINTS, Arm, Plant, Truth, linearize, load_arm
+from hmtb_twin.parameters.oil import COLDEST, HOTTEST
+from hmtb_twin.parameters.values import MOTIONS
+from scenarios.experiments.multisines import MultisineExperiment, Multisines
 from scenarios.files.errors import ScenarioError
-from scenarios.truth.amplitude_maps import AMPLITUDES, LEVELS, MEASUREMENT, LargeSignals, large_signals
-from scenarios.truth.condition_maps import Conditions, conditions
-from scenarios.truth.local_dynamics import LocalDynamics, Progress, described
-from scenarios.truth.pose_maps import Cut, Plane, Sample, anywhere, cuts, near, plane
+from scenarios.truth.best_linear import best_linear, slow_gain
+from scenarios.truth.map_table import COLUMNS, MOVING, SHAPES, MapTable, linear_row, stacked, table_row, truth_row
+from scenarios.truth.truth_summary import Progress, hydraulic
+from sysid.frequency.response_bandwidth import response_bandwidth
 
 REACH = np.radians(60.0)
-"""How far from the operating pose the neighbourhood is sampled, rad."""
+"""Largest turn of a joint in the sample near the operating pose, rad."""
+
+INSET = np.radians(1.0)
+"""Poses stay this far inside the joints' ranges, rad: the stop of a joint is no part of its servo."""
+
+PLANE = ("shoulder_pitch", "elbow_pitch")
+"""The two joints that bend the arm: the axes of the map over the workspace."""
+
+PRESSURES = (7.0, 35.0)
+"""Range of supply pressures, MPa: from a third of the nominal one to the 350 bar of industrial hydraulics."""
+
+LEVEL_AMPLITUDE = 1e-2
+"""Amplitude at which the level of friction is varied, rad, root mean square."""
+
+CHAIN = replace(IDEAL, friction=True, velocity_limit=True)
+"""Chain of signals of the best linear approximations: noise and rounding, which are no part of the arm, are off."""
 
 MOST = 10**4
-"""More points than that are a slip of the keyboard."""
+"""Largest number of points: more are a slip of the keyboard."""
 
 PREVIEW = 0.5
-"""Density below which the large-signal maps are a preview."""
+"""Density below which the best linear approximations are a preview."""
+
+Point = tuple[str, float | str, Arm, np.ndarray]
+"""What varies, its value, the arm and its pose (7,), rad."""
+
+Stage = Callable[[str], AbstractContextManager[Progress]]
+"""Opens a progress bar with a label."""
 
 
 @dataclass(frozen=True)
@@ -33,18 +56,19 @@ class Density:
         cut: Angles of each joint in turn.
         sample: Random poses, in the whole joint space and again near the operating pose.
         condition: Supply pressures and oil temperatures.
-        amplitudes: Amplitudes of the command, rad, root mean square; none leaves the large-signal maps out.
-        levels: Levels of dry friction.
-        measurement: How each best linear approximation is measured.
+        amplitudes: Amplitudes of the command, rad, root mean square; none leaves best linear approximations out.
+        levels: Levels of dry friction, multiples of the variant's.
+        measurement: How each best linear approximation is measured: by default an interval of a few percent, in one
+            second of one core.
     """
 
     plane: tuple[int, int] = (19, 16)
     cut: int = 25
     sample: int = 400
     condition: int = 9
-    amplitudes: tuple[float, ...] = AMPLITUDES
-    levels: tuple[float, ...] = LEVELS
-    measurement: Multisines = MEASUREMENT
+    amplitudes: tuple[float, ...] = (3e-4, 1e-3, 3e-3, 1e-2, 3e-2, 1e-1)
+    levels: tuple[float, ...] = (0.0, 0.5, 1.0, 2.0, 4.0, 8.0)
+    measurement: Multisines = field(default_factory=lambda: Multisines(realisations=4))
 
     def __post_init__(self) -> None:
         counts = {"plane": min(self.plane), "cut": self.cut, "sample": self.sample, "condition": self.condition}
@@ -54,30 +78,35 @@ class Density:
 
     @classmethod
     def scaled(cls, factor: float) -> "Density":
-        """Return the default grid with so many times as many poses.
+        """Return the default density times a factor.
 
-        Below a half the large-signal maps become a preview: every other amplitude and level, two realisations of each.
+        Below a half, best linear approximations become a preview: every other amplitude and level, two realisations.
 
         Raises:
             ScenarioError: The factor is not from 0.05 to 20.
         """
         if not 0.05 <= factor <= 20.0:
             raise ScenarioError(f"density of the maps: {factor:g} given, expected 0.05 to 20 times the default grid")
-        side = np.sqrt(factor)
 
-        def many(count: int, by: float) -> int:
+        def many(count: int, by: float = factor) -> int:
             return max(3, round(count * by))
 
-        default = cls()
-        preview = factor < PREVIEW
-        return cls(
-            plane=(many(default.plane[0], side), many(default.plane[1], side)),
-            cut=many(default.cut, factor),
-            sample=many(default.sample, factor),
-            condition=many(default.condition, factor),
-            amplitudes=default.amplitudes[1::2] if preview else default.amplitudes,
-            levels=default.levels[::2] if preview else default.levels,
-            measurement=replace(default.measurement, realisations=2) if preview else default.measurement,
+        full = cls()
+        side = np.sqrt(factor)
+        scaled = replace(
+            full,
+            plane=(many(full.plane[0], side), many(full.plane[1], side)),
+            cut=many(full.cut),
+            sample=many(full.sample),
+            condition=many(full.condition),
+        )
+        if factor >= PREVIEW:
+            return scaled
+        return replace(
+            scaled,
+            amplitudes=full.amplitudes[1::2],
+            levels=full.levels[::2],
+            measurement=replace(full.measurement, realisations=2),
         )
 
 
@@ -88,28 +117,21 @@ class Maps:
     Attributes:
         arm: The arm.
         truth: Small-signal truth at the operating pose.
-        here: The same in few numbers.
-        plane: Over shoulder pitch and elbow pitch.
-        cuts: Over each joint in turn.
-        anywhere: At random poses of the whole joint space.
-        near: At random poses about the operating pose.
-        conditions: Over payload, supply pressure, oil temperature.
-        large: Over amplitude and friction; None where they were not asked for.
+        table: Dynamics at all operating points.
     """
 
     arm: Arm
     truth: Truth
-    here: LocalDynamics
-    plane: Plane
-    cuts: tuple[Cut, ...]
-    anywhere: Sample
-    near: Sample
-    conditions: tuple[Conditions, ...]
-    large: LargeSignals | None
+    table: MapTable
 
+    @property
+    def here(self) -> MapTable:
+        """The row of the operating pose."""
+        return self.table.rows("operating pose")
 
-Stage = Callable[[str], AbstractContextManager[Progress]]
-"""Opens a bar with a label, and yields what to call with the work done and the work in all."""
+    def change(self, table: MapTable) -> np.ndarray:
+        """Return the relative difference of each bandwidth from that at the operating pose (n, m)."""
+        return np.asarray(table.bandwidth / self.here.bandwidth[0] - 1.0)
 
 
 @contextmanager
@@ -127,50 +149,143 @@ def maps(
     threads: int | None = None,
     stage: Stage = silent,
 ) -> Maps:
-    """Make all maps of one arm.
+    """Make the maps of one arm.
 
     Args:
         arm: The arm.
-        pose: Operating pose, by name or as angles (7,), rad; large-signal maps need a name.
+        pose: Operating pose, by name or as angles (7,), rad; best linear approximations need a name.
         density: How finely.
         seed: Of the random poses.
-        threads: Threads for the physics of the large-signal maps; all processors by default.
+        threads: Threads for the physics of best linear approximations; all processors by default.
         stage: Shows the progress of each part.
 
     Returns:
         The maps.
 
     Raises:
-        ScenarioError: The pose is at the end of a joint's range, or angles were given where a name is needed.
+        ScenarioError: The pose is at the end of a joint's range, or angles were given where a name is needed; see
+            `best_linear`.
         TwinError: There is no such pose.
     """
     density = density or Density()
     if density.amplitudes and not isinstance(pose, str):
         raise ScenarioError("large-signal maps start from a pose of the model; expected its name, given angles")
     # Noise of the drives changes no path from command to angle, but makes every linearisation slower.
-    quiet = load_arm(arm.variant, arm.payload, plant=replace(arm.plant, process_noise=0.0), specimen=arm.specimen)
+    quiet = _with(arm, replace(arm.plant, process_noise=0.0))
     truth = linearize(quiet, pose, amplitudes=())
-    angles = truth.angles
-    with stage("near the pose") as step:
-        nearby = near(quiet, angles, density.sample, seed, REACH, step)
-    with stage("workspace") as step:
-        surface = plane(quiet, angles, density.plane, step)
-    with stage("joint by joint") as step:
-        lines = cuts(quiet, angles, density.cut, step)
-    with stage("anywhere") as step:
-        everywhere = anywhere(quiet, angles, density.sample, seed, step)
-    with stage("conditions") as step:
-        varied = conditions(quiet, angles, density.condition, step)
-    large = None
-    if density.amplitudes and isinstance(pose, str):
+    points = [*_poses(quiet, truth.angles, density, seed), *conditions(quiet, truth.angles, density.condition)]
+    rows = [truth_row("operating pose", np.nan, truth)]
+    with stage("linear models") as step:
+        for number, point in enumerate(points, 1):
+            rows.append(linear_row(*point))
+            if number % 20 == 0 or number == len(points):
+                step(number, len(points))
+    if isinstance(pose, str) and density.amplitudes:
         with stage("amplitude and friction") as step:
-            large = large_signals(
-                arm,
-                pose,
-                amplitudes=density.amplitudes,
-                levels=density.levels,
-                measurement=density.measurement,
-                threads=threads,
-                progress=step,
-            )
-    return Maps(arm, truth, described(truth), surface, lines, everywhere, nearby, varied, large)
+            rows.extend(_large_signals(arm, pose, linearize(arm, pose, amplitudes=()), density, threads, step))
+    return Maps(arm, truth, stacked(rows))
+
+
+def _with(arm: Arm, plant: Plant, payload: str | None = None) -> Arm:
+    return load_arm(arm.variant, payload or arm.payload, plant=plant, specimen=arm.specimen)
+
+
+def _poses(arm: Arm, angles: np.ndarray, density: Density, seed: int) -> Iterator[Point]:
+    """Poses over the workspace, along each joint's range, and at random near the operating pose and anywhere."""
+    low, high = np.array([(MOTIONS[name].lower + INSET, MOTIONS[name].upper - INSET) for name in MOVING]).T
+    middle = angles[COLUMNS]
+
+    def pose(columns: np.ndarray | list[int], turns: object) -> np.ndarray:
+        turned = angles.copy()
+        turned[columns] = turns
+        return turned
+
+    first, second = (MOVING.index(name) for name in PLANE)
+    for a in np.linspace(low[first], high[first], density.plane[0]):
+        for b in np.linspace(low[second], high[second], density.plane[1]):
+            yield "workspace", np.nan, arm, pose(COLUMNS[[first, second]], (a, b))
+    for k, name in enumerate(MOVING):
+        for angle in np.linspace(low[k], high[k], density.cut):
+            yield name, float(np.degrees(angle)), arm, pose([COLUMNS[k]], angle)
+    if not ((middle >= low) & (middle <= high)).all():
+        raise ScenarioError("the operating pose given lies within a degree of the end of a joint's range")
+    rng = np.random.default_rng([seed, 1])
+    for width in np.linspace(0.0, REACH, density.sample + 1)[1:]:
+        # On the surface of a box about the operating pose: one joint turns by all of its half-width, the others by
+        # any part, so that distances are spread evenly. Poses out of range are drawn again.
+        while True:
+            offset = rng.uniform(-width, width, len(MOVING))
+            offset[rng.integers(len(MOVING))] = width * rng.choice([-1.0, 1.0])
+            turns = middle + offset
+            if ((turns >= low) & (turns <= high)).all():
+                break
+        yield "near", float(np.degrees(np.abs(turns - middle).max())), arm, pose(COLUMNS, turns)
+    for turns in np.random.default_rng([seed, 0]).uniform(low, high, (density.sample, len(MOVING))):
+        yield "anywhere", float(np.degrees(np.abs(turns - middle).max())), arm, pose(COLUMNS, turns)
+
+
+def conditions(arm: Arm, angles: np.ndarray, count: int) -> Iterator[Point]:
+    """Yield every payload, lightest first, and supply pressures and oil temperatures where there is oil.
+
+    Servo gains stay. The lowest pressures may be too low to hold the arm.
+
+    Args:
+        arm: The arm.
+        angles: Operating pose (7,), rad.
+        count: Values of each pressure and temperature.
+    """
+    masses = {name: payload.mass if payload else 0.0 for name, payload in PAYLOADS.items()}
+    for name in sorted(masses, key=lambda name: masses[name]):
+        yield "payload", name, _with(arm, arm.plant, name), angles
+    if hydraulic(arm):
+        for pressure in np.linspace(*PRESSURES, count).tolist():
+            yield "supply pressure", pressure, _with(arm, replace(arm.plant, supply_pressure=pressure)), angles
+        for celsius in np.linspace(COLDEST, HOTTEST, count).tolist():
+            yield "oil temperature", celsius, _with(arm, replace(arm.plant, oil_temperature=celsius)), angles
+
+
+def _large_signals(
+    arm: Arm, pose: str, truth: Truth, density: Density, threads: int | None, step: Progress
+) -> Iterator[MapTable]:
+    """Best linear approximations over amplitude and, where the arm has dry friction, over its level."""
+    level = arm.plant.friction_level if arm.friction else 0.0
+    points = [("amplitude", amplitude, (amplitude, level)) for amplitude in density.amplitudes]
+    if arm.friction:
+        points += [("friction", each, (LEVEL_AMPLITUDE, each)) for each in density.levels]
+    # The amplitude at which friction varies is one of the amplitudes: it is measured once.
+    rows: dict[tuple[float, float], dict[str, np.ndarray]] = {}
+    total = len({key for *_, key in points})
+    for varied, value, key in points:
+        if key not in rows:
+            rows[key] = _large_signal(arm, pose, truth, *key, density.measurement, threads)
+            step(len(rows), total)
+        yield table_row(varied, value, truth.angles, True, **rows[key])
+
+
+def _large_signal(
+    arm: Arm, pose: str, truth: Truth, amplitude: float, level: float, measurement: Multisines, threads: int | None
+) -> dict[str, np.ndarray]:
+    """Measure the best linear approximation of each studied joint, excited alone."""
+    names = ("bandwidth", "interval", "gain", "stick_bandwidth", "distortion", "slewing")
+    columns = {name: np.full(SHAPES[name], np.nan) for name in names}
+    plant = replace(arm.plant, friction_level=level) if arm.friction else arm.plant
+    for joint in STUDIED_JOINTS:
+        setting = MultisineExperiment(
+            joint,
+            (joint,),
+            variant=arm.variant,
+            payload=arm.payload,
+            plant=plant,
+            specimen=arm.specimen,
+            pose=pose,
+            chain=CHAIN,
+        )
+        measured = best_linear(setting, replace(measurement, rms=amplitude), threads=threads)
+        band, k = measured.bandwidth, MOVING.index(joint)
+        columns["bandwidth"][k] = band.hz[0, 0]
+        columns["interval"][k] = [end[0, 0] for end in band.ci95]
+        columns["gain"][k] = slow_gain(measured, truth)
+        columns["stick_bandwidth"][k] = response_bandwidth(measured.chain.response).hz[0, 0]
+        columns["distortion"][k] = measured.distortion_percent[0]
+        columns["slewing"][k] = measured.slewing
+    return columns

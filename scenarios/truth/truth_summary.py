@@ -1,6 +1,6 @@
 """Everything that is true of an arm at an operating point, gathered for the screen and for JSON."""
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -12,9 +12,10 @@ from hmtb_twin.truth.analytic_hydraulics import LinearHydraulics, linear_hydraul
 from scenarios.experiments.multisines import MultisineExperiment, Multisines
 from scenarios.files.errors import ScenarioError
 from scenarios.truth.attainable import Attainable, attainable
-from scenarios.truth.bandwidth_caution import cautions
-from scenarios.truth.best_linear import BestLinearTruth, best_linear
-from scenarios.truth.local_dynamics import Progress
+from scenarios.truth.best_linear import BestLinearTruth, best_linear, cautions
+
+Progress = Callable[[int, int], None]
+"""Called with the work done and the total."""
 
 LOCKED = 1e-2
 """Gain at 0 Hz below which a joint does not follow its command."""

@@ -1,0 +1,249 @@
+"""Table of the maps: the dynamics of the arm, joint by joint, at many operating points."""
+
+import csv
+import io
+from collections.abc import Iterable
+from dataclasses import dataclass
+
+import numpy as np
+
+from hmtb_twin import JOINTS, Arm, OverloadError, Truth, linearize
+from hmtb_twin.parameters.values import INDEXED_JOINTS
+
+MOVING = tuple(name for name in JOINTS if name not in INDEXED_JOINTS)
+"""Joints that follow a command; the others are pinned."""
+
+COLUMNS = np.array([JOINTS.index(name) for name in MOVING])
+"""Their columns among the seven joints."""
+
+CROSS_BAND = 5.0
+"""Upper end of the band in which cross gains are searched, Hz: that of the experiments' excitation."""
+
+MODE_SHARE = 0.05
+"""A pole counts for a joint's damping where its mode carries more than this part of the gain at 0 Hz."""
+
+FAST = 62.8
+"""Poles faster than 10 Hz, in rad/s, do not count for a joint's damping."""
+
+REFINEMENTS = 40
+"""Most steps of the search for a bandwidth."""
+
+UNITS = {
+    "near": "deg",
+    "anywhere": "deg",
+    "supply pressure": "MPa",
+    "oil temperature": "°C",
+    "amplitude": "rad rms",
+    "friction": "times the arm's",
+    **dict.fromkeys(MOVING, "deg"),
+}
+"""Units of the values that vary; names and poses have none."""
+
+M = len(MOVING)
+SHAPES: dict[str, tuple[int, ...]] = {
+    "bandwidth": (M,),
+    "gain": (M,),
+    "damping": (M,),
+    "cross": (M, M),
+    "relative_gain": (M,),
+    "interval": (M, 2),
+    "stick_bandwidth": (M,),
+    "distortion": (M,),
+    "slewing": (M,),
+}
+"""Shape of each quantity at one operating point."""
+
+
+@dataclass(frozen=True, eq=False)
+class MapTable:
+    """Dynamics at n operating points; the m columns are the joints of `MOVING`; NaN where a value does not exist.
+
+    Small-signal rows come from linear models: all of them is NaN where the drives cannot hold the arm. Rows that vary
+    amplitude or friction come from best linear approximations of the studied joints, each excited alone.
+
+    Attributes:
+        varied: What varies (n,): `operating pose`, `workspace`, a joint, `near`, `anywhere`, `payload`,
+            `supply pressure`, `oil temperature`, `amplitude` or `friction`.
+        value: Its value (n,), a number in the unit of `UNITS` or a name; of random poses the largest turn of a joint
+            from the operating pose.
+        angles: Operating points (n, 7), rad.
+        stable: Whether the drives hold the arm and all poles lie inside the unit circle (n,).
+        bandwidth: First frequency at which a joint's gain is 3.01 dB below that at 0 Hz (n, m), Hz.
+        gain: Gain at 0 Hz (n, m); of best linear approximations the gain at low frequency over that of the truth.
+        damping: Smallest damping ratio among the poles below 10 Hz that count for a joint (n, m): 1 where all are real.
+        cross: Largest gain up to 5 Hz from another joint's command (last axis) to a joint's angle, over that joint's
+            own gain at 0 Hz (n, m, m); 0 on the diagonal.
+        relative_gain: Diagonal of the relative gain array at a joint's own bandwidth (n, m), complex: its response to
+            its command over the same with the other joints' angles kept still; 1 without coupling [Bristol1966].
+        interval: 95 % interval of the bandwidth of a best linear approximation (n, m, 2), Hz.
+        stick_bandwidth: Its bandwidth from the angle asked for at the stick, before the velocity limit (n, m), Hz.
+        distortion: Its nonlinear distortion, percent of the linear part (n, m).
+        slewing: Its share of the time at the velocity limit (n, m).
+    """
+
+    varied: np.ndarray
+    value: np.ndarray
+    angles: np.ndarray
+    stable: np.ndarray
+    bandwidth: np.ndarray
+    gain: np.ndarray
+    damping: np.ndarray
+    cross: np.ndarray
+    relative_gain: np.ndarray
+    interval: np.ndarray
+    stick_bandwidth: np.ndarray
+    distortion: np.ndarray
+    slewing: np.ndarray
+
+    def __post_init__(self) -> None:
+        for name, value in vars(self).items():
+            array = np.array(value)
+            array.setflags(write=False)
+            object.__setattr__(self, name, array)
+
+    def __len__(self) -> int:
+        return len(self.varied)
+
+    def rows(self, *varied: str) -> "MapTable":
+        """Return the rows in which one of these varies."""
+        kept = np.isin(self.varied, varied)
+        return MapTable(**{name: column[kept] for name, column in vars(self).items()})
+
+    def of(self, joint: str, quantity: str = "bandwidth") -> np.ndarray:
+        """Return a quantity of one joint (n,); by default its bandwidth, Hz."""
+        return np.asarray(vars(self)[quantity][:, MOVING.index(joint)])
+
+    @property
+    def held(self) -> np.ndarray:
+        """Whether the drives hold the arm (n,)."""
+        return np.asarray(np.isfinite(self.gain).all(axis=1))
+
+    @property
+    def interaction(self) -> np.ndarray:
+        """Distance of the relative gain from one at each joint's bandwidth (n, m)."""
+        return np.abs(self.relative_gain - 1.0)
+
+    def text(self) -> str:
+        """Return the table as CSV: a line for each operating point and joint, an empty cell where there is no value."""
+        columns = ("varied", "value", "unit", *(f"{name}_deg" for name in JOINTS), "stable", "joint", "bandwidth_hz")
+        columns += ("gain", "damping_ratio", *(f"cross_gain_from_{name}" for name in MOVING), "relative_gain_distance")
+        columns += ("ci95_low_hz", "ci95_high_hz", "bandwidth_from_stick_hz", "distortion_percent")
+        buffer = io.StringIO()
+        writer = csv.writer(buffer, lineterminator="\n")
+        writer.writerow((*columns, "velocity_limited_share"))
+        degrees = np.degrees(self.angles)
+        for k, (varied, value) in enumerate(zip(self.varied, self.value, strict=True)):
+            shown = value if isinstance(value, str) else _number(value)
+            point = (varied, shown, UNITS.get(varied, ""), *(f"{angle:.4g}" for angle in degrees[k]))
+            for i, joint in enumerate(MOVING):
+                numbers = (self.bandwidth[k, i], self.gain[k, i], self.damping[k, i], *self.cross[k, i])
+                numbers += (self.interaction[k, i], *self.interval[k, i], self.stick_bandwidth[k, i])
+                numbers += (self.distortion[k, i], self.slewing[k, i])
+                writer.writerow((*point, int(self.stable[k]), joint, *map(_number, numbers)))
+        return buffer.getvalue()
+
+
+def _number(value: float) -> str:
+    return f"{value:.6g}" if np.isfinite(value) else ""
+
+
+def table_row(varied: str, value: float | str, angles: np.ndarray, stable: bool, **quantities: np.ndarray) -> MapTable:
+    """Return a table of one operating point; quantities that are left out are NaN."""
+    filled = {name: quantities.get(name, np.full(shape, np.nan))[None] for name, shape in SHAPES.items()}
+    values = np.empty(1, dtype=object)
+    values[0] = value
+    return MapTable(np.array([varied]), values, np.array(angles)[None], np.array([stable]), **filled)
+
+
+def stacked(tables: Iterable[MapTable]) -> MapTable:
+    """Join tables one after another."""
+    tables = list(tables)
+    return MapTable(**{name: np.concatenate([vars(table)[name] for table in tables]) for name in vars(tables[0])})
+
+
+def linear_row(varied: str, value: float | str, arm: Arm, pose: np.ndarray) -> MapTable:
+    """Linearise an arm at one pose (7,), rad; where its drives cannot hold it, the row is a gap.
+
+    Raises:
+        TwinError: The pose is not seven finite angles within the joints' ranges.
+    """
+    try:
+        return truth_row(varied, value, linearize(arm, pose, amplitudes=()))
+    except OverloadError:
+        return table_row(varied, value, pose, False)
+
+
+def truth_row(varied: str, value: float | str, truth: Truth) -> MapTable:
+    """Describe one linear model."""
+    model = truth.model
+    frequencies = np.unique(np.concatenate([np.geomspace(0.02, 0.999 * 0.5 / model.dt, 50), [CROSS_BAND]]))
+    response = _moving(truth, np.concatenate([[0.0], frequencies]))
+    still, swept = response[0], response[1:]
+    gain = np.diagonal(still).real
+    own = np.abs(np.diagonal(swept, axis1=1, axis2=2))
+    z, vectors = np.linalg.eig(model.A)
+    stable = bool(np.abs(z).max() < 1.0)
+    bandwidth = _bandwidth(truth, frequencies, own / gain) if stable else np.full(M, np.nan)
+    cross = np.abs(swept[frequencies <= CROSS_BAND]).max(axis=0) / np.abs(gain)[:, None]
+    return table_row(
+        varied,
+        value,
+        truth.angles,
+        stable,
+        bandwidth=bandwidth,
+        gain=gain,
+        damping=_damping(truth, z, vectors, gain),
+        cross=np.where(np.eye(M, dtype=bool), 0.0, cross),
+        relative_gain=_relative_gain(truth, bandwidth),
+    )
+
+
+def _moving(truth: Truth, frequencies: np.ndarray) -> np.ndarray:
+    return np.asarray(truth.model.frequency_response(frequencies)[:, COLUMNS[:, None], COLUMNS])
+
+
+def _bandwidth(truth: Truth, frequencies: np.ndarray, relative: np.ndarray) -> np.ndarray:
+    """Narrow, for all joints at once, the interval of the grid in which each gain first falls to half power."""
+    below = relative < np.sqrt(0.5)
+    first = np.argmax(below, axis=0)
+    falls = below.any(axis=0) & (first > 0)
+    low, high = frequencies[np.maximum(first - 1, 0)], frequencies[first]
+    joints = np.arange(M)
+    # |G|^2 is close to a straight line in log-log over so short an interval: the secant converges in a few steps.
+    target = np.log(np.sqrt(0.5))
+    at_low, at_high = np.log(relative[first - 1, joints]), np.log(relative[first, joints])
+    still = np.abs(np.diagonal(_moving(truth, np.zeros(1))[0]))
+    for _ in range(REFINEMENTS):
+        guess = np.exp(np.log(low) + (target - at_low) / (at_high - at_low) * np.log(high / low))
+        at_guess = np.log(np.abs(_moving(truth, guess)[joints, joints, joints]) / still)
+        below_half = at_guess < target
+        low, at_low = np.where(below_half, low, guess), np.where(below_half, at_low, at_guess)
+        high, at_high = np.where(below_half, guess, high), np.where(below_half, at_guess, at_high)
+        if np.abs(at_guess - target)[falls].max(initial=0.0) < 1e-9:
+            break
+    return np.where(falls, guess, np.nan)
+
+
+def _damping(truth: Truth, z: np.ndarray, vectors: np.ndarray, gain: np.ndarray) -> np.ndarray:
+    model = truth.model
+    # A pole at z = 0 is a delay of the bus; it has no image in the s plane.
+    moving = np.abs(z) > 1e-6
+    s = np.zeros(len(z), dtype=complex)
+    s[moving] = np.log(z[moving].astype(complex)) / model.dt
+    slow = moving & (np.abs(s) < FAST)
+    weights = np.linalg.lstsq(vectors, model.B[:, COLUMNS].astype(complex), rcond=None)[0]
+    seen = model.C[COLUMNS] @ vectors
+    share = np.abs(seen[:, slow] * weights[slow].T / (1.0 - z[slow])) / np.abs(gain)[:, None]
+    ratio = np.where(np.abs(s[slow].imag) < 1e-6, 1.0, -s[slow].real / np.abs(s[slow]))
+    return np.where(share > MODE_SHARE, ratio, 1.0).min(axis=1, initial=1.0)
+
+
+def _relative_gain(truth: Truth, bandwidth: np.ndarray) -> np.ndarray:
+    out = np.full(M, np.nan, dtype=complex)
+    known = np.flatnonzero(np.isfinite(bandwidth))
+    if len(known):
+        response = _moving(truth, bandwidth[known])
+        out[known] = (
+            response[np.arange(len(known)), known, known] * np.linalg.inv(response)[np.arange(len(known)), known, known]
+        )
+    return out
