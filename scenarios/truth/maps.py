@@ -7,14 +7,14 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from hmtb_twin import IDEAL, PAYLOADS, STUDIED_JOINTS, Arm, Plant, Truth, linearize, load_arm
-from hmtb_twin.parameters.oil import COLDEST, HOTTEST
+from hmtb_twin.parameters.drives import COLDEST, HOTTEST
 from hmtb_twin.parameters.values import MOTIONS
 from scenarios.experiments.multisines import MultisineExperiment, Multisines
 from scenarios.files.errors import ScenarioError
 from scenarios.truth.best_linear import best_linear, slow_gain
 from scenarios.truth.map_table import COLUMNS, MOVING, SHAPES, MapTable, linear_row, stacked, table_row, truth_row
 from scenarios.truth.truth_summary import Progress, hydraulic
-from sysid.frequency.response_bandwidth import response_bandwidth
+from sysid.models.bandwidth import response_bandwidth
 
 REACH = np.radians(60.0)
 """Largest turn of a joint in the sample near the operating pose, rad."""

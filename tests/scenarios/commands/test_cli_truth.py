@@ -15,8 +15,7 @@ from scenarios import load
 from scenarios.commands.cli import main
 from scenarios.experiments.multisines import MultisineExperiment, Multisines
 from scenarios.truth import truth_summary
-from scenarios.truth.best_linear import cautions
-from scenarios.truth.best_linear import best_linear
+from scenarios.truth.best_linear import best_linear, cautions
 from scenarios.truth.maps import Density
 from scenarios.truth.truth_figure import truth_figure
 
