@@ -20,7 +20,7 @@ Start with:
   hmtb dataset export hmtb-siso-v1 --format csv   write its records for other programs
   hmtb dataset score PREDICTIONS --data hmtb-siso-v1      score your predictions of the test part
   hmtb dataset baselines hmtb-siso-v1 --method oe --orders 2 2 1      the score of a known method
-  hmtb dataset grade SUBMISSIONS --key class.key          grade students where the truth is hidden
+  hmtb dataset grade WITHHELD SUBMISSIONS         grade a class whose data sets withhold the truth
 
 Every command has its own --help.
 """
@@ -91,7 +91,6 @@ def check(
     folder: Folder,
     /,
     *,
-    key: Path | None = None,
     regenerate: int = 3,
     seed: int = 0,
     workers: int | None = None,
@@ -107,20 +106,15 @@ def check(
 
     Args:
         folder: The data set.
-        key: The key file of a data set whose truth is hidden: with it everything is checked.
         regenerate: How many experiments to simulate again.
         seed: Draws them.
         workers: Threads for the physics.
         json: Print JSON.
     """
-    from scenarios.datasets.challenge_key_check import examine_with_key
     from scenarios.datasets.check import examine
 
     with progress("checking") as report:
-        if key is None:
-            result = examine(folder, regenerate=regenerate, seed=seed, workers=workers, progress=report)
-        else:
-            result = examine_with_key(folder, key, regenerate=regenerate, seed=seed, workers=workers, progress=report)
+        result = examine(folder, regenerate=regenerate, seed=seed, workers=workers, progress=report)
     if json:
         print_json({"passed": result.passed, "problems": result.problems, "notes": result.notes})
         return 0 if result.passed else 1

@@ -180,7 +180,7 @@ def matched(
     Raises:
         ScenarioError: Several joints excited otherwise than by multisines.
     """
-    seed = int(np.random.SeedSequence([spec.entropy, *f"best linear {entry.name}".encode()]).generate_state(1)[0])
+    seed = int(np.random.SeedSequence([spec.seed, *f"best linear {entry.name}".encode()]).generate_state(1)[0])
     experiment = entry.experiment
     if isinstance(experiment, MultisineExperiment):
         multisines = replace(experiment.multisines, realisations=realisations, seed=seed)

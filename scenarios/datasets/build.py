@@ -77,8 +77,8 @@ def build(
         TwinError: What the spec needs is not installed.
     """
     check_work(workers, rows)
-    if spec.commitment:
-        raise ScenarioError(f"the seed of {spec.label} is kept apart: hmtb dataset build --key KEYFILE alone builds it")
+    if spec.withheld:
+        raise ScenarioError(f"{spec.label} is a public spec: its seed is withheld, so it cannot be built")
     steady_memory()
     final, folder = out / spec.label, out / (spec.label + UNFINISHED)
     plan = DataSetPlan(spec)

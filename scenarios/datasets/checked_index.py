@@ -8,7 +8,6 @@ from hashlib import sha256
 from pathlib import Path
 from typing import Any
 
-from scenarios.datasets.challenge_publish import published_about
 from scenarios.datasets.chunk import about
 from scenarios.datasets.folder_files import Files
 from scenarios.datasets.index import array_line
@@ -16,6 +15,7 @@ from scenarios.datasets.layout import INDEX, MANIFEST, SPEC
 from scenarios.datasets.manifest import entry_of
 from scenarios.datasets.plan import DataSetPlan
 from scenarios.datasets.spec import DataSetSpec
+from scenarios.datasets.withhold import public_facts
 from scenarios.files.errors import ScenarioError
 
 MOST_BYTES = 2**30
@@ -65,7 +65,7 @@ def checked_index(folder: Path, files: Files) -> Index:
     """
     index = Index()
     try:
-        label, commitment = _read_index(folder, files, index)
+        label = _read_index(folder, files, index)
     except (ValueError, RecursionError) as error:
         return Index(problems=[f"{INDEX}: {error}"])
     except (LookupError, TypeError, AttributeError) as error:
@@ -74,15 +74,13 @@ def checked_index(folder: Path, files: Files) -> Index:
     _read_spec(folder, files, index)
     if index.spec is not None and index.spec.label != label:
         index.problems.append(f"{INDEX} is of {label!r}, {SPEC} of {index.spec.label!r}")
-    if index.spec is not None and index.spec.commitment != commitment:
-        index.problems.append(f"{INDEX} and {SPEC} say different things of what is kept apart")
     if index.plan is not None:
         _first(index, _differences(index.plan, index.entries))
     return index
 
 
-def _read_index(folder: Path, files: Files, index: Index) -> tuple[str, str]:
-    """The label, and what is said of what is kept apart."""
+def _read_index(folder: Path, files: Files, index: Index) -> str:
+    """Read the index and return the label of the data set."""
     record = json.loads(_text(folder, files, INDEX, MOST_BYTES))
     digest = sha256()
     for entry in record["experiments"]:
@@ -103,7 +101,7 @@ def _read_index(folder: Path, files: Files, index: Index) -> tuple[str, str]:
         index.entries.append(dict(entry))
     if digest.hexdigest() != record["hash"]:
         index.problems.append(f"{INDEX}: its array hashes give {digest.hexdigest()}, its hash is {record['hash']!r}")
-    return str(record["data_set"]), str(record.get("commitment", ""))
+    return str(record["data_set"])
 
 
 def _read_manifest(folder: Path, files: Files, index: Index) -> None:
@@ -155,7 +153,7 @@ def _differences(plan: DataSetPlan, entries: list[dict[str, Any]]) -> Iterator[s
         yield f"{INDEX} has {len(entries)} experiments, {SPEC} asks for {len(plan)}"
         return
     for planned, entry in zip(plan, entries, strict=True):
-        for key, value in _told(published_about(planned) if plan.spec.commitment else about(planned)).items():
+        for key, value in _told(public_facts(planned) if plan.spec.withheld else about(planned)).items():
             if entry.get(key) != value:
                 yield f"{INDEX}: {entry['name']} has {key} = {entry.get(key)!r}, {SPEC} asks for {value!r}"
 

@@ -46,7 +46,7 @@ def record_problems(
         yield "sample does not count 0, 1, 2, ... in whole numbers"
     if samples is not None and sample["shape"] != [samples]:
         yield f"sample has shape {sample['shape']}, expected {samples} samples"
-    withheld = spec is not None and bool(spec.commitment) and entry.get("part") == "test"
+    withheld = spec is not None and spec.withheld and entry.get("part") == "test"
     if spec is not None and withheld:
         yield from _given_problems(variables, spec.window)
     for name, (role, *dims) in SIGNALS.items():

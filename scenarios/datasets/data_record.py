@@ -9,8 +9,6 @@ from typing import Literal, overload
 
 import numpy as np
 
-from scenarios.datasets.plan import PlannedExperiment
-from scenarios.datasets.spec import DataSetSpec
 from scenarios.files.errors import ScenarioError
 from scenarios.files.netcdf import Attribute, Contents, Variable, read_netcdf
 from sysid import IOData
@@ -21,24 +19,25 @@ GIVEN = ("sample", "u", "joint_commanded")
 WINDOW = "window_sample"
 """Along it stands what is given for the initialisation window."""
 
-PRIVATE = ("seed", "process_noise")
-"""What the index of a data set says of an experiment, and that of a published one does not: it is drawn."""
 
+def public_contents(contents: Contents, part: str, window: int) -> Contents:
+    """Cut a record for publication without its truth.
 
-def published(contents: Contents, entry: PlannedExperiment, spec: DataSetSpec) -> Contents:
-    """A record without what tells how to run it again, and a scored one without its outputs.
+    Seed and provenance go, which would tell how to simulate it again; of a scored record also everything that was
+    measured behind the initialisation window. Force, torque and the other joints are measured too: they show how the
+    arm moved, better than the commands do.
 
     Args:
-        contents: The whole record.
-        entry: The experiment.
-        spec: The data set.
+        contents: The complete record.
+        part: Part of the data set that it belongs to.
+        window: Samples of the initialisation window.
     """
     attributes = {
         key: value for key, value in contents.attributes.items() if key != "seed" and not key.startswith("provenance_")
     }
-    if entry.part != "test":
+    if part != "test":
         return Contents(contents.variables, attributes)
-    window = min(spec.window, len(contents.variables["u"].values))
+    window = min(window, len(contents.variables["u"].values))
     index = {**contents.variables["sample"].attributes, "long_name": "sample number within the initialisation window"}
     variables: dict[str, Variable] = {}
     for name, variable in contents.variables.items():

@@ -161,7 +161,7 @@ def _sum_of(part: str, rows: Sequence[Mapping[str, Any]]) -> tuple[str, int, int
 def _limits(plan: DataSetPlan, rows: Sequence[Mapping[str, Any]]) -> Limits:
     """How much of some records was limited; of scored ones of a data set with hidden truth as much as is given."""
     whole = sum(row["samples"] for row in rows)
-    if plan.spec.commitment:
+    if plan.spec.withheld:
         most = {row["name"]: plan.spec.window if row["part"] == "test" else row["samples"] for row in rows}
         whole = sum(min(row["samples"], most[row["name"]]) for row in rows)
     clipped = sum(row["clipped"] for row in rows)

@@ -309,7 +309,7 @@ def export(
             f"{', '.join(there)} is already there, and is not overwritten; remove it, or name another --out"
         )
     lines = [line for line in data_set.listings if line.failed is None]
-    with _workshop(out) as place:
+    with working_folder(out) as place:
         for done, line in enumerate(lines):
             contents = _checked(data_set, line)
             for name in names:
@@ -324,8 +324,12 @@ def export(
 
 
 @contextmanager
-def _workshop(out: Path) -> Iterator[Path]:
-    """A folder to work in, on the disk of the result; it goes, whatever happens."""
+def working_folder(out: Path) -> Iterator[Path]:
+    """Make a temporary folder on the disk of the result; it is removed in the end, and on errors `out` with it if new.
+
+    Args:
+        out: Folder of the results, made if missing.
+    """
     made = [path for path in (out, *out.parents) if not path.exists()]
     out.mkdir(parents=True, exist_ok=True)
     place = Path(tempfile.mkdtemp(prefix=".export-", dir=out))
@@ -382,6 +386,11 @@ def _describe(data_set: DataSet, lines: Sequence[IndexEntry], folder: Path, name
     for file in ALONG:
         if (data_set.folder / file).is_file():
             shutil.copyfile(data_set.folder / file, folder / file)
+    write_checksums(folder)
+
+
+def write_checksums(folder: Path) -> None:
+    """Write the checksums of all files in a folder, as `sha256sum --check` reads them."""
     files = sorted(path for path in folder.rglob("*") if path.is_file())
     sums = "".join(f"{file_hash(path)}  {path.relative_to(folder).as_posix()}\n" for path in files)
     (folder / SUMS).write_text(sums, encoding="utf-8")

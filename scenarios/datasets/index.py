@@ -27,22 +27,20 @@ class Summary:
     hash: str
 
 
-def write_index(folder: Path, label: str, manifest: Manifest, *, commitment: str = "") -> Summary:
+def write_index(folder: Path, label: str, manifest: Manifest) -> Summary:
     """Write the index from the manifest, entry by entry.
 
     Args:
         folder: That of the data set.
         label: Name and version of the data set.
         manifest: All experiments are noted in it.
-        commitment: What a data set with hidden truth says of what is kept apart.
 
     Raises:
         OSError: The file cannot be written.
     """
     digest, failed, kept = sha256(), dict[str, str](), 0
     with replacing(folder / INDEX, durable=True) as partial, partial.open("wb") as stream:
-        committed = f' "commitment": {json.dumps(commitment)},\n' if commitment else ""
-        stream.write(f'{{\n "data_set": {json.dumps(label)},\n{committed} "experiments": ['.encode())
+        stream.write(f'{{\n "data_set": {json.dumps(label)},\n "experiments": ['.encode())
         for number, line in enumerate(manifest.noted()):
             arrays = line.get("arrays", {})
             for file in sorted(arrays):

@@ -154,7 +154,7 @@ def _limited_samples(path: Path, plan: DataSetPlan, number: int) -> tuple[int, i
     clipped = (status & Status.CONVERTER_SATURATED) != 0
     experiment = plan[number].experiment
     # The excitation computer clips before the flags are set. Waveforms with withheld seeds cannot be recomputed.
-    if isinstance(experiment, Scenario) and not plan.spec.commitment:
+    if isinstance(experiment, Scenario) and not plan.spec.withheld:
         for one in experiment.excitation:
             clipped = clipped | BOARD.exceeds_range(one.asked(experiment.duration)[: len(clipped), 0])
     return int(np.count_nonzero(status & Status.VELOCITY_LIMITED)), int(np.count_nonzero(clipped))

@@ -1,6 +1,5 @@
 """What a spec asks for, experiment by experiment, made when it is asked for: a plan of any size weighs nothing."""
 
-import hmac
 from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -170,7 +169,6 @@ class DataSetPlan(Sequence[PlannedExperiment]):
 
     def _entry(self, template: _Template, twin: int | None) -> PlannedExperiment:
         mark = "" if twin is None else f"twin-{twin:0{len(str(self.twins - 1))}d}-"
-        mark = f"{self.spec.student}-{mark}" if self.spec.student else mark
         name = f"{mark}{template.name}"
         return PlannedExperiment(
             name=name,
@@ -183,8 +181,8 @@ class DataSetPlan(Sequence[PlannedExperiment]):
         )
 
     def _experiment(self, template: _Template, name: str, twin: int | None) -> Experiment:
-        if self.spec.commitment:
-            # What chance adds is kept apart.
+        if self.spec.withheld:
+            # Its seed is withheld: nothing random is known of it.
             return replace(template.experiment, name=name)
         key = template.key if twin is None else f"{template.key} | twin {twin}"
         one = template.experiment
@@ -207,7 +205,7 @@ class DataSetPlan(Sequence[PlannedExperiment]):
         if self._last is None or self._last[0] != twin:
             self._last = (
                 twin,
-                draw_specimen(self.spec.twins.distributions, np.random.SeedSequence([self.spec.entropy, twin])),
+                draw_specimen(self.spec.twins.distributions, np.random.SeedSequence([self.spec.seed, twin])),
             )
         return self._last[1]
 
@@ -229,11 +227,7 @@ def _check_length(template: _Template, window: int) -> None:
 
 def _seeds(spec: DataSetSpec, key: str) -> tuple[int, int]:
     """Seeds of the noise and of the waveform of an experiment, of 62 bits: among millions no two are alike."""
-    if spec.secret_seed:
-        # By a keyed hash: nobody finds the secret from a seed, nor the seed by trying which noise stands in a window.
-        digest = hmac.digest(bytes.fromhex(spec.secret_seed), key.encode(), "sha256")
-        return int.from_bytes(digest[:8]) >> 2, int.from_bytes(digest[8:16]) >> 2
-    draw_specimen = np.random.SeedSequence([spec.entropy, *key.encode()]).generate_state(2, np.uint64)
+    draw_specimen = np.random.SeedSequence([spec.seed, *key.encode()]).generate_state(2, np.uint64)
     return int(draw_specimen[0]) >> 2, int(draw_specimen[1]) >> 2
 
 

@@ -151,10 +151,10 @@ def regeneration(
     """
     if count < 1:
         return [], ["no experiment was simulated again: none was asked for"]
-    if index.spec is not None and index.spec.commitment:
+    if index.spec is not None and index.spec.withheld:
         return [], [
-            "no experiment was simulated again: the seed is kept apart, and so are the truth and the outputs of "
-            "scored records behind the window; with --key all of it is checked"
+            "no experiment was simulated again: seed, truth and scored outputs behind the window are withheld; the "
+            "complete data set can be checked"
         ]
     if index.plan is None or len(index.plan) != len(index.entries):
         return [], ["no experiment was simulated again: there is no spec to do it from"]

@@ -274,8 +274,8 @@ def scored(scoring: Scoring, records: Iterable[DataRecord], hat: Callable[[str],
     for record in records:
         if record.signals.withheld:
             raise ScenarioError(
-                f"the outputs of {record.name} behind the window are withheld: whoever has the key scores it, by hmtb "
-                "dataset grade"
+                f"the outputs of {record.name} behind the window are withheld; whoever has the complete data set "
+                "scores it, by hmtb dataset grade"
             )
         data, predicted = record.iodata(), hat(record.name)
         window = data.window

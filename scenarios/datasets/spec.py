@@ -23,14 +23,6 @@ CHANNELS = ("all", "studied")
 """How much the files hold."""
 
 
-HIDING = ("secret_seed", "commitment", "student")
-"""Keys that only data sets with hidden truth have."""
-
-STUDENT = re.compile(r"[A-Za-z0-9][A-Za-z0-9_+-]{0,39}")
-STUDENT_IS = "1 to 40 letters, digits, '_', '-' or '+', the first a letter or digit, because folders are named after it"
-"""What the id of a student may be, as a pattern and in words."""
-
-
 @dataclass(frozen=True)
 class DataSetSpec:
     """Everything that a data set is built from.
@@ -39,7 +31,7 @@ class DataSetSpec:
         name: Its name without the version, e.g. ``"hmtb-siso"``.
         version: Its version; whatever changes the numbers takes a new one.
         title: One line for readers.
-        seed: All chance of the data set comes from it; None where another does, or where it is kept apart.
+        seed: Every random draw of the data set follows from it.
         records: The blocks of records.
         description: What it is for, a paragraph.
         window: Samples at the start of every scored record in which the outputs are given, to find an initial state.
@@ -53,15 +45,14 @@ class DataSetSpec:
         keywords: Words to find it by.
         date: Day of release, YYYY-MM-DD; empty: none, then the papers name none, because a build has no clock.
         url: Page of the data set on the web; empty: none.
-        secret_seed: Instead of a seed, 32 hexadecimal digits that nobody guesses; for data sets whose truth is hidden.
-        commitment: Instead of a seed, what a published data set with hidden truth says of it: a keyed SHA-256.
-        student: Whose own copy of the data set it is, part of its label; empty: nobody's.
+        withheld: Whether this is the spec of a public folder whose truth is withheld; its seed is then 0, which is not
+            that of the data.
     """
 
     name: str
     version: int
     title: str
-    seed: int | None
+    seed: int
     records: tuple[RecordBlock, ...]
     description: str = ""
     window: int = 100
@@ -74,9 +65,7 @@ class DataSetSpec:
     keywords: tuple[str, ...] = ("system identification", "robotics", "hydraulics", "benchmark", "MuJoCo")
     date: str = ""
     url: str = ""
-    secret_seed: str = ""
-    commitment: str = ""
-    student: str = ""
+    withheld: bool = False
 
     def __post_init__(self) -> None:
         if not NAME.fullmatch(self.name):
@@ -102,7 +91,7 @@ class DataSetSpec:
             )
         if not self.creators or not all(name.strip() for name in self.creators):
             raise ScenarioError(f"data set {self.name!r}: creators = {self.creators} given, expected names to cite")
-        self._check_chance()
+        check_seed(self.seed)
         if not self.records:
             raise ScenarioError(f"data set {self.name!r}: no records given, expected one or more blocks [[records]]")
         names = [block.name for block in self.records]
@@ -135,47 +124,16 @@ class DataSetSpec:
                         f"data set {self.name!r}: {key} = {ascii(line)[:80]} given, expected no control characters"
                     )
 
-    def _check_chance(self) -> None:
-        given = [self.seed is not None, bool(self.secret_seed), bool(self.commitment)]
-        if sum(given) != 1:
-            raise ScenarioError(
-                f"data set {self.name!r}: {sum(given)} of seed, secret_seed and commitment given, expected one"
-            )
-        if self.seed is not None:
-            check_seed(self.seed)
-        for key, digits in (("secret_seed", 32), ("commitment", 64)):
-            value = getattr(self, key)
-            if value and not re.fullmatch(f"[0-9a-f]{{{digits}}}", value):
-                # The value is not shown: it may be a secret with a slip in it.
-                raise ScenarioError(
-                    f"data set {self.name!r}: {key} of {len(value)} characters given, expected {digits} digits 0 to f"
-                )
-        if self.student and not STUDENT.fullmatch(self.student):
-            raise ScenarioError(f"data set {self.name!r}: student = {self.student!r} given, expected {STUDENT_IS}")
-
     @property
     def label(self) -> str:
-        """Name with version, e.g. ``"hmtb-siso-v1"``, and the student if it is one's own: that of the folder."""
-        return f"{self.name}-v{self.version}" + (f"-{self.student}" if self.student else "")
-
-    @property
-    def entropy(self) -> int:
-        """What all chance comes from, up to 2^128 - 1.
-
-        Raises:
-            ScenarioError: It is kept apart.
-        """
-        if self.commitment:
-            raise ScenarioError(
-                f"the seed of {self.label} is kept apart: it can be built by hmtb dataset build --key alone"
-            )
-        return int(self.secret_seed, 16) if self.secret_seed else int(self.seed or 0)
+        """Name with version, e.g. ``"hmtb-siso-v1"``: the name of the folder."""
+        return f"{self.name}-v{self.version}"
 
     def to_toml(self) -> str:
         """Write every field as TOML, such that `from_toml` gives an equal spec back."""
         table = codec.unstructure(self)
         records = [block.to_table() for block in self.records]
-        return codec.to_toml({k: v for k, v in table.items() if v or k not in HIDING} | {"records": records})
+        return codec.to_toml(table | {"records": records})
 
     @classmethod
     def from_toml(cls, text: str, *, source: str = "TOML text") -> "DataSetSpec":
@@ -192,8 +150,6 @@ class DataSetSpec:
         for block in table["records"] if isinstance(table.get("records"), list) else ():
             if isinstance(block, dict) and isinstance(block.get("excitation"), dict):
                 block["excitation"] = [block["excitation"]]  # one excitation for all axes may be a plain table
-        if {"secret_seed", "commitment"} & table.keys():
-            table.setdefault("seed", None)
         try:
             return codec.structure(cls, table)
         except ScenarioError as error:

@@ -7,8 +7,8 @@ from pathlib import Path
 import pytest
 
 from scenarios.datasets.build import build
-from scenarios.datasets.challenge_build import build_hidden
 from scenarios.datasets.spec import DataSetSpec
+from scenarios.datasets.withhold import build_withheld
 from scenarios.estimators.nursery import SHARED
 from scenarios.experiments.campaign import NOMINAL
 from scenarios.thesis.comparison import Comparison
@@ -71,7 +71,7 @@ def tiny(tiny_spec: DataSetSpec, tmp_path_factory: pytest.TempPathFactory) -> Pa
     return build(tiny_spec, tmp_path_factory.mktemp("data-sets"), workers=1).path
 
 
-HIDDEN = """
+CLASS = """
 name = "class"
 version = 1
 title = "An arm of one's own"
@@ -110,25 +110,18 @@ excitation = { kind = "white_noise", amplitude = 0.5, seed = 5 }
 
 @dataclass(frozen=True)
 class Class:
-    """Data sets of two students, and their key."""
+    """Public data sets of two students, and the withheld folder."""
 
     spec: DataSetSpec
-    key: Path
-    out: Path
-
-    @property
-    def ann(self) -> Path:
-        return self.out / "class-v1-ann"
-
-    @property
-    def bob(self) -> Path:
-        return self.out / "class-v1-bob"
+    withheld: Path
+    ann: Path
+    bob: Path
 
 
 @pytest.fixture(scope="session")
-def hidden(tmp_path_factory: pytest.TempPathFactory) -> Class:
-    """Data sets whose truth is hidden; tests that change them take a copy."""
-    place = tmp_path_factory.mktemp("hidden")
-    spec = DataSetSpec.from_toml(HIDDEN)
-    build_hidden(spec, place / "out", place / "class.key", students=("ann", "bob"), workers=1)
-    return Class(spec, place / "class.key", place / "out")
+def school(tmp_path_factory: pytest.TempPathFactory) -> Class:
+    """Data sets with withheld truth; tests that change them take a copy."""
+    place = tmp_path_factory.mktemp("school")
+    spec = DataSetSpec.from_toml(CLASS)
+    build = build_withheld(spec, place / "out", place / "withheld", persons=("ann", "bob"), workers=1)
+    return Class(spec, place / "withheld", *build.paths)

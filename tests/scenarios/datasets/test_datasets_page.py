@@ -31,7 +31,7 @@ TINY = {
     "multisine-elbow_pitch-01": "noise",
     "prbs-elbow_pitch": "binary-elbow_pitch",
     "hmtb-siso-v1": "tiny-v1",
-    "class/NAME-v1-STUDENT": "tiny-v1",
+    "class/NAME-STUDENT-v1": "tiny-v1",
 }
 """What the tiny data set has in the place of what the page speaks of."""
 

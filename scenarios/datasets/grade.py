@@ -1,0 +1,203 @@
+"""Grades of a class: submitted predictions and models, scored against the complete data sets in a withheld folder."""
+
+import csv
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from scenarios.datasets.arm_truth import read_arm
+from scenarios.datasets.baseline_table import read_table
+from scenarios.datasets.data_record import DataRecord
+from scenarios.datasets.data_set import DataSet, open_data_set
+from scenarios.datasets.layout import ATTAINABLE, BASELINES, arm_file
+from scenarios.datasets.predictions import ENDINGS
+from scenarios.datasets.score import Scores, score, score_model
+from scenarios.datasets.withhold import read_persons
+from scenarios.files.codec import from_json
+from scenarios.files.errors import ScenarioError, unknown
+from sysid import StateSpace
+
+MODEL = "model-"
+"""Files of models are called ``model-JOINT.json``."""
+
+MOST_BYTES = 2**28
+"""A larger file in a submission is a mistake."""
+
+Matrix = tuple[tuple[float, ...], ...]
+
+
+@dataclass(frozen=True)
+class SubmittedModel:
+    """A file of a model: matrices of x(t+1) = A x + B u, y = C x + D u, from commanded to measured angle.
+
+    Attributes:
+        A: (n, n).
+        B: (n, 1).
+        C: (1, n).
+        D: (1, 1).
+        dt: Sampling time, s.
+    """
+
+    A: Matrix
+    B: Matrix
+    C: Matrix
+    D: Matrix
+    dt: float
+
+
+@dataclass(frozen=True)
+class ModelGrade:
+    """The bandwidth of a submitted model beside the true one.
+
+    Attributes:
+        joint: The joint.
+        bandwidth_hz: Of the model, Hz; NaN where its gain never falls to half power.
+        true_hz: Of the true arm, Hz.
+        stable: Whether all poles of the model lie within the unit circle.
+    """
+
+    joint: str
+    bandwidth_hz: float
+    true_hz: float
+    stable: bool
+
+    @property
+    def error_percent(self) -> float:
+        """Error of the bandwidth in percent of the true one."""
+        return 100.0 * (self.bandwidth_hz - self.true_hz) / self.true_hz
+
+
+@dataclass(frozen=True)
+class Grade:
+    """The grade of a submission.
+
+    Attributes:
+        data_set: Label of the data set that it was scored on.
+        scores: Scores of its predictions, or of its models where it has no predictions.
+        attainable: Mean of the best attainable scores of the same records; None where one was not searched.
+        baselines: Scores of known methods, by name with orders.
+        models: Bandwidths of its models.
+    """
+
+    data_set: str
+    scores: Scores
+    attainable: float | None
+    baselines: Mapping[str, float]
+    models: tuple[ModelGrade, ...]
+
+    @property
+    def best_baseline(self) -> tuple[str, float] | None:
+        """The best identified baseline; the small-signal truth does not compete."""
+        best = max if self.scores.scoring.metric == "fit" else min
+        known = {name: value for name, value in self.baselines.items() if name != "truth"}
+        return best(known.items(), key=lambda pair: pair[1]) if known else None
+
+
+def grade_all(
+    withheld: Path, submissions: Path, *, progress: Callable[[int, int], None] | None = None
+) -> dict[str, Grade | str]:
+    """Grade one submission, or every folder in a folder of them. Nothing of a submission is executed.
+
+    Args:
+        withheld: The withheld folder of the class.
+        submissions: The folder. Where each person has a data set, folders of submissions are named after the persons.
+        progress: Called with the submissions done and their total.
+
+    Returns:
+        By name of the folder the grade, or why there is none.
+
+    Raises:
+        ScenarioError: No submissions, or no withheld folder.
+    """
+    persons = read_persons(withheld)
+    if not submissions.is_dir():
+        raise ScenarioError(f"no folder {submissions}: expected a submission, or a folder of them")
+    single = any(path.suffix in (*ENDINGS, ".json") for path in submissions.iterdir())
+    folders = [submissions.resolve()] if single else sorted(path for path in submissions.iterdir() if path.is_dir())
+    if not folders:
+        raise ScenarioError(f"{submissions} holds no submissions: expected predictions, or a folder of them per person")
+    grades: dict[str, Grade | str] = {}
+    for number, folder in enumerate(folders, start=1):
+        person = "" if "" in persons else folder.name
+        try:
+            if person not in persons:
+                raise ScenarioError(f"{folder}: {unknown('person', person, persons)}")
+            grades[folder.name] = grade(folder, open_data_set(withheld / persons[person][0]))
+        except (ScenarioError, ValueError, OSError) as error:
+            # One broken submission does not keep the others from their grades.
+            grades[folder.name] = str(error)
+        if progress is not None:
+            progress(number, len(folders))
+    return grades
+
+
+def grade(submission: Path, data_set: DataSet) -> Grade:
+    """Score a submission on a complete data set.
+
+    Args:
+        submission: Folder of predictions, as `hmtb dataset score` reads them, and of ``model-JOINT.json``.
+        data_set: The complete data set.
+
+    Raises:
+        ScenarioError: Neither predictions nor models, or a file is damaged, of the wrong shape or a link.
+    """
+    for path in submission.iterdir():
+        # A link could lead to the withheld answer on this machine.
+        if path.is_symlink() or path.stat().st_size > MOST_BYTES:
+            raise ScenarioError(f"{path} is a link or has more than {MOST_BYTES} bytes; expected ordinary files")
+    models = _read_models(submission, data_set)
+    if any(path.suffix in ENDINGS for path in submission.iterdir()) or not models:
+        scores = score(submission, data_set)
+    else:
+
+        def model_of(record: DataRecord) -> StateSpace:
+            if len(record.joints) > 1 or record.joints[0] not in models:
+                raise ScenarioError(f"{submission}: no predictions, and no {MODEL}JOINT.json for {record.name}")
+            return models[record.joints[0]]
+
+        scores = score_model(model_of, data_set)
+    table = data_set.folder / BASELINES
+    rows = [row for row in read_table(table) if row["test"]] if table.is_file() else []
+    return Grade(
+        data_set.label,
+        scores,
+        _attainable(data_set.folder / ATTAINABLE),
+        {f"{row['method']} {row['orders']}".strip(): float(row["test"]) for row in rows},
+        tuple(_compared(model, joint, data_set) for joint, model in models.items()),
+    )
+
+
+def _read_models(submission: Path, data_set: DataSet) -> dict[str, StateSpace]:
+    """The models of a submission, by joint."""
+    joints = {joint for line in data_set.listings for joint in line.joints}
+    models: dict[str, StateSpace] = {}
+    for path in sorted(submission.glob(f"{MODEL}*.json")):
+        joint = path.stem.removeprefix(MODEL)
+        if joint not in joints:
+            raise ScenarioError(f"{path}: {unknown('joint', joint, sorted(joints))}")
+        file = from_json(SubmittedModel, path.read_bytes(), str(path))
+        model = StateSpace(np.array(file.A), np.array(file.B), np.array(file.C), np.array(file.D), None, file.dt)
+        if (model.nu, model.ny) != (1, 1):
+            raise ScenarioError(f"{path}: {model.nu} inputs and {model.ny} outputs given, expected one of each")
+        models[joint] = model
+    return models
+
+
+def _compared(model: StateSpace, joint: str, data_set: DataSet) -> ModelGrade:
+    if len(data_set.arms) > 1:
+        raise ScenarioError(f"{data_set.label} has {len(data_set.arms)} arms: models can be graded on one arm alone")
+    truth = read_arm(data_set.folder / arm_file(data_set.arms[0])).joints
+    if joint not in truth:
+        raise ScenarioError(f"{data_set.label}: no truth of {joint} alone, because its arm is unstable")
+    stable = bool((np.abs(model.poles()) < 1.0).all())
+    return ModelGrade(joint, float(model.bandwidth()[0, 0]), truth[joint].bandwidth_hz, stable)
+
+
+def _attainable(path: Path) -> float | None:
+    if not path.is_file():
+        return None
+    with path.open(newline="", encoding="utf-8") as stream:
+        cells = [row["attainable"] for row in csv.DictReader(stream)]
+    return float(np.mean([float(cell) for cell in cells])) if cells and all(cells) else None

@@ -1,0 +1,245 @@
+"""Data sets for classes: nothing that is published tells the truth, and submissions are graded on the complete data."""
+
+import json
+import shutil
+import stat
+import struct
+from collections.abc import Iterator
+from dataclasses import replace
+from pathlib import Path
+
+import h5py
+import numpy as np
+import pytest
+
+from scenarios.commands.cli import main
+from scenarios.datasets import open_data_set
+from scenarios.datasets import withhold as withhold_module
+from scenarios.datasets.arm_truth import read_arm
+from scenarios.datasets.build import build
+from scenarios.datasets.check import examine
+from scenarios.datasets.grade import Grade, grade_all
+from scenarios.datasets.plan import DataSetPlan
+from scenarios.datasets.score import ModelPredictor, score_model
+from scenarios.datasets.spec import DataSetSpec
+from scenarios.datasets.withhold import build_withheld, check_withholdable, read_persons, read_roster
+from scenarios.experiments.registry import names
+from scenarios.files.errors import ScenarioError
+from scenarios.files.netcdf import read_netcdf
+from tests.scenarios.conftest import Class
+
+RUN = 6
+"""Withheld samples in a row that are no coincidence: a single one is a count of the resolver, and in every record."""
+
+
+def contents(folder: Path) -> Iterator[tuple[str, bytes]]:
+    """Every file as it is, and every array and attribute of NetCDF files without compression."""
+    for path in sorted(path for path in folder.rglob("*") if path.is_file()):
+        yield path.name, path.name.encode() + b"\n" + path.read_bytes()
+        if path.suffix != ".nc":
+            continue
+        with h5py.File(path) as file:
+            values = [value for entry in (file, *file.values()) for value in entry.attrs.values()]
+            values += [entry[...] for entry in file.values()]
+        for array in map(np.asarray, values):
+            numbers = array.dtype.kind in "biufc"
+            yield path.name, array.tobytes() if numbers else b"\n".join(str(one).encode() for one in array.ravel())
+
+
+def secrets_of(complete: DataSetSpec) -> dict[str, set[bytes]]:
+    """Whatever would give the truth away, as text and as bytes."""
+    forms = {"seed": {str(complete.seed).encode(), struct.pack("<Q", complete.seed)}}
+    for entry in DataSetPlan(complete):
+        one = entry.experiment
+        for seed in (one.seed, *(e.parameters["seed"] for e in one.excitation if "seed" in e.parameters)):  # type: ignore[union-attr]
+            forms[f"seed of {entry.name}"] = {str(seed).encode(), struct.pack("<Q", seed)}
+        for value in (one.plant.supply_pressure, one.plant.process_noise, *one.specimen.kp, *one.specimen.mass):
+            forms[f"drawn {value}"] = {repr(float(value)).encode(), f"{value:.9g}".encode(), struct.pack("<d", value)}
+    return forms
+
+
+def test_no_published_byte_tells_a_secret(school: Class) -> None:
+    complete = school.withheld / school.ann.name
+    forms = secrets_of(open_data_set(complete).spec)
+    assert sum(name.startswith("drawn") for name in forms) >= 10
+    for place, content in contents(school.ann):
+        for secret, texts in forms.items():
+            assert not any(text in content for text in texts), f"{secret} in {place}"
+    # The search finds them where they are.
+    everything = b"\n".join(content for _, content in contents(complete))
+    assert all(any(text in everything for text in texts) for texts in forms.values())
+    assert not (school.ann / "truth").exists() and not (school.ann / "baselines").exists()
+    assert "truth" not in (school.ann / "baselines.csv").read_text()
+    assert "oe" in (school.ann / "baselines.csv").read_text()
+    assert stat.S_IMODE(school.withheld.stat().st_mode) == 0o700
+
+
+def test_outputs_behind_the_window_of_a_scored_record_are_not_published(school: Class) -> None:
+    place = "data/test/twin-0-noise.nc"
+    complete, public = (
+        read_netcdf(folder / place).variables for folder in (school.withheld / school.ann.name, school.ann)
+    )
+    assert {name for name, one in public.items() if "sample" in one.dims} == {"sample", "u", "joint_commanded"}
+    assert np.array_equal(public["y"].values, complete["y"].values[:20])
+    assert np.array_equal(public["u"].values, complete["u"].values)
+    published = b"\n".join(content for _, content in contents(school.ann))
+    for name in ("y", "joint_measured", "force", "torque"):
+        for column in complete[name].values.T:
+            for begin in range(20, len(column) - RUN):
+                run = column[begin : begin + RUN]
+                if len(np.unique(run)) == RUN:  # a joint that stands still is no secret
+                    assert run.tobytes() not in published, f"{name} from sample {begin} on"
+    # Force, torque and the other joints are withheld because they show how the arm moved.
+    train = read_netcdf(school.ann / "data/train/twin-0-binary-elbow_pitch.nc").variables
+    y, u = train["y"].values[10:, 0], train["u"].values[:, 0]
+    past = np.column_stack([np.ones(len(y)), *(u[10 - k : len(u) - k] for k in range(11))])
+    beside = np.column_stack([past, *(train[name].values[10:] for name in ("force", "torque", "joint_measured"))])
+
+    def error(columns: np.ndarray) -> float:
+        half = len(y) // 2
+        solution, *_ = np.linalg.lstsq(columns[:half], y[:half], rcond=1e-10)
+        return float(np.std(y[half:] - columns[half:] @ solution))
+
+    assert error(beside) < 0.5 * error(past)
+
+
+def test_public_data_sets_load_check_and_cannot_be_scored_or_built(school: Class) -> None:
+    ann, bob = (open_data_set(folder) for folder in (school.ann, school.bob))
+    assert ann.label == "class-ann-v1" and ann.hash != bob.hash
+    assert not np.array_equal(ann.train[0].u, bob.train[0].u)
+    record, complete = ann.test[0], open_data_set(school.withheld / ann.label).test[0]
+    assert record.y.shape == (20,) and len(record) == 200 and record[5:100].y.shape == (15,)
+    data = record.iodata()
+    assert data.missing and np.isnan(data.y).sum() == 180 and data.window == 20
+    model = ModelPredictor(
+        read_arm(next((school.withheld / ann.label / "truth/arms").iterdir())).joints["elbow_pitch"].model
+    )
+    assert model.predicted(data, 0) == pytest.approx(model.predicted(complete.iodata(), 0), rel=1e-12)
+    with pytest.raises(ScenarioError, match="behind the window are withheld"):
+        score_model(model, ann)
+    with pytest.raises(ScenarioError, match="cannot be built"):
+        build(ann.spec, school.withheld)
+    result = examine(school.ann)
+    assert result.passed and any("withheld" in note for note in result.notes)
+
+
+def test_an_interrupted_build_keeps_its_seeds_and_resumes(
+    school: Class, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    spec = replace(school.spec, baselines=replace(school.spec.baselines, models=()))
+    out, withheld = tmp_path / "out", tmp_path / "withheld"
+
+    def interrupted(*_: object) -> None:
+        raise KeyboardInterrupt
+
+    with monkeypatch.context() as patch:
+        patch.setattr(withhold_module, "metadata_files", interrupted)
+        with pytest.raises(KeyboardInterrupt):
+            build_withheld(spec, out, withheld, persons=("ann", "bob"), workers=1)
+    assert not list(out.glob("*")) and len(read_persons(withheld)) == 2
+    seeds = read_persons(withheld)
+    with pytest.raises(ScenarioError, match="other persons"):
+        build_withheld(spec, out, withheld, persons=("ann",), workers=1)
+    paths = build_withheld(spec, out, withheld, persons=("ann", "bob"), workers=1).paths
+    assert [path.name for path in paths] == ["class-ann-v1", "class-bob-v1"] and read_persons(withheld) == seeds
+    assert build_withheld(spec, out, withheld, persons=("ann", "bob"), workers=1).paths == paths
+    (paths[0] / "SHA256SUMS").write_text("")
+    with pytest.raises(ScenarioError, match="is another data set"):
+        build_withheld(spec, out, withheld, persons=("ann", "bob"), workers=1)
+    with pytest.raises(ScenarioError, match="outside of what is published"):
+        build_withheld(spec, out, out / "class-ann-v1" / "w", persons=("ann",))
+
+
+def test_seeds_come_from_the_system_unless_one_is_given(school: Class, tmp_path: Path) -> None:
+    drawn = [seed for _, seed in read_persons(school.withheld).values()]
+    assert len(set(drawn)) == 2 and max(drawn) > 2**40
+
+    def seeds(name: str, seed: int | None) -> list[int]:
+        (tmp_path / name).mkdir()
+        return list(withhold_module._seeds(tmp_path / name, {"ann": "a", "bob": "b"}, seed).values())
+
+    assert seeds("one", 3) == seeds("two", 3) != seeds("three", 4)
+    assert seeds("four", None) != seeds("five", None)
+
+
+def test_specs_whose_truth_is_public_are_refused(school: Class) -> None:
+    weak = replace(school.spec.records[1], scenarios=(names("operator")[0],), axes=(), excitation=(), duration=None)
+    for change, match in (
+        ({"twins": None}, "anyone can compute their truth"),
+        ({"scoring": replace(school.spec.scoring, steps=2)}, "need the withheld outputs"),
+        ({"withheld": True}, "spec of a public data set"),
+        ({"records": (school.spec.records[0], weak)}, "depend on the withheld outputs"),
+    ):
+        with pytest.raises(ScenarioError, match=match):
+            check_withholdable(replace(school.spec, **change))  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize(
+    ("text", "match"),
+    [("", "no lines"), ("ann\n\nbob\n", "line 2: ''"), ("../ann\n", "line 1"), ("ann\nANN\n", "is there twice")],
+)
+def test_a_roster_is_read_strictly(tmp_path: Path, text: str, match: str) -> None:
+    path = tmp_path / "roster"
+    path.write_text(text)
+    with pytest.raises(ScenarioError, match=match):
+        read_roster(path)
+    path.write_text("ann\nbob-2\n")
+    assert read_roster(path) == ("ann", "bob-2")
+
+
+def test_submissions_are_graded_as_hmtb_dataset_score_does(
+    school: Class, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    complete = open_data_set(school.withheld / school.ann.name)
+    truth = read_arm(next((complete.folder / "truth/arms").iterdir())).joints["elbow_pitch"]
+    model = {name: getattr(truth.model, name).tolist() for name in "ABCD"} | {"dt": 0.02}
+    for person in ("ann", "bob", "eve"):
+        (tmp_path / person).mkdir()
+        (tmp_path / person / "model-elbow_pitch.json").write_text(json.dumps(model))
+    (record,) = complete.test
+    (tmp_path / "ann" / f"{record.name}.csv").write_text(
+        "elbow_pitch\n" + "\n".join(map(repr, (record.y + 0.001).tolist()))
+    )
+    assert main(["dataset", "grade", str(school.withheld), str(tmp_path), "--json"]) == 1
+    result = json.loads(capsys.readouterr().out)
+    ann, bob = (result["grades"][person] for person in ("ann", "bob"))
+    assert (
+        ann["score"] == pytest.approx(1.0) and ann["unit"] == "mrad" and ann["best_baseline"]["method"].startswith("oe")
+    )
+    assert ann["models"][0]["bandwidth_hz"] == pytest.approx(truth.bandwidth_hz) and ann["models"][0]["stable"]
+    assert abs(ann["models"][0]["error_percent"]) < 1e-6 < abs(bob["models"][0]["error_percent"])
+    # Without predictions the model is scored; the arm of ann is not that of bob.
+    assert bob["score"] == score_model(truth.model, school.withheld / "class-bob-v1").mean
+    assert "unknown person 'eve'" in result["refused"]["eve"]
+    assert main(["dataset", "grade", str(school.withheld), str(tmp_path / "ann")]) == 0
+    assert "oe" in capsys.readouterr().out
+
+
+def test_broken_submissions_are_refused_one_by_one(school: Class, tmp_path: Path) -> None:
+    ann, bob = tmp_path / "ann", tmp_path / "bob"
+    ann.mkdir()
+    bob.mkdir()
+    (bob / "notes.md").write_text("nothing")
+
+    def refused(text: str, name: str = "model-elbow_pitch.json") -> str:
+        for path in ann.iterdir():
+            path.unlink()
+        (ann / name).write_text(text)
+        grades = grade_all(school.withheld, tmp_path)
+        assert "no predictions" in str(grades["bob"]) and not isinstance(grades["ann"], Grade)
+        return grades["ann"]
+
+    assert "unknown joint" in refused("{}", "model-elbow.json")
+    assert "missing" in refused("{}")
+    assert "one of each" in refused('{"A": [[0.5]], "B": [[1, 1]], "C": [[1]], "D": [[0, 0]], "dt": 0.02}')
+    assert "A" in refused('{"A": [["a"]], "B": [[1]], "C": [[1]], "D": [[0]], "dt": 0.02}')
+    assert "is of no record to predict" in refused("elbow_pitch\n0\n", "other.csv")
+    # A link could lead to the withheld answer.
+    (ann / "other.csv").unlink()
+    (ann / "twin-0-noise.nc").symlink_to(school.withheld / "class-ann-v1/data/test/twin-0-noise.nc")
+    assert "is a link" in str(grade_all(school.withheld, tmp_path)["ann"])
+    shutil.rmtree(bob)
+    with pytest.raises(ScenarioError, match=r"cannot read .*persons\.json"):
+        grade_all(tmp_path, tmp_path)
+    with pytest.raises(ScenarioError, match="no folder"):
+        grade_all(school.withheld, tmp_path / "absent")
