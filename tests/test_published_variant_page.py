@@ -20,7 +20,7 @@ from docs.images.published_servos import (
 )
 from hmtb_twin import linearize, load_arm, simulate
 from hmtb_twin.parameters.variants import PUBLISHED_SERVOS
-from scenarios.experiments.preparation import settled
+from scenarios.experiments.log_review import settled
 from scenarios.truth.published import SHOULDER_PITCH_OE, YAW_ARMAX, YAW_OE
 
 ROOT = Path(__file__).parents[1]

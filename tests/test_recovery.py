@@ -22,8 +22,8 @@ from hmtb_twin import (
     simulate,
 )
 from scenarios import load
-from scenarios.experiments.needed_order import SUFFICIENT
-from scenarios.experiments.preparation import prepared
+from scenarios.experiments.log_review import prepared
+from scenarios.experiments.model_structures import SUFFICIENT
 from scenarios.thesis.attribution import conditions
 
 SEEDS = range(1, 21)

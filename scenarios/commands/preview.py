@@ -60,7 +60,7 @@ def preview(
 
 def _record(seen: "Preview") -> dict[str, object]:
     from hmtb_twin import JOINTS, Status
-    from scenarios.experiments.needed_order import needed_orders
+    from scenarios.experiments.model_structures import needed_orders
 
     return {
         "duration_s": seen.duration,

@@ -88,8 +88,8 @@ def simulate(
 
     from scenarios.experiments.excitation_computer import MISSES_POINTS
     from scenarios.experiments.joint_inputs import logged_inputs
-    from scenarios.experiments.log_review import clipped_share, power_off, velocity_limited_share
-    from scenarios.experiments.preview import stays
+    from scenarios.experiments.log_review import clipped_share, shutdown_intervals, velocity_limited_share
+    from scenarios.experiments.preview import deadband_warning
 
     by_name = {entry.name: entry for entry in chosen}
     clipped = {log.name: clipped_share(log, by_name[log.name]) for log in result.logs}
@@ -105,13 +105,15 @@ def simulate(
     warnings += [
         f"{entry.name}: {MISSES_POINTS}" for entry in chosen if any(played.misses_points for played in entry.excitation)
     ]
-    warnings += [f"{log.name}: {text}" for log in result.logs if (text := stays(by_name[log.name])) is not None]
+    warnings += [
+        f"{log.name}: {text}" for log in result.logs if (text := deadband_warning(by_name[log.name])) is not None
+    ]
     warnings += remarks
-    from scenarios.experiments.rpcm_outcome import judged
+    from scenarios.experiments.rpcm import task_outcome
 
-    tasks = {log.name: done for log in result.logs if (done := judged(log, by_name[log.name].task))}
+    tasks = {log.name: done for log in result.logs if (done := task_outcome(log, by_name[log.name].task))}
     warnings += [f"{name}: {text}" for name, outcome in tasks.items() if (text := outcome.warning())]
-    off = {log.name: stretches for log in result.logs if (stretches := power_off(log))}
+    off = {log.name: stretches for log in result.logs if (stretches := shutdown_intervals(log))}
     written = list(dict.fromkeys(path for made in paths for path in made))
     if json:
         print_json(

@@ -47,7 +47,7 @@ def video(
         json: Print JSON.
     """
     from scenarios.experiments.film import frames, write_film
-    from scenarios.experiments.playback import played
+    from scenarios.experiments.playback import load_or_simulate
     from scenarios.files.atomic_write import check_place
     from scenarios.files.errors import ScenarioError
 
@@ -55,7 +55,7 @@ def video(
         if not 0 < value <= 1000:
             raise ScenarioError(f"--{label} must be above 0 and at most 1000, given {value:g}")
     cameras = _cameras(camera)
-    log = played(name, seed=seed)
+    log = load_or_simulate(name, seed=seed)
     path = Path(f"{log.name}.mp4") if out is None else out
     check_place(path)
     end = len(log) * log.dt

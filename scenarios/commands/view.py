@@ -37,9 +37,9 @@ def view(
     if name is None:
         show(payload)
         return 0
-    from scenarios.experiments.playback import played
+    from scenarios.experiments.playback import load_or_simulate
 
-    log = played(name, seed=seed)
+    log = load_or_simulate(name, seed=seed)
     say(f"{log.name}: {len(log) * log.dt:g} s, played at {speed:g} times its speed; close the window to end")
     play(log, speed=speed, loop=loop)
     return 0

@@ -106,7 +106,7 @@ def waveform(
 
     import numpy as np
 
-    from scenarios.experiments.needed_order import needed_orders, shortcoming
+    from scenarios.experiments.model_structures import excitation_order_warning, needed_orders
     from scenarios.experiments.preview_figure import waveform_figure
     from scenarios.experiments.waveform import write_points
     from scenarios.report.drawing import save_figure
@@ -118,7 +118,7 @@ def waveform(
         save_figure(waveform_figure(wave), picture, dpi=150)
     order = wave.order_of_excitation()
     parameters = wave.parameters if path is None else {"path": str(path)}
-    warnings = [text for text in (_beyond(wave), shortcoming(order)) if text]
+    warnings = [text for text in (_beyond(wave), excitation_order_warning(order)) if text]
     record = {
         "kind": kind,
         "parameters": parameters,

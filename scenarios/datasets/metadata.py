@@ -156,7 +156,7 @@ def _limited_samples(path: Path, plan: DataSetPlan, number: int) -> tuple[int, i
     # The excitation computer clips before the flags are set. Waveforms with withheld seeds cannot be recomputed.
     if isinstance(experiment, Scenario) and not plan.spec.withheld:
         for one in experiment.excitation:
-            clipped = clipped | BOARD.exceeds_range(one.asked(experiment.duration)[: len(clipped), 0])
+            clipped = clipped | BOARD.exceeds_range(one.requested_volts(experiment.duration)[: len(clipped), 0])
     return int(np.count_nonzero(status & Status.VELOCITY_LIMITED)), int(np.count_nonzero(clipped))
 
 

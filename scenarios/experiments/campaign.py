@@ -8,7 +8,7 @@ from types import MappingProxyType
 
 from hmtb_twin import STUDIED_JOINTS, Arm, JointLog, Truth, linearize, load_arm, simulate
 from hmtb_twin.run.simulation import Progress
-from scenarios.experiments.preparation import prepared
+from scenarios.experiments.log_review import prepared
 from scenarios.experiments.registry import load, names
 from scenarios.experiments.scenario import Scenario
 from scenarios.files.errors import MissingRecordError, ScenarioError, unknown
@@ -29,7 +29,7 @@ SAME_SEQUENCE = (5, 6)
 The velocity limit turns the larger amplitude into much the same command: to a model of one, the other is no new record.
 """
 
-NOT_SEEN = tuple(number for number in SINGLE_JOINT if number not in SAME_SEQUENCE)
+OTHER_WAVEFORMS = tuple(number for number in SINGLE_JOINT if number not in SAME_SEQUENCE)
 """Numbers of the single-joint tests of other waveforms: what a model of a binary sequence has not seen."""
 
 REGISTER = 20
@@ -158,7 +158,7 @@ def _check_joint(joint: str) -> None:
         raise ScenarioError(unknown("joint of single-joint tests", joint, STUDIED_JOINTS))
 
 
-def same_sequence(name: str) -> bool:
+def plays_identified_sequence(name: str) -> bool:
     """Whether a test plays the binary sequence that models are identified from, on one of its axes at least.
 
     Such a record is not held out from those models, whatever its amplitude and however many axes it moves.
@@ -172,7 +172,7 @@ def same_sequence(name: str) -> bool:
     return any(entry.kind == "prbs" for entry in load(name).excitation)
 
 
-def seen_with(number: int) -> tuple[int, ...]:
+def tests_of_same_sequence(number: int) -> tuple[int, ...]:
     """Numbers of the single-joint tests that are no new records to a model of one of them.
 
     Args:
@@ -184,7 +184,7 @@ def seen_with(number: int) -> tuple[int, ...]:
     return SAME_SEQUENCE if number in SAME_SEQUENCE else (number,)
 
 
-def planned(name: str, *, seed: int | None = None, duration: float | None = None) -> Scenario:
+def campaign_scenario(name: str, *, seed: int | None = None, duration: float | None = None) -> Scenario:
     """A registered scenario as a campaign plays it.
 
     Args:
@@ -239,7 +239,7 @@ def run_campaign(
     Raises:
         ScenarioError: Nothing to play, the same name twice, or see `planned`; nothing is played then.
     """
-    scenarios = [*(planned(name, seed=seed, duration=duration) for name in tests), *extra]
+    scenarios = [*(campaign_scenario(name, seed=seed, duration=duration) for name in tests), *extra]
     if not scenarios:
         raise ScenarioError("no tests given: a campaign plays at least one")
     twice = [name for name, count in Counter(entry.name for entry in scenarios).items() if count > 1]

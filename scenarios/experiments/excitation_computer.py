@@ -68,7 +68,7 @@ class Excitation:
         made = KINDS[self.kind](**self.parameters)
         return made if self.repeat_frequency is None else replace(made, update_rate=POINTS * self.repeat_frequency)
 
-    def asked(self, duration: float) -> np.ndarray:
+    def requested_volts(self, duration: float) -> np.ndarray:
         """What the file asks of the converter `(N, 1)`, V, at 50 Hz."""
         return self.waveform().play(duration, iterations=self.iterations)
 
@@ -116,7 +116,7 @@ SETTINGS = ("repeat_frequency", "iterations")
 codec.register(Excitation, Excitation.from_table, Excitation.to_table)
 
 
-def played(excitations: Sequence[Excitation], axes: int, duration: float, *, rounds: bool = True) -> np.ndarray:
+def play(excitations: Sequence[Excitation], axes: int, duration: float, *, rounds: bool = True) -> np.ndarray:
     """Play excitations through the converter.
 
     Args:
@@ -128,7 +128,7 @@ def played(excitations: Sequence[Excitation], axes: int, duration: float, *, rou
     Returns:
         Volts `(N, axes)` at 50 Hz.
     """
-    columns = [BOARD.convert(entry.asked(duration), rounds=rounds) for entry in excitations]
+    columns = [BOARD.convert(entry.requested_volts(duration), rounds=rounds) for entry in excitations]
     return np.hstack(columns * axes if len(columns) == 1 else columns)
 
 

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from hmtb_twin import JOINTS, STUDIED_JOINTS, Experiment, JointLog
-from scenarios.experiments.preparation import SETTLING
+from scenarios.experiments.log_review import SETTLING
 from sysid import IOData, order_of_excitation
 
 LAGS = 8
@@ -112,7 +112,7 @@ def joint_inputs(commands: np.ndarray, joints: tuple[str, ...], *, lags: int = L
     return _compared(joints, [commands[:, JOINTS.index(joint)] for joint in joints], lags)
 
 
-def dependence(record: IOData) -> str | None:
+def dependence_warning(record: IOData) -> str | None:
     """Say that the inputs of a record of any robot move together.
 
     Args:

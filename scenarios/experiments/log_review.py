@@ -1,14 +1,63 @@
-"""Where a log left the linear range: saturation of the converters, velocity limit, emergency shutdown."""
+"""Settled part of a log without its means, and where the log left the linear range."""
 
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 from math import degrees
 
 import numpy as np
 
 from hmtb_twin import JOINTS, JointLog, Status
 from hmtb_twin.control.data_acquisition import BOARD
-from scenarios.experiments.preparation import settled
 from scenarios.experiments.scenario import Scenario
+from scenarios.files.errors import ScenarioError
+from sysid import IOData
+
+SETTLING = 4.0
+"""What is cut off at the start, s: every waveform file repeats in it, and the arm has settled into its periodic answer.
+
+Detrending a record with its start takes different constants off input and output, because the output lags; a constant
+of a hundredth of a milliradian is enough to make an output-error model of high order invent a pole at 0.002 Hz. The
+thesis too let each excitation reach steady state [Morris1996, sec. II.2B].
+"""
+
+
+def settled(log: JointLog, joints: str | Sequence[str]) -> IOData:
+    """Cut off the start; the means stay.
+
+    Args:
+        log: The log of an experiment.
+        joints: The joint to look at, or several.
+
+    Returns:
+        Commanded and measured angle of each joint, rad, named after the experiment.
+
+    Raises:
+        ScenarioError: The log is so short that no more would be left than is cut off.
+    """
+    data = log.iodata(joints)
+    start = round(SETTLING / data.dt)
+    if len(data) <= 2 * start:
+        raise ScenarioError(
+            f"{log.name}: a log of {len(data) * data.dt:g} s given, expected more than {2 * SETTLING:g} s: the arm "
+            f"settles for {SETTLING:g} s, which are cut off"
+        )
+    return replace(data[start:], name=log.name)
+
+
+def prepared(log: JointLog, joints: str | Sequence[str]) -> IOData:
+    """Cut off the start, then remove the means.
+
+    Args:
+        log: The log of an experiment.
+        joints: The joint to look at, or several.
+
+    Returns:
+        Commanded and measured angle of each joint, rad, named after the experiment.
+
+    Raises:
+        ScenarioError: The log is so short that no more would be left than is cut off.
+    """
+    return settled(log, joints).detrend()
 
 
 def clipped_share(log: JointLog, scenario: Scenario) -> float:
@@ -20,7 +69,7 @@ def clipped_share(log: JointLog, scenario: Scenario) -> float:
     """
     clipped = (log.status & Status.CONVERTER_SATURATED) != 0
     for entry in scenario.excitation:
-        clipped |= BOARD.exceeds_range(entry.asked(scenario.duration)[:, 0])
+        clipped |= BOARD.exceeds_range(entry.requested_volts(scenario.duration)[:, 0])
     return float(np.mean(clipped))
 
 
@@ -39,7 +88,7 @@ def swing(log: JointLog, joint: str) -> float:
 
 
 @dataclass(frozen=True)
-class PowerOff:
+class ShutdownInterval:
     """One stretch without power.
 
     Attributes:
@@ -68,7 +117,7 @@ class PowerOff:
         return {"start_s": self.start, "end_s": self.end, "ends": self.ends, "joint": self.joint, "sank_rad": self.sank}
 
 
-def power_off(log: JointLog) -> tuple[PowerOff, ...]:
+def shutdown_intervals(log: JointLog) -> tuple[ShutdownInterval, ...]:
     """Find the stretches without power in a log.
 
     Args:
@@ -84,5 +133,5 @@ def power_off(log: JointLog) -> tuple[PowerOff, ...]:
         way = np.abs(log.true_angles[first : last + 1] - log.true_angles[first]).max(axis=0)
         joint = int(way.argmax())
         ends = bool(last < len(log))
-        found.append(PowerOff(first * log.dt, last * log.dt, ends, JOINTS[joint], float(way[joint])))
+        found.append(ShutdownInterval(first * log.dt, last * log.dt, ends, JOINTS[joint], float(way[joint])))
     return tuple(found)

@@ -183,8 +183,8 @@ class MultisineExperiment:
         """Length of the record, s."""
         return self.multisines.duration
 
-    def asked(self) -> np.ndarray:
-        """Return the offsets asked of the joints (N, n_axes), rad, before any converter."""
+    def offsets(self) -> np.ndarray:
+        """Return the requested offsets of the joints (N, n_axes), rad, before any converter."""
         return self.multisines.offsets(self.realisation, self.record, len(self.axes))
 
     def volts(self) -> np.ndarray:
@@ -193,7 +193,7 @@ class MultisineExperiment:
         Raises:
             ScenarioError: The multisine asks for more than the converter gives.
         """
-        volts = self.asked() / self.hand_controller.gain
+        volts = self.offsets() / self.hand_controller.gain
         if BOARD.exceeds_range(volts).any():
             raise ScenarioError(
                 f"{self.name}: a multisine of {self.multisines.rms:g} rad has peaks of {np.abs(volts).max():.3g} V; "

@@ -18,7 +18,7 @@ from scenarios.experiments.registry import load
 from scenarios.files.errors import ScenarioError
 
 
-def played(name: str, *, seed: int | None = None, duration: float | None = None) -> JointLog:
+def load_or_simulate(name: str, *, seed: int | None = None, duration: float | None = None) -> JointLog:
     """Return a log by name.
 
     Args:

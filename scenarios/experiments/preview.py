@@ -10,13 +10,13 @@ from hmtb_twin.control.data_acquisition import BOARD
 from hmtb_twin.parameters.values import MOTIONS, SAMPLE_TIME
 from scenarios.experiments.excitation_computer import MISSES_POINTS
 from scenarios.experiments.joint_inputs import STILL, JointInputs, joint_inputs, moved_joints
-from scenarios.experiments.needed_order import shortcoming
-from scenarios.experiments.preparation import SETTLING
+from scenarios.experiments.log_review import SETTLING
+from scenarios.experiments.model_structures import excitation_order_warning
 from scenarios.experiments.scenario import Scenario
 from scenarios.files.errors import ScenarioError
 
 
-def stays(scenario: Scenario) -> str | None:
+def deadband_warning(scenario: Scenario) -> str | None:
     """Say that an excitation is too small to command anything, noise and bias of the wires apart.
 
     Args:
@@ -120,7 +120,7 @@ class Preview:
             texts.append(
                 f"power off at {self.power_off:g} s: commands from then on depend on the arm and are not previewed"
             )
-        if (text := stays(self.scenario)) is not None:
+        if (text := deadband_warning(self.scenario)) is not None:
             texts.append(text)
         for flag, what in (
             (Status.JOINT_LIMITED, "of the ticks a joint stands at an end of its range"),
@@ -137,7 +137,7 @@ class Preview:
             )
         if any(entry.misses_points for entry in self.scenario.excitation):
             texts.append(MISSES_POINTS)
-        texts += dict.fromkeys(text for text in map(shortcoming, self.orders) if text)
+        texts += dict.fromkeys(text for text in map(excitation_order_warning, self.orders) if text)
         if self.inputs is not None and (text := self.inputs.warning()):
             texts.append(text)
         return tuple(texts)
@@ -178,7 +178,7 @@ def preview(scenario: Scenario) -> Preview:
     home, frame = arm.controller.tool_pose(arm.pose(scenario.pose))
     # Trace of a rotation by an angle: 1 + 2 cos; small angles need the sine, |R - R0| = 2 sqrt(2) sin(angle / 2).
     turned = np.linalg.norm(rotations - frame, axis=(1, 2)).max() / np.sqrt(8.0)
-    asked = [entry.asked(scenario.duration)[:ticks] for entry in scenario.excitation]
+    asked = [entry.requested_volts(scenario.duration)[:ticks] for entry in scenario.excitation]
     joints = moved_joints(scenario)
     start = round(SETTLING / SAMPLE_TIME)
     settled = commands[start if ticks > 2 * start else 0 :]

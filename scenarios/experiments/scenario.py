@@ -26,8 +26,8 @@ from hmtb_twin import (
 from hmtb_twin.arm.arm import check_arm
 from hmtb_twin.control.modes import axis_names
 from hmtb_twin.parameters.values import HAND_CONTROLLER, SAMPLE_RATE, SAMPLE_TIME
-from scenarios.experiments.excitation_computer import Excitation, check_outputs, played
-from scenarios.experiments.rpcm_outcome import check_task, task_operator
+from scenarios.experiments.excitation_computer import Excitation, check_outputs, play
+from scenarios.experiments.rpcm import check_task, task_operator
 from scenarios.experiments.waveform import LONGEST, check_seed
 from scenarios.files import codec
 from scenarios.files.errors import ScenarioError, unknown
@@ -140,7 +140,7 @@ class Scenario:
         """
         if not self.excitation:
             return np.zeros((round(SAMPLE_RATE * self.duration), len(self.axes)))
-        return played(self.excitation, len(self.axes), self.duration, rounds=self.chain.dac)
+        return play(self.excitation, len(self.axes), self.duration, rounds=self.chain.dac)
 
     def operator(self) -> Operator | None:
         """A new operator for the task; none where the excitation computer moves the stick."""
@@ -164,10 +164,9 @@ class Scenario:
     def to_toml(self) -> str:
         """Write every field as TOML, such that `from_toml` gives an equal scenario back."""
         table = codec.unstructure(self)
-        excitation = table.pop("excitation")
-        for name, nominal in NOMINAL.items():
-            table[name] = codec.changes(getattr(self, name), nominal)
-        return codec.to_toml({key: value for key, value in table.items() if value != {}} | {"excitation": excitation})
+        table |= {name: codec.changes(getattr(self, name), nominal) for name, nominal in NOMINAL.items()}
+        omitted = [name for name in (*NOMINAL, "excitation") if not table[name]]
+        return codec.to_toml({key: value for key, value in table.items() if key not in omitted})
 
     @classmethod
     def from_toml(cls, text: str, *, source: str = "TOML text", folder: Path = Path()) -> "Scenario":

@@ -10,10 +10,10 @@ import numpy as np
 
 from hmtb_twin import Arm, JointLog, Truth, linearize, simulate
 from hmtb_twin.parameters.values import OPERATING_POSE
-from scenarios.experiments.campaign import SINGLE_JOINT, Condition, planned, single_joint_test
+from scenarios.experiments.campaign import SINGLE_JOINT, Condition, campaign_scenario, single_joint_test
+from scenarios.experiments.log_review import SETTLING, prepared
 from scenarios.experiments.logged_arm import logged_arm
-from scenarios.experiments.needed_order import STRUCTURES
-from scenarios.experiments.preparation import SETTLING, prepared
+from scenarios.experiments.model_structures import STRUCTURES
 from scenarios.experiments.scenario import Scenario
 from scenarios.experiments.waveform import WINDOW
 from scenarios.files.errors import ScenarioError, unknown
@@ -177,7 +177,9 @@ def from_simulation(
     with stage("simulate") as told:
         for number, seed in enumerate(seeds):
             plan = {
-                (test, joint): condition.applied(planned(single_joint_test(test, joint), seed=seed, duration=duration))
+                (test, joint): condition.applied(
+                    campaign_scenario(single_joint_test(test, joint), seed=seed, duration=duration)
+                )
                 for test, joint in names
             }
             done = simulate(

@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 
 import sysid
-from scenarios.experiments.joint_inputs import dependence
+from scenarios.experiments.joint_inputs import dependence_warning
 from scenarios.files.data_file import excited
 from scenarios.files.errors import ScenarioError
 from scenarios.identification.methods import ESTIMATORS, SHORTEST, estimate
@@ -204,7 +204,7 @@ def _texts(found: Estimate, parts: Sequence[IOData], claims: Sequence[Sequence[B
             path = f"{(first.input_names or ())[j]} → {(first.output_names or ())[i]}"
             for text in one.warnings:
                 paths.setdefault(text, []).append(path)
-    if first.nu > 1 and (together := dependence(max(parts, key=len))):
+    if first.nu > 1 and (together := dependence_warning(max(parts, key=len))):
         texts.append(together)
     every = first.nu * first.ny
     # What is true of all paths is said once.

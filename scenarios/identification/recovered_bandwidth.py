@@ -8,7 +8,7 @@ import numpy as np
 
 import sysid
 from hmtb_twin.parameters.values import SAMPLE_RATE
-from scenarios.experiments.needed_order import STRUCTURES, Structure, every_structure
+from scenarios.experiments.model_structures import STRUCTURES, Structure, every_structure
 from scenarios.experiments.waveform import POINTS, WINDOW
 from scenarios.files.errors import ScenarioError, unknown
 from scenarios.identification.methods import ESTIMATORS

@@ -9,7 +9,7 @@ from typing import cast
 import sysid
 from scenarios.experiments.campaign import Campaign
 from scenarios.experiments.excitation_computer import Excitation
-from scenarios.experiments.preparation import prepared
+from scenarios.experiments.log_review import prepared
 from scenarios.experiments.scenario import Scenario
 from scenarios.files.errors import MissingRecordError
 from sysid import IOData, SysidError, SysidWarning

@@ -6,7 +6,7 @@ from statistics import median
 
 import numpy as np
 
-from scenarios.experiments.campaign import RPCM, same_sequence
+from scenarios.experiments.campaign import RPCM, plays_identified_sequence
 from scenarios.thesis.both_ways import WORDS
 from scenarios.thesis.comparison import Comparison
 from scenarios.thesis.disturbances import AS_IT_IS
@@ -227,7 +227,7 @@ def _aic(data: IOData, study: Comparison, joint: str, okid: bool) -> float:
 
 
 def _mean_fit(entry: ThreeJointModel, way: Way) -> float:
-    found = [fits.mean(way) for name, fits in entry.fits.items() if not same_sequence(name)]
+    found = [fits.mean(way) for name, fits in entry.fits.items() if not plays_identified_sequence(name)]
     return float(np.mean(found)) if found else float("nan")
 
 
@@ -276,7 +276,7 @@ def _exchange(study: Comparison) -> tuple[Measure, ...]:
 
 def _several(study: Comparison) -> tuple[Measure, ...]:
     """On how many unseen records each of a pair follows better, ties left out; the hybrid is not counted among them."""
-    records = [name for name in study.multivariable.records if name != RPCM and not same_sequence(name)]
+    records = [name for name in study.multivariable.records if name != RPCM and not plays_identified_sequence(name)]
     measures = []
     for way in WAYS:
         values: dict[str, float] = {}

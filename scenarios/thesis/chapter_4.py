@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from scenarios.experiments.campaign import seen_with, single_joint_test
+from scenarios.experiments.campaign import single_joint_test, tests_of_same_sequence
 from scenarios.report.figure_style import short
 from scenarios.report.figures import Gallery, Picture
 from scenarios.report.probability import p_value
@@ -56,7 +56,7 @@ def chapter_4(study: Comparison, gallery: Gallery) -> dict[str, object]:
     """
     return {
         "joints": [_joint(study, joint, gallery) for joint in study.joints],
-        "seen": seen_with(study.estimation_test),
+        "seen": tests_of_same_sequence(study.estimation_test),
         "audible": 100 * AUDIBLE,
         "improves": IMPROVES,
         "p_value": p_value,

@@ -5,7 +5,7 @@ from collections.abc import Mapping
 import numpy as np
 
 from hmtb_twin import STUDIED_JOINTS
-from scenarios.experiments.campaign import RPCM, same_sequence
+from scenarios.experiments.campaign import RPCM, plays_identified_sequence
 from scenarios.report.figure_style import short
 from scenarios.report.figures import Gallery, Picture
 from scenarios.thesis import figures_chapter_6 as draw
@@ -57,7 +57,7 @@ def chapter_6(study: Comparison, gallery: Gallery) -> dict[str, object]:
         "exchange": _exchange(study, gallery) if RPCM in found.records else {},
         "chirp": _chirp(study, gallery) if FAST_CHIRP in found.records else [],
         "reach": _reach(study) if FAST_CHIRP in found.records else {},
-        "same": [name for name in found.records if same_sequence(name)],
+        "same": [name for name in found.records if plays_identified_sequence(name)],
         "records": found.records,
         "fits": _every_fit(study, gallery) if found.records else None,
         "categories": categories(study),

@@ -4,7 +4,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 from hmtb_twin import JointLog, JointTruth, Truth
-from scenarios.experiments.campaign import Campaign, seen_with
+from scenarios.experiments.campaign import Campaign, tests_of_same_sequence
 from scenarios.thesis.attribution import Attributions
 from scenarios.thesis.every_data_set import DataSets
 from scenarios.thesis.fairness_table import Fairness
@@ -66,7 +66,7 @@ class ModelResult:
 
     def held_out(self, estimation_test: int) -> tuple[Fit, ...]:
         """Fits to the tests that the model has not seen: neither its own nor one that plays the same sequence."""
-        seen = seen_with(estimation_test)
+        seen = tests_of_same_sequence(estimation_test)
         return tuple(fit for number, fit in self.fits.items() if number not in seen)
 
 

@@ -9,9 +9,16 @@ from types import MappingProxyType
 import numpy as np
 
 import sysid
-from scenarios.experiments.campaign import RPCM, SINGLE_JOINT, Campaign, planned, same_sequence, single_joint_test
-from scenarios.experiments.needed_order import Structure, every_structure
-from scenarios.experiments.preparation import prepared
+from scenarios.experiments.campaign import (
+    RPCM,
+    SINGLE_JOINT,
+    Campaign,
+    campaign_scenario,
+    plays_identified_sequence,
+    single_joint_test,
+)
+from scenarios.experiments.log_review import prepared
+from scenarios.experiments.model_structures import Structure, every_structure
 from scenarios.experiments.registry import names
 from scenarios.identification.methods import estimate
 from sysid import Estimate, IOData, StateSpace, SysidError, SysidWarning
@@ -220,11 +227,11 @@ def every_data_set(
 
 def _seen(record: str, other: str) -> bool:
     """Whether a model of one record knows the other."""
-    return record == other or (same_sequence(record) and same_sequence(other))
+    return record == other or (plays_identified_sequence(record) and plays_identified_sequence(other))
 
 
 def _excited(name: str, record: IOData, campaign: Campaign) -> Excited:
-    scenario = planned(name, seed=campaign.seed, duration=campaign.duration)
+    scenario = campaign_scenario(name, seed=campaign.seed, duration=campaign.duration)
     files = [entry.waveform().order_of_excitation() for entry in scenario.excitation]
     command = sysid.order_of_excitation(
         record.u[:, 0], max_order=min(LARGEST_ORDER, len(record) // 2), tolerance=AUDIBLE

@@ -8,8 +8,8 @@ import numpy as np
 import sysid
 from hmtb_twin import JOINTS, STUDIED_JOINTS, JointLog, Status
 from scenarios.experiments.campaign import RPCM, Campaign
-from scenarios.experiments.preparation import SETTLING
-from scenarios.experiments.rpcm_outcome import rpcm_outcome
+from scenarios.experiments.log_review import SETTLING
+from scenarios.experiments.rpcm import rpcm_outcome
 from sysid import StateSpace
 
 

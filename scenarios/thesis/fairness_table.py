@@ -12,8 +12,8 @@ import numpy as np
 
 import sysid
 from hmtb_twin import STUDIED_JOINTS
-from scenarios.experiments.campaign import RPCM, Campaign, Condition, seen_with
-from scenarios.experiments.needed_order import STRUCTURES, every_structure
+from scenarios.experiments.campaign import RPCM, Campaign, Condition, tests_of_same_sequence
+from scenarios.experiments.model_structures import STRUCTURES, every_structure
 from scenarios.identification.methods import estimate
 from scenarios.truth.published import published
 from sysid import IOData, StateSpace, SysidError, SysidWarning
@@ -79,7 +79,7 @@ class FairModel:
         Args:
             own: Number of the estimation test; one that plays the same sequence is left out with it, for every model.
         """
-        seen = seen_with(own)
+        seen = tests_of_same_sequence(own)
         others = [fit for number, fit in self.fits.items() if number not in seen]
         if not others:
             return None

@@ -9,7 +9,7 @@ from matplotlib.figure import Figure
 import sysid
 from hmtb_twin import STUDIED_JOINTS
 from scenarios.experiments.campaign import RPCM
-from scenarios.experiments.preparation import SETTLING
+from scenarios.experiments.log_review import SETTLING
 from scenarios.report.figure_style import MRAD, WIDTH, dress, short
 from scenarios.thesis.comparison import Comparison
 from scenarios.thesis.envelope import envelope

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 
 from scenarios.experiments.campaign import single_joint_test
-from scenarios.experiments.preparation import settled
+from scenarios.experiments.log_review import settled
 from scenarios.files.errors import MissingRecordError
 from scenarios.thesis.comparison import Comparison, ModelResult
 from scenarios.thesis.finding import Finding, decided, verdict

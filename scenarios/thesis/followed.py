@@ -4,7 +4,7 @@ from collections.abc import Iterable, Mapping
 from statistics import median
 
 from hmtb_twin import STUDIED_JOINTS
-from scenarios.experiments.campaign import NOT_SEEN, same_sequence, single_joint_test
+from scenarios.experiments.campaign import OTHER_WAVEFORMS, plays_identified_sequence, single_joint_test
 from scenarios.files.errors import MissingRecordError
 from scenarios.thesis.comparison import Comparison, ModelResult
 from scenarios.thesis.margin import tied
@@ -47,8 +47,8 @@ def held_out_records(study: Comparison, joint: str) -> Records:
     """Records of a joint that play another waveform than the one models were identified from, those that are there."""
     there = study.joints[joint].data
     return (
-        tuple(number for number in NOT_SEEN if number in there and number != study.estimation_test),
-        tuple(name for name in study.multivariable.records if not same_sequence(name)),
+        tuple(number for number in OTHER_WAVEFORMS if number in there and number != study.estimation_test),
+        tuple(name for name in study.multivariable.records if not plays_identified_sequence(name)),
     )
 
 

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any, get_args
 
 from hmtb_twin import STUDIED_JOINTS
-from scenarios.experiments.needed_order import STRUCTURES
+from scenarios.experiments.model_structures import STRUCTURES
 from scenarios.files.atomic_write import write_whole
 from scenarios.thesis.claims import CLAIMS
 from scenarios.thesis.finding import Verdict

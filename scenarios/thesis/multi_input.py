@@ -10,7 +10,7 @@ import sysid
 from hmtb_twin import STUDIED_JOINTS
 from scenarios.experiments.campaign import Campaign
 from scenarios.experiments.joint_inputs import joint_inputs
-from scenarios.experiments.preparation import SETTLING
+from scenarios.experiments.log_review import SETTLING
 from scenarios.thesis.coupled_response import off_diagonal, relative_error
 from sysid import IOData, StateSpace, SysidError
 from sysid.models import block_diagonal

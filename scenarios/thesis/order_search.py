@@ -15,7 +15,7 @@ from statistics import median
 import numpy as np
 
 import sysid
-from scenarios.experiments.campaign import seen_with
+from scenarios.experiments.campaign import tests_of_same_sequence
 from scenarios.identification.methods import estimate
 from sysid import IOData, SysidError, SysidWarning
 from sysid.validation import StructureTable
@@ -129,7 +129,11 @@ def search_orders(joint: str, data: Mapping[int, IOData], own: int, thesis: Mapp
     Raises:
         SysidError: Nothing to judge on, or nothing could be identified.
     """
-    others = [record[: round(MINUTE / record.dt)] for number, record in data.items() if number not in seen_with(own)]
+    others = [
+        record[: round(MINUTE / record.dt)]
+        for number, record in data.items()
+        if number not in tests_of_same_sequence(own)
+    ]
     if not others:
         raise SysidError("a search for orders needs other data sets to judge on, got none")
     with warnings.catch_warnings():

@@ -14,8 +14,8 @@ import numpy as np
 
 import sysid
 from scenarios.experiments.campaign import Campaign
-from scenarios.experiments.needed_order import STRUCTURES
-from scenarios.experiments.preparation import settled
+from scenarios.experiments.log_review import settled
+from scenarios.experiments.model_structures import STRUCTURES
 from scenarios.thesis.disturbances import biased
 from sysid import Estimate, IOData, SysidError, SysidWarning, predict
 from sysid.validation import fit_percent

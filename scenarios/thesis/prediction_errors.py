@@ -4,7 +4,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 from scenarios.experiments.campaign import Campaign, single_joint_test
-from scenarios.experiments.needed_order import every_structure
+from scenarios.experiments.model_structures import every_structure
 from scenarios.thesis.every_data_set import DataSets, every_data_set
 from scenarios.thesis.more_poles import MorePoles, more_poles
 from scenarios.thesis.order_search import Searches, search_orders

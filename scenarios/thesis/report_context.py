@@ -5,8 +5,8 @@ from collections.abc import Callable, Sequence
 
 from hmtb_twin.parameters.provenance import provenance_table
 from hmtb_twin.parameters.values import SAMPLE_RATE
-from scenarios.experiments.needed_order import STRUCTURES
-from scenarios.experiments.preparation import SETTLING
+from scenarios.experiments.log_review import SETTLING
+from scenarios.experiments.model_structures import STRUCTURES
 from scenarios.experiments.waveform import POINTS
 from scenarios.identification.one_hertz import ABOUT_1_HZ
 from scenarios.report.figure_style import EXCITED_FROM

@@ -13,7 +13,7 @@ import numpy as np
 
 from hmtb_twin import STUDIED_JOINTS, JointTruth
 from scenarios.experiments.campaign import Campaign
-from scenarios.experiments.needed_order import STRUCTURES, Structure, every_structure
+from scenarios.experiments.model_structures import STRUCTURES, Structure, every_structure
 from scenarios.identification.methods import estimate
 from scenarios.thesis.disturbances import AS_IT_IS, DISTURBANCES, TREATMENTS, Disturbance
 from scenarios.thesis.orders_needed import OrderNeeded, orders_needed, simulated_fit

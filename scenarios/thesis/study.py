@@ -17,12 +17,12 @@ from scenarios.experiments.campaign import (
     FAIRNESS_TESTS,
     Campaign,
     Condition,
-    planned,
+    campaign_scenario,
     run_campaign,
     single_joint_test,
 )
 from scenarios.experiments.log_review import swing, velocity_limited_share
-from scenarios.experiments.needed_order import STRUCTURES, SUFFICIENT, Structure
+from scenarios.experiments.model_structures import STRUCTURES, SUFFICIENT, Structure
 from scenarios.experiments.scenario import Scenario
 from scenarios.experiments.waveform import POINTS
 from scenarios.files.errors import ScenarioError
@@ -137,7 +137,7 @@ def _campaigns(
     """Play everything: the first arm's campaign whole, the others' tests that are laid beside it."""
     played = plan(conditions)
     estimation = [single_joint_test(ESTIMATION_TEST, joint) for joint in STUDIED_JOINTS]
-    small = [scaled(planned(name, seed=seed, duration=duration)) for name in estimation]
+    small = [scaled(campaign_scenario(name, seed=seed, duration=duration)) for name in estimation]
     # Those at small amplitude go with the arm without friction, the second.
     extras: list[list[Scenario]] = [small if number == 1 else [] for number in range(len(played))]
     lengths = [
@@ -161,7 +161,7 @@ def _campaigns(
 
 def _ticks(tests: Sequence[str], duration: float | None) -> int:
     """Samples of these tests together."""
-    return sum(round(planned(name, duration=duration).duration * SAMPLE_RATE) for name in tests)
+    return sum(round(campaign_scenario(name, duration=duration).duration * SAMPLE_RATE) for name in tests)
 
 
 def concluded(campaigns: Sequence[Campaign], *, thorough: bool = True, progress: Progress | None = None) -> Comparison:

@@ -234,7 +234,7 @@ def approximated(
     excited = [joint_index(name) for name in first.axes]
     servo = [_record(first, outputs, log, log.commanded[:, excited], rows) for log in logs]
     chain = [
-        _record(first, outputs, log, experiment.asked(), rows)
+        _record(first, outputs, log, experiment.offsets(), rows)
         for log, experiment in zip(logs, experiments, strict=True)
     ]
     of_servo = _bla(servo, first.multisines)

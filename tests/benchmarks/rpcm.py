@@ -13,7 +13,7 @@ from hmtb_twin import Operator, Status, simulate
 from hmtb_twin.control.modes import axis_gains
 from scenarios import Scenario, load
 from scenarios.experiments.operator import ScriptedOperator, Skill
-from scenarios.experiments.rpcm_outcome import TASKS, rpcm_outcome
+from scenarios.experiments.rpcm import TASKS, rpcm_outcome
 
 SEEDS = range(1000, 1020)
 

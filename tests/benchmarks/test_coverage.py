@@ -5,8 +5,8 @@ from dataclasses import replace
 import sysid
 from hmtb_twin import STUDIED_JOINTS, linearize, load_arm, simulate
 from scenarios import load
-from scenarios.experiments.needed_order import SUFFICIENT
-from scenarios.experiments.preparation import prepared
+from scenarios.experiments.log_review import prepared
+from scenarios.experiments.model_structures import SUFFICIENT
 from scenarios.thesis.attribution import CONDITIONS, conditions
 
 SEEDS = range(1, 21)

@@ -8,8 +8,8 @@ import numpy as np
 import sysid
 from hmtb_twin import STUDIED_JOINTS, simulate
 from scenarios import load
-from scenarios.experiments.needed_order import SUFFICIENT
-from scenarios.experiments.preparation import prepared
+from scenarios.experiments.log_review import prepared
+from scenarios.experiments.model_structures import SUFFICIENT
 from scenarios.thesis.attribution import conditions
 
 SEEDS = range(101, 106)

@@ -23,7 +23,7 @@ from hmtb_twin import simulate
 from hmtb_twin.parameters.plant import NOMINAL_PLANT, Plant
 from hmtb_twin.parameters.values import BUS, HAND_CONTROLLER, JOINTS, RECORDER, SAMPLE_TIME, SERVOS, HandController
 from scenarios import Scenario, load
-from scenarios.experiments.preparation import settled
+from scenarios.experiments.log_review import settled
 from scenarios.truth.published import YAW_ARMAX, YAW_OE, YAW_OKID
 from sysid import IOData, StateSpace
 

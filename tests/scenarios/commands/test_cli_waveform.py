@@ -117,7 +117,7 @@ def test_the_estimators_warn_by_the_same_rule() -> None:
     import warnings
 
     import sysid
-    from scenarios.experiments.needed_order import needed_orders
+    from scenarios.experiments.model_structures import needed_orders
     from scenarios.identification.methods import estimate
 
     t, rng = np.arange(2000), np.random.default_rng(1)

@@ -10,7 +10,7 @@ from hmtb_twin import Chain
 from hmtb_twin.control.data_acquisition import BOARD
 from scenarios import Excitation, Scenario, ScenarioError
 from scenarios.commands.cli import main
-from scenarios.experiments.excitation_computer import played
+from scenarios.experiments.excitation_computer import play
 from scenarios.experiments.waveform import read_points, write_points
 
 STEP = 20.0 / 4096
@@ -33,30 +33,30 @@ def test_the_converter_rounds_to_its_counts_and_saturates() -> None:
 
 @pytest.mark.parametrize("frequency", [None, 0.5])
 def test_a_file_lasts_two_seconds(frequency: float | None) -> None:
-    volts = ramp(frequency).asked(4.0)[:, 0]
+    volts = ramp(frequency).requested_volts(4.0)[:, 0]
     np.testing.assert_array_equal(volts, np.tile(RAMP, 2))
 
 
 def test_a_slower_file_holds_each_point_longer() -> None:
-    np.testing.assert_array_equal(ramp(0.1).asked(10.0)[:, 0], np.repeat(RAMP, 5))
+    np.testing.assert_array_equal(ramp(0.1).requested_volts(10.0)[:, 0], np.repeat(RAMP, 5))
 
 
 def test_a_faster_file_misses_points_and_says_so() -> None:
-    np.testing.assert_array_equal(ramp(1.0).asked(2.0)[:, 0], np.tile(RAMP[::2], 2))
+    np.testing.assert_array_equal(ramp(1.0).requested_volts(2.0)[:, 0], np.tile(RAMP[::2], 2))
     assert ramp(1.0).misses_points
     assert not ramp(0.5).misses_points
     assert not ramp().misses_points
 
 
 def test_the_frequency_of_repetition_scales_the_tones() -> None:
-    slow = Excitation("sine", {"frequency": 5.0}, 0.1).asked(20.0)[:, 0]
+    slow = Excitation("sine", {"frequency": 5.0}, 0.1).requested_volts(20.0)[:, 0]
     spectrum = np.abs(np.fft.rfft(slow))
     assert np.fft.rfftfreq(1000, 0.02)[spectrum.argmax()] == pytest.approx(1.0)
 
 
 @pytest.mark.parametrize(("frequency", "samples"), [(None, 300), (1.0, 150), (0.3, 500)])
 def test_after_its_iterations_the_output_is_zero(frequency: float | None, samples: int) -> None:
-    volts = Excitation("points", {"points": (1.0,) * 99 + (2.0,)}, frequency, 3).asked(20.0)[:, 0]
+    volts = Excitation("points", {"points": (1.0,) * 99 + (2.0,)}, frequency, 3).requested_volts(20.0)[:, 0]
     assert (volts[:samples] > 0.0).all()
     assert (volts[samples:] == 0.0).all()
 
@@ -80,7 +80,7 @@ def test_a_switched_off_converter_still_saturates() -> None:
     loud = Excitation("sine", {"frequency": 5.0, "amplitude": 50.0})
     volts = Scenario("loud", ("elbow_pitch",), (loud,), duration=2.0, chain=Chain(dac=False)).volts()
     assert (volts.min(), volts.max()) == (-10.0, 2047 * STEP)
-    np.testing.assert_array_equal(volts, played([loud], 1, 2.0, rounds=False))
+    np.testing.assert_array_equal(volts, play([loud], 1, 2.0, rounds=False))
 
 
 FILE = """

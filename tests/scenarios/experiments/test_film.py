@@ -172,7 +172,9 @@ def test_without_a_display_nothing_is_simulated_or_announced(
 ) -> None:
     for name in ("DISPLAY", "WAYLAND_DISPLAY"):
         monkeypatch.delenv(name, raising=False)
-    monkeypatch.setattr("scenarios.experiments.playback.played", lambda *words, **options: pytest.fail("simulated"))
+    monkeypatch.setattr(
+        "scenarios.experiments.playback.load_or_simulate", lambda *words, **options: pytest.fail("simulated")
+    )
     assert main(["view", "siso-1-elbow_pitch"]) == 2
     out, err = capsys.readouterr()
     assert out == ""

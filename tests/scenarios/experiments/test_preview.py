@@ -10,7 +10,7 @@ import pytest
 from hmtb_twin import JOINTS, Chain, HandController, JointLog, Status, TwinError, simulate
 from scenarios import Excitation, Scenario, ScenarioError, load, names
 from scenarios.commands.cli import main
-from scenarios.experiments.log_review import power_off
+from scenarios.experiments.log_review import shutdown_intervals
 from scenarios.experiments.preview import preview
 
 QUIET = Excitation("prbs", {"amplitude": 0.02})
@@ -138,7 +138,7 @@ def test_simulate_says_how_far_the_arm_sank(capsys: pytest.CaptureFixture[str], 
     assert main(["simulate", str(file), "--out", str(tmp_path)]) == 0
     out = capsys.readouterr().out
     log = JointLog.load(tmp_path / "stop.nc")
-    first, second = power_off(log)
+    first, second = shutdown_intervals(log)
     way = np.abs(log.true_angles[50:101] - log.true_angles[50]).max(axis=0)
     assert (first.start, first.end, first.ends, first.sank) == (1.0, 2.0, True, way.max())
     assert first.joint == JOINTS[int(way.argmax())]

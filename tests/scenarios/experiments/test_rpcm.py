@@ -12,8 +12,7 @@ from hmtb_twin.parameters.payloads import SEATS, UNIT
 from hmtb_twin.parameters.values import JOINTS, LINKS, MOTIONS
 from scenarios import ScenarioError, load
 from scenarios.experiments.operator import GRAVITY, ScriptedOperator, Skill, Step
-from scenarios.experiments.rpcm_exchange import approach_point
-from scenarios.experiments.rpcm_outcome import PHASES, rpcm_outcome
+from scenarios.experiments.rpcm import PHASES, approach_point, rpcm_outcome
 from scenarios.experiments.scenario import Scenario
 
 

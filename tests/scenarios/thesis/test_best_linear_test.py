@@ -5,7 +5,7 @@ import pytest
 
 from hmtb_twin import linearize, load_arm
 from hmtb_twin.control.modes import joint_index
-from scenarios.experiments.campaign import Condition, planned
+from scenarios.experiments.campaign import Condition, campaign_scenario
 from scenarios.experiments.preview import preview
 from scenarios.experiments.scenario import Scenario
 from scenarios.truth.bla_of_record import CLOSE, best_linear_of_test
@@ -22,7 +22,7 @@ def commanded(setting: Scenario) -> IOData:
 
 def test_without_friction_it_is_the_small_signal_truth() -> None:
     condition = Condition(friction=False)
-    setting = condition.applied(planned("siso-5-elbow_pitch", duration=24.0))
+    setting = condition.applied(campaign_scenario("siso-5-elbow_pitch", duration=24.0))
     record = commanded(setting)
     found = best_linear_of_test(setting, condition.arm(), [record], test="5", seed=3)
     truth = linearize(load_arm(), amplitudes=()).joint(JOINT).bandwidth_hz

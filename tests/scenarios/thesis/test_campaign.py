@@ -4,17 +4,17 @@ import numpy as np
 import pytest
 
 from hmtb_twin import linearize
-from scenarios.experiments.binary_sequences import prbs
 from scenarios.experiments.campaign import (
     EVERY_TEST,
     NOMINAL,
-    NOT_SEEN,
+    OTHER_WAVEFORMS,
     RPCM,
     Campaign,
-    planned,
+    campaign_scenario,
+    plays_identified_sequence,
     run_campaign,
-    same_sequence,
 )
+from scenarios.experiments.excitation import prbs
 from scenarios.experiments.registry import load
 from scenarios.files.errors import ScenarioError
 
@@ -26,7 +26,7 @@ EMPTY = Campaign(NOMINAL, linearize(NOMINAL.arm()), {}, {})
 
 def played(name: str, seed: int | None) -> np.ndarray:
     """One period of the file, without its mean and of unit length, as a spectrum."""
-    (entry,) = planned(name, seed=seed).excitation
+    (entry,) = campaign_scenario(name, seed=seed).excitation
     points = prbs(**entry.parameters).points  # type: ignore[arg-type]
     points = points - points.mean()
     return np.fft.fft(points / np.linalg.norm(points))
@@ -42,32 +42,32 @@ def test_seeds_draw_sequences_that_are_not_one_another_played_later() -> None:
 def test_all_tests_of_a_campaign_play_the_same_sequence() -> None:
     for name in ("siso-6-shoulder_yaw", "siso-5-elbow_pitch", "mimo-7", "mimo-8"):
         np.testing.assert_allclose(played(name, 4), played(YAW, 4))
-        assert planned(name, seed=4).seed != planned(YAW, seed=4).seed
+        assert campaign_scenario(name, seed=4).seed != campaign_scenario(YAW, seed=4).seed
 
 
 def test_what_plays_the_sequence_of_estimation_is_known() -> None:
     joints = ("shoulder_yaw", "shoulder_pitch", "elbow_pitch")
     several = {"mimo-7", "mimo-8", "mimo-7-independent", "mimo-8-independent"}
-    assert {name for name in EVERY_TEST if same_sequence(name)} == several | {
+    assert {name for name in EVERY_TEST if plays_identified_sequence(name)} == several | {
         f"siso-{number}-{joint}" for number in (5, 6) for joint in joints
     }
-    assert NOT_SEEN == (1, 2, 3, 4, 7, 8)
+    assert OTHER_WAVEFORMS == (1, 2, 3, 4, 7, 8)
 
 
 def test_without_a_seed_a_scenario_is_played_as_registered() -> None:
-    assert planned(YAW) == load(YAW)
-    assert planned("mimo-7-independent", seed=4).excitation == load("mimo-7-independent").excitation
+    assert campaign_scenario(YAW) == load(YAW)
+    assert campaign_scenario("mimo-7-independent", seed=4).excitation == load("mimo-7-independent").excitation
 
 
 def test_the_exchange_keeps_its_length() -> None:
-    assert planned(RPCM, duration=24.0).duration == load(RPCM).duration
-    assert planned(YAW, duration=24.0).duration == 24.0
+    assert campaign_scenario(RPCM, duration=24.0).duration == load(RPCM).duration
+    assert campaign_scenario(YAW, duration=24.0).duration == 24.0
 
 
 @pytest.mark.parametrize("seed", [1.5, -1, True, "1", np.int64(4)])
 def test_a_seed_is_a_whole_number_of_python(seed: object) -> None:
     with pytest.raises(ScenarioError, match="whole number"):
-        planned(YAW, seed=seed)  # type: ignore[arg-type]
+        campaign_scenario(YAW, seed=seed)  # type: ignore[arg-type]
 
 
 def test_a_campaign_plays_something_and_nothing_twice() -> None:

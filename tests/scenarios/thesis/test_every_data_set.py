@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from scenarios.experiments.campaign import Campaign, single_joint_test
-from scenarios.experiments.needed_order import STRUCTURES, every_structure
+from scenarios.experiments.model_structures import STRUCTURES, every_structure
 from scenarios.thesis.comparison import Comparison
 from scenarios.thesis.every_data_set import (
     DataSetModel,

@@ -6,8 +6,8 @@ import pytest
 import sysid
 from hmtb_twin import JOINTS, STUDIED_JOINTS
 from scenarios.experiments.campaign import RPCM
-from scenarios.experiments.preparation import SETTLING
-from scenarios.experiments.rpcm_outcome import PHASES
+from scenarios.experiments.log_review import SETTLING
+from scenarios.experiments.rpcm import PHASES
 from scenarios.thesis.comparison import Comparison
 
 

@@ -12,7 +12,7 @@ import pytest
 from hmtb_twin import STUDIED_JOINTS
 from scenarios.commands.cli import main
 from scenarios.experiments.campaign import EVERY_TEST, NOMINAL
-from scenarios.experiments.needed_order import STRUCTURES
+from scenarios.experiments.model_structures import STRUCTURES
 from scenarios.files.errors import ScenarioError
 from scenarios.thesis import kept_seed, monte_carlo
 from scenarios.thesis.claims import CLAIMS

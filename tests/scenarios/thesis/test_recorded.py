@@ -9,9 +9,9 @@ import pytest
 import hmtb_twin.arm.arm
 from hmtb_twin import simulate
 from hmtb_twin.parameters.variants import Variant
-from scenarios.experiments.campaign import planned
-from scenarios.experiments.needed_order import STRUCTURES
-from scenarios.experiments.preparation import prepared
+from scenarios.experiments.campaign import campaign_scenario
+from scenarios.experiments.log_review import prepared
+from scenarios.experiments.model_structures import STRUCTURES
 from scenarios.identification.methods import estimate
 from scenarios.thesis.claims import CLAIMS
 from scenarios.thesis.finding import decided
@@ -27,7 +27,7 @@ YAW = "shoulder_yaw"
 
 def yaw_bandwidths() -> dict[str, float]:
     """Bandwidths of the yaw joint by method, from its PRBS test alone, as the fixed seed has it."""
-    (log,) = simulate([planned(f"siso-5-{YAW}", seed=SEED)])
+    (log,) = simulate([campaign_scenario(f"siso-5-{YAW}", seed=SEED)])
     data = prepared(log, YAW)
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", SysidWarning)

@@ -16,16 +16,15 @@ from scenarios.experiments.campaign import (
     EVERY_TEST,
     FAIRNESS_TESTS,
     NOMINAL,
-    NOT_SEEN,
+    OTHER_WAVEFORMS,
     SINGLE_JOINT,
     Campaign,
     Condition,
-    planned,
+    campaign_scenario,
     single_joint_test,
 )
-from scenarios.experiments.log_review import swing, velocity_limited_share
-from scenarios.experiments.needed_order import STRUCTURES
-from scenarios.experiments.preparation import SETTLING, prepared
+from scenarios.experiments.log_review import SETTLING, prepared, swing, velocity_limited_share
+from scenarios.experiments.model_structures import STRUCTURES
 from scenarios.experiments.registry import load
 from scenarios.files.errors import ScenarioError
 from scenarios.thesis.attribution import CONDITIONS as SWITCHED_OFF
@@ -50,7 +49,7 @@ def test_every_joint_has_every_method_and_every_fit(study: Comparison) -> None:
         assert set(entry.data) == set(SINGLE_JOINT)
         for model in entry.models.values():
             assert set(model.fits) == set(SINGLE_JOINT)
-            assert {fit.test for fit in model.held_out(ESTIMATION_TEST)} == set(NOT_SEEN)
+            assert {fit.test for fit in model.held_out(ESTIMATION_TEST)} == set(OTHER_WAVEFORMS)
             assert {fit.test for fit in model.held_out(2)} == set(SINGLE_JOINT) - {2}
 
 
@@ -104,7 +103,7 @@ def test_three_joint_models_are_near_the_true_coupled_response(study: Comparison
 
 def test_same_seed_same_result(study: Comparison) -> None:
     name = single_joint_test(ESTIMATION_TEST, "elbow_pitch")
-    again, other = (planned(name, seed=seed, duration=24.0) for seed in (11, 12))
+    again, other = (campaign_scenario(name, seed=seed, duration=24.0) for seed in (11, 12))
     assert study.logs[name].seed == again.seed != other.seed
     assert again.excitation[0].parameters["seed"] == 11
 

@@ -1,19 +1,112 @@
-"""Tasks of an operator, and the outcome of the exchange of the replacement unit."""
+"""Exchange of the replacement unit (RPCM): the operator's scripts, the tasks, and the outcome from the log."""
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from math import acos
+from functools import cache
+from math import acos, radians
 from types import MappingProxyType
 
 import mujoco
 import numpy as np
 
-from hmtb_twin import HandController, JointLog, Operator, Status
+from hmtb_twin import HandController, JointLog, Operator, Status, load_arm
 from hmtb_twin.control.modes import TOOL_AXES, axis_gains
 from hmtb_twin.parameters.payloads import SEATS, UNIT, Seat
-from scenarios.experiments.operator import ScriptedOperator, Step
-from scenarios.experiments.rpcm_exchange import approach_point, rpcm_script, unloaded_script
+from hmtb_twin.parameters.values import OPERATING_POSE
+from scenarios.experiments.operator import Pose, ScriptedOperator, Step
 from scenarios.files.errors import ScenarioError, unknown
+
+CLEAR = 0.06
+"""How far above the unit the empty end effector stays clear of it, m."""
+
+
+@cache
+def approach_point() -> Pose:
+    """Return the holster-out approach point: where the tool is at the operating pose."""
+    arm = load_arm()
+    return arm.controller.tool_pose(arm.pose(OPERATING_POSE))
+
+
+def rpcm_script() -> tuple[Step, ...]:
+    """Return the steps of the whole task.
+
+    The operator takes hold of the unit in its holster, draws it out to the approach point, holds there, brings it to
+    the receptacle, aligns and inserts it and lets it go; then takes hold of it again, extracts it and returns.
+    """
+    approach = approach_point()
+    holster, receptacle = SEATS["holster"], SEATS["receptacle"]
+    over = _over(receptacle)
+    return (
+        Step("approach", _above(holster, CLEAR)),
+        Step(
+            "grip", None, near=0.0025, turn=radians(3.0), speed=0.03, stride=0.04, touching=True, closed=True, pause=0.8
+        ),
+        Step("draw out", approach, closed=True, speed=0.06, stride=0.06, near=0.008, touching=True),
+        Step("hold", approach, closed=True, near=0.006, pause=5.0),
+        Step("transfer", over, carry=True, closed=True, near=0.008, speed=0.08, pause=1.5),
+        Step(
+            "align",
+            _above(receptacle, receptacle.mouth + 0.015),
+            carry=True,
+            closed=True,
+            near=0.003,
+            speed=0.04,
+            pause=1.5,
+        ),
+        Step(
+            "insert",
+            receptacle.seated,
+            carry=True,
+            closed=True,
+            near=0.002,
+            aside=0.004,
+            speed=0.02,
+            stride=0.012,
+            touching=True,
+            pause=1.0,
+        ),
+        Step("release", None, near=0.01, touching=True, pause=1.0),
+        Step("withdraw", _above(receptacle, CLEAR), near=0.006, speed=0.05, pause=5.0),
+        Step(
+            "grip again",
+            None,
+            near=0.0025,
+            turn=radians(3.0),
+            speed=0.03,
+            stride=0.04,
+            touching=True,
+            closed=True,
+            pause=0.8,
+        ),
+        Step("extract", over, carry=True, closed=True, speed=0.05, stride=0.06, near=0.01, touching=True),
+        Step("return", approach, closed=True, near=0.006, speed=0.08),
+    )
+
+
+def unloaded_script() -> tuple[Step, ...]:
+    """Return the same way with the empty end effector: the unit stays in its holster."""
+    receptacle = SEATS["receptacle"]
+    approach, over = approach_point(), _over(receptacle)
+    return (
+        Step("hold", approach, near=0.006, pause=5.0),
+        Step("transfer", over, near=0.008, speed=0.08, pause=1.5),
+        Step("align", _above(receptacle, receptacle.mouth + 0.015), near=0.003, speed=0.04, pause=1.5),
+        Step("lower", receptacle.seated, near=0.003, speed=0.02, stride=0.012, pause=5.0),
+        Step("raise", over, speed=0.05, stride=0.06, near=0.01),
+        Step("return", approach, near=0.006, speed=0.08),
+    )
+
+
+def _above(seat: Seat, height: float) -> Pose:
+    position, rotation = seat.seated
+    return position + np.array([0.0, 0.0, height]), rotation
+
+
+def _over(seat: Seat) -> Pose:
+    """Over a seat, as high as the approach point."""
+    (x, y, _), rotation = seat.seated
+    return np.array([x, y, approach_point()[0][2]]), rotation
+
 
 HOLSTER, RECEPTACLE = SEATS["holster"], SEATS["receptacle"]
 
@@ -114,7 +207,10 @@ def rpcm_outcome(log: JointLog) -> RpcmOutcome:
     if len(ends) > PHASES.index("insert"):
         taken = ends[PHASES.index("release") :][:1]
         last = taken[0] - 1 if taken else len(log) - 1
-        height, tilt = float(_above(position, RECEPTACLE)[last]), _angle(log.unit_pose[last, 3:], RECEPTACLE)
+        height, tilt = (
+            float(_above_rpcm_outcome(position, RECEPTACLE)[last]),
+            _angle(log.unit_pose[last, 3:], RECEPTACLE),
+        )
         aside = float(_away(position, RECEPTACLE)[last])
     return RpcmOutcome(
         inserted=bool(height <= DEPTH and aside <= 2.0 * RECEPTACLE.clearance and tilt <= TILT),
@@ -138,10 +234,10 @@ def _events(log: JointLog, position: np.ndarray) -> tuple[np.ndarray, ...]:
     held = (log.status & Status.UNIT_HELD) > 0
     beside = np.linalg.norm(position - approach_point()[0], axis=1) > ASIDE
     over = _away(position, RECEPTACLE) <= ASIDE
-    above = _above(position, RECEPTACLE)
+    above = _above_rpcm_outcome(position, RECEPTACLE)
     return (
         held,
-        held & (_above(position, HOLSTER) > HOLSTER.mouth),
+        held & (_above_rpcm_outcome(position, HOLSTER) > HOLSTER.mouth),
         held & beside & (np.cumsum(held & ~beside) > 0),
         held & over,
         held & over & (above < RECEPTACLE.mouth),
@@ -157,7 +253,7 @@ def _away(position: np.ndarray, seat: Seat) -> np.ndarray:
     return np.linalg.norm((position - seat.seated[0])[:, :2], axis=1)
 
 
-def _above(position: np.ndarray, seat: Seat) -> np.ndarray:
+def _above_rpcm_outcome(position: np.ndarray, seat: Seat) -> np.ndarray:
     """Height of the unit's lower end above the floor of a seat (N,), m."""
     return np.asarray(position[:, 2] - UNIT.size[0] - seat.position[2])
 
@@ -188,7 +284,7 @@ MODE = "cartesian_rate"
 """The mode in which the operator works."""
 
 
-def judged(log: JointLog, task: str) -> RpcmOutcome | None:
+def task_outcome(log: JointLog, task: str) -> RpcmOutcome | None:
     """Return what became of the unit where a task was to insert it."""
     return rpcm_outcome(log) if task == "rpcm" else None
 

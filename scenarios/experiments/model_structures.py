@@ -101,7 +101,7 @@ def needed_orders() -> Mapping[str, int]:
     return MappingProxyType(dict(sorted(needed.items(), key=lambda item: (item[1], item[0]))))
 
 
-def shortcoming(order: int) -> str | None:
+def excitation_order_warning(order: int) -> str | None:
     """Say for which models of the study an order of excitation is too low.
 
     Args:
