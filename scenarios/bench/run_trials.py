@@ -13,6 +13,7 @@ from scenarios.bench.work import Bench, Done, Piece
 from scenarios.estimators.outcome import Outcome
 from scenarios.estimators.reference_time import Ruler
 from scenarios.estimators.sandbox import Sandbox, open_sandbox
+from scenarios.estimators.seeds import task_seed
 from scenarios.estimators.task import Task
 from scenarios.problems.problem import Bound, Problem
 from scenarios.problems.registry import problem as find_problem
@@ -24,9 +25,6 @@ PERFECT = "bench:perfect"
 
 TOLD = 300
 """Characters of an error that are told."""
-
-MOST_SEED = 2**31 - 1
-"""Seeds that tasks hand on stay below it: other languages have no larger whole numbers."""
 
 
 class Runner:
@@ -84,7 +82,7 @@ class Runner:
         for number, trial, task in asked:
             begun = perf_counter()
             seed = trial.seed(self._bench.seed)
-            seeded = replace(task, seed=seed % MOST_SEED)
+            seeded = replace(task, seed=task_seed(self._bench.seed, trial.key))
             outcomes.append((self._ask(number, problem, seeded, record, seed), perf_counter() - begun))
         ruler.measure()
         for (number, trial, task), (outcome, wall) in zip(asked, outcomes, strict=True):

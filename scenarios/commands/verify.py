@@ -211,7 +211,7 @@ def _listed(*, json: bool) -> int:
     rows = []
     for name, entry in ENTRIES.items():
         can_run, why = available(name)
-        one = entry.versioned() if can_run else entry.contestant
+        one = entry.versioned() if can_run else entry.estimator
         rows.append((one, can_run, why))
     if json:
         entries = {

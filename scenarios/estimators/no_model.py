@@ -1,15 +1,5 @@
-"""An answer that is no model, and why."""
+"""Former place of `NoModelError`, until all callers use the new one."""
 
-from scenarios.files.errors import ScenarioError
+from scenarios.estimators.outcome import NoModelError
 
-
-class NoModelError(ScenarioError):
-    """An answer that is no model.
-
-    Attributes:
-        kind: Which of `scenarios.estimators.outcome.KINDS`: `malformed` or `not_finite`.
-    """
-
-    def __init__(self, kind: str, why: str) -> None:
-        super().__init__(why)
-        self.kind = kind
+__all__ = ["NoModelError"]

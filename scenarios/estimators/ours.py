@@ -1,21 +1,22 @@
-"""The estimators of this package on the test bench: what a user gets who asks for the orders of the task.
+"""The toolbox's estimators on the test bench, called as a user calls them with the orders of the task.
 
-Where the task leaves the orders open they are chosen as the toolbox's page tells, by Schwarz's criterion.
+Where the task leaves the orders open, Schwarz's criterion (BIC) chooses them, from one to the highest order.
 """
 
 from collections.abc import Callable, Mapping
+from dataclasses import replace
 from functools import partial
 from types import MappingProxyType
 
 import numpy as np
 
 import sysid
-from scenarios.estimators.answer import Answer
-from scenarios.estimators.estimates import answer_of
-from scenarios.estimators.order_choice import arx_orders, scanned
-from scenarios.estimators.refusals import only_given_orders, only_one_output, only_structure
-from scenarios.estimators.task import STRUCTURES, Task
-from sysid import Estimate, IOData
+from scenarios.estimators.outcome import Answer
+from scenarios.estimators.returned import estimate_answer
+from scenarios.estimators.task import STRUCTURES, Task, require
+from sysid import Estimate, IOData, SysidError
+from sysid.records.arrays import FloatArray
+from sysid.validation.structure_table import StructureTable
 
 LEAST_P, P_PER_ORDER = 20, 2
 """Observer Markov parameters for OKID: so many, and so many more per state."""
@@ -23,58 +24,62 @@ LEAST_P, P_PER_ORDER = 20, 2
 SAMPLES_PER_UNKNOWN = 5
 """Equations that OKID has at least for each of its unknowns, as far as the order allows."""
 
+LOOKS_AHEAD = 2
+"""Degrees that are tried beyond the best so far."""
+
 SCAN_ITERATIONS = 20
 """Of each search while orders are chosen: only models that are too large need more, and they take very long."""
 
 PULSES, MOST_INPUT_COLUMNS = 200, 0.2
-"""Values of the pulse response that ERA realises, and the columns of inputs, as a part of the samples, at most."""
+"""Values of the pulse response that ERA realises, and the most columns of inputs, as a share of the samples."""
 
 
 def arx(data: IOData, task: Task) -> Answer:
     """A y = B u + e by least squares."""
-    return answer_of(_polynomial(sysid.arx, "arx", data, task, arx_orders), task)
+    return estimate_answer(_polynomial(sysid.arx, "arx", data, task, arx_orders), task)
 
 
 def armax(data: IOData, task: Task) -> Answer:
     """A y = B u + C e by prediction error."""
-    return answer_of(_polynomial(sysid.armax, "armax", data, task), task)
+    return estimate_answer(_polynomial(sysid.armax, "armax", data, task), task)
 
 
 def oe(data: IOData, task: Task) -> Answer:
     """Output error: y = B/F u + e."""
-    return answer_of(_polynomial(sysid.oe, "oe", data, task), task)
+    return estimate_answer(_polynomial(sysid.oe, "oe", data, task), task)
 
 
 def bj(data: IOData, task: Task) -> Answer:
     """Box-Jenkins: y = B/F u + C/D e."""
-    return answer_of(_polynomial(sysid.bj, "bj", data, task), task)
+    return estimate_answer(_polynomial(sysid.bj, "bj", data, task), task)
 
 
 def iv4(data: IOData, task: Task) -> Answer:
-    """A y = B u + disturbance of any colour by instrumental variables; no model of the disturbance is claimed."""
-    chooses = partial(scanned, sysid.iv4, simulated=True)
-    return answer_of(_polynomial(sysid.iv4, "arx", data, task, chooses), task, noise_model=False)
+    """A y = B u + disturbance of any colour by instrumental variables."""
+    choose = partial(scanned_orders, sysid.iv4, simulated=True)
+    answer = estimate_answer(_polynomial(sysid.iv4, "arx", data, task, choose), task)
+    # Its white equation error is an auxiliary quantity: no model of the disturbance is claimed.
+    return replace(answer, model=replace(answer.model, K=None, innovation_covariance=None))
 
 
 def n4sid(data: IOData, task: Task) -> Answer:
     """State space by subspace projection; it claims no covariance."""
-    return answer_of(_state_space(_n4sid, data, task), task)
+    return estimate_answer(_state_space(_n4sid, data, task), task)
 
 
 def pem_ss(data: IOData, task: Task) -> Answer:
     """State space by prediction error, from N4SID's model."""
-    return answer_of(_state_space(_pem_ss, data, task), task)
+    return estimate_answer(_state_space(_pem_ss, data, task), task)
 
 
 def okid(data: IOData, task: Task) -> Answer:
     """Observer/Kalman filter identification with ERA."""
-    return answer_of(_state_space(_okid, data, task), task)
+    return estimate_answer(_state_space(_okid, data, task), task)
 
 
 def era(data: IOData, task: Task) -> Answer:
-    """ERA on the pulse response by least squares on past inputs alone; no model of the noise, no covariance."""
-    only_structure(task, "ss")
-    only_given_orders(task, "ERA by itself has no criterion; okid has one")
+    """ERA on the pulse response by least squares on past inputs alone; no noise model, no covariance."""
+    require(task, "ss", no_choice="ERA by itself has no criterion; okid has one")
     count = min(PULSES, int(MOST_INPUT_COLUMNS * len(data) / data.nu))
     past = np.lib.stride_tricks.sliding_window_view(data.u, count, axis=0)[:-1, :, ::-1]
     columns = past.transpose(0, 2, 1).reshape(len(past), count * data.nu)
@@ -85,17 +90,16 @@ def era(data: IOData, task: Task) -> Answer:
 
 
 def pem(data: IOData, task: Task) -> Answer:
-    """Whatever is asked, by prediction error; ARX by least squares, which is the same."""
-    return answer_of(prediction_error(data, task), task)
+    """Any structure by prediction error; ARX by least squares, which is the same."""
+    return estimate_answer(prediction_error(data, task), task)
 
 
 def prediction_error(data: IOData, task: Task) -> Estimate:
     """The estimate behind `pem`."""
     if task.structure == "ss":
         return _state_space(_pem_ss, data, task)
-    return _polynomial(
-        POLYNOMIAL[task.structure], task.structure, data, task, arx_orders if task.structure == "arx" else None
-    )
+    choose = arx_orders if task.structure == "arx" else None
+    return _polynomial(POLYNOMIAL[task.structure], task.structure, data, task, choose)
 
 
 POLYNOMIAL: Mapping[str, Callable[..., Estimate]] = MappingProxyType(
@@ -109,6 +113,83 @@ def observer_parameters(data: IOData, order: int) -> int:
     wanted = LEAST_P + P_PER_ORDER * order
     allowed = len(data) // (SAMPLES_PER_UNKNOWN * (data.nu + data.ny))
     return max(min(wanted, allowed), -(-order // data.ny))
+
+
+def arx_orders(data: IOData, task: Task) -> dict[str, int]:
+    """Orders of the ARX structure with the least BIC among all up to the highest order [Ljung1999, sec. 16.4]."""
+    upto = range(1, task.most_order + 1)
+    best = sysid.selstruc(data, upto, upto, upto).best("bic")
+    return {name: int(np.max(value)) for name, value in best.items()}
+
+
+def scanned_orders(
+    estimator: Callable[..., Estimate], data: IOData, task: Task, *, simulated: bool = False
+) -> dict[str, int]:
+    """Orders of any structure by the least BIC, all polynomials of one degree, the delay that of the best ARX model.
+
+    One degree for all keeps the number of fits at the highest order; a delay that is too small costs a coefficient that
+    is nearly zero, and no order. Degrees rise until two in a row are no better than the best before, because models
+    that are far too large take the longest. Unstable models are skipped.
+
+    Args:
+        estimator: Called with data and orders in the sequence of the structure.
+        data: The record.
+        task: What is asked.
+        simulated: Whether the error of the simulated output counts instead of that one step ahead: for methods without
+            a meaningful noise model.
+
+    Returns:
+        Orders by their names in the structure.
+    """
+    delay = 0 if task.structure == "ss" else arx_orders(data, task)["nk"]
+    fits: dict[tuple[int, ...], Estimate | SysidError] = {}
+
+    def fit(record: IOData, *orders: int) -> Estimate:
+        if orders not in fits:
+            fits[orders] = _stable_fit(estimator, record, orders)
+        estimate = fits[orders]
+        if isinstance(estimate, SysidError):
+            raise estimate
+        return estimate
+
+    best: dict[str, int] = {}
+    candidates: list[dict[str, int]] = []
+    for degree in range(1, task.most_order + 1):
+        candidates.append(_of_degree(degree, delay, task.structure))
+        if degree < LOOKS_AHEAD and degree < task.most_order:
+            continue
+        table = sysid.structure_scan(
+            fit,
+            data,
+            tuple(candidates[0]),
+            [tuple(candidate.values()) for candidate in candidates],
+            validation=data if simulated else None,
+            steps=None if simulated else 1,
+        )
+        criterion = simulated_bic(table) if simulated else "bic"
+        best = {name: int(np.max(value)) for name, value in table.best(criterion).items()}
+        if candidates.index(best) + LOOKS_AHEAD < degree:
+            break
+    return best
+
+
+def simulated_bic(table: StructureTable) -> FloatArray:
+    """Schwarz's criterion on the error of simulation, which the table has as that of validation (m,)."""
+    return np.asarray(np.log(table.validation) + table.parameters * np.log(table.samples) / table.samples)
+
+
+def _stable_fit(estimator: Callable[..., Estimate], data: IOData, orders: tuple[int, ...]) -> Estimate | SysidError:
+    try:
+        estimate = estimator(data, *orders)
+    except SysidError as error:
+        return error
+    stable = estimate.model.input_path().is_stable()
+    return estimate if stable else SysidError(f"orders {orders} give an unstable model")
+
+
+def _of_degree(n: int, delay: int, structure: str) -> dict[str, int]:
+    sizes = {"na": n, "nb": max(n + 1 - delay, 1), "nc": n, "nd": n, "nf": n, "nk": delay, "order": n}
+    return {name: sizes[name] for name in STRUCTURES[structure]}
 
 
 def _n4sid(data: IOData, order: int) -> Estimate:
@@ -128,17 +209,15 @@ def _polynomial(
     structure: str,
     data: IOData,
     task: Task,
-    chooses: Callable[[IOData, Task], Mapping[str, int]] | None = None,
+    choose: Callable[[IOData, Task], Mapping[str, int]] | None = None,
 ) -> Estimate:
-    only_structure(task, structure)
-    only_one_output(data)
-    orders = task.orders or (chooses or partial(scanned, partial(estimator, max_iterations=SCAN_ITERATIONS)))(
-        data, task
-    )
+    require(task, structure, data=data, outputs=1)
+    choose = choose or partial(scanned_orders, partial(estimator, max_iterations=SCAN_ITERATIONS))
+    orders = task.orders or choose(data, task)
     return estimator(data, *(orders[name] for name in STRUCTURES[structure]))
 
 
 def _state_space(estimator: Callable[[IOData, int], Estimate], data: IOData, task: Task) -> Estimate:
-    only_structure(task, "ss")
-    orders = task.orders or scanned(estimator, data, task)
+    require(task, "ss")
+    orders = task.orders or scanned_orders(estimator, data, task)
     return estimator(data, orders["order"])

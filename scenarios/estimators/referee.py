@@ -11,20 +11,20 @@ import numpy as np
 from scipy.optimize import OptimizeResult, least_squares
 from scipy.signal import lfilter
 
-from scenarios.estimators.answer import Answer
-from scenarios.estimators.contestant import Contestant
+from scenarios.estimators.estimator import Estimator
+from scenarios.estimators.outcome import Answer
 from scenarios.estimators.task import Task
 from sysid import IOData, Polynomials
 from sysid.models import innovations_form
 from sysid.records.arrays import FloatArray
 
-REFEREE = Contestant(
+REFEREE = Estimator(
     "referee",
     "scenarios.estimators.referee:referee",
     method="pem",
     settings="two starts, from a short and from a long ARX model; Jacobian by differences",
 )
-"""As a contestant of any structure."""
+"""For any structure."""
 
 LONG = 30
 """Order of the long ARX model that starts are made of, where the record allows it."""

@@ -1,15 +1,14 @@
-"""What a Python function may return, as numbers by name. Runs in the function's own process.
+"""What a Python function may return, as named numbers. Runs in the function's own process.
 
 It may return
 
-- `Answer`: model and all that is claimed of it;
-- `sysid.Estimate`: what it knows of its response at the frequencies of the task and of its bandwidth goes along;
+- `Answer`: a model and all claims about it;
+- `sysid.Estimate`: the accuracy that it knows of its response and bandwidth is claimed too;
 - `sysid.StateSpace` or `sysid.Polynomials`;
 - python-control's `StateSpace` or `TransferFunction`, discrete in time with the sampling time of the record;
-- a tuple (model, covariance) or (model, covariance, bandwidth_ci95): a model of the two lines before, or `Answer`'s
-  fields in its sequence. The covariance is that of the parameters of polynomials or of a transfer function (p, p), in
-  the sequence A, B, C, D, F (numerator before denominator), or that of the response (nf, ny, nu, 2, 2); either of the
-  two may be None.
+- a tuple (model, covariance) or (model, covariance, bandwidth_ci95): a model of the two lines before. The covariance is
+  that of the parameters of polynomials or of a transfer function (p, p), in the sequence A, B, C, D, F (numerator
+  before denominator), or that of the response (nf, ny, nu, 2, 2); either of the two may be None.
 """
 
 import sys
@@ -17,11 +16,9 @@ from typing import Any
 
 import numpy as np
 
-from scenarios.estimators.answer import Answer
 from scenarios.estimators.claims import response_and_interval
-from scenarios.estimators.model_names import POLYNOMIALS
-from scenarios.estimators.no_model import NoModelError
-from scenarios.estimators.shapes import real
+from scenarios.estimators.named_numbers import POLYNOMIALS, Numbers, real
+from scenarios.estimators.outcome import Answer, NoModelError
 from scenarios.estimators.task import Task
 from sysid import Estimate, IOData, Polynomials, StateSpace
 from sysid.records.arrays import FloatArray
@@ -35,53 +32,68 @@ OF_RESPONSE = 5
 """Axes of the covariance of a response."""
 
 
-def numbers_of(value: object, data: IOData, task: Task) -> dict[str, FloatArray]:
-    """The numbers of what a function returned; see `scenarios.estimators.model_names.NAMES`.
+def numbers_of(value: object, data: IOData, task: Task) -> Numbers:
+    """Named numbers of what a function returned.
 
     Args:
         value: What it returned.
-        data: The record that it was given.
-        task: What it was asked.
+        data: The record of the request.
+        task: The task of the request.
 
     Raises:
-        NoModelError: It is nothing of the list.
+        NoModelError: It is nothing of the list above.
     """
     if isinstance(value, Estimate):
         return _of_estimate(value, task)
     if isinstance(value, Answer):
-        found = _of_model(value.model, data)
-        if value.polynomials is not None:
-            found |= _of_polynomials(value.polynomials)
-        found |= _claims(value.covariance, value.response_covariance, value.bandwidth_ci95)
-        return found
-    if isinstance(value, tuple):
-        if len(value) not in (2, 3):
-            raise NoModelError("malformed", f"a tuple of {len(value)} given, {EXPECTED}")
-        found = _of_model(value[0], data)
-        covariance = None if value[1] is None else real("covariance", value[1])
-        response = covariance is not None and covariance.ndim == OF_RESPONSE
-        ends = value[2] if len(value) > 2 else None
-        return found | _claims(None if response else covariance, covariance if response else None, ends)
-    return _of_model(value, data)
+        polynomials = {} if value.polynomials is None else _of_polynomials(value.polynomials)
+        claims = _claims(value.covariance, value.response_covariance, value.bandwidth_ci95)
+        return _of_model(value.model, data) | polynomials | claims
+    if not isinstance(value, tuple):
+        return _of_model(value, data)
+    if len(value) not in (2, 3):
+        raise NoModelError("malformed", f"a tuple of {len(value)} given, {EXPECTED}")
+    covariance = None if value[1] is None else real("covariance", value[1])
+    of_response = covariance is not None and covariance.ndim == OF_RESPONSE
+    pair = (None, covariance) if of_response else (covariance, None)
+    return _of_model(value[0], data) | _claims(*pair, value[2] if len(value) > 2 else None)
+
+
+def estimate_answer(estimate: Estimate, task: Task) -> Answer:
+    """An estimate of the toolbox as an answer.
+
+    Response and bandwidth of a polynomial model follow from the covariance of its parameters; the parameters of a
+    state-space model are coordinates of its own, so their covariance is propagated here.
+
+    Args:
+        estimate: From any method; a covariance that it does not know (NaN) is not claimed.
+        task: What was asked: the response is claimed at its frequencies.
+    """
+    if not np.isfinite(estimate.covariance).all():
+        return Answer(estimate.model, estimate.polynomials)
+    if estimate.polynomials is not None:
+        return Answer(estimate.model, estimate.polynomials, estimate.covariance)
+    response, bandwidth = estimate.response_and_bandwidth(task.frequencies)
+    return Answer(estimate.model, response_covariance=response.covariance, bandwidth_ci95=bandwidth.ci95)
 
 
 def _of_estimate(estimate: Estimate, task: Task) -> dict[str, FloatArray]:
-    found = _of_state_space(estimate.model)
+    numbers = _of_state_space(estimate.model)
     if estimate.polynomials is not None:
-        found |= _of_polynomials(estimate.polynomials)
+        numbers |= _of_polynomials(estimate.polynomials)
     covariance = real("covariance", estimate.covariance)
     if not covariance.size or np.isnan(covariance).all():
-        # A method that does not know it says so.
-        return found
+        # A method that does not know its covariance says so by NaN: none is claimed.
+        return numbers
     response, ends = None, None
     if np.isfinite(covariance).all() and estimate.model.input_path().is_stable():
         response, ends = response_and_interval(estimate, task)
-    return found | _claims(covariance if estimate.polynomials is not None else None, response, ends)
+    return numbers | _claims(covariance if estimate.polynomials is not None else None, response, ends)
 
 
 def _claims(covariance: Any, response_covariance: Any, ends: Any) -> dict[str, FloatArray]:
-    given = {"covariance": covariance, "response_covariance": response_covariance, "bandwidth_ci95": ends}
-    return {name: real(name, value) for name, value in given.items() if value is not None}
+    claims = {"covariance": covariance, "response_covariance": response_covariance, "bandwidth_ci95": ends}
+    return {name: real(name, value) for name, value in claims.items() if value is not None}
 
 
 def _of_model(model: object, data: IOData) -> dict[str, FloatArray]:
@@ -89,7 +101,7 @@ def _of_model(model: object, data: IOData) -> dict[str, FloatArray]:
         return _of_state_space(model)
     if isinstance(model, Polynomials):
         return {"dt": np.array(data.dt), **_of_polynomials(model)}
-    # Whoever returns one of its systems has loaded it.
+    # Whoever returns one of its systems has imported it: no need to import it for everyone.
     control = sys.modules.get("control")
     if control is not None and isinstance(model, control.TransferFunction):
         return {"dt": _discrete(model.dt), **_of_fractions(model)}
@@ -99,9 +111,8 @@ def _of_model(model: object, data: IOData) -> dict[str, FloatArray]:
 
 
 def _of_state_space(model: StateSpace) -> dict[str, FloatArray]:
-    names = ("dt", "A", "B", "C", "D", "K", "innovation_covariance")
-    found = {name: getattr(model, name) for name in names}
-    return {name: real(name, value) for name, value in found.items() if value is not None}
+    values = {name: getattr(model, name) for name in ("dt", "A", "B", "C", "D", "K", "innovation_covariance")}
+    return {name: real(name, value) for name, value in values.items() if value is not None}
 
 
 def _of_polynomials(polynomials: Polynomials) -> dict[str, FloatArray]:
@@ -109,33 +120,24 @@ def _of_polynomials(polynomials: Polynomials) -> dict[str, FloatArray]:
 
 
 def _of_fractions(system: Any) -> dict[str, FloatArray]:
-    """Coefficients of falling powers of z, all (ny, nu, k) or (k,): what is shorter is filled up in front."""
-    pairs = [
-        [(real("num", system.num[i][j]), real("den", system.den[i][j])) for j in range(system.ninputs)]
-        for i in range(system.noutputs)
-    ]
-    k = max(len(part) for line in pairs for pair in line for part in pair)
-    num = np.zeros((system.noutputs, system.ninputs, k))
-    den = np.zeros_like(num)
-    for i, line in enumerate(pairs):
-        for j, (above, below) in enumerate(line):
-            behind = k - len(below)
-            if len(above) > len(below):
-                raise NoModelError(
-                    "malformed", "a transfer function given that is not causal, expected num no longer than den"
-                )
-            # Times a power of z above and below: the denominator begins with its highest power.
-            num[i, j, len(below) - len(above) : len(below)] = above
-            den[i, j, : k - behind] = below
-    return {"num": num[0, 0], "den": den[0, 0]} if num.shape[:2] == (1, 1) else {"num": num, "den": den}
+    """Coefficients of falling powers of z, all (ny, nu, k) or (k,)."""
+    ny, nu = system.noutputs, system.ninputs
+    pairs = {(i, j): (real("num", system.num[i][j]), real("den", system.den[i][j])) for i, j in np.ndindex(ny, nu)}
+    k = max(len(part) for pair in pairs.values() for part in pair)
+    num, den = np.zeros((2, ny, nu, k))
+    for (i, j), (above, below) in pairs.items():
+        if len(above) > len(below):
+            raise NoModelError(
+                "malformed", "a transfer function given that is not causal, expected num no longer than den"
+            )
+        # Zeros behind both are a power of z above and below: the denominator still begins with its highest power.
+        num[i, j, len(below) - len(above) : len(below)] = above
+        den[i, j, : len(below)] = below
+    return {"num": num[0, 0], "den": den[0, 0]} if (ny, nu) == (1, 1) else {"num": num, "den": den}
 
 
 def _discrete(dt: object) -> FloatArray:
-    """The sampling time of a system of python-control.
-
-    Raises:
-        NoModelError: It is continuous in time, or has none.
-    """
+    """Sampling time of a system of python-control, which is 0 or True where there is none."""
     if isinstance(dt, bool) or not isinstance(dt, int | float) or not dt > 0:
         raise NoModelError(
             "malformed", f"a system with dt = {dt!r} given, expected one that is discrete in time, dt in s"

@@ -1,13 +1,14 @@
-"""What an estimator is asked beside the data."""
+"""What an estimator is asked: structure, orders, frequencies; and how a method refuses what it does not do."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
 
 from scenarios.files.errors import ScenarioError
+from sysid import IOData
 from sysid.records.arrays import FloatArray, Locked, lock
 
 PROTOCOL = 1
-"""Version of the contract: of what is given and what is taken back. It changes when an old program would fail."""
+"""Version of the protocol in docs/estimator-protocol.md. It changes when an old program would fail."""
 
 STRUCTURES = {
     "arx": ("na", "nb", "nk"),
@@ -16,18 +17,18 @@ STRUCTURES = {
     "bj": ("nb", "nc", "nd", "nf", "nk"),
     "ss": ("order",),
 }
-"""Structures by name, with their orders; `nk = 1`: y(t) depends on u(t-1) first. `ss` is without direct term."""
+"""Structures with the names of their orders; `nk = 1`: y(t) depends on u(t-1) first. `ss` is without direct term."""
 
 
 @dataclass(frozen=True, eq=False)
 class Task(Locked):
-    """What is asked of an estimator.
+    """What an estimator is asked for one record.
 
     Attributes:
-        structure: One of `STRUCTURES`: the one that the estimator says it has, or else that of the system.
-        orders: By the names of the structure; empty where the estimator is to choose them.
-        most_order: Where it is to choose: the highest order of the dynamics from input to output.
-        frequencies: At which a claimed covariance of the response counts (nf,), Hz.
+        structure: One of `STRUCTURES`: the one that the estimator declares, or else that of the system.
+        orders: By the names of the structure; empty where the estimator chooses them.
+        most_order: Where it chooses: the highest order of the dynamics from input to output.
+        frequencies: At which a claimed covariance of the response is judged (nf,), Hz.
         seed: For estimators that draw random numbers.
     """
 
@@ -48,5 +49,41 @@ class Task(Locked):
 
     @property
     def chooses(self) -> bool:
-        """Whether the estimator is to choose the orders."""
+        """Whether the estimator chooses the orders."""
         return not self.orders
+
+
+def require(
+    task: Task,
+    structure: str,
+    *,
+    data: IOData | None = None,
+    outputs: int | None = None,
+    inputs: int | None = None,
+    delayed: bool = False,
+    no_choice: str = "",
+) -> None:
+    """Refuse a task that a method does not do, before anything is computed; a refusal is no failure.
+
+    Args:
+        task: What is asked.
+        structure: The only structure of the method.
+        data: The record, where channels are limited.
+        outputs: Most outputs that the method takes; None: any number.
+        inputs: Most inputs that the method takes; None: any number.
+        delayed: Whether the method needs a delay of one sample at least.
+        no_choice: Why the method cannot choose orders; empty where it can.
+
+    Raises:
+        NotImplementedError: The method does not do this.
+    """
+    if task.structure != structure:
+        raise NotImplementedError(f"structure {task.structure!r} asked for, this method has {structure!r}")
+    for name, most in (("outputs", outputs), ("inputs", inputs)):
+        count = 0 if data is None else data.ny if name == "outputs" else data.nu
+        if most is not None and count > most:
+            raise NotImplementedError(f"{count} {name} given, this method takes {most}")
+    if delayed and task.orders.get("nk", 1) < 1:
+        raise NotImplementedError("nk = 0 asked for, this method has a delay of one sample at least")
+    if no_choice and task.chooses:
+        raise NotImplementedError(f"no choice of orders: {no_choice}")

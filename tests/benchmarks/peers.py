@@ -25,7 +25,7 @@ from efficiency import problems  # noqa: E402
 from scipy.signal import lfilter  # noqa: E402
 
 import sysid  # noqa: E402
-from scenarios.estimators.answer import Answer  # noqa: E402
+from scenarios.estimators.outcome import Answer  # noqa: E402
 from scenarios.estimators.task import STRUCTURES, Task  # noqa: E402
 
 SKIP = 500
@@ -85,23 +85,23 @@ def from_states(model: sysid.StateSpace) -> sysid.Polynomials:
 
 def pysib(method: str, orders: tuple[int, ...]) -> Fit:
     """pysib, its prediction-error estimators."""
-    from scenarios.estimators import pysib as peer
+    from scenarios.estimators import polynomial_peers
 
-    return adapted(getattr(peer, method), method, orders)
+    return adapted(getattr(polynomial_peers, f"pysib_{method}"), method, orders)
 
 
 def sippy(method: str, orders: tuple[int, ...], *, mode: str = "OPT") -> Fit:
     """SIPPY, by optimisation if not said otherwise."""
-    from scenarios.estimators import sippy as peer
+    from scenarios.estimators.polynomial_peers import sippy_polynomials
 
-    return adapted(lambda data, task: peer.polynomials(method, data, task, mode=mode), method, orders)
+    return adapted(lambda data, task: sippy_polynomials(method, data, task, mode=mode), method, orders)
 
 
 def jax_sysid(method: str, orders: tuple[int, ...]) -> Fit:
     """jax-sysid, double precision: an output-error fit of the same order."""
-    from scenarios.estimators import jax_sysid as peer
+    from scenarios.estimators.state_space_peers import jax_sysid_oe
 
-    return adapted(getattr(peer, method), method, orders)
+    return adapted(jax_sysid_oe, method, orders)
 
 
 def versions(*names: str) -> str:

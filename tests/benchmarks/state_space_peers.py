@@ -16,23 +16,23 @@ Method = Callable[[sysid.IOData, int], sysid.StateSpace]
 
 def sippy(weighting: str) -> Method:
     """SIPPY's N4SID, MOESP, CVA and PARSIM."""
-    from scenarios.estimators.sippy import subspace
+    from scenarios.estimators.state_space_peers import sippy_subspace
 
-    return lambda data, order: subspace(data, asked(order), weighting, direct=True)
+    return lambda data, order: sippy_subspace(data, asked(order), weighting, direct=True)
 
 
 def slicot(data: sysid.IOData, order: int) -> sysid.StateSpace:
     """SLICOT's N4SID through ctrlsys."""
-    from scenarios.estimators.slicot import N4SID, subspace
+    from scenarios.estimators.state_space_peers import N4SID, slicot_subspace
 
-    return subspace(N4SID, data, order, order)
+    return slicot_subspace(N4SID, data, order, order)
 
 
 def nfoursid(data: sysid.IOData, order: int) -> sysid.StateSpace:
     """nfoursid; the gain belongs to the covariances that it gives."""
-    from scenarios.estimators.nfoursid import subspace
+    from scenarios.estimators.state_space_peers import nfoursid_subspace
 
-    return subspace(data, order)
+    return nfoursid_subspace(data, order)
 
 
 def control_era(data: sysid.IOData, order: int) -> sysid.StateSpace:
@@ -46,9 +46,9 @@ def control_era(data: sysid.IOData, order: int) -> sysid.StateSpace:
 
 def jax_sysid(data: sysid.IOData, order: int) -> sysid.StateSpace:
     """jax-sysid, double precision: the simulation error, initial state fitted."""
-    from scenarios.estimators.jax_sysid import output_error
+    from scenarios.estimators.state_space_peers import jax_output_error
 
-    return output_error(data, order, direct=True)
+    return jax_output_error(data, order, direct=True)
 
 
 def asked(order: int) -> Task:

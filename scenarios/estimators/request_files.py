@@ -1,0 +1,195 @@
+"""Files of a request: the record and the task for the estimator, the model from it."""
+
+import json
+from collections.abc import Callable, Collection
+from pathlib import Path
+
+import numpy as np
+
+from scenarios.estimators.named_numbers import NAMES, Numbers, real
+from scenarios.estimators.outcome import NoModelError
+from scenarios.estimators.task import PROTOCOL, Task
+from scenarios.files.errors import ScenarioError
+from scenarios.files.mat_numbers import read_mat_numbers
+from scenarios.files.netcdf import Contents, Variable, read_netcdf
+from sysid import IOData
+
+FORMATS = {"data": "data.nc", "mat": "data.mat", "csv": "data.csv", "npz": "data.npz"}
+"""Files of the record by placeholder: NetCDF4, MATLAB version 7, text, NumPy."""
+
+TASK_FILE = "task.json"
+MODEL_STEM = "model"
+"""Name of the file that the estimator writes, without its ending."""
+
+MOST_BYTES = 2**26
+"""No model file is larger: 100 states take 2 MB as text."""
+
+
+def paths(folder: Path, formats: Collection[str]) -> dict[str, str]:
+    """Paths of the files of a request by placeholder.
+
+    Args:
+        folder: Of the request.
+        formats: Some of `FORMATS`.
+    """
+    names = {**{name: FORMATS[name] for name in formats}, "task": TASK_FILE, "model": MODEL_STEM}
+    return {name: str(folder / file) for name, file in names.items()}
+
+
+def write_request(folder: Path, data: IOData, task: Task, formats: Collection[str]) -> None:
+    """Write a record and a task.
+
+    Names and units of channels are left out, and so is the name of the record: they would tell which problem it is.
+
+    Args:
+        folder: For the files.
+        data: The record.
+        task: What is asked.
+        formats: Some of `FORMATS`.
+    """
+    blank = IOData(data.u, data.y, data.dt, intersample=data.intersample, window=data.window, missing=data.missing)
+    for name in formats:
+        _WRITERS[name](folder / FORMATS[name], blank)
+    table = {
+        "protocol": PROTOCOL,
+        "structure": task.structure,
+        "orders": dict(task.orders),
+        "most_order": task.most_order,
+        "frequencies": task.frequencies.tolist(),
+        "seed": task.seed,
+        "dt": blank.dt,
+        "samples": len(blank),
+        "inputs": blank.nu,
+        "outputs": blank.ny,
+        "window": blank.window,
+        "missing": blank.missing,
+        "intersample": blank.intersample,
+        "input_names": blank.input_names,
+        "output_names": blank.output_names,
+        "input_units": blank.input_units,
+        "output_units": blank.output_units,
+    }
+    (folder / TASK_FILE).write_text(json.dumps(table, indent=1, allow_nan=False), encoding="utf-8")
+
+
+def read_request(record: Path, task: Path) -> tuple[IOData, Task]:
+    """Read a record (NumPy) and a task as `write_request` wrote them."""
+    table = json.loads(task.read_text(encoding="utf-8"))
+    with np.load(record, allow_pickle=False) as arrays:
+        data = IOData(
+            arrays["u"],
+            arrays["y"],
+            table["dt"],
+            intersample=table["intersample"],
+            window=table["window"],
+            missing=table["missing"],
+        )
+    frequencies = np.array(table["frequencies"], dtype=np.float64)
+    return data, Task(table["structure"], table["orders"], table["most_order"], frequencies, table["seed"])
+
+
+def write_model(stem: Path, numbers: Numbers) -> None:
+    """Write the numbers of a model as JSON, which keeps every bit of them.
+
+    Args:
+        stem: The file without its ending.
+        numbers: By names of `NAMES`.
+    """
+    text = json.dumps({name: values.tolist() for name, values in numbers.items()})
+    stem.with_name(f"{stem.name}.json").write_text(text, encoding="utf-8")
+
+
+def read_model(folder: Path) -> Numbers:
+    """Read the one model file in a folder: `model.json`, `model.mat` or `model.nc`.
+
+    Args:
+        folder: Of the request.
+
+    Returns:
+        Numbers by name, unchecked.
+
+    Raises:
+        NoModelError: There is none, or several, or it cannot be read.
+    """
+    files = [path for ending in _READERS if (path := folder / f"{MODEL_STEM}{ending}").is_file()]
+    if len(files) != 1:
+        given = ", ".join(path.name for path in files) or "no model file"
+        raise NoModelError("malformed", f"{given} written, expected {{model}} with .json, .mat or .nc behind it")
+    path = files[0]
+    if (size := path.stat().st_size) > MOST_BYTES:
+        raise NoModelError("malformed", f"{path.name} has {size} bytes, expected at most {MOST_BYTES}")
+    try:
+        values = _READERS[path.suffix](path)
+    except (ScenarioError, OSError, ValueError, RecursionError) as error:
+        # Reasons are counted over requests, so they name no folder.
+        raise NoModelError("malformed", f"cannot read the model: {error}".replace(str(path), path.name)) from error
+    unknown = sorted(values.keys() - set(NAMES))
+    if unknown:
+        raise NoModelError(
+            "malformed", f"{path.name}: unknown {unknown[0][:50]!r}, expected some of {', '.join(NAMES)}"
+        )
+    return {name: real(name, value) for name, value in values.items() if value is not None}
+
+
+def _read_json(path: Path) -> dict[str, object]:
+    # Whole numbers of any length become floats: what is too large is infinite and reported as such.
+    table = json.loads(path.read_text(encoding="utf-8"), parse_int=float)
+    if not isinstance(table, dict):
+        raise ValueError(f"{path.name} holds no JSON object, expected dt and a model by names")
+    return table
+
+
+def _read_mat(path: Path) -> dict[str, object]:
+    return dict(read_mat_numbers(path, NAMES))
+
+
+def _read_netcdf(path: Path) -> dict[str, object]:
+    contents = read_netcdf(path, only=NAMES)
+    dt = {"dt": contents.attributes["dt"]} if "dt" in contents.attributes else {}
+    return {**{name: variable.values for name, variable in contents.variables.items()}, **dt}
+
+
+_READERS: dict[str, Callable[[Path], dict[str, object]]] = {
+    ".json": _read_json,
+    ".mat": _read_mat,
+    ".nc": _read_netcdf,
+}
+
+
+def _write_netcdf(path: Path, data: IOData) -> None:
+    names = {"input": data.input_names, "output": data.output_names}
+    variables = {
+        "time": Variable(("time",), data.time, {"units": "s"}),
+        "u": Variable(("time", "input"), data.u, {"long_name": "inputs"}),
+        "y": Variable(("time", "output"), data.y, {"long_name": "outputs"}),
+        **{name: Variable((name,), np.array(labels), {}) for name, labels in names.items()},
+    }
+    attributes = {"dt": data.dt, "window": data.window, "intersample": data.intersample}
+    path.write_bytes(Contents(variables, attributes).to_bytes())
+
+
+def _write_csv(path: Path, data: IOData) -> None:
+    """A line of names, `time,u1,...,y1,...`, and a line per sample, all digits that count."""
+    names = ["time", *(data.input_names or ()), *(data.output_names or ())]
+    table = np.column_stack((data.time, data.u, data.y))
+    lines = [",".join(names), *(",".join(map(repr, row)) for row in table.tolist())]
+    path.write_text("\n".join(lines) + "\n", encoding="ascii")
+
+
+def _write_mat(path: Path, data: IOData) -> None:
+    from scipy.io import savemat
+
+    variables = {"u": data.u, "y": data.y, "dt": data.dt, "time": data.time[:, None], "window": float(data.window)}
+    savemat(path, variables, do_compression=True, oned_as="column")
+
+
+def _write_npz(path: Path, data: IOData) -> None:
+    np.savez(path, u=data.u, y=data.y, dt=data.dt, window=data.window)
+
+
+_WRITERS: dict[str, Callable[[Path, IOData], None]] = {
+    "data": _write_netcdf,
+    "mat": _write_mat,
+    "csv": _write_csv,
+    "npz": _write_npz,
+}

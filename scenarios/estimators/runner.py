@@ -1,0 +1,309 @@
+"""Runs an estimator in a process of its own: one request in files, one outcome, whatever the estimator does."""
+
+import errno
+import json
+import os
+import shlex
+import shutil
+import signal
+import sys
+import tempfile
+from pathlib import Path
+from types import TracebackType
+
+import numpy as np
+
+from scenarios.estimators.estimator import Estimator, Limits
+from scenarios.estimators.model_numbers import answer_of, unstable
+from scenarios.estimators.outcome import MODEL, REFUSED, EstimatorOutcome, NoModelError
+from scenarios.estimators.process import Reply, WatchedProcess
+from scenarios.estimators.request_files import FORMATS, paths, read_model, write_request
+from scenarios.estimators.task import PROTOCOL, Task
+from scenarios.files.errors import ScenarioError
+from scenarios.files.printable import one_line
+from sysid import IOData
+
+REFUSES = 77
+"""Exit code of a program that does not do what it is asked."""
+
+READY = f"ready {PROTOCOL}"
+"""First line of a program that stays."""
+
+STARTING = 120.0
+"""Time that a program that stays has until it is ready, s."""
+
+SAYS = ("done", REFUSED, "error")
+"""First words of the answers of a program that stays; lines that begin otherwise are ignored."""
+
+FUNCTION_SAYS = (*SAYS, "malformed", "not_finite", "memory")
+"""Those of the child of a Python function, whose own printing goes elsewhere."""
+
+GRACE = 0.5
+"""Time that a process has to end after it has closed its output, s."""
+
+NEARLY = 0.9
+"""A process that died with this share of its memory limit in use died of that."""
+
+LONGEST_REASON = 300
+"""Characters of a printed text that a reason quotes."""
+
+FULL = (errno.ENOSPC, errno.EDQUOT, errno.EROFS)
+"""Errors that say that nothing can be written any more: no other request would fare better."""
+
+
+class EstimatorProcess:
+    """An estimator ready for requests, to be used in a `with` statement.
+
+    A program is started for each request; a Python function, and a program that stays, once, and again after each
+    failure that ended its process.
+
+    Args:
+        estimator: The estimator.
+        limits: Limits of one answer.
+    """
+
+    def __init__(self, estimator: Estimator, limits: Limits) -> None:
+        self._estimator, self._limits = estimator, limits
+        self._stays = estimator.stays or not estimator.program
+        self._home = Path(estimator.home or ".").resolve()
+        self._process: WatchedProcess | None = None
+        self._at_rest = 0
+        self._folder = Path()
+        self._command: list[str] = []
+        self._formats: tuple[str, ...] = ("npz",)
+
+    def __enter__(self) -> "EstimatorProcess":
+        """Start it.
+
+        Raises:
+            ScenarioError: It cannot be started: no such module, function or program; or this system is not Linux.
+        """
+        if not hasattr(os, "pidfd_open"):
+            raise ScenarioError(f"this system is {sys.platform!r}, expected Linux: estimators cannot be watched here")
+        if self._estimator.program:
+            self._formats = tuple(name for name in FORMATS if f"{{{name}}}" in self._estimator.target)
+            self._command = program_words(self._estimator, self._home)
+        else:
+            child = [sys.executable, "-P", "-m", "scenarios.estimators.python_child"]
+            self._command = [*child, self._estimator.target, str(self._home), str(self._limits.memory_bytes)]
+        try:
+            self._folder = Path(tempfile.mkdtemp(prefix="hmtb-estimator-"))
+        except OSError as error:
+            raise ScenarioError(f"cannot make a temporary folder for an estimator: {error}") from error
+        try:
+            if self._stays:
+                self._start()
+        except BaseException:
+            self.__exit__(None, None, None)
+            raise
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        """Kill its processes and remove its files."""
+        self._end()
+        shutil.rmtree(self._folder, ignore_errors=True)
+
+    def ask(self, data: IOData, task: Task) -> EstimatorOutcome:
+        """Give it a record and a task; whatever it does is an outcome.
+
+        Args:
+            data: The record; its names do not reach the estimator.
+            task: What is asked.
+
+        Raises:
+            ScenarioError: The files of the request cannot be written.
+        """
+        folder = self._folder / "request"
+        try:
+            shutil.rmtree(folder, ignore_errors=True)
+            folder.mkdir(parents=True)
+            write_request(folder, data, task, self._formats)
+        except OSError as error:
+            if error.errno not in FULL:
+                return EstimatorOutcome("error", f"cannot write the files of the record: {error.strerror}")
+            raise ScenarioError(
+                f"cannot write the files of a record: {error.strerror}; expected space in {tempfile.gettempdir()}, or "
+                "in the folder that the variable TMPDIR names"
+            ) from error
+        kind, why, reply, seconds = self._ask_process() if self._stays else self._run_once()
+        answer = None
+        if kind == MODEL:
+            try:
+                with np.errstate(all="ignore"):
+                    answer = answer_of(read_model(folder), data, task)
+                    why = unstable(answer.model)
+                kind = "unstable" if why else MODEL
+            except NoModelError as error:
+                kind, why = error.kind, str(error)
+            # Numbers of any size in matrices of any kind: LAPACK may fail in ways that no check foresees.
+            except (ArithmeticError, ValueError) as error:
+                kind, why = "malformed", f"no model can be made of the numbers: {error}"
+        wall, peak = (reply.wall, reply.peak_bytes) if reply else (float("nan"), 0)
+        return EstimatorOutcome(kind, self._general(why), seconds, wall, peak, answer)
+
+    @property
+    def _paths(self) -> dict[str, str]:
+        return paths(self._folder / "request", self._formats)
+
+    def _launch(self) -> WatchedProcess:
+        words = self._command
+        for name, path in self._paths.items():
+            words = [word.replace(f"{{{name}}}", path) for word in words]
+        folder, environment = self._home, {}
+        if not self._estimator.program:
+            # A folder of its own: estimators write files, and import what lies in the working folder.
+            folder = self._folder / "work"
+            folder.mkdir(exist_ok=True)
+            environment = {"PYTHONPATH": os.pathsep.join(path for path in sys.path if path)}
+        log = self._folder / "printed"
+        try:
+            return WatchedProcess(words, folder, log, talks=self._stays, environment=environment)
+        except OSError as error:
+            raise ScenarioError(f"cannot start {self._estimator.target!r}: {error.strerror}") from error
+
+    def _start(self) -> None:
+        """Start a process that stays.
+
+        Raises:
+            ScenarioError: It does not start, or does not say that it is ready.
+        """
+        process = self._launch()
+        reply = process.exchange("", ("ready", "error"), seconds=STARTING, memory_bytes=float("inf"))
+        if reply.line == READY:
+            self._process = process
+            self._at_rest = 0 if self._estimator.program else process.memory()
+            return
+        code, _ = process.kill(GRACE if reply.end == "exit" else 0.0)
+        why = one_line(reply.line.removeprefix("error ")) or (
+            f"not ready within {STARTING:g} s" if reply.end == "hang" else self._printed(_exit_text(code), process)
+        )
+        if self._estimator.program:
+            raise ScenarioError(
+                f"{self._estimator.target!r}: {why}; expected a program that stays to print the line {READY!r} within "
+                f"{STARTING:g} s and then to read a line of JSON for each record"
+            )
+        raise ScenarioError(
+            f"cannot load {self._estimator.target!r} of {self._estimator.name!r} from {str(self._home)!r}: {why}"
+        )
+
+    def _ask_process(self) -> tuple[str, str, Reply | None, float]:
+        """Send the request to the process that stays."""
+        if self._process is None:
+            try:
+                self._start()
+            except ScenarioError as error:
+                return "crash", str(error), None, float("nan")
+        process = self._process
+        if process is None:
+            raise ScenarioError("the estimator has not been started; expected a with statement")
+        reply = process.exchange(
+            json.dumps(self._paths),
+            SAYS if self._estimator.program else FUNCTION_SAYS,
+            seconds=self._limits.seconds,
+            memory_bytes=self._at_rest + self._limits.memory_bytes,
+        )
+        if reply.end != "line":
+            code, _ = process.kill(GRACE if reply.end == "exit" else 0.0)
+            kind, why = self._failure(process, reply, code)
+            self._end()
+            return kind, why, reply, reply.seconds
+        word, _, text = reply.line.partition(" ")
+        if word == "memory":
+            # What it still holds would count against the next answer.
+            self._end()
+        if word != "done":
+            return word, one_line(self._general(text))[:LONGEST_REASON], reply, reply.seconds
+        return MODEL, "", reply, _seconds(text, reply.seconds)
+
+    def _run_once(self) -> tuple[str, str, Reply | None, float]:
+        """Start a program for this request alone."""
+        try:
+            process = self._launch()
+        except ScenarioError as error:
+            return "error", str(error), None, float("nan")
+        try:
+            reply = process.exchange("", (), seconds=self._limits.seconds, memory_bytes=self._limits.memory_bytes)
+        finally:
+            code, used = process.kill()
+        if reply.end != "exit" or code < 0:
+            return *self._failure(process, reply, code), reply, reply.seconds
+        if code == 0:
+            return MODEL, "", reply, used
+        if code == REFUSES:
+            return REFUSED, one_line(self._general(process.printed()))[-LONGEST_REASON:], reply, used
+        return "error", self._printed(_exit_text(code), process), reply, used
+
+    def _failure(self, process: WatchedProcess, reply: Reply, code: int) -> tuple[str, str]:
+        limit = self._limits.memory_bytes
+        if reply.end == "hang":
+            return "hang", f"no answer within {self._limits.seconds:g} s"
+        if reply.end == "memory" or reply.peak_bytes > self._at_rest + NEARLY * limit:
+            beyond = " beyond what it had when it was loaded" if self._at_rest else ""
+            return "memory", f"more than {limit / 2**20:.0f} MiB{beyond}"
+        return "crash", self._printed(f"its process ended: {_exit_text(code)}", process)
+
+    def _printed(self, text: str, process: WatchedProcess) -> str:
+        printed = one_line(self._general(process.printed()))[-LONGEST_REASON:]
+        return f"{text}; it printed {printed!r}" if printed else text
+
+    def _general(self, text: str) -> str:
+        """A text with placeholders for paths: reasons of different requests are counted together."""
+        for name, path in (*self._paths.items(), ("folder", str(self._folder))):
+            # Some programs resolve links, and the folder of temporary files may be one.
+            for spelling in (os.path.realpath(path), path):
+                text = text.replace(spelling, f"{{{name}}}")
+        return text
+
+    def _end(self) -> None:
+        process, self._process = self._process, None
+        if process is not None:
+            process.kill()
+
+
+def program_words(estimator: Estimator, home: Path) -> list[str]:
+    """Command line of a program in words, with the path of the program.
+
+    Args:
+        estimator: A program.
+        home: Folder in which it runs.
+
+    Raises:
+        ScenarioError: It cannot be split, has no place for the record or the model, or there is no such program.
+    """
+    line = estimator.target
+    try:
+        words = shlex.split(line)
+    except ValueError as error:
+        raise ScenarioError(f"command {line!r} cannot be split into words: {error}") from error
+    if not words or "{model}" not in line or not any(f"{{{name}}}" in line for name in FORMATS):
+        raise ScenarioError(
+            f"command {line!r} given, expected one of {', '.join(f'{{{name}}}' for name in FORMATS)} where it reads "
+            "the record, {model} where it writes its model, and {task} where it reads the task, if it does"
+        )
+    if not home.is_dir():
+        raise ScenarioError(f"no folder {str(home)!r}, which is given for {estimator.name!r}")
+    # A program with a folder in its name is looked for from home, as a shell there would.
+    program = shutil.which(str(home / words[0]) if "/" in words[0] else words[0])
+    if program is None:
+        raise ScenarioError(f"no program {words[0]!r} for {estimator.name!r}, neither in {str(home)!r} nor on the path")
+    return [program, *words[1:]]
+
+
+def _exit_text(code: int) -> str:
+    if code >= 0:
+        return f"exit code {code}"
+    try:
+        return f"signal {signal.Signals(-code).name}"
+    except ValueError:
+        return f"signal {-code}"
+
+
+def _seconds(text: str, measured: float) -> float:
+    """Processor time that stands behind `done`, else what was measured from outside, s."""
+    try:
+        seconds = float(text)
+    except ValueError:
+        return measured
+    return seconds if 0.0 <= seconds < float("inf") else measured
