@@ -12,7 +12,8 @@ from scenarios.estimators.claims import (
 from scenarios.estimators.named_numbers import FRACTION, MATRICES, NAMES, POLYNOMIALS, Numbers, row, shaped
 from scenarios.estimators.outcome import Answer, NoModelError
 from scenarios.estimators.task import Task
-from sysid import IOData, Polynomials, StateSpace, SysidError, innovations_form
+from sysid import IOData, Polynomials, StateSpace, SysidError
+from sysid.models import innovations_form
 from sysid.records.arrays import FloatArray
 
 MOST_ORDER = 100

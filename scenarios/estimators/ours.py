@@ -16,7 +16,7 @@ from scenarios.estimators.returned import estimate_answer
 from scenarios.estimators.task import STRUCTURES, Task, require
 from sysid import Estimate, IOData, SysidError
 from sysid.records.arrays import FloatArray
-from sysid.validation.structure_table import StructureTable
+from sysid.validation.structure_scan import StructureTable
 
 LEAST_P, P_PER_ORDER = 20, 2
 """Observer Markov parameters for OKID: so many, and so many more per state."""

@@ -7,7 +7,8 @@ import numpy as np
 
 from scenarios.estimators.outcome import Answer
 from scenarios.estimators.task import STRUCTURES, Task, require
-from sysid import IOData, Polynomials, innovations_form
+from sysid import IOData, Polynomials
+from sysid.models import innovations_form
 
 NO_CRITERION = "it has no criterion of orders"
 

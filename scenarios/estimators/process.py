@@ -3,6 +3,7 @@
 import contextlib
 import ctypes
 import os
+import secrets
 import select
 import signal
 import subprocess
@@ -27,6 +28,9 @@ TAIL = 1200
 
 KILLING = 5.0
 """Time that killed processes have to vanish, s."""
+
+MARK = "HMTB_ESTIMATOR"
+"""Variable of the environment by which descendants are found that have left their session and lost their parent."""
 
 _LIBC = ctypes.CDLL(None)
 _PARENT_DEATH_SIGNAL = 1
@@ -71,11 +75,12 @@ class WatchedProcess:
     ) -> None:
         self._log, self._buffer = log, bytearray()
         self._over: tuple[int, float] | None = None
+        self._mark = secrets.token_hex(8)
         with log.open("ab") as printed:
             self._popen = subprocess.Popen(
                 command,
                 cwd=folder,
-                env={**os.environ, **ONE_THREAD, **environment},
+                env={**os.environ, **ONE_THREAD, **environment, MARK: self._mark},
                 stdin=subprocess.PIPE if talks else subprocess.DEVNULL,
                 stdout=subprocess.PIPE if talks else printed,
                 stderr=printed,
@@ -158,6 +163,7 @@ class WatchedProcess:
         until = time.monotonic() + KILLING
         while time.monotonic() < until:
             self._look()
+            self._tree += [one for one in psutil.process_iter() if self._is_marked(one) and one not in self._tree]
             # The group at once, so that what forks all the time does not outrun this.
             with contextlib.suppress(ProcessLookupError):
                 os.killpg(self._popen.pid, signal.SIGKILL)
@@ -200,6 +206,12 @@ class WatchedProcess:
         with contextlib.suppress(psutil.Error):
             seen = list({*seen, *root.children(recursive=True)})
         self._tree = [root, *filter(_runs, seen)]
+
+    def _is_marked(self, process: psutil.Process) -> bool:
+        try:
+            return process.environ().get(MARK) == self._mark
+        except psutil.Error:
+            return False
 
     def _memory(self, limit: float) -> int:
         """Resident memory, bytes; above the limit shared pages are counted once, which is exact and slow."""

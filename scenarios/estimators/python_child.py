@@ -14,7 +14,7 @@ import sysconfig
 import traceback
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any
+from typing import Any, cast
 
 import sysid
 from scenarios.estimators.outcome import REFUSED, NoModelError
@@ -88,7 +88,7 @@ def load(target: str, home: Path) -> Callable[..., Any]:
         function = getattr(function, part)
     if not callable(function):
         raise ImportError(f"{target} is of type {type(function).__name__}, expected a function")
-    return function  # type: ignore[no-any-return]
+    return cast(Callable[..., Any], function)
 
 
 def describe(error: BaseException) -> str:

@@ -122,7 +122,8 @@ def read_model(folder: Path) -> Numbers:
         values = _READERS[path.suffix](path)
     except (ScenarioError, OSError, ValueError, RecursionError) as error:
         # Reasons are counted over requests, so they name no folder.
-        raise NoModelError("malformed", f"cannot read the model: {error}".replace(str(path), path.name)) from error
+        text = str(error) if isinstance(error, ScenarioError) else f"cannot read {path.name}: {error}"
+        raise NoModelError("malformed", text.replace(str(path), path.name)) from error
     unknown = sorted(values.keys() - set(NAMES))
     if unknown:
         raise NoModelError(

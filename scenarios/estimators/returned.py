@@ -55,8 +55,10 @@ def numbers_of(value: object, data: IOData, task: Task) -> Numbers:
         raise NoModelError("malformed", f"a tuple of {len(value)} given, {EXPECTED}")
     covariance = None if value[1] is None else real("covariance", value[1])
     of_response = covariance is not None and covariance.ndim == OF_RESPONSE
-    pair = (None, covariance) if of_response else (covariance, None)
-    return _of_model(value[0], data) | _claims(*pair, value[2] if len(value) > 2 else None)
+    ends = value[2] if len(value) > 2 else None
+    return _of_model(value[0], data) | (
+        _claims(None, covariance, ends) if of_response else _claims(covariance, None, ends)
+    )
 
 
 def estimate_answer(estimate: Estimate, task: Task) -> Answer:

@@ -1,5 +1,7 @@
 """Former names of `scenarios.estimators.runner`, until all callers use the new ones."""
 
-from scenarios.estimators.runner import EstimatorProcess
+from scenarios.estimators.runner import EstimatorProcess as Sandbox
 
-Sandbox = open_sandbox = EstimatorProcess
+open_sandbox = Sandbox
+
+__all__ = ["Sandbox", "open_sandbox"]

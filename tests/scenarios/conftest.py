@@ -1,6 +1,5 @@
 """A small study and small data sets, made once for all tests that look at them."""
 
-from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -9,18 +8,9 @@ import pytest
 from scenarios.datasets.build import build
 from scenarios.datasets.spec import DataSetSpec
 from scenarios.datasets.withhold import build_withheld
-from scenarios.estimators.nursery import SHARED
 from scenarios.experiments.campaign import NOMINAL
 from scenarios.thesis.comparison import Comparison
 from scenarios.thesis.study import run_study
-
-
-@pytest.fixture(scope="module")
-def nursery() -> Iterator[None]:
-    """The process that forks estimators: one for all tests of a module, instead of a second of loading for each."""
-    SHARED.enter()
-    yield
-    SHARED.leave()
 
 
 @pytest.fixture(scope="session")

@@ -20,8 +20,6 @@ from scenarios.files.errors import ScenarioError
 from scenarios.problems.trial import Trial
 
 distributed = pytest.importorskip("distributed")
-pytestmark = pytest.mark.usefixtures("nursery")
-
 PERFECT = Contestant("perfect", "bench:perfect")
 TRIALS = tuple(Trial(name, draw) for name in ("p1@300", "p3@300") for draw in range(6))
 MODULE = """

@@ -11,11 +11,10 @@ from scenarios.bench.metric import Metric, MetricDefinition
 from scenarios.bench.metrics import ALL_METRICS, Reliability, Speed
 from scenarios.bench.verify import Plan, verify
 from scenarios.estimators.contestant import Contestant
-from scenarios.estimators.entries_faulty import FAULTY
-from scenarios.estimators.known_estimators import contestant
 from scenarios.problems.trial import Trial
 from tests.benchmarks.planted_faults import PLANTED_FAULTS
 from tests.scenarios.bench.few import Here
+from tests.benchmarks.faulty_estimators import FAULTY
 
 
 @dataclass(frozen=True)
@@ -52,7 +51,7 @@ def test_each_is_caught_by_the_figures_that_should_and_by_no_other(tmp_path: Pat
     few = (Some(NoiseFreeRecovery(), ("quiet-1-1", "quiet-1-2"), 1), Some(NormalisedError(), ("p5",), 30))
     figures = (*few, Reliability(few), Speed(few))
     names = ("delayed", "overconfident")
-    plan = Plan(tuple(map(contestant, names)), effort="quick", figures=figures)
+    plan = Plan(tuple(FAULTY[name] for name in names), effort="quick", figures=figures)
     for result in verify(plan, tmp_path, Here()):
         found = {name for name, figure in result.figures.items() if figure.passed is False}
         assert found == set(PLANTED_FAULTS[result.contestant.name]) & {maker.name for maker in figures}
@@ -60,7 +59,7 @@ def test_each_is_caught_by_the_figures_that_should_and_by_no_other(tmp_path: Pat
 
 
 def test_every_fault_has_its_figures() -> None:
-    assert set(PLANTED_FAULTS) == {entry.contestant.name for entry in FAULTY}
+    assert set(PLANTED_FAULTS) == set(FAULTY)
     reasons = [reason for found in PLANTED_FAULTS.values() for reason in found.items()]
     assert {name for name, _ in reasons} <= {maker.name for maker in ALL_METRICS}
     assert all(why for _, why in reasons)

@@ -7,6 +7,7 @@ import time
 from dataclasses import replace
 from pathlib import Path
 
+import psutil
 import pytest
 
 from scenarios.bench.cost import Cost
@@ -14,15 +15,12 @@ from scenarios.bench.result import Result
 from scenarios.bench.verify import JOURNALS, Plan, _kinds, verify
 from scenarios.estimators.contestant import Contestant, Limits
 from scenarios.estimators.outcome import Outcome
-from scenarios.estimators.process_tree import family
-from scenarios.estimators.python_sandbox import PythonSandbox
+from scenarios.estimators.runner import EstimatorProcess
 from scenarios.estimators.task import Task
 from scenarios.files.errors import ScenarioError
 from scenarios.problems.trial import Trial
 from sysid import IOData
 from tests.scenarios.bench.few import PERFECT, Few, Here, child_environment
-
-pytestmark = pytest.mark.usefixtures("nursery")
 
 PLAN = Plan((PERFECT,), effort="quick", figures=(Few(),))
 
@@ -105,12 +103,12 @@ def test_what_a_killed_run_started_ends_with_it_and_another_goes_on_as_if_nobody
     while not (tmp_path / "here").exists():
         assert process.poll() is None and time.monotonic() - begun < 60.0
         time.sleep(0.005)
-    started = set(family(process.pid)) - {process.pid}
-    assert len(started) >= 3  # a worker, the process that forks estimators, the estimator
+    started = psutil.Process(process.pid).children(recursive=True)
+    assert len(started) >= 2  # a worker and the estimator
     process.kill()
     process.wait()
     begun = time.monotonic()
-    while left := {pid for pid in started if family(pid)}:
+    while left := [one for one in started if one.is_running()]:
         assert time.monotonic() - begun < SOON, left
         time.sleep(0.05)
     (path,) = (tmp_path / "killed" / JOURNALS).iterdir()
@@ -301,15 +299,15 @@ def test_another_estimator_of_the_same_name_takes_nothing_away(tmp_path: Path):
 def test_a_sandbox_that_fails_is_an_outcome_too(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
     (tmp_path / "faulty.py").write_text(FAULTY)
     good = Contestant("good", "faulty:good", home=str(tmp_path), structure="arx")
-    ask, asked = PythonSandbox.ask, []
+    ask, asked = EstimatorProcess.ask, []
 
-    def failing(self: PythonSandbox, data: IOData, task: Task) -> Outcome:
+    def failing(self: EstimatorProcess, data: IOData, task: Task) -> Outcome:
         asked.append(self)
         if len(asked) == 2:
             raise RuntimeError("of the bench itself")
         return ask(self, data, task)
 
-    monkeypatch.setattr(PythonSandbox, "ask", failing)
+    monkeypatch.setattr(EstimatorProcess, "ask", failing)
     (result,) = verify(replace(PLAN, contestants=(good,)), tmp_path, Here())
     assert result.outcomes == {"crash": 1, "model": 3}
     assert result.reasons == {"crash: its sandbox failed: RuntimeError: of the bench itself": 1}

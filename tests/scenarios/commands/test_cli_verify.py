@@ -9,8 +9,6 @@ from scenarios.bench.result import Result
 from scenarios.commands.cli import main
 from tests.scenarios.bench.few import Few, Here
 
-pytestmark = pytest.mark.usefixtures("nursery")
-
 MODULE = """
 import sysid
 

@@ -1,7 +1,6 @@
-"""Estimators of every kind of behaviour, for the sandbox."""
+"""Estimators of every kind of behaviour, for the runner."""
 
 import os
-import signal
 import subprocess
 import sys
 import time
@@ -9,7 +8,6 @@ import time
 import numpy as np
 
 import sysid
-from scenarios.estimators.answer import Answer
 
 GOOD = sysid.StateSpace([[0.5]], [[1.0]], [[1.0]], [[0.0]], None, 0.02)
 
@@ -20,7 +18,7 @@ def by_seed(data, task):
 
 
 def arx(data, task):
-    print("as estimators do", file=sys.stderr)
+    print("done, as estimators print")
     return sysid.arx(data, 1, 1, 1)
 
 
@@ -29,28 +27,15 @@ def refuses(data, task):
 
 
 def raises(data, task):
-    raise ZeroDivisionError("by zero")
+    raise ValueError("two\nlines\x1b[31m")
 
 
 def raises_in_a_library(data, task):
     sysid.arx(data, 0, 0, -1)
 
 
-def raises_colours(data, task):
-    raise ValueError("two\nlines\x1b[31m")
-
-
 def leaves(data, task):
     sys.exit(3)
-
-
-class SilentError(Exception):
-    def __str__(self):
-        raise KeyError("no words")
-
-
-def raises_without_words(data, task):
-    raise SilentError
 
 
 def none(data, task):
@@ -69,23 +54,8 @@ def unstable(data, task):
     return sysid.StateSpace([[1.01]], [[1.0]], [[1.0]], [[0.0]], None, 0.02)
 
 
-class Hollow:
-    """Poses as an array and fails when it is looked at."""
-
-    def __array__(self, dtype=None, copy=None):
-        raise KeyboardInterrupt
-
-
-def hollow(data, task):
-    return Answer(GOOD, response_covariance=Hollow())
-
-
 def nan_covariance(data, task):
-    return Answer(GOOD, response_covariance=np.full((len(task.frequencies), 1, 1, 2, 2), np.nan))
-
-
-def negative_covariance(data, task):
-    return sysid.Polynomials(B=[0.0, 1.0], F=[1.0, -0.5]), np.diag([1.0, -1.0])
+    return GOOD, np.full((len(task.frequencies), 1, 1, 2, 2), np.nan)
 
 
 def asks_for_much(data, task):
@@ -98,21 +68,14 @@ def floods(data, task):
     return GOOD
 
 
-def forks_and_answers(data, task):
-    if os.fork() == 0:
-        os.setsid()
-        signal.signal(signal.SIGTERM, signal.SIG_IGN)
-        time.sleep(1000.0)
+def names(data, task):
+    """Answers only where nothing tells the problem."""
+    assert (data.name, data.input_names, data.output_names, data.input_units) == ("", ("u1",), ("y1",), ("",))
     return GOOD
 
 
-def answers_twice(data, task):
-    os.fork()
-    return GOOD
-
-
-def deletes_its_folder(data, task):
-    os.rmdir(os.getcwd())
+def leaves_a_process(data, task):
+    subprocess.Popen(["sleep", "1000.125"], start_new_session=True)
     return GOOD
 
 
@@ -122,67 +85,17 @@ def dies(data, task):
 
 
 def hangs(data, task):
-    signal.signal(signal.SIGTERM, signal.SIG_IGN)
-    # Out of its session, and without the environment by which it would be known.
-    subprocess.Popen([sys.executable, "-S", "-c", "import time; time.sleep(1000)"], env={}, start_new_session=True)
+    subprocess.Popen(["sleep", "1000.125"])
     while True:
         time.sleep(0.1)
 
 
-def writes_garbage(data, task):
-    for end in range(3, 64):
-        try:
-            os.write(end, b"garbage")
-        except OSError:
-            continue
-    time.sleep(1000.0)
-
-
-def closes_everything(data, task):
-    os.closerange(0, 256)
-    time.sleep(1000.0)
-
-
-def ends_its_parent(data, task):
-    os.kill(os.getppid(), signal.SIGKILL)
-    time.sleep(0.1)
-    os._exit(1)
-
-
-def shares_much(data, task):
-    import mmap
-
-    held = mmap.mmap(-1, 2**28)
-    for at in range(0, len(held), 4096):
-        held[at] = 1
-    time.sleep(1000.0)
-
-
-def hides_its_time(data, task):
-    ours = sys.modules["__main__"]
-    now = ours.processor_seconds()
-    ours.processor_seconds = lambda: now
-    until = time.process_time() + 0.5
-    while time.process_time() < until:
-        pass
-    return GOOD
+def child_takes_memory(data, task):
+    eats = "import time; held = b'1' * 2**28; time.sleep(99)"
+    subprocess.run([sys.executable, "-S", "-c", eats])
 
 
 BEHAVIOURS = (
-    *(
-        arx,
-        refuses,
-        raises,
-        raises_in_a_library,
-        raises_colours,
-        leaves,
-        raises_without_words,
-        none,
-        wrong_dt,
-        two_inputs,
-        unstable,
-        hollow,
-    ),
-    *(nan_covariance, negative_covariance, asks_for_much, floods, forks_and_answers, answers_twice, deletes_its_folder),
-    *(hides_its_time, dies, hangs, writes_garbage, closes_everything, shares_much, ends_its_parent),
+    *(arx, refuses, raises, raises_in_a_library, leaves, none, wrong_dt, two_inputs, unstable, nan_covariance),
+    *(asks_for_much, floods, names, leaves_a_process, dies, hangs, child_takes_memory),
 )

@@ -1,43 +1,35 @@
+"""The planted faults do what they say, so that the bench's verdicts on them mean something."""
+
 import itertools
-import signal
 from dataclasses import replace
 
-import control
 import numpy as np
 import pytest
 
-from scenarios.bench.metrics import SLOW
-from scenarios.estimators import changed_answers, faulty, ours
-from scenarios.estimators.answer import Answer
-from scenarios.estimators.contestant import Limits
+from scenarios.bench.speed import SLOW
+from scenarios.estimators import ours
+from scenarios.estimators.estimator import Limits
 from scenarios.estimators.model_numbers import answer_of, unstable
-from scenarios.estimators.no_model import NoModelError
+from scenarios.estimators.outcome import Answer, NoModelError
 from scenarios.estimators.returned import numbers_of
 from scenarios.estimators.task import Task
 from scenarios.problems.registry import problem
 from sysid import IOData
+from tests.benchmarks import faulty_estimators as faulty
 
-SHORT = "p3@400"
-
-
-def asked(structure: str | None = None) -> Task:
-    task = problem(SHORT).task(structure)
-    assert task is not None
-    return task
-
-
+SHORT = problem("p3@400")
 STRIKES = next(seed for seed in itertools.count() if np.random.default_rng([seed, 2]).random() < faulty.SHARE)
-SPARED = next(seed for seed in itertools.count() if np.random.default_rng([seed, 2]).random() > faulty.SHARE)
 
 
 @pytest.fixture(scope="module")
 def data() -> IOData:
-    return problem(SHORT).draw(1)
+    return SHORT.draw(1)
 
 
 @pytest.fixture(scope="module", params=[None, "ss"])
 def sound(request: pytest.FixtureRequest, data: IOData) -> tuple[Task, Answer]:
-    task = asked(request.param)
+    task = SHORT.task(request.param)
+    assert task is not None
     return task, ours.pem(data, task)
 
 
@@ -45,13 +37,16 @@ def response(answer: Answer, task: Task) -> np.ndarray:
     return answer.model.frequency_response(task.frequencies)
 
 
-def test_delayed_is_one_sample_late(data: IOData, sound: tuple[Task, Answer]) -> None:
+def test_models_are_wrong_in_one_way(data: IOData, sound: tuple[Task, Answer]) -> None:
     task, right = sound
-    wrong = faulty.delayed(data, task)
     late = np.exp(-2j * np.pi * task.frequencies * data.dt)[:, None, None]
-    np.testing.assert_allclose(response(wrong, task), late * response(right, task), rtol=1e-9)
-    f = np.linspace(0.0, 25.0, 5)
-    np.testing.assert_allclose(wrong.model.noise_response(f), right.model.noise_response(f), rtol=1e-9)
+    np.testing.assert_allclose(response(faulty.delayed(data, task), task), late * response(right, task), rtol=1e-9)
+    np.testing.assert_allclose(response(faulty.biased(data, task), task), 1.02 * response(right, task), rtol=1e-12)
+    one, same, other = (faulty.inefficient(data, replace(task, seed=seed)) for seed in (4, 4, 5))
+    np.testing.assert_array_equal(response(one, task), response(same, task))
+    assert np.abs(response(one, task) - response(other, task)).max() > 0.0
+    if right.covariance is not None:
+        np.testing.assert_allclose(one.covariance, 1.5 * right.covariance)
 
 
 @pytest.mark.parametrize(("name", "factor"), [("overconfident", 0.5), ("underconfident", 2.0)])
@@ -67,109 +62,35 @@ def test_claims_are_off_by_two(name: str, factor: float, data: IOData, sound: tu
         np.testing.assert_allclose(half[0], np.sqrt(factor) * half[1], rtol=1e-6)
 
 
-def test_biased_has_a_higher_gain(data: IOData, sound: tuple[Task, Answer]) -> None:
-    task, right = sound
-    np.testing.assert_allclose(response(faulty.biased(data, task), task), 1.02 * response(right, task), rtol=1e-12)
-
-
 def test_inefficient_errs_by_half_of_the_covariance() -> None:
-    """The errors that are added, weighed by their own covariance, have the mean square of standard normal ones."""
-    of = problem(SHORT)
-    estimate, rng = ours.prediction_error(of.draw(1), asked()), np.random.default_rng(3)
-    errors = [changed_answers.wandering(estimate, 0.5, rng).parameters - estimate.parameters for _ in range(200)]
+    """The added errors, weighed by their own covariance, have the mean square of standard normal ones."""
+    task = SHORT.task(None)
+    estimate, rng = ours.prediction_error(SHORT.draw(1), task), np.random.default_rng(3)
+    errors = [faulty.wandering(estimate, 0.5, rng).parameters - estimate.parameters for _ in range(200)]
     squares = [e @ np.linalg.solve(0.5 * estimate.covariance, e) / len(e) for e in errors]
     assert abs(np.mean(squares) - 1.0) < 4.0 * np.sqrt(2.0 / len(errors[0]) / len(errors))
 
 
-def test_inefficient_claims_what_it_has(data: IOData, sound: tuple[Task, Answer]) -> None:
-    task, right = sound
-    one, same, other = (faulty.inefficient(data, replace(task, seed=seed)) for seed in (4, 4, 5))
-    np.testing.assert_array_equal(response(one, task), response(same, task))
-    assert np.abs(response(one, task) - response(other, task)).max() > 0.0
-    assert np.abs(response(one, task) - response(right, task)).max() > 0.0
-    if right.covariance is not None:
-        np.testing.assert_allclose(one.covariance, 1.5 * right.covariance)
-
-
-def test_faults_strike_once_in_fifty() -> None:
-    task = asked()
-    struck = sum(faulty._strikes(replace(task, seed=seed)) for seed in range(2000))
-    assert abs(struck - 40) < 4 * np.sqrt(40)
-
-
-@pytest.mark.parametrize("name", ["unstable", "crashing", "hungry", "hanging", "absent_minded"])
-def test_most_fits_are_sound(name: str, data: IOData, sound: tuple[Task, Answer]) -> None:
-    task, right = sound
-    answer = getattr(faulty, name)(data, replace(task, seed=SPARED))
-    np.testing.assert_array_equal(answer.model.A, right.model.A)
-
-
-def test_unstable_has_a_pole_outside(data: IOData) -> None:
-    answer = faulty.unstable(data, replace(asked(), seed=STRIKES))
-    assert np.abs(answer.model.input_path().poles()).max() == pytest.approx(faulty.OUTSIDE)
-
-
-def test_absent_minded_forgets_numbers(data: IOData) -> None:
-    model = faulty.absent_minded(data, replace(asked(), seed=STRIKES))
-    assert isinstance(model, control.StateSpace)
-    assert np.isnan(model.A).all()
-
-
-def fits_of_slow(monkeypatch: pytest.MonkeyPatch, task: Task, ruler: float) -> int:
-    """How many fits of a tenth of a second it makes."""
-    fits: list[Task] = []
-
-    def fit(data: IOData, task: Task) -> Answer:
-        fits.append(task)
-        return Answer(problem(SHORT).truth)
-
-    monkeypatch.setattr(faulty, "pem", fit)
-    monkeypatch.setattr(faulty.time, "process_time", lambda: 0.1 * len(fits))
-    monkeypatch.setattr(faulty.Ruler, "measure", lambda of: setattr(of, "seconds", ruler))
-    faulty.slow(problem(SHORT).draw(1), task)
-    return len(fits)
-
-
-def test_slow_is_called_slow_and_stays_below_the_limit_of_time(monkeypatch: pytest.MonkeyPatch) -> None:
-    assert fits_of_slow(monkeypatch, asked(), 0.0005) == pytest.approx(10 * faulty.SLOWNESS * 0.0005, abs=1)
-    assert fits_of_slow(monkeypatch, asked(), 1.0) == pytest.approx(10 * faulty.LONGEST, abs=1)
-    assert faulty.SLOWNESS > 1.4 * SLOW
-    assert Limits().seconds > 2.0 * faulty.LONGEST
-
-
-def test_slow_chooses_orders_once(monkeypatch: pytest.MonkeyPatch) -> None:
-    task = problem(SHORT).task(None, "select")
-    assert task is not None
-    assert fits_of_slow(monkeypatch, task, 0.0005) == 1
-
-
-def test_crashing_kills_its_own_process(data: IOData, monkeypatch: pytest.MonkeyPatch) -> None:
-    killed = []
-    monkeypatch.setattr(faulty.os, "kill", lambda pid, what: killed.append((pid, what)))
-    faulty.crashing(data, replace(asked(), seed=STRIKES))
-    assert killed == [(faulty.os.getpid(), signal.SIGSEGV)]
-
-
-def test_hungry_takes_eight_gigabytes(data: IOData, monkeypatch: pytest.MonkeyPatch) -> None:
-    taken = []
-    monkeypatch.setattr(faulty, "_bite", lambda: taken.append(faulty.BITE))
-    faulty.hungry(data, replace(asked(), seed=STRIKES))
-    assert sum(taken) == 8 * 2**30
-
-
-def test_hanging_does_not_end(data: IOData, monkeypatch: pytest.MonkeyPatch) -> None:
-    def awake(seconds: float) -> None:
-        raise InterruptedError
-
-    monkeypatch.setattr(faulty.time, "sleep", awake)
-    with pytest.raises(InterruptedError):
-        faulty.hanging(data, replace(asked(), seed=STRIKES))
-
-
-def test_bench_names_the_fault(data: IOData) -> None:
-    task = replace(asked(), seed=STRIKES)
+def test_rare_faults_strike_once_in_fifty_and_the_bench_names_them(data: IOData) -> None:
+    task = SHORT.task(None)
+    assert abs(sum(faulty._strikes(replace(task, seed=seed)) for seed in range(2000)) - 40) < 4 * np.sqrt(40)
+    struck = replace(task, seed=STRIKES)
     with pytest.raises(NoModelError) as caught:
-        answer_of(numbers_of(faulty.absent_minded(data, task), data, task), data, task)
+        answer_of(numbers_of(faulty.absent_minded(data, struck), data, struck), data, struck)
     assert caught.value.kind == "not_finite"
-    told = answer_of(numbers_of(faulty.unstable(data, task), data, task), data, task)
-    assert "outside the unit circle" in unstable(told.model)
+    wrong = answer_of(numbers_of(faulty.unstable(data, struck), data, struck), data, struck)
+    assert "outside the unit circle" in unstable(wrong.model)
+
+
+@pytest.mark.parametrize(("ruler", "ask", "fits"), [(0.0005, "fit", 9), (1.0, "fit", 100), (0.0005, "select", 1)])
+def test_slow_is_slow_within_the_time_limit(
+    ruler: float, ask: str, fits: int, data: IOData, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """With fits of a tenth of a second."""
+    calls: list[Task] = []
+    monkeypatch.setattr(faulty, "pem", lambda data, task: calls.append(task))
+    monkeypatch.setattr(faulty.time, "process_time", lambda: 0.1 * len(calls))
+    monkeypatch.setattr(faulty.Ruler, "measure", lambda of: setattr(of, "seconds", ruler))
+    faulty.slow(data, SHORT.task(None, ask))
+    assert len(calls) == pytest.approx(fits, abs=1)
+    assert faulty.SLOWNESS > 1.4 * SLOW and Limits().seconds > 2.0 * faulty.LONGEST

@@ -1,12 +1,13 @@
-"""From numbers to a model: every way to say one, and all that is refused."""
+"""From numbers, and from what functions return, to a model: every form, and all that is refused."""
 
+import control
 import numpy as np
 import pytest
 
 import sysid
-from scenarios.estimators.model_names import NAMES
 from scenarios.estimators.model_numbers import answer_of, unstable
-from scenarios.estimators.no_model import NoModelError
+from scenarios.estimators.outcome import Answer, NoModelError
+from scenarios.estimators.returned import numbers_of
 from scenarios.estimators.task import Task
 
 F = np.array([0.5, 2.0, 10.0])
@@ -30,7 +31,7 @@ def response(num, den):
     return np.polyval(num, z) / np.polyval(den, z)
 
 
-def test_all_ways_to_say_a_model_say_the_same() -> None:
+def test_all_forms_of_a_model_agree() -> None:
     expected = response(NUM, DEN)
     companion = sysid.models.innovations_form(sysid.Polynomials(B=NUM, F=DEN), 0.02)
     ways = [
@@ -168,7 +169,7 @@ def test_poles_of_the_noise_and_of_states_apart_do_not_make_a_model_unstable() -
         ({**MATRICES, "bandwidth_ci95": [np.nan, np.nan]}, "model", ""),
     ],
 )
-def test_what_is_no_model_is_said_to_be_none(given: dict[str, object], kind: str, why: str) -> None:
+def test_numbers_that_are_no_model(given: dict[str, object], kind: str, why: str) -> None:
     if kind == "model":
         assert answer_of(numbers(**given), record(), OE).model.order > 0
         return
@@ -187,5 +188,90 @@ def test_rounding_does_not_make_a_covariance_of_ours_one_no_more() -> None:
     assert answer.covariance is not None
 
 
-def test_names_are_listed_once() -> None:
-    assert len(set(NAMES)) == len(NAMES)
+POLYNOMIALS = sysid.Polynomials(B=[0.0, 0.0, 0.2], F=[1.0, -0.8])
+MODEL = sysid.innovations_form(POLYNOMIALS, 0.02)
+SPREAD = np.tile(1e-4 * np.eye(2), (3, 1, 1))[:, None, None]
+COVARIANCE = np.diag([1e-4, 2e-4])
+ENDS = (np.array([[1.0]]), np.array([[2.0]]))
+
+
+def returned(value: object, data: sysid.IOData, task: Task) -> Answer:
+    return answer_of(numbers_of(value, data, task), data, task)
+
+
+@pytest.mark.parametrize(
+    "value",
+    [
+        MODEL,
+        POLYNOMIALS,
+        Answer(MODEL),
+        Answer(MODEL, POLYNOMIALS, COVARIANCE),
+        control.tf([0.2], [1.0, -0.8, 0.0], 0.02),
+        control.tf([0.4, 0.0], [2.0, -1.6, 0.0, 0.0], 0.02),
+        MODEL.to_control(),
+        (POLYNOMIALS, COVARIANCE),
+        (POLYNOMIALS, COVARIANCE, ENDS),
+        (MODEL, SPREAD),
+        (MODEL, None, ENDS),
+        (control.tf([0.2], [1.0, -0.8, 0.0], 0.02), np.diag([1e-4, 2e-4, 0.0])),
+    ],
+    ids=str,
+)
+def test_all_forms_are_the_same_model(value: object, data: sysid.IOData, task: Task) -> None:
+    got = returned(value, data, task)
+    expected = MODEL.frequency_response(task.frequencies)
+    np.testing.assert_allclose(got.model.frequency_response(task.frequencies), expected, rtol=1e-12)
+
+
+def test_claims_go_along(data: sysid.IOData, task: Task) -> None:
+    got = returned(Answer(MODEL, POLYNOMIALS, COVARIANCE, SPREAD, ENDS), data, task)
+    np.testing.assert_array_equal(got.covariance, COVARIANCE)
+    np.testing.assert_array_equal(got.response_covariance, SPREAD)
+    np.testing.assert_array_equal(got.bandwidth_ci95, ENDS)
+    np.testing.assert_array_equal(got.polynomials.B, POLYNOMIALS.B)
+    assert returned((MODEL, SPREAD), data, task).covariance is None
+
+
+@pytest.mark.parametrize("method", ["n4sid", "pem_ss", "okid"])
+def test_estimates_claim_what_they_know(method: str, data: sysid.IOData, task: Task) -> None:
+    """`n4sid` knows no covariance; others' covariance of matrices is none of polynomials."""
+    start = sysid.n4sid(data, 1)
+    estimate = {
+        "n4sid": lambda: start,
+        "pem_ss": lambda: sysid.pem_ss(data, start),
+        "okid": lambda: sysid.okid(data, 1, p=3),
+    }
+    got = returned(estimate[method](), data, task)
+    assert got.covariance is None and got.polynomials is None
+    assert (got.response_covariance is None) == (method == "n4sid")
+    assert (got.bandwidth_ci95 is None) == (method == "n4sid")
+
+
+@pytest.mark.parametrize(
+    ("value", "why"),
+    [
+        (None, "NoneType given, expected Answer, sysid.Estimate"),
+        (np.eye(2), "ndarray given, expected Answer"),
+        ((MODEL,), "a tuple of 1 given"),
+        ((None, None), "NoneType given"),
+        (control.tf([1.0], [1.0, 1.0]), "dt = 0 given"),
+        (control.tf([1.0], [1.0, 0.5], True), "a system with dt = True given"),
+        (control.ss([[-1.0]], [[1.0]], [[1.0]], [[0.0]]), "dt = 0 given"),
+        ((MODEL, "much"), "covariance of type <U4 given"),
+        ((MODEL, [[1.0], [1.0, 2.0]]), "covariance of type list given"),
+        ((MODEL, 1j * SPREAD), "covariance of type complex128 given"),
+    ],
+    ids=lambda value: str(value)[:30],
+)
+def test_other_values_are_no_model(value: object, why: str, data: sysid.IOData, task: Task) -> None:
+    with pytest.raises(NoModelError) as caught:
+        returned(value, data, task)
+    assert caught.value.kind == "malformed" and why in str(caught.value), str(caught.value)
+
+
+def test_a_fraction_of_several_channels(data: sysid.IOData, task: Task) -> None:
+    system = control.tf([[[0.2], [1.0, 0.5]]], [[[1.0, -0.8], [1.0, 0.0, 0.0]]], 0.02)
+    record = sysid.IOData(np.random.default_rng(0).standard_normal((50, 2)), np.zeros(50) + 1.0, 0.02)
+    got = returned(system, record, task)
+    expected = system(np.exp(2j * np.pi * 0.02 * task.frequencies))
+    np.testing.assert_allclose(got.model.frequency_response(task.frequencies), np.moveaxis(expected, -1, 0), rtol=1e-12)

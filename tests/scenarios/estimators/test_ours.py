@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from scenarios.estimators import ours
-from scenarios.estimators.answer import Answer
+from scenarios.estimators.outcome import Answer
 from scenarios.estimators.task import Task
 from scenarios.problems.registry import problem
 

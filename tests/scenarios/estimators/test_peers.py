@@ -3,18 +3,16 @@
 import numpy as np
 import pytest
 
-from scenarios.estimators.answer import Answer
-from scenarios.estimators.contestant import Contestant, Limits
-from scenarios.estimators.entries_peers import OCTAVE, PEERS
-from scenarios.estimators.known_estimators import available, contestant
-from scenarios.estimators.outcome import MODEL, REFUSED, Outcome
+from scenarios.estimators.estimator import Estimator, Limits
+from scenarios.estimators.known_estimators import KNOWN, OCTAVE, available, estimator
+from scenarios.estimators.outcome import MODEL, REFUSED, Answer, EstimatorOutcome
 from scenarios.estimators.python_child import load
-from scenarios.estimators.sandbox import open_sandbox
+from scenarios.estimators.runner import EstimatorProcess
 from scenarios.estimators.task import Task
 from scenarios.problems.registry import problem
 
 QUIET, NOISY = "quiet-2-2@800", "p3@800"
-INSTALLED = [one for entry in PEERS if available((one := entry.contestant).name)[0]]
+INSTALLED = [known.estimator for known in KNOWN.values() if known.install and known.available()[0]]
 PYTHON = [one for one in INSTALLED if not one.program]
 
 DIGITS = {"pysib-armax": 3, "pysib-oe": 3, "pysib-bj": 3, "sippy-armax": 6, "sippy-oe": 6, "sippy-bj": 6} | {
@@ -36,27 +34,27 @@ def response_error(answer: Answer, name: str) -> np.ndarray:
     return np.asarray(answer.model.frequency_response(of.frequencies) - of.truth.frequency_response(of.frequencies))
 
 
-def asked(one: Contestant, name: str, ask: str = "fit") -> Task:
+def asked(one: Estimator, name: str, ask: str = "fit") -> Task:
     task = problem(name).task(one.structure, ask)
     assert task is not None
     return task
 
 
-def called(one: Contestant, name: str, ask: str = "fit") -> Answer:
+def called(one: Estimator, name: str, ask: str = "fit") -> Answer:
     answer = load(one.target, OCTAVE)(problem(name).draw(1), asked(one, name, ask))
     assert isinstance(answer, Answer)
     return answer
 
 
 @pytest.mark.parametrize("one", PYTHON, ids=lambda one: one.name)
-def test_quiet_record_is_recovered(one: Contestant) -> None:
+def test_quiet_record_is_recovered(one: Estimator) -> None:
     truth = problem(QUIET).truth.frequency_response(problem(QUIET).frequencies)
     error = np.linalg.norm(response_error(called(one, QUIET), QUIET)) / np.linalg.norm(truth)
     assert (error < 10.0 ** -DIGITS.get(one.name, 10)) == (one.name not in WRONG)
 
 
 @pytest.mark.parametrize("one", PYTHON, ids=lambda one: one.name)
-def test_noisy_record_is_near_the_bound(one: Contestant) -> None:
+def test_noisy_record_is_near_the_bound(one: Estimator) -> None:
     bound = problem(NOISY).bound(None)
     assert bound is not None
     scale = (bound.response_directions**2).sum(axis=(0, -1))
@@ -65,7 +63,7 @@ def test_noisy_record_is_near_the_bound(one: Contestant) -> None:
 
 
 @pytest.mark.parametrize("one", PYTHON, ids=lambda one: one.name)
-def test_other_structures_are_refused(one: Contestant) -> None:
+def test_other_structures_are_refused(one: Estimator) -> None:
     other = "ss" if one.structure != "ss" else "arx"
     task = problem(NOISY).task(other)
     with pytest.raises(NotImplementedError, match=f"structure '{other}' asked for"):
@@ -76,24 +74,24 @@ def test_other_structures_are_refused(one: Contestant) -> None:
 def test_orders_are_found(name: str) -> None:
     if not available(name)[0]:
         pytest.skip(available(name)[1])
-    assert called(contestant(name), "p3", "select").model.order == 2
+    assert called(estimator(name), "p3", "select").model.order == 2
 
 
 @pytest.fixture(scope="module", params=["octave-arx", "octave-moen4"])
-def octave(request: pytest.FixtureRequest) -> list[Outcome]:
+def octave(request: pytest.FixtureRequest) -> list[EstimatorOutcome]:
     """What a program that stays answers: a record without noise, one with, one whose structure it has not."""
     can_run, why = available(request.param)
     if not can_run:
         pytest.skip(why)
-    one = contestant(request.param)
-    with open_sandbox(one, Limits()) as sandbox:
-        outcomes = [sandbox.ask(problem(name).draw(1), asked(one, name)) for name in (QUIET, NOISY)]
+    one = estimator(request.param)
+    with EstimatorProcess(one, Limits()) as process:
+        outcomes = [process.ask(problem(name).draw(1), asked(one, name)) for name in (QUIET, NOISY)]
         other = problem(NOISY).task("ss" if one.structure != "ss" else "arx")
         assert other is not None
-        return [*outcomes, sandbox.ask(problem(NOISY).draw(1), other)]
+        return [*outcomes, process.ask(problem(NOISY).draw(1), other)]
 
 
-def test_octave_answers(octave: list[Outcome]) -> None:
+def test_octave_answers(octave: list[EstimatorOutcome]) -> None:
     quiet, noisy, refused = octave
     assert [one.kind for one in octave] == [MODEL, MODEL, REFUSED], [one.why for one in octave]
     assert quiet.answer is not None
