@@ -1,6 +1,6 @@
 """Which figures each estimator that is wrong on purpose must fail, and why: exactly these, and no other.
 
-Its faults are those of `scenarios.estimators.faulty`; `simulated_estimators` has the same, of errors
+Its faults are those of `faulty_estimators`; `simulated_estimators` has the same, of errors
 that are drawn, for the figures of accuracy alone. `python tests/benchmarks/bench_planted_faults.py` holds the bench
 to it.
 """

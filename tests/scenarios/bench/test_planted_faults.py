@@ -12,9 +12,9 @@ from scenarios.bench.metrics import ALL_METRICS, Reliability, Speed
 from scenarios.bench.verify import Plan, verify
 from scenarios.estimators.contestant import Contestant
 from scenarios.problems.trial import Trial
+from tests.benchmarks.faulty_estimators import FAULTY
 from tests.benchmarks.planted_faults import PLANTED_FAULTS
 from tests.scenarios.bench.few import Here
-from tests.benchmarks.faulty_estimators import FAULTY
 
 
 @dataclass(frozen=True)

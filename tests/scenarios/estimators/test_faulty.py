@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from scenarios.bench.speed import SLOW
+from scenarios.bench.metrics import SLOW
 from scenarios.estimators import ours
 from scenarios.estimators.estimator import Limits
 from scenarios.estimators.model_numbers import answer_of, unstable

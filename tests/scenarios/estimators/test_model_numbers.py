@@ -9,6 +9,7 @@ from scenarios.estimators.model_numbers import answer_of, unstable
 from scenarios.estimators.outcome import Answer, NoModelError
 from scenarios.estimators.returned import numbers_of
 from scenarios.estimators.task import Task
+from sysid.models import innovations_form
 
 F = np.array([0.5, 2.0, 10.0])
 OE = Task("oe", {"nb": 2, "nf": 2, "nk": 1}, 2, F)
@@ -33,7 +34,7 @@ def response(num, den):
 
 def test_all_forms_of_a_model_agree() -> None:
     expected = response(NUM, DEN)
-    companion = sysid.models.innovations_form(sysid.Polynomials(B=NUM, F=DEN), 0.02)
+    companion = innovations_form(sysid.Polynomials(B=NUM, F=DEN), 0.02)
     ways = [
         numbers(num=NUM, den=DEN),
         numbers(num=np.multiply(2.0, [NUM]).T, den=np.multiply(2.0, [DEN])),
@@ -90,7 +91,7 @@ def _deviation(covariance: np.ndarray) -> float:
     theta = np.array([*NUM[1:], *DEN[1:]])
 
     def log_bandwidth(t: np.ndarray) -> float:
-        model = sysid.models.innovations_form(sysid.Polynomials(B=[0.0, *t[:2]], F=[1.0, *t[2:]]), 0.02)
+        model = innovations_form(sysid.Polynomials(B=[0.0, *t[:2]], F=[1.0, *t[2:]]), 0.02)
         return float(np.log(model.bandwidth()[0, 0]))
 
     steps = 1e-3 * np.linalg.cholesky(covariance).T
@@ -189,7 +190,7 @@ def test_rounding_does_not_make_a_covariance_of_ours_one_no_more() -> None:
 
 
 POLYNOMIALS = sysid.Polynomials(B=[0.0, 0.0, 0.2], F=[1.0, -0.8])
-MODEL = sysid.innovations_form(POLYNOMIALS, 0.02)
+MODEL = innovations_form(POLYNOMIALS, 0.02)
 SPREAD = np.tile(1e-4 * np.eye(2), (3, 1, 1))[:, None, None]
 COVARIANCE = np.diag([1e-4, 2e-4])
 ENDS = (np.array([[1.0]]), np.array([[2.0]]))
