@@ -193,7 +193,7 @@ def _sizes(record: DataRecord) -> tuple[float, float]:
 
 def _bandwidths(data_set: DataSet) -> np.ndarray:
     """True bandwidths of the arms for the joint of their first record, Hz."""
-    joints = {line.arm: line.joints[0] for line in reversed(data_set.listings)}
+    joints = {line.arm: line.joints[0] for line in reversed(data_set.index)}
     arms = {arm: read_arm(data_set.folder / arm_file(arm)) for arm in data_set.arms}
     return np.array([stored.joints[joints[arm]].bandwidth_hz for arm, stored in arms.items()])
 

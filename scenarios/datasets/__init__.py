@@ -4,12 +4,11 @@ from importlib import import_module
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from scenarios.datasets.data_record import DataRecord
-    from scenarios.datasets.data_set import DataSet, load, open_data_set
+    from scenarios.datasets.data_set import DataRecord, DataSet, load, open_data_set
 
 __all__ = ["DataRecord", "DataSet", "load", "open_data_set"]
 
-_MODULES = {"DataRecord": "data_record", "DataSet": "data_set", "load": "data_set", "open_data_set": "data_set"}
+_MODULES = {"DataRecord": "data_set", "DataSet": "data_set", "load": "data_set", "open_data_set": "data_set"}
 
 
 def __getattr__(name: str) -> object:

@@ -86,7 +86,7 @@ class AttainableStage:
             content = json.dumps(floors(plan.spec, entry, stored_log(folder, entry)), indent=1, allow_nan=False) + "\n"
             return {str(attainable_file(piece)): content.encode()}
         # The index lists the experiments in the order of the plan.
-        listed = enumerate(open_data_set(folder).listings)
+        listed = enumerate(open_data_set(folder).index)
         scored = (plan[number] for number, line in listed if line.part == "test" and line.failed is None)
         rows = [row for entry in scored for row in _rows(plan.spec, entry, folder)]
         return {ATTAINABLE: _csv(rows)}

@@ -120,7 +120,7 @@ def _facts(bench: BaselineData, method: Method) -> dict[str, str]:
     for name in ("twins", "records"):
         if getattr(bench.asked, name) != getattr(spec.baselines, name):
             options += [f"--{name}", str(getattr(bench.asked, name))]
-    joints = dict.fromkeys(joint for one in bench.data_set.listings if one.part == "test" for joint in one.joints)
+    joints = dict.fromkeys(joint for one in bench.data_set.index if one.part == "test" for joint in one.joints)
     return {
         "method": method.name,
         "orders": " ".join(map(str, method.orders)),

@@ -8,8 +8,7 @@ from functools import cached_property
 import numpy as np
 
 from scenarios.datasets.arm_truth import StoredArm, read_arm
-from scenarios.datasets.data_record import DataRecord
-from scenarios.datasets.data_set import DataSet
+from scenarios.datasets.data_set import DataRecord, DataSet
 from scenarios.datasets.layout import arm_file
 from scenarios.datasets.score import Hold, ModelPredictor, Predictor, Scores, StackedPredictor, StaticGain, scored
 from scenarios.datasets.spec import DataSetSpec
@@ -62,7 +61,7 @@ class BaselineData:
     @cached_property
     def twins(self) -> tuple[int, ...]:
         """The twins chosen, evenly over all that have a test record; empty where there are none."""
-        there = sorted({line.twin for line in self.data_set.listings if line.twin is not None and line.failed is None})
+        there = sorted({line.twin for line in self.data_set.index if line.twin is not None and line.failed is None})
         most = len(there) if self.asked.twins == 0 else min(self.asked.twins, len(there))
         return tuple(there[round(k * (len(there) - 1) / max(most - 1, 1))] for k in range(most))
 

@@ -4,7 +4,7 @@ from collections.abc import Iterator, Mapping
 from typing import Any
 
 from hmtb_twin.parameters.values import SAMPLE_RATE
-from scenarios.datasets.data_record import GIVEN, WINDOW
+from scenarios.datasets.data_set import GIVEN, WINDOW
 from scenarios.datasets.experiment_file import FORMAT
 from scenarios.datasets.layout import LICENSE
 from scenarios.datasets.spec import DataSetSpec

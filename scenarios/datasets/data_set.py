@@ -1,25 +1,67 @@
-"""A built data set, opened from its folder: its parts, and the records in them."""
+"""A built data set on disk: its index, its parts, and its records as inputs and outputs, read on demand."""
 
 import json
 from collections import Counter
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from functools import partial
+from fractions import Fraction
+from functools import cached_property, partial
 from pathlib import Path, PurePosixPath
-from typing import Any
+from typing import Any, Literal, cast, overload
 
-from scenarios.datasets.data_record import DataRecord, read_signals
+import numpy as np
+
 from scenarios.datasets.layout import INDEX, PARTS, SPEC, TRUTH, UNFINISHED
 from scenarios.datasets.spec import DataSetSpec, load_spec
 from scenarios.files.errors import ScenarioError, unknown
+from scenarios.files.netcdf import Attribute, Contents, read_netcdf
+from sysid import IOData
+
+GIVEN = ("sample", "u", "joint_commanded")
+"""Variables of a scored record that are published for all samples even where the truth is withheld."""
+
+WINDOW = "window_sample"
+"""Dimension of what is published for the initialisation window alone."""
 
 Joints = str | Sequence[str]
 """One joint, or the joints of a record with several inputs."""
 
 
 @dataclass(frozen=True)
+class Signals:
+    """Contents of the file of an experiment.
+
+    Attributes:
+        u: Inputs (N, nu), rad.
+        y: Outputs (N, ny), rad; of the window alone where the others are withheld.
+        dt: Sampling time, s, as the exact ratio.
+        input_names: One per input.
+        output_names: One per output.
+        input_unit: Unit of all inputs.
+        output_unit: Unit of all outputs.
+        window: Samples at the start whose outputs are given to find an initial state.
+        attributes: All attributes of the file.
+    """
+
+    u: np.ndarray
+    y: np.ndarray
+    dt: Fraction
+    input_names: tuple[str, ...]
+    output_names: tuple[str, ...]
+    input_unit: str
+    output_unit: str
+    window: int
+    attributes: Mapping[str, Attribute]
+
+    @property
+    def withheld(self) -> bool:
+        """Whether outputs behind the window are withheld."""
+        return len(self.y) < len(self.u)
+
+
+@dataclass(frozen=True)
 class IndexEntry:
-    """A line of the index of a data set.
+    """An experiment in the index of a data set.
 
     Attributes:
         name: The experiment.
@@ -27,7 +69,7 @@ class IndexEntry:
         block: Block of the spec that it belongs to.
         arm: The arm under its conditions.
         twin: Number of the randomised twin; None where there are none.
-        joints: Whose commands are the inputs and whose angles the outputs.
+        joints: Joints whose commands are the inputs and whose angles the outputs.
         file: Its record, relative to the folder of the data set.
         failed: Why there is no record; None where there is one.
         facts: Everything that the index says of it.
@@ -44,21 +86,115 @@ class IndexEntry:
     facts: Mapping[str, Any] = field(repr=False)
 
 
+@dataclass(frozen=True, eq=False, repr=False)
+class DataRecord(IndexEntry):
+    """Inputs and outputs of an experiment, in the shape of the `nonlinear_benchmarks` package: `u, y = record`.
+
+    The file is read once, when its numbers are first used.
+
+    Attributes:
+        read: Reads the file.
+    """
+
+    read: Callable[[], Signals]
+
+    @cached_property
+    def signals(self) -> Signals:
+        """Contents of the file; the arrays are locked. A missing or damaged file raises `ScenarioError`."""
+        return self.read()
+
+    @property
+    def u(self) -> np.ndarray:
+        """Input, rad: (N,) where there is one, else (N, nu)."""
+        return self.signals.u[:, 0] if self.signals.u.shape[1] == 1 else self.signals.u
+
+    @property
+    def y(self) -> np.ndarray:
+        """Output, rad: (N,) where there is one, else (N, ny); where outputs are withheld, N is that of the window."""
+        return self.signals.y[:, 0] if self.signals.y.shape[1] == 1 else self.signals.y
+
+    @property
+    def sampling_time(self) -> float:
+        """Sampling time, s; the exact ratio is `signals.dt`."""
+        return float(self.signals.dt)
+
+    @property
+    def state_initialization_window_length(self) -> int | None:
+        """Samples at the start whose outputs are given to find an initial state; None for training records."""
+        return None if self.part == "train" else self.signals.window
+
+    def iodata(self) -> IOData:
+        """Return the record for the estimators of `sysid`, with names, units and window; withheld outputs are NaN."""
+        signals = self.signals
+        y = np.full((len(signals.u), signals.y.shape[1]), np.nan)
+        y[: len(signals.y)] = signals.y
+        intersample = signals.attributes.get("intersample")
+        if intersample not in ("zoh", "foh", "bl"):
+            raise ScenarioError(f"{self.name}: intersample = {intersample!r} given, expected zoh, foh or bl")
+        return IOData(
+            signals.u,
+            y,
+            float(signals.dt),
+            input_names=signals.input_names,
+            output_names=signals.output_names,
+            input_units=(signals.input_unit,) * signals.u.shape[1],
+            output_units=(signals.output_unit,) * signals.y.shape[1],
+            intersample=cast(Literal["zoh", "foh", "bl"], intersample),
+            window=self.state_initialization_window_length or 0,
+            name=self.name,
+            missing=bool(np.isnan(y).any()),
+        )
+
+    def __iter__(self) -> Iterator[np.ndarray]:
+        yield self.u
+        yield self.y
+
+    def __len__(self) -> int:
+        return len(self.signals.u)
+
+    @overload
+    def __getitem__(self, index: int) -> np.ndarray: ...
+    @overload
+    def __getitem__(self, index: slice) -> "DataRecord": ...
+    def __getitem__(self, index: int | slice) -> "np.ndarray | DataRecord":
+        """Return the input (0), the output (1), or consecutive samples with what remains of the window.
+
+        Raises:
+            ScenarioError: Another number, a step, or nothing left.
+        """
+        if not isinstance(index, slice):
+            if index not in (0, 1):
+                raise ScenarioError(f"{self.name}[{index!r}] given, expected 0 (input), 1 (output) or samples a:b")
+            return self.y if index else self.u
+        signals = self.signals
+        start, stop, step = index.indices(len(signals.u))
+        if step != 1 or stop <= start:
+            raise ScenarioError(
+                f"{self.name}[{index.start}:{index.stop}:{step}] of {len(signals.u)} samples given, expected a:b"
+            )
+        window = max(min(signals.window, stop) - start, 0)
+        part = replace(signals, u=signals.u[start:stop], y=signals.y[start:stop], window=window)
+        return replace(self, read=lambda: part)
+
+    def __repr__(self) -> str:
+        return f"<DataRecord {self.name}: {self.part}, {', '.join(self.joints)}>"
+
+
 @dataclass(frozen=True)
 class DataSet:
     """A data set on disk, of which only the index has been read.
 
     Attributes:
-        folder: Where it is.
+        folder: Its folder.
         label: Name with version.
-        hash: Of all its arrays together, as its index says.
-        listings: Its experiments, in order, those without a record too.
+        hash: Hash of all its arrays, as its index says.
+        index: Its experiments in order, failed ones too.
     """
 
     folder: Path
     label: str
     hash: str
-    listings: tuple[IndexEntry, ...] = field(repr=False)
+    index: tuple[IndexEntry, ...] = field(repr=False)
 
     @property
     def train(self) -> tuple[DataRecord, ...]:
@@ -76,7 +212,7 @@ class DataSet:
         return self.records("test")
 
     def records(self, part: str | None = None) -> tuple[DataRecord, ...]:
-        """The records of a part, or all, in order; each is read when its numbers are asked for.
+        """Return the records of a part, or all, in order; none is read yet.
 
         Args:
             part: `train`, `validation` or `test`.
@@ -86,15 +222,15 @@ class DataSet:
         """
         if part is not None and part not in PARTS:
             raise ScenarioError(unknown("part", part, PARTS))
-        return tuple(self._record(line) for line in self.listings if line.failed is None and part in (None, line.part))
+        return tuple(self._record(one) for one in self.index if one.failed is None and part in (None, one.part))
 
     def record(self, name: str) -> DataRecord:
-        """The record of an experiment.
+        """Return the record of an experiment.
 
         Raises:
             ScenarioError: There is no such experiment, or it failed.
         """
-        known = {line.name: line for line in self.listings}
+        known = {one.name: one for one in self.index}
         if name not in known:
             raise ScenarioError(f"{self.label}: {unknown('experiment', name, known)}")
         if known[name].failed is not None:
@@ -102,14 +238,9 @@ class DataSet:
         return self._record(known[name])
 
     def select(
-        self,
-        *,
-        joint: Joints | None = None,
-        block: str | None = None,
-        arm: str | None = None,
-        twin: int | None = None,
+        self, *, joint: Joints | None = None, block: str | None = None, arm: str | None = None, twin: int | None = None
     ) -> "DataSet":
-        """The same data set with those experiments alone that are asked for.
+        """Return the data set with some of its experiments.
 
         Args:
             joint: The joint of records with one input and output; several names: of records with exactly these.
@@ -118,55 +249,51 @@ class DataSet:
             twin: Number of the randomised twin.
 
         Raises:
-            ScenarioError: No experiment is left; the text says what there is.
+            ScenarioError: No experiment is left; the text lists the choices.
         """
         joints = None if joint is None else (joint,) if isinstance(joint, str) else tuple(joint)
-        wanted = {"joints": joints, "block": block, "arm": arm, "twin": twin}
-        left = self.listings
-        for key, value in wanted.items():
-            if value is not None:
-                found = tuple(line for line in left if getattr(line, key) == value)
-                if not found:
-                    raise ScenarioError(
-                        f"{self.label}: no experiment with {key} = {_shown(value)}; {_choice(left, key)}"
-                    )
-                left = found
-        return replace(self, listings=left)
+        left = self.index
+        for key, value in {"joints": joints, "block": block, "arm": arm, "twin": twin}.items():
+            if value is None:
+                continue
+            selected = tuple(one for one in left if getattr(one, key) == value)
+            if not selected:
+                known = [_shown(one) for one in dict.fromkeys(getattr(one, key) for one in left)]
+                more = f"; and {len(known) - 12} more" if len(known) > 12 else ""
+                choices = "; ".join(known[:12]) + more
+                raise ScenarioError(f"{self.label}: no experiment with {key} = {_shown(value)}; there are: {choices}")
+            left = selected
+        return replace(self, index=left)
 
     @property
     def failed(self) -> Mapping[str, str]:
         """Why experiments have no record, by name."""
-        return {line.name: line.failed for line in self.listings if line.failed is not None}
+        return {one.name: one.failed for one in self.index if one.failed is not None}
 
     @property
     def arms(self) -> tuple[str, ...]:
         """The arms under their conditions, in order."""
-        return tuple(dict.fromkeys(line.arm for line in self.listings))
+        return tuple(dict.fromkeys(one.arm for one in self.index))
 
-    @property
+    @cached_property
     def spec(self) -> DataSetSpec:
-        """The spec that it was built from.
-
-        Raises:
-            ScenarioError: It is not in the folder, or no spec.
-        """
+        """The spec that it was built from; `ScenarioError` where it is not in the folder."""
         return load_spec(self.folder / SPEC)
 
     @property
     def truth(self) -> Path | None:
-        """Folder of what only the simulation knows; None where it is kept apart."""
+        """Folder of what only the simulation knows; None where it is not in this copy."""
         return self.folder / TRUTH if (self.folder / TRUTH).is_dir() else None
 
-    def _record(self, line: IndexEntry) -> DataRecord:
-        read = partial(read_signals, self.folder / line.file, line.name)
-        return DataRecord(line.name, line.part, line.block, line.arm, line.twin, line.joints, read)
+    def _record(self, one: IndexEntry) -> DataRecord:
+        return DataRecord(**vars(one), read=partial(_read_signals, self.folder / one.file, one.name))
 
 
 def open_data_set(folder: str | Path) -> DataSet:
     """Open a data set; only its index is read, however many records there are.
 
     Args:
-        folder: Its folder, wherever it is.
+        folder: Its folder.
 
     Raises:
         ScenarioError: There is none, it is not finished, or its index is damaged.
@@ -175,13 +302,13 @@ def open_data_set(folder: str | Path) -> DataSet:
     if not (folder / INDEX).is_file():
         unfinished = folder.with_name(folder.name + UNFINISHED)
         if folder.name.endswith(UNFINISHED) or unfinished.is_dir():
-            raise ScenarioError(f"{folder} is not built to its end; go on with: hmtb dataset build")
+            raise ScenarioError(f"{folder} is not built to its end; to resume: hmtb dataset build")
         what = f"no {INDEX} in it" if folder.is_dir() else "no such folder"
         raise ScenarioError(f"{str(folder)!r} is no data set: {what}; expected a folder that hmtb dataset build made")
     try:
         index = json.loads((folder / INDEX).read_text(encoding="utf-8"))
-        listings = tuple(_listing(entry) for entry in index["experiments"])
-        return DataSet(folder, str(index["data_set"]), str(index["hash"]), listings)
+        entries = tuple(map(_index_entry, index["experiments"]))
+        return DataSet(folder, str(index["data_set"]), str(index["hash"]), entries)
     except (OSError, ValueError, LookupError, TypeError, RecursionError) as error:
         raise ScenarioError(f"{folder / INDEX} is damaged, or of another version: {error}") from error
 
@@ -194,13 +321,13 @@ def load(
     arm: str | None = None,
     twin: int | None = None,
 ) -> tuple[DataRecord | tuple[DataRecord, ...], DataRecord | tuple[DataRecord, ...]]:
-    """Read the training and test records of a data set, in two words: train, test.
+    """Read the training and the test records of a data set.
 
     As in the `nonlinear_benchmarks` package a part with one record is that record, a part with several a tuple of them.
-    Where that is in the way: `open_data_set`, whose parts are always tuples.
+    The parts of `open_data_set` are always tuples.
 
     Args:
-        folder: Folder of the data set, wherever it is.
+        folder: Folder of the data set.
         joint: The joint of records with one input and output; several names: of records with exactly these.
         block: Block of the spec.
         arm: The arm under its conditions.
@@ -212,42 +339,59 @@ def load(
     Raises:
         ScenarioError: No data set there, or no such records in it.
     """
-    chosen = open_data_set(folder).select(joint=joint, block=block, arm=arm, twin=twin)
-    parts = {part: chosen.records(part) for part in ("train", "test")}
-    for part, records in parts.items():
+    selected = open_data_set(folder).select(joint=joint, block=block, arm=arm, twin=twin)
+    for part, records in (("train", selected.train), ("test", selected.test)):
         if not records:
-            counts = Counter(line.part for line in chosen.listings if line.failed is None)
-            there = ", ".join(f"{count} for {name}" for name, count in counts.items()) or "none at all"
-            raise ScenarioError(
-                f"{chosen.label}: no {part} records among those asked for, but {there}; open_data_set gives those"
-            )
-    train, test = (records[0] if len(records) == 1 else records for records in parts.values())
-    return train, test
+            counts = Counter(one.part for one in selected.index if one.failed is None)
+            present = ", ".join(f"{count} for {name}" for name, count in counts.items()) or "none at all"
+            raise ScenarioError(f"{selected.label}: no {part} records selected, but {present}; see open_data_set")
+    train, test = selected.train, selected.test
+    return train[0] if len(train) == 1 else train, test[0] if len(test) == 1 else test
 
 
-def _listing(entry: Mapping[str, Any]) -> IndexEntry:
-    place = PurePosixPath(entry["file"])
-    if place.is_absolute() or ".." in place.parts:
+def _index_entry(entry: Mapping[str, Any]) -> IndexEntry:
+    path = PurePosixPath(entry["file"])
+    if path.is_absolute() or ".." in path.parts:
         raise ValueError(f"file {entry['file']!r} is outside the folder")
-    return IndexEntry(
-        name=entry["name"],
-        part=entry["part"],
-        block=entry["block"],
-        arm=entry["arm"],
-        twin=entry["twin"],
-        joints=tuple(entry["joints"]),
-        file=entry["file"],
-        failed=entry["failed"],
-        facts=entry,
-    )
+    keys = ("name", "part", "block", "arm", "twin", "file", "failed")
+    return IndexEntry(**{key: entry[key] for key in keys}, joints=tuple(entry["joints"]), facts=entry)
 
 
 def _shown(value: object) -> str:
     return ", ".join(value) if isinstance(value, tuple) else repr(value)
 
 
-def _choice(listings: Sequence[IndexEntry], key: str) -> str:
-    """What there is to choose from, up to a dozen."""
-    known = list(dict.fromkeys(getattr(line, key) for line in listings))
-    text = "; ".join(_shown(value) for value in known[:12])
-    return f"there are: {text}" + (f"; and {len(known) - 12} more" if len(known) > 12 else "")
+def _read_signals(path: Path, experiment: str) -> Signals:
+    contents = read_netcdf(path)
+    try:
+        if contents.attributes["experiment"] != experiment:
+            raise ScenarioError(
+                f"{path} is of experiment {contents.attributes['experiment']!r}, expected {experiment!r}"
+            )
+        u, y = contents.variables["u"], contents.variables["y"]
+        window = int(contents.attributes["initialisation_window"])
+        expected = len(u.values) if y.dims[0] == "sample" else min(window, len(u.values))
+        if len(y.values) != expected:
+            raise ScenarioError(f"{path}: {len(y.values)} samples of y found, expected {expected}")
+        for values in (u.values, y.values):
+            if values.ndim != 2 or values.dtype != np.float64:
+                raise ScenarioError(f"{path}: {values.shape}, {values.dtype} found as u or y, expected (N, n), float64")
+            values.setflags(write=False)
+        return Signals(
+            u=u.values,
+            y=y.values,
+            dt=sampling_time(contents),
+            input_names=tuple(map(str, contents.variables["input"].values)),
+            output_names=tuple(map(str, contents.variables["output"].values)),
+            input_unit=str(u.attributes["units"]),
+            output_unit=str(y.attributes["units"]),
+            window=window,
+            attributes=contents.attributes,
+        )
+    except KeyError as error:
+        raise ScenarioError(f"{path} has no {error.args[0]!r}: expected a record of this version") from error
+
+
+def sampling_time(contents: Contents) -> Fraction:
+    """Return the exact sampling time of a record, s."""
+    return Fraction(*(int(contents.attributes[f"sampling_time_{word}"]) for word in ("numerator", "denominator")))

@@ -12,8 +12,7 @@ from types import MappingProxyType
 
 import numpy as np
 
-from scenarios.datasets.data_record import WINDOW, sampling_time
-from scenarios.datasets.data_set import DataSet, IndexEntry, open_data_set
+from scenarios.datasets.data_set import WINDOW, DataSet, IndexEntry, open_data_set, sampling_time
 from scenarios.datasets.layout import SUMS
 from scenarios.files.errors import ScenarioError, unknown
 from scenarios.files.hashes import file_hash
@@ -308,7 +307,7 @@ def export(
         raise ScenarioError(
             f"{', '.join(there)} is already there, and is not overwritten; remove it, or name another --out"
         )
-    lines = [line for line in data_set.listings if line.failed is None]
+    lines = [line for line in data_set.index if line.failed is None]
     with working_folder(out) as place:
         for done, line in enumerate(lines):
             contents = _checked(data_set, line)

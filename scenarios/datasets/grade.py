@@ -9,8 +9,7 @@ import numpy as np
 
 from scenarios.datasets.arm_truth import read_arm
 from scenarios.datasets.baseline_table import read_table
-from scenarios.datasets.data_record import DataRecord
-from scenarios.datasets.data_set import DataSet, open_data_set
+from scenarios.datasets.data_set import DataRecord, DataSet, open_data_set
 from scenarios.datasets.layout import ATTAINABLE, BASELINES, arm_file
 from scenarios.datasets.predictions import ENDINGS
 from scenarios.datasets.score import Scores, score, score_model
@@ -171,7 +170,7 @@ def grade(submission: Path, data_set: DataSet) -> Grade:
 
 def _read_models(submission: Path, data_set: DataSet) -> dict[str, StateSpace]:
     """The models of a submission, by joint."""
-    joints = {joint for line in data_set.listings for joint in line.joints}
+    joints = {joint for line in data_set.index for joint in line.joints}
     models: dict[str, StateSpace] = {}
     for path in sorted(submission.glob(f"{MODEL}*.json")):
         joint = path.stem.removeprefix(MODEL)

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 
-from scenarios.datasets.data_record import DataRecord
+from scenarios.datasets.data_set import DataRecord
 from scenarios.files.errors import ScenarioError, unknown
 from scenarios.files.mat_numbers import read_mat_numbers
 from scenarios.files.netcdf import read_netcdf

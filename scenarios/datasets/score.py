@@ -9,8 +9,7 @@ from typing import Protocol
 import numpy as np
 from scipy.linalg import block_diag
 
-from scenarios.datasets.data_record import DataRecord
-from scenarios.datasets.data_set import DataSet, open_data_set
+from scenarios.datasets.data_set import DataRecord, DataSet, open_data_set
 from scenarios.datasets.predictions import checked, read_predictions
 from scenarios.datasets.spec_tables import UNITS, Scoring
 from scenarios.files.errors import ScenarioError

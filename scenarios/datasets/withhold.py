@@ -17,8 +17,7 @@ from scenarios.datasets.baseline_table import read_table
 from scenarios.datasets.build import build
 from scenarios.datasets.build_progress import Told
 from scenarios.datasets.chunk import MOST_ROWS, about
-from scenarios.datasets.data_record import public_contents
-from scenarios.datasets.data_set import open_data_set
+from scenarios.datasets.data_set import GIVEN, WINDOW, open_data_set
 from scenarios.datasets.executor import Executor
 from scenarios.datasets.export import working_folder, write_checksums
 from scenarios.datasets.index import array_line, read_index
@@ -29,7 +28,7 @@ from scenarios.datasets.spec import DataSetSpec
 from scenarios.experiments.scenario import NAME
 from scenarios.files.atomic_write import write_whole
 from scenarios.files.errors import ScenarioError
-from scenarios.files.netcdf import read_netcdf
+from scenarios.files.netcdf import Contents, Variable, read_netcdf
 
 PERSONS = "persons.json"
 """In the withheld folder: label and seed of the data set of each person."""
@@ -184,6 +183,36 @@ def read_persons(withheld: Path) -> dict[str, tuple[str, int]]:
 def public_facts(entry: PlannedExperiment) -> dict[str, Any]:
     """What the index of a public data set says of an experiment, without its hashes."""
     return {key: value for key, value in about(entry).items() if key not in PRIVATE}
+
+
+def public_contents(contents: Contents, part: str, window: int) -> Contents:
+    """Cut a record for publication without its truth.
+
+    Seed and provenance go, which would tell how to simulate it again; of a scored record also everything that was
+    measured behind the initialisation window. Force, torque and the other joints are measured too: they show how the
+    arm moved, better than the commands do.
+
+    Args:
+        contents: The complete record.
+        part: Part of the data set that it belongs to.
+        window: Samples of the initialisation window.
+    """
+    attributes = {
+        key: value for key, value in contents.attributes.items() if key != "seed" and not key.startswith("provenance_")
+    }
+    if part != "test":
+        return Contents(contents.variables, attributes)
+    window = min(window, len(contents.variables["u"].values))
+    index = {**contents.variables["sample"].attributes, "long_name": "sample number within the initialisation window"}
+    variables: dict[str, Variable] = {}
+    for name, variable in contents.variables.items():
+        if variable.dims[:1] != ("sample",) or name in GIVEN:
+            variables[name] = variable
+            continue
+        cut = np.ascontiguousarray(variable.values[:window])
+        variables[name] = Variable((WINDOW, *variable.dims[1:]), cut, variable.attributes)
+    variables[WINDOW] = Variable((WINDOW,), np.arange(window, dtype=np.int64), index)
+    return Contents(variables, {**attributes, "withheld": f"what was measured from sample {window} on"})
 
 
 def _seeds(withheld: Path, labels: Mapping[str, str], seed: int | None) -> dict[str, int]:

@@ -15,8 +15,7 @@ from scenarios.commands.cli import main
 from scenarios.datasets.baseline_table import BaselineStage, differences, read_table, report, row, table
 from scenarios.datasets.baselines import BaselineData, baseline
 from scenarios.datasets.build import build
-from scenarios.datasets.data_record import DataRecord
-from scenarios.datasets.data_set import DataSet, open_data_set
+from scenarios.datasets.data_set import DataRecord, DataSet, open_data_set
 from scenarios.datasets.experiment_file import stored_log
 from scenarios.datasets.layout import ATTAINABLE, BASELINES, attainable_file
 from scenarios.datasets.plan import DataSetPlan
@@ -172,9 +171,9 @@ def test_models_come_from_the_training_part_of_their_own_arm(small: DataSet) -> 
     assert found.validation is None
     assert row(bench, found)["validation"] == ""
     # Of another arm where there is none of its own.
-    other = replace(bench, data_set=replace(small, listings=tuple(x for x in small.listings if x.name != "prbs-lugre")))
+    other = replace(bench, data_set=replace(small, index=tuple(x for x in small.index if x.name != "prbs-lugre")))
     assert [one.name for one in other.training(small.record("noise-lugre"))] == ["prbs-viscous"]
-    none = replace(bench, data_set=replace(small, listings=tuple(x for x in small.listings if x.part != "train")))
+    none = replace(bench, data_set=replace(small, index=tuple(x for x in small.index if x.part != "train")))
     assert "no training records of elbow_pitch" in report(none, Method("gain"))["row"]["failed"]
 
 

@@ -108,7 +108,7 @@ def test_a_set_without_its_truth_loads(tiny: Path, tmp_path: Path) -> None:
         ({"joint": ("elbow_pitch", "shoulder_yaw")}, "joints = elbow_pitch, shoulder_yaw"),
         ({"block": "bnary"}, "'binary'; 'noise'"),
         ({"twin": 3}, "twin = 3"),
-        ({"joint": "shoulder_yaw"}, "no test records among those asked for, but 1 for train"),
+        ({"joint": "shoulder_yaw"}, "no test records selected, but 1 for train"),
     ],
 )
 def test_what_is_not_there_is_said_with_what_is(tiny: Path, wanted: dict, said: str) -> None:

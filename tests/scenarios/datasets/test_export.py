@@ -13,9 +13,9 @@ from scipy.io import loadmat
 import sysid
 from scenarios.commands.cli import main
 from scenarios.datasets import open_data_set
-from scenarios.datasets.data_record import public_contents
 from scenarios.datasets.export import FORMATS, LARGEST, ascii_table, columns, csv, csv_metadata, export, mat, parquet
 from scenarios.datasets.spec import DataSetSpec
+from scenarios.datasets.withhold import public_contents
 from scenarios.files.errors import ScenarioError
 from scenarios.files.netcdf import Contents, Variable, read_netcdf
 

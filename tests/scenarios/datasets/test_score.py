@@ -8,8 +8,7 @@ import numpy as np
 import pytest
 from scipy.io import savemat
 
-from scenarios.datasets.data_record import DataRecord
-from scenarios.datasets.data_set import DataSet, open_data_set
+from scenarios.datasets.data_set import DataRecord, DataSet, open_data_set
 from scenarios.datasets.predictions import read_predictions
 from scenarios.datasets.score import (
     Hold,
