@@ -1,4 +1,4 @@
-"""Whether another process makes the same bits as this one: the same software, and arithmetic that rounds alike."""
+"""Check that another process computes the same bits: the same software, and arithmetic that rounds alike."""
 
 import platform
 from collections.abc import Mapping
@@ -9,43 +9,42 @@ from scipy.linalg import solve_discrete_lyapunov
 
 from scenarios.files.hashes import array_hash
 from scenarios.files.provenance import fingerprint, versions
+from scenarios.jobs.journal import differences
 
-ARITHMETIC = "arithmetic"
+ROUNDING = "rounding"
 """Key of the hash of numbers whose last bits follow the processor."""
-
-SOURCE = "source"
-"""Key of the hash of our own source."""
 
 
 @cache
-def kinship() -> Mapping[str, str]:
-    """What the bits of a data set depend on beside its spec, by name: versions, our source, rounding.
+def bit_fingerprint() -> Mapping[str, str]:
+    """What the bits of results depend on beside their settings, by name: versions, our source, rounding.
 
-    Numerical libraries choose their instructions by processor, and sums then round differently. Whether they do is
-    found by trying: elementary functions, products, factorisations and transforms of fixed numbers are hashed.
+    Numerical libraries choose their instructions by processor, and sums then round differently. Elementary functions,
+    products, factorisations and transforms of fixed numbers are hashed to find out.
     """
-    return {**versions(), SOURCE: fingerprint(), ARITHMETIC: _rounding()}
+    return {**versions(), "source": fingerprint(), ROUNDING: _rounding()}
+
+
+def bit_differences(expected: Mapping[str, str]) -> list[str]:
+    """Describe why this process would compute other bits than the one that submits its work; empty if it would not.
+
+    Args:
+        expected: Fingerprint of the process that submits, which is "here" in the texts; see `bit_fingerprint`.
+    """
+    there, here = dict(bit_fingerprint()), dict(expected)
+    rounds_alike = there.pop(ROUNDING) == here.pop(ROUNDING, "")
+    return [
+        *differences(here, there, ("here", "there")),
+        *([] if rounds_alike else ["its processor rounds differently"]),
+    ]
+
+
+kinship = bit_fingerprint
 
 
 def strangeness(here: Mapping[str, str], there: Mapping[str, str]) -> tuple[str, ...]:
-    """In what another process differs, in words; nothing where it makes the same bits.
-
-    Args:
-        here: Of this process; see `kinship`.
-        there: Of the other.
-    """
-    found = []
-    for name in sorted({*here, *there}):
-        ours, theirs = here.get(name, "none"), there.get(name, "none")
-        if ours == theirs:
-            continue
-        if name == ARITHMETIC:
-            found.append("its processor rounds differently")
-        elif name == SOURCE:
-            found.append(f"source of this software {theirs[:12]} there, {ours[:12]} here")
-        else:
-            found.append(f"{name} {theirs} there, {ours} here")
-    return tuple(found)
+    """Describe in what two fingerprints differ; kept until the bench runs on jobs.executor."""
+    return tuple(differences(there, here, ("there", "here")))
 
 
 def _rounding() -> str:

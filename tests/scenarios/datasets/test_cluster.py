@@ -22,7 +22,6 @@ from scenarios.datasets.data_set import open_data_set
 from scenarios.datasets.plan import DataSetPlan
 from scenarios.datasets.spec import DataSetSpec
 from scenarios.files.errors import ScenarioError
-from scenarios.jobs.bitwise_compatibility import ARITHMETIC, SOURCE, kinship, strangeness
 
 distributed = pytest.importorskip("distributed")
 ROOT = Path(__file__).parents[3]
@@ -119,20 +118,6 @@ def test_workers_that_never_come_end_a_build_that_can_go_on(tiny_spec: DataSetSp
         build(tiny_spec, tmp_path, executor=Cluster(scheduler, patience=0.5, said=said.append))
     assert len(said) == 1 and "waiting up to" in said[0]
     assert (tmp_path / "tiny-v1.unfinished" / "manifest.jsonl").is_file()
-
-
-def test_a_stranger_is_told_by_what_differs():
-    here = kinship()
-    assert strangeness(here, dict(here)) == ()
-    other = {**here, "numpy": "0.1", SOURCE: "f" * 64, ARITHMETIC: "another"}
-    del other["scipy"]
-    found = strangeness(here, other)
-    assert found == (
-        "its processor rounds differently",
-        f"numpy 0.1 there, {here['numpy']} here",
-        f"scipy none there, {here['scipy']} here",
-        f"source of this software {'f' * 12} there, {here[SOURCE][:12]} here",
-    )
 
 
 class Sent:

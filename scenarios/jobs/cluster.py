@@ -1,0 +1,253 @@
+"""Run batches on the workers of aAsk scheduler, wherever they are."""
+
+import logging
+import re
+import socket
+import struct
+from asyncio import CancelledError as AsyncCancelledError
+from collections.abc import Callable, Collection, Iterator, Mapping
+from concurrent.futures import CancelledError
+from contextlib import ExitStack, contextmanager, suppress
+from threading import Event
+from time import monotonic, sleep
+from typing import TYPE_CHECKING, Any
+
+from scenarios.files.errors import ScenarioError
+from scenarios.jobs.bitwise_compatibility import bit_differences, bit_fingerprint
+from scenarios.jobs.executor import RESUME, DeadWorkerError, Executor, LostError
+
+if TYPE_CHECKING:
+    from distributed import Client, Future
+
+ADDRESS = re.compile(r"(?:tcp|tls)://(?:\[[0-9A-Fa-f:.%\w]+\]|[\w.-]+):([0-9]{1,5})", re.ASCII)
+"""Address of a scheduler."""
+
+MOST_PORTS = 2**16 - 1
+
+AHEAD = 2
+"""Batches with each worker: one that runs, and one that waits beside it."""
+
+CONNECT = 5.0
+"""Time for a scheduler to answer for the first time, s."""
+
+HANDSHAKE = 20.0
+"""Time for a scheduler that listens to accept a client, s."""
+
+GREETING = struct.Struct("<Q")
+"""Begin of all messages between Dask's processes: the length of the message, bytes."""
+
+MOST_GREETING = 2**20
+"""A scheduler's first message is shorter, bytes."""
+
+PAUSE = 1.0
+"""Time between attempts to reach a scheduler that has gone, s."""
+
+LOOK = 2.0
+"""Time between looks at scheduler and workers, s."""
+
+GATHER = 600.0
+"""Time for the results of a batch to travel, s."""
+
+GONE = (OSError, TimeoutError, CancelledError, AsyncCancelledError)
+"""What Dask raises where scheduler or worker have gone."""
+
+
+class Cluster(Executor["Future"]):
+    """Runs batches on the workers of a Dask scheduler.
+
+    Batches and results travel; no folder is shared. Workers must run the same software, on processors that round alike,
+    so that results have the same bits wherever they were computed.
+
+    Args:
+        address: Of the scheduler, ``"tcp://host:8786"``.
+        patience: How long a scheduler that has gone, or missing workers, are waited for, s.
+        report: Called with a line on what is waited for.
+
+    Raises:
+        ScenarioError: No address, Dask is not installed, or a negative time.
+    """
+
+    local = False
+
+    def __init__(self, address: str, patience: float = 300.0, report: Callable[[str], None] = lambda _: None) -> None:
+        match = ADDRESS.fullmatch(address)
+        if match is None or not 1 <= int(match[1]) <= MOST_PORTS:
+            raise ScenarioError(
+                f"cluster {address[:100]!r} given, expected the address of a Dask scheduler as 'dask scheduler' "
+                "prints it, such as tcp://127.0.0.1:8786"
+            )
+        try:
+            import distributed  # noqa: F401
+        except ImportError as error:
+            raise ScenarioError("--cluster needs Dask distributed: pip install 'hmtb-twin[cluster]'") from error
+        if not patience >= 0.0:
+            raise ScenarioError(f"patience = {patience} given, expected 0 s or more")
+        super().__init__(report)
+        self._address, self._patience = address, patience
+        self._client: Client | None = None
+        self._looked = -LOOK
+        self._news = Event()
+        self._quiet = ExitStack()
+
+    def _room(self) -> int:
+        if self._client is None:
+            self._quiet.enter_context(_silence_dask())
+            timeout = min(CONNECT, self._patience)
+            try:
+                self._connect(timeout)
+            except (OSError, ValueError) as error:
+                why = (str(error).splitlines() or [type(error).__name__])[0]
+                raise ScenarioError(
+                    f"no Dask scheduler answers at {self._address!r} within {timeout:g} s ({why}); expected "
+                    "an address as 'dask scheduler' prints it, such as tcp://127.0.0.1:8786"
+                ) from error
+        if monotonic() - self._looked >= LOOK:
+            self.workers = self._count_workers()
+            self._looked = monotonic()
+        return AHEAD * self.workers
+
+    def _submit(self, task: Callable[..., Any], shared: Any, batch: tuple[Any, ...]) -> "Future":
+        assert self._client is not None  # noqa: S101 - _room has connected it
+        # Results of equal batches differ in what clocks say: Dask must not reuse them.
+        future = self._client.submit(_run_task, task, shared, batch, dict(bit_fingerprint()), pure=False)
+        future.add_done_callback(lambda _: self._news.set())
+        return future
+
+    def _finished(self, running: Collection["Future"]) -> Collection["Future"]:
+        self._news.wait(LOOK)
+        self._news.clear()
+        return [future for future in running if future.status != "pending"]
+
+    def _results(self, handle: "Future") -> list[Any]:
+        from distributed import KilledWorker
+
+        try:
+            if handle.status not in ("finished", "error"):
+                raise LostError
+            answer: list[Any] | Mapping[str, Any] = handle.result(timeout=GATHER)
+        except KilledWorker as error:
+            raise DeadWorkerError from error
+        except ImportError as error:
+            raise ScenarioError(self._refusal("of the scheduler", f"it cannot import {error.name}")) from error
+        except GONE as error:
+            raise LostError from error
+        finally:
+            handle.release()
+        if isinstance(answer, Mapping):
+            raise ScenarioError(self._refusal(answer["worker"], "; ".join(answer["differences"])))
+        return answer
+
+    def _close(self) -> None:
+        client, self._client = self._client, None
+        if client is not None:
+            # A scheduler that has gone answers no farewell.
+            with suppress(*GONE):
+                client.close(timeout=PAUSE)
+        self._quiet.close()
+
+    def _connect(self, timeout: float) -> None:
+        from distributed import Client
+
+        client, self._client = self._client, None
+        if client is not None:
+            with suppress(*GONE):
+                client.close(timeout=PAUSE)
+        end = monotonic() + timeout
+        while True:
+            try:
+                _check_scheduler(self._address, timeout)
+                break
+            except OSError:  # one that has just been started does not listen yet
+                if monotonic() >= end:
+                    raise
+                sleep(PAUSE / 4)
+        self._client = Client(self._address, timeout=HANDSHAKE, set_as_default=False)
+
+    def _count_workers(self) -> int:
+        """Number of workers, at least one; waits where there are none, or no scheduler."""
+        begun, reported = monotonic(), ""
+        while True:
+            try:
+                if self._client is None or self._client.status != "running":
+                    self._connect(CONNECT)
+                workers = len(self._client.nthreads()) if self._client is not None else 0
+                missing = "has no workers"
+            except GONE:
+                workers, missing = 0, "has gone"
+            if workers:
+                if reported:
+                    self._report(f"{workers} workers at {self._address}: work continues")
+                return workers
+            waited = monotonic() - begun
+            if waited >= self._patience:
+                raise ScenarioError(
+                    f"the scheduler at {self._address} {missing}; waited for {self._patience:g} s; {RESUME}"
+                )
+            if missing != reported:
+                self._report(
+                    f"the scheduler at {self._address} {missing}; waiting up to {self._patience - waited:.0f} s"
+                )
+                reported = missing
+            sleep(min(PAUSE, self._patience))
+
+    def _refusal(self, worker: str, differences: str) -> str:
+        return (
+            f"worker {worker} would compute other bits than this process: {differences}. Start workers with the same "
+            f"software, on processors of one kind; {RESUME}"
+        )
+
+
+def worker_threads() -> int | None:
+    """Threads of the Dask worker that runs this task; None in any other process."""
+    try:
+        from distributed import get_worker
+
+        return int(get_worker().state.nthreads)
+    except (ImportError, ValueError):
+        return None
+
+
+def _run_task(
+    task: Callable[..., Any], shared: Any, batch: tuple[Any, ...], expected: Mapping[str, str]
+) -> list[Any] | dict[str, Any]:
+    """Run a batch on a Dask worker, unless its bits would differ."""
+    if differences := bit_differences(expected):
+        from distributed import get_worker
+
+        return {"differences": differences, "worker": get_worker().address}
+    return list(task(shared, batch))
+
+
+def _check_scheduler(address: str, timeout: float) -> None:
+    """Refuse what is no scheduler: Dask's client waits without end for one that says nothing.
+
+    Raises:
+        OSError: Nobody answers, or the answer is not the greeting of a scheduler.
+    """
+    from distributed.comm.addressing import get_address_host_port, parse_address
+
+    with socket.create_connection(get_address_host_port(address, strict=True), timeout=timeout) as connection:
+        if parse_address(address)[0] != "tcp":
+            return
+        greeting = b""
+        while len(greeting) < GREETING.size:
+            part = connection.recv(GREETING.size - len(greeting))
+            if not part:
+                raise ConnectionError("the connection is closed at once")
+            greeting += part
+    if not 0 < GREETING.unpack(greeting)[0] < MOST_GREETING:
+        raise ConnectionError("it is no Dask scheduler")
+
+
+@contextmanager
+def _silence_dask() -> Iterator[None]:
+    """Silence Dask's log of lost connections, which `report` tells in one line."""
+    names = [name for name in ("distributed", *logging.root.manager.loggerDict) if name.split(".")[0] == "distributed"]
+    before = {name: logging.getLogger(name).level for name in names}
+    try:
+        for name in names:
+            logging.getLogger(name).setLevel(logging.CRITICAL)
+        yield
+    finally:
+        for name, level in before.items():
+            logging.getLogger(name).setLevel(level)
