@@ -9,7 +9,7 @@ import tyro
 from scenarios.commands.output import output_folder, print_json, print_table, say
 
 if TYPE_CHECKING:
-    from scenarios.identification.model_comparison import Compared, ComparedModels
+    from scenarios.identification.model_comparison import ComparedModels, JudgedModel
     from sysid import IOData
 
 FIGURES = (".svg", ".png", ".pdf")
@@ -81,7 +81,7 @@ def compare(
 
     from scenarios.files.atomic_write import check_place
     from scenarios.files.errors import ScenarioError
-    from scenarios.identification.model_comparison import compared, parsed, same_samples
+    from scenarios.identification.model_comparison import compare_models, parsed, same_samples
 
     wanted = [parsed(text) for text in dict.fromkeys(models)]
     if not wanted:
@@ -100,7 +100,7 @@ def compare(
         options = {"input": input, "output": output, "dt": dt, "missing": missing}
         records = _read(data, joint, test, options)
         others = None if estimation is None else _read(estimation, joint or _same(records), estimation_test, options)
-        found = compared(
+        found = compare_models(
             wanted,
             records,
             data,
@@ -170,7 +170,7 @@ def _record(
     }
 
 
-def _model(entry: "Compared") -> dict[str, object]:
+def _model(entry: "JudgedModel") -> dict[str, object]:
     """A model as JSON; of a single path bandwidth and gain are numbers, else rows of outputs."""
     gain, single = entry.model.dc_gain(), entry.model.nu == entry.model.ny == 1
     return {
@@ -193,7 +193,7 @@ def _model(entry: "Compared") -> dict[str, object]:
     }
 
 
-def _half_power(entry: "Compared") -> list[float]:
+def _half_power(entry: "JudgedModel") -> list[float]:
     """Frequency of the gain 0.707 from each input to its own output; NaN where the gain starts below it."""
     import numpy as np
 

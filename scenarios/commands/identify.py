@@ -75,7 +75,8 @@ def identify(
     import warnings
 
     from scenarios.files.data_file import of_joint, read_parts
-    from scenarios.identification.identification import identified, usable
+    from scenarios.identification.identification import identify as identify_model
+    from scenarios.identification.identification import usable
 
     with warnings.catch_warnings(record=True) as said:
         warnings.simplefilter("always", UserWarning)
@@ -88,23 +89,23 @@ def identify(
                 validate, joint=same, input=input, output=output, dt=dt, test=validate_test, missing=missing
             )
             check = usable(others, skip, method, validate, validate_test)
-    found = identified(parts, method, orders, keep_mean=keep_mean, steps=steps, check=check)
-    texts = (*(str(one.message) for one in said), *found.warnings)
+    result = identify_model(parts, method, orders, keep_mean=keep_mean, steps=steps, check=check)
+    texts = (*(str(one.message) for one in said), *result.warnings)
     title = f"{method.upper()} from {data.name}" + (f", fits to {validate.name}" if validate else "")
     pictures: list[Path] = []
     if out is not None:
-        from scenarios.identification.identification_figures import figures
+        from scenarios.identification.identification import figures
         from scenarios.report.drawing import save_figure
 
         with output_folder(out) as folder:
-            for name, figure in figures(found).items():
+            for name, figure in figures(result).items():
                 pictures.append(folder / f"{data.stem}-{name}.png")
                 save_figure(figure, pictures[-1], dpi=120)
     if json:
-        print_json({**_record(method, found), "warnings": texts, "figures": pictures})
+        print_json({**_record(method, result), "warnings": texts, "figures": pictures})
         return 0
-    print_table(title, ("", ""), _rows(found))
-    model = found.estimate
+    print_table(title, ("", ""), _rows(result))
+    model = result.fitted.estimate
     # what a state-space method estimates are coordinates, which say nothing one by one
     if model.polynomials is not None and len(model.parameters) <= LISTED:
         print_table("Parameters", ("", "value", "standard deviation"), _parameters(model))
@@ -115,25 +116,25 @@ def identify(
     return 0
 
 
-def _record(method: str, found: "Identification") -> dict[str, object]:
+def _record(method: str, result: "Identification") -> dict[str, object]:
     """The model as JSON; of a single path bandwidth and gain are numbers, else rows of outputs."""
-    model, claims = found.estimate, found.claims
+    model, claims = result.fitted.estimate, result.fitted.claims
     single = len(claims) == len(claims[0]) == 1
     hz, ends = (
         [[value(one) for one in row] for row in claims] for value in (lambda c: c.hz, lambda c: [c.low, c.high])
     )
     gain = model.dc_gain()
-    test = found.test
+    test = result.test
     return {
         "method": method,
-        "orders": found.orders,
-        "inputs": found.parts[0].input_names,
-        "outputs": found.parts[0].output_names,
+        "orders": result.fitted.orders,
+        "inputs": result.fitted.parts[0].input_names,
+        "outputs": result.fitted.parts[0].output_names,
         "fit": {
-            "simulation": found.fit.simulation,
-            "one_step": found.fit.one_step,
-            "steps": found.fit.steps,
-            "ahead": found.fit.ahead,
+            "simulation": result.fit.simulation,
+            "one_step": result.fit.one_step,
+            "steps": result.fit.steps,
+            "ahead": result.fit.ahead,
         },
         "bandwidth_hz": hz[0][0] if single else hz,
         "ci95": ends[0][0] if single else ends,
@@ -149,25 +150,27 @@ def _record(method: str, found: "Identification") -> dict[str, object]:
         "residuals": None
         if test is None
         else {"passed": test.passed, "whiteness_p": test.whiteness_p, "independence_p": test.independence_p},
-        "operating_point": None if found.level is None else {"input": found.level[0], "output": found.level[1]},
-        "samples": found.samples,
-        "dt": found.parts[0].dt,
+        "operating_point": None
+        if result.fitted.level is None
+        else {"input": result.fitted.level[0], "output": result.fitted.level[1]},
+        "samples": sum(map(len, result.fitted.parts)),
+        "dt": result.fitted.parts[0].dt,
     }
 
 
-def _rows(found: "Identification") -> list[tuple[str, str]]:
+def _rows(result: "Identification") -> list[tuple[str, str]]:
     import numpy as np
 
     from scenarios.files.data_file import of_joint
 
-    model, first, fit = found.estimate, found.parts[0], found.fit
+    model, first, fit = result.fitted.estimate, result.fitted.parts[0], result.fit
     ins, outs = first.input_names or (), first.output_names or ()
     rows = [
-        ("orders", ", ".join(f"{name} {value}" for name, value in found.orders.items())),
-        ("record", f"{found.samples} samples every {first.dt:g} s"),
+        ("orders", ", ".join(f"{name} {value}" for name, value in result.fitted.orders.items())),
+        ("record", f"{sum(map(len, result.fitted.parts))} samples every {first.dt:g} s"),
     ]
-    if found.level is not None:
-        named = zip((*ins, *outs), (*found.level[0], *found.level[1]), strict=True)
+    if result.fitted.level is not None:
+        named = zip((*ins, *outs), (*result.fitted.level[0], *result.fitted.level[1]), strict=True)
         # Records of joints are in rad; what other tables hold, only their owner knows.
         unit = " rad" if of_joint(first) else ""
         rows.append(("operating point", ", ".join(f"{name} {_number(value)}{unit}" for name, value in named)))
@@ -178,7 +181,7 @@ def _rows(found: "Identification") -> list[tuple[str, str]]:
     if fit.steps > 1:
         rows.append((f"fit {fit.steps} steps ahead", _percents(fit.ahead, outs)))
     gain = model.dc_gain()
-    for i, row in enumerate(found.claims):
+    for i, row in enumerate(result.fitted.claims):
         for j, band in enumerate(row):
             path = f", {ins[j]} → {outs[i]}" if gain.size > 1 else ""
             if np.isfinite(band.hz):
@@ -196,10 +199,10 @@ def _rows(found: "Identification") -> list[tuple[str, str]]:
         ("standard deviation of the noise", ", ".join(f"{np.sqrt(v):.4g}" for v in np.diag(model.noise_variance))),
         ("final prediction error", f"{model.fpe:.4g}; AIC {model.aic:.5g}, BIC {model.bic:.5g}"),
     ]
-    if found.test is None:
-        rows.append(("residual test", f"not made: {found.untested}"))
+    if result.test is None:
+        rows.append(("residual test", f"not made: {result.untested}"))
     else:
-        test = found.test
+        test = result.test
         rows.append(("residuals white", _verdicts(test.white, test.whiteness_p)))
         rows.append(("residuals independent of the input", _verdicts(test.independent, test.independence_p)))
     return rows

@@ -1,7 +1,7 @@
-"""The 1 Hz finding alone: joints, methods, tests and seeds, each bandwidth beside every truth."""
+"""Study of the 1 Hz finding: bandwidths of joints, methods, tests and seeds beside every truth."""
 
 import re
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import AbstractContextManager
 from dataclasses import dataclass
 from types import MappingProxyType
@@ -28,38 +28,34 @@ from scenarios.identification.one_hertz import (
     truth_in_words,
     verdict,
 )
-from scenarios.identification.recovered_bandwidth import Place, RecoveredBandwidth, check_joint, check_method, recover
+from scenarios.identification.recovered_bandwidth import Recording, RecoveredBandwidth, recover
 from scenarios.truth.bla_of_record import BestLinearOfTest, best_linear_of_test
 from scenarios.truth.published import published
-from sysid import IOData
 from sysid.models.bandwidth import half_power_hz
 
 SHORTEST = 2 * SETTLING + WINDOW
-"""Shortest test, s: what settles is cut off where more than as much again is left."""
+"""Shortest test, s: the start is cut off, and more than as much again must be left."""
 
 ENOUGH = (
     f"expected {SHORTEST:g} s or more: the arm settles for {SETTLING:g} s, and a file of {WINDOW:g} s is to be "
     "seen some times after that"
 )
-"""What is expected of the length of a test, for messages."""
-
-NUMBER = re.compile(r"\d+(\.\d+)?(e[+-]?\d+)?")
-"""A number in a reason."""
+"""Expected length of a test, for messages."""
 
 FULL = 240.0
 """Length of the thesis' tests, s."""
 
 Stage = Callable[[str], AbstractContextManager[Callable[[int, int], None]]]
-"""Opens a stage by its name; gives what is told of work done and work in all."""
+"""Opens a progress bar with a label."""
 
 
 @dataclass(frozen=True, eq=False)
 class BandwidthStudy:
-    """Every recovered bandwidth, and what is true.
+    """Every recovered bandwidth, and the truth.
 
     Attributes:
         condition: The arm in words.
-        rows: What was recovered.
+        rows: The recovered bandwidths.
         truth: Small-signal truth of the arm.
         best_linear: Best linear approximations by joint and test; none where they were left out.
         failed: Experiments that failed, with the reason.
@@ -79,23 +75,23 @@ class BandwidthStudy:
         return tuple(dict.fromkeys(row.joint for row in self.rows))
 
     def refusals(self) -> tuple[str, ...]:
-        """Why bandwidths are not claimed, each reason once, with the methods and how often."""
-        found: dict[str, list[RecoveredBandwidth]] = {}
+        """Say why bandwidths are not claimed: each reason once, with the methods and how often."""
+        by_reason: dict[str, list[RecoveredBandwidth]] = {}
         for row in self.rows:
             if row.refused:
-                # What a reason says in numbers differs from row to row.
-                found.setdefault(NUMBER.sub("#", row.reasons[0]), []).append(row)
+                # The numbers in a reason differ from row to row.
+                by_reason.setdefault(re.sub(r"\d+(\.\d+)?(e[+-]?\d+)?", "#", row.reasons[0]), []).append(row)
         return tuple(
             f"{len(rows)} of {len(self.rows)} ({', '.join(dict.fromkeys(METHODS[row.method] for row in rows))}), "
             f"{'e.g. ' if len(rows) > 1 else ''}{rows[0].scenario}: {rows[0].reasons[0]}"
-            for rows in found.values()
+            for rows in by_reason.values()
         )
 
     def answers(self) -> tuple[str, ...]:
-        """Whether the 1 Hz finding stands: the verdict, then what it rests on."""
-        short = () if self.duration is None or self.duration >= FULL else (f"{look(self.duration)}.",)
+        """Say whether the 1 Hz finding holds: the verdict, then what it rests on."""
         printed = published_in_words(self.joints)
-        said = (
+        texts = (
+            "" if self.duration is None or self.duration >= FULL else f"{look(self.duration)}.",
             verdict(self.rows),
             truth_in_words(true_bandwidths(self.rows)),
             best_linear_in_words(self.rows),
@@ -103,17 +99,18 @@ class BandwidthStudy:
             coverage_in_words(self.rows),
             f"Published: {printed}" if printed else "",
         )
-        return (*short, *filter(None, said))
+        return tuple(filter(None, texts))
 
     def record(self) -> dict[str, object]:
-        """What `hmtb bandwidth --json` prints."""
+        """Return what `hmtb bandwidth --json` prints."""
+        truths = {joint: self.truth.joint(joint) for joint in self.joints}
         return {
             "rows": [row.record() for row in self.rows],
             "answer": " ".join(self.answers()),
             "condition": self.condition,
             "true": {
-                joint: {"hz": one.bandwidth_hz, "half_power_hz": half_power_hz(one.model)}
-                for joint, one in ((joint, self.truth.joint(joint)) for joint in self.joints)
+                joint: {"hz": truth.bandwidth_hz, "half_power_hz": half_power_hz(truth.model)}
+                for joint, truth in truths.items()
             },
             "best_linear": [{**vars(one), "excitation": one.described} for one in self.best_linear.values()],
             "published": {joint: {one.label: one.bandwidth_hz for one in published(joint)} for joint in self.joints},
@@ -122,15 +119,19 @@ class BandwidthStudy:
         }
 
 
-@dataclass(frozen=True, eq=False)
-class _Recording:
-    """A record with where it comes from."""
+@dataclass(frozen=True)
+class _Setting:
+    """What the bandwidths of a study are recovered on and compared with."""
 
-    joint: str
-    test: str
-    seed: int | None
-    setting: Scenario
-    data: IOData
+    arm: Arm
+    condition: str
+    pose: str
+    methods: tuple[str, ...]
+    duration: float | None
+    best_linear: bool
+    seed: int
+    threads: int | None
+    stage: Stage
 
 
 def from_simulation(
@@ -148,15 +149,15 @@ def from_simulation(
     """Simulate tests and recover the bandwidths from them.
 
     Args:
-        joints: Of the studied ones.
+        joints: Studied joints.
         methods: Keys of `scenarios.identification.one_hertz.METHODS`.
         tests: Numbers of single-joint tests, 1 to 8.
-        seeds: Each draws noise and binary sequences anew, None are the scenarios' own.
+        seeds: Each draws noise and binary sequences anew; None are the scenarios' own.
         condition: The arm; nominal with friction when not given.
         duration: Length of the tests instead of 240 s, s.
         best_linear: Whether to measure the best linear approximation for every joint and test.
         threads: Threads for the physics.
-        stage: Told of the work.
+        stage: Opens a progress bar.
 
     Returns:
         The bandwidths.
@@ -167,14 +168,18 @@ def from_simulation(
     for what, given in (("joints", joints), ("tests", tests), ("seeds", seeds)):
         if not given:
             raise ScenarioError(f"no {what} given, expected one or more")
-    _check(joints, methods)
-    _check_tests(tests)
+    for joint in joints:
+        _check_joint(joint)
+    _check_methods(methods)
+    for test in tests:
+        if test not in SINGLE_JOINT:
+            raise ScenarioError(unknown("test", test, map(str, SINGLE_JOINT)))
     if duration is not None and not duration >= SHORTEST:
         raise ScenarioError(f"a duration of {duration:g} s given, {ENOUGH}")
     condition = condition or Condition()
-    arm, recordings, failed = condition.arm(), list[_Recording](), dict[str, str]()
+    recordings, failed = list[Recording](), dict[str, str]()
     names = [(test, joint) for test in dict.fromkeys(tests) for joint in dict.fromkeys(joints)]
-    with stage("simulate") as told:
+    with stage("simulate") as step:
         for number, seed in enumerate(seeds):
             plan = {
                 (test, joint): condition.applied(
@@ -182,21 +187,26 @@ def from_simulation(
                 )
                 for test, joint in names
             }
-            done = simulate(
+            simulated = simulate(
                 list(plan.values()),
                 threads=threads,
-                progress=lambda part, whole, before=number: told(before * whole + part, len(seeds) * whole),  # type: ignore[misc]
+                progress=lambda part, whole, before=number: step(before * whole + part, len(seeds) * whole),  # type: ignore[misc]
             )
-            logs = {log.name: log for log in done.logs}
-            failed |= {f"{name}, seed {seed}": why for name, why in done.failed.items()}
+            logs = {log.name: log for log in simulated.logs}
+            failed |= {f"{name}, seed {seed}": why for name, why in simulated.failed.items()}
             recordings += [
-                _Recording(joint, str(test), seed, setting, prepared(logs[setting.name], joint))
+                Recording(joint, str(test), seed, prepared(logs[setting.name], joint), setting)
                 for (test, joint), setting in plan.items()
                 if setting.name in logs
             ]
+    if not recordings:
+        raise ScenarioError(f"every experiment failed: {'; '.join(f'{name}: {why}' for name, why in failed.items())}")
     first = next((seed for seed in seeds if seed is not None), 0)
-    return _concluded(
-        str(condition), arm, OPERATING_POSE, recordings, methods, failed, duration, best_linear, first, threads, stage
+    arm, chosen = condition.arm(), tuple(dict.fromkeys(methods))
+    return _recovered(
+        recordings,
+        failed,
+        _Setting(arm, str(condition), OPERATING_POSE, chosen, duration, best_linear, first, threads, stage),
     )
 
 
@@ -209,7 +219,7 @@ def from_logs(
     threads: int | None = None,
     stage: Stage,
 ) -> BandwidthStudy:
-    """Recover the bandwidths from records that are there; the truth is that of the arm that they tell of.
+    """Recover the bandwidths from logs; the truth is that of their arm.
 
     Args:
         logs: Logs of single-joint experiments on one arm.
@@ -217,146 +227,112 @@ def from_logs(
         best_linear: Whether to measure the best linear approximation for every joint and test.
         seed: Of the best linear approximation.
         threads: Threads for the physics.
-        stage: Told of the work.
+        stage: Opens a progress bar.
+
+    Returns:
+        The bandwidths.
 
     Raises:
         ScenarioError: A log that excites several axes or a joint that was not studied, one that is too short, the same
             record twice, or logs of several arms.
     """
-    _check((), methods)
-    recordings = list[_Recording]()
-    arms: dict[tuple[object, ...], tuple[Arm, JointLog]] = {}
+    _check_methods(methods)
+    recordings = list[Recording]()
+    arms: dict[tuple[object, ...], tuple[Arm, str, str]] = {}
     for log in logs:
         if len(log.axes) != 1:
             raise ScenarioError(f"{log.name} excites {', '.join(log.axes)}; expected a log that excites one joint")
         (joint,) = log.axes
-        check_joint(joint)
+        _check_joint(joint)
         if round(len(log) * log.dt, 9) < SHORTEST:
             raise ScenarioError(f"{log.name}: a log of {len(log) * log.dt:g} s given, {ENOUGH}")
-        arm, setting = logged_arm(log), _setting(log)
-        arms.setdefault(
-            (arm.variant, arm.payload, *vars(arm.plant).values(), arm.specimen, arm.friction, setting.pose), (arm, log)
-        )
-        recordings.append(_Recording(joint, _test(log), log.seed, setting, prepared(log, joint)))
+        if "scenario" not in log.provenance:
+            raise ScenarioError(f"{log.name}: its provenance lacks scenario; expected a log of hmtb simulate")
+        arm = logged_arm(log)
+        setting = Scenario.from_toml(log.provenance["scenario"], source=f"{log.name}, its scenario")
+        key = (arm.variant, arm.payload, *vars(arm.plant).values(), arm.specimen, arm.friction, setting.pose)
+        arms.setdefault(key, (arm, setting.pose, log.name))
+        # The thesis' tests go by number, others by name.
+        numbers = {single_joint_test(number, joint): str(number) for number in SINGLE_JOINT}
+        recordings.append(Recording(joint, numbers.get(log.name, log.name), log.seed, prepared(log, joint), setting))
     if len(arms) > 1:
         raise ScenarioError(
-            f"the logs are of {len(arms)} arms or conditions ({', '.join(log.name for _, log in arms.values())}); "
-            "expected one, whose truth they are held against"
+            f"the logs are of {len(arms)} arms or conditions ({', '.join(name for *_, name in arms.values())}); "
+            "expected one, whose truth they are compared with"
         )
-    _check_twice(logs)
-    (arm, _), pose = next(iter(arms.values())), recordings[0].setting.pose
-    condition = str(Condition(arm.variant, arm.friction))
-    shortest = min(len(one) * one.dt for one in logs)
-    return _concluded(
-        condition,
-        arm,
-        pose,
-        recordings,
-        methods,
-        {},
-        shortest if shortest < FULL else None,
-        best_linear,
-        seed,
-        threads,
-        stage,
+    _refuse_repeated(logs)
+    ((arm, pose, _),) = arms.values()
+    shortest = min(len(log) * log.dt for log in logs)
+    duration = shortest if shortest < FULL else None
+    condition, chosen = str(Condition(arm.variant, arm.friction)), tuple(dict.fromkeys(methods))
+    return _recovered(
+        recordings, {}, _Setting(arm, condition, pose, chosen, duration, best_linear, seed, threads, stage)
     )
 
 
-def _concluded(
-    condition: str,
-    arm: Arm,
-    pose: str,
-    recordings: Sequence[_Recording],
-    methods: Sequence[str],
-    failed: Mapping[str, str],
-    duration: float | None,
-    wanted: bool,
-    seed: int,
-    threads: int | None,
-    stage: Stage,
-) -> BandwidthStudy:
-    if not recordings:
-        raise ScenarioError(f"every experiment failed: {'; '.join(f'{name}: {why}' for name, why in failed.items())}")
-    truth = linearize(arm, pose, amplitudes=())
-    places: dict[tuple[str, str], list[_Recording]] = {}
+def _recovered(recordings: Sequence[Recording], failed: Mapping[str, str], setting: _Setting) -> BandwidthStudy:
+    truth = linearize(setting.arm, setting.pose, amplitudes=())
+    groups: dict[tuple[str, str], list[Recording]] = {}
     for one in recordings:
-        places.setdefault((one.joint, one.test), []).append(one)
-    approximations = {}
-    if wanted:
-        with stage("best linear approximation") as told:
-            for number, ((joint, test), found) in enumerate(places.items()):
-                told(number, len(places))
+        groups.setdefault((one.joint, one.test), []).append(one)
+    approximations: dict[tuple[str, str], BestLinearOfTest] = {}
+    if setting.best_linear:
+        with setting.stage("best linear approximation") as step:
+            for number, ((joint, test), group) in enumerate(groups.items()):
+                step(number, len(groups))
+                experiment = group[0].setting
+                if experiment is None:
+                    continue
                 approximations[joint, test] = best_linear_of_test(
-                    found[0].setting, arm, [one.data for one in found], test=test, seed=seed, threads=threads
+                    experiment,
+                    setting.arm,
+                    [one.data for one in group],
+                    test=test,
+                    seed=setting.seed,
+                    threads=setting.threads,
                 )
-    rows, chosen = [], list(dict.fromkeys(methods))
-    with stage("identify") as told:
-        for one in _in_order(places):
+    # Joint by joint in the thesis' order, then test by test, then seed by seed.
+    order = [one for joint in STRUCTURES for (name, _), group in groups.items() if name == joint for one in group]
+    rows: list[RecoveredBandwidth] = []
+    with setting.stage("identify") as step:
+        for one in order:
             bla = approximations.get((one.joint, one.test))
-            place = Place(
-                one.joint,
-                one.test,
-                one.data.name,
-                one.seed,
-                truth.joint(one.joint).bandwidth_hz,
-                None if bla is None else (bla.hz, *bla.ci95),
-            )
-            for method in chosen:
-                rows.append(recover(one.data, method, place))
-                told(len(rows), len(recordings) * len(chosen))
+            interval = None if bla is None else (bla.hz, *bla.ci95)
+            for method in setting.methods:
+                rows.append(recover(one, method, truth.joint(one.joint).bandwidth_hz, interval))
+                step(len(rows), len(order) * len(setting.methods))
     return BandwidthStudy(
-        condition, tuple(rows), truth, MappingProxyType(approximations), MappingProxyType(dict(failed)), duration
+        setting.condition,
+        tuple(rows),
+        truth,
+        MappingProxyType(approximations),
+        MappingProxyType(dict(failed)),
+        setting.duration,
     )
 
 
-def _in_order(places: Mapping[tuple[str, str], Sequence[_Recording]]) -> Iterable[_Recording]:
-    """Records joint by joint in the thesis' order, then test by test, then seed by seed."""
-    for wanted in STRUCTURES:
-        for (joint, _), found in places.items():
-            yield from found if joint == wanted else ()
+def _check_joint(joint: str) -> None:
+    if joint not in STRUCTURES:
+        raise ScenarioError(unknown("joint", joint, STRUCTURES))
 
 
-def _check(joints: Sequence[str], methods: Sequence[str]) -> None:
-    for joint in joints:
-        check_joint(joint)
-    for method in methods:
-        check_method(method)
+def _check_methods(methods: Sequence[str]) -> None:
     if not methods:
         raise ScenarioError("no methods given, expected one or more")
+    for method in methods:
+        if method not in METHODS:
+            raise ScenarioError(unknown("method", method, METHODS))
 
 
-def _check_tests(tests: Sequence[int]) -> None:
-    for test in tests:
-        if test not in SINGLE_JOINT:
-            raise ScenarioError(unknown("test", test, map(str, SINGLE_JOINT)))
-
-
-def _check_twice(logs: Sequence[JointLog]) -> None:
-    """Refuse a record that is given twice, under its own name or another: it would count as two."""
+def _refuse_repeated(logs: Sequence[JointLog]) -> None:
+    """Refuse a record that comes twice, under its own name or another, whole or cut: it would count as two."""
     for number, log in enumerate(logs):
         for other in logs[:number]:
-            if (log.name, log.seed) == (other.name, other.seed) or _same(log, other):
+            common = min(len(log), len(other))
+            same = np.array_equal(log.measured[:common], other.measured[:common])
+            if same or (log.name, log.seed) == (other.name, other.seed):
                 raise ScenarioError(
                     f"the log of {log.name}, seed {log.seed}, is given twice"
                     + (f", also as {other.name}, seed {other.seed}" if log.name != other.name else "")
                     + "; expected every record once"
                 )
-
-
-def _same(log: JointLog, other: JointLog) -> bool:
-    """Whether one record is the other or its beginning."""
-    common = min(len(log), len(other))
-    return np.array_equal(log.measured[:common], other.measured[:common])
-
-
-def _setting(log: JointLog) -> Scenario:
-    """The experiment of a log, which says on what arm and by which chain a multisine is to be played."""
-    if "scenario" not in log.provenance:
-        raise ScenarioError(f"{log.name}: its provenance lacks scenario; expected a log of hmtb simulate")
-    return Scenario.from_toml(log.provenance["scenario"], source=f"{log.name}, its scenario")
-
-
-def _test(log: JointLog) -> str:
-    """Number of the test where the log is of one of the thesis, else its name."""
-    names = {single_joint_test(number, joint): str(number) for joint in log.axes for number in SINGLE_JOINT}
-    return names.get(log.name, log.name)

@@ -1,10 +1,11 @@
-"""From records to a model and what may be said of it: the work of `hmtb identify`."""
+"""Identification of a model from records: estimate, operating point, bandwidth claims, fits and residual test."""
 
 import re
 import warnings
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -12,47 +13,96 @@ import sysid
 from scenarios.experiments.joint_inputs import dependence_warning
 from scenarios.files.data_file import excited
 from scenarios.files.errors import ScenarioError
-from scenarios.identification.methods import ESTIMATORS, SHORTEST, estimate
-from sysid import Estimate, IOData, ModelFit, ResidualTest, SysidError
+from scenarios.identification.methods import ESTIMATORS, SHORTEST, complete_parts, estimate
+from sysid import Bandwidth, Estimate, IOData, ModelFit, ResidualTest, SysidError
 from sysid.models.bandwidth import BandwidthClaim, bandwidth_claim
-from sysid.polynomial.fit_with_offset import OffsetFit, fit_with_offset, subtract_means, unexplained_offset
+from sysid.polynomial.fit_with_offset import fit_with_offset, subtract_means, unexplained_offset
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 
 @dataclass(frozen=True)
-class Identification:
-    """A model from a record, and how well it holds.
+class FittedModel:
+    """A model estimated from records.
 
     Attributes:
         estimate: The model.
         orders: All its orders by name.
-        parts: What it was estimated from.
-        checked: What it was judged on: the same, or records of their own.
+        parts: The records about the operating point.
         level: Inputs and outputs of the operating point; None where the means were left in.
-        fit: Fits to `checked`.
-        test: Residual test on `checked`; None where it cannot be made.
-        untested: Why not.
-        claims: Bandwidth of every path (ny, nu).
-        warnings: What the estimator, the gaps and the bandwidths call for.
+        band: Bandwidth of every path with its interval.
+        claims: The same (ny, nu), withheld where the record cannot support it.
     """
 
     estimate: Estimate
     orders: dict[str, int]
     parts: tuple[IOData, ...]
-    checked: tuple[IOData, ...]
     level: tuple[np.ndarray, np.ndarray] | None
+    band: Bandwidth
+    claims: tuple[tuple[BandwidthClaim, ...], ...]
+
+
+@dataclass(frozen=True)
+class Identification:
+    """A fitted model judged on records.
+
+    Attributes:
+        fitted: The model.
+        checked: The records that it is judged on: its own, or others.
+        fit: Fits to `checked`.
+        test: Residual test on `checked`; None where it cannot be made.
+        untested: Why not.
+        warnings: Remarks on gaps, bandwidths and numerics.
+    """
+
+    fitted: FittedModel
+    checked: tuple[IOData, ...]
     fit: ModelFit
     test: ResidualTest | None
     untested: str
-    claims: tuple[tuple[BandwidthClaim, ...], ...]
     warnings: tuple[str, ...]
 
-    @property
-    def samples(self) -> int:
-        """Samples that the model is of."""
-        return sum(map(len, self.parts))
+
+def fit_model(parts: Sequence[IOData], method: str, orders: Sequence[int], *, keep_mean: bool = False) -> FittedModel:
+    """Estimate a model with its operating point, and weigh its bandwidths against the records.
+
+    Args:
+        parts: Records without gaps that the method cannot use.
+        method: One of `ESTIMATORS`.
+        orders: Its orders.
+        keep_mean: Whether to take values as they are, without an operating point.
+
+    Raises:
+        ScenarioError: Unknown method, wrong orders, several outputs for a method that takes one.
+        SysidError: The estimator refuses the records.
+    """
+    first, complete = parts[0], dict[str, int]()
+    if method in ESTIMATORS and first.ny > 1 and not ESTIMATORS[method].outputs:
+        several = ", ".join(name for name, entry in ESTIMATORS.items() if entry.outputs)
+        raise ScenarioError(f"{method} takes one output, given {first.ny}; for several there are: {several}")
+
+    def run(records: Sequence[IOData]) -> Estimate:
+        model, named = estimate(records[0] if len(records) == 1 else records, method, orders)
+        complete.update(named)
+        return model
+
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", sysid.SysidWarning)
+        if keep_mean:
+            model, used, level = run(tuple(parts)), tuple(parts), None
+        else:
+            about = fit_with_offset(run, parts)
+            model, used, level = about.estimate, about.parts, (about.input, about.output)
+        band, longest = model.bandwidth(), max(used, key=len)
+        claims = tuple(
+            tuple(bandwidth_claim(model, longest, output=i, input=j, band=band) for j in range(first.nu))
+            for i in range(first.ny)
+        )
+    return FittedModel(model, complete, used, level, band, claims)
 
 
-def identified(
+def identify(
     parts: Sequence[IOData],
     method: str,
     orders: Sequence[int],
@@ -61,71 +111,56 @@ def identified(
     steps: int = 1,
     check: Sequence[IOData] | None = None,
 ) -> Identification:
-    """Estimate a model with its operating point, and judge it.
+    """Fit a model and judge it on records.
 
     Args:
-        parts: What to estimate from, as `usable` returns it.
+        parts: Records to estimate from, as `usable` returns them.
         method: One of `ESTIMATORS`.
         orders: Its orders.
-        keep_mean: Whether the model is of the values as they are, without an operating point.
+        keep_mean: Whether to take values as they are, without an operating point.
         steps: Horizon of the further prediction, samples.
-        check: Other records to judge on; the same when None.
-
-    Returns:
-        The model and what is to be said of it.
+        check: Records to judge on; `parts` when None.
 
     Raises:
-        ScenarioError: Unknown method, wrong orders, several outputs for a method that takes one.
-        SysidError: What the estimator refuses.
+        ScenarioError: See `fit_model`.
+        SysidError: The estimator refuses the records.
     """
-    complete: dict[str, int] = {}
-
-    def run(records: Sequence[IOData]) -> Estimate:
-        found, asked = estimate(records[0] if len(records) == 1 else records, method, orders)
-        complete.update(asked)
-        return found
-
-    first = parts[0]
-    if method in ESTIMATORS and first.ny > 1 and not ESTIMATORS[method].outputs:
-        several = ", ".join(name for name, entry in ESTIMATORS.items() if entry.outputs)
-        raise ScenarioError(f"{method} takes one output, given {first.ny}; for several there are: {several}")
+    fitted = fit_model(parts, method, orders, keep_mean=keep_mean)
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", sysid.SysidWarning)
-        if keep_mean:
-            found, level, of = run(tuple(parts)), None, tuple(parts)
-        else:
-            result: OffsetFit = fit_with_offset(run, parts)
-            found, level, of = result.estimate, (result.input, result.output), result.parts
-        checked = _about_its_own_level(found, check or parts, keep_mean)
-        (fit,) = sysid.compare({method: found}, checked, steps=steps)
-        test, untested = _tested(found, checked)
-        band, longest = found.bandwidth(), max(of, key=len)
-        claims = tuple(
-            tuple(bandwidth_claim(found, longest, output=i, input=j, band=band) for j in range(first.nu))
-            for i in range(first.ny)
-        )
-    return Identification(
-        found, complete, of, checked, level, fit, test, untested, claims, tuple(_texts(found, of, claims))
-    )
+        checked = tuple(check or parts)
+        if not keep_mean:
+            # Records to judge on have an operating point of their own, which the model's dynamics tell.
+            checked, _, _ = subtract_means(checked)
+            offset, _, _ = unexplained_offset(fitted.estimate.model, checked)
+            checked = tuple(part.subtract(y=offset) for part in checked)
+        (fit,) = sysid.compare({method: fitted.estimate}, checked, steps=steps)
+        test, untested = None, ""
+        whole = [one for part in checked for one in complete_parts([part], 1 if part.complete else SHORTEST)]
+        try:
+            if whole:
+                test = sysid.resid(fitted.estimate, whole)
+            else:
+                untested = f"no part without missing samples has {SHORTEST}"
+        except SysidError as error:
+            untested = str(error)
+    return Identification(fitted, checked, fit, test, untested, _remarks(fitted))
 
 
 def usable(
     records: Sequence[IOData], skip: float, method: str, path: Path, test: str | None = None
 ) -> tuple[IOData, ...]:
-    """Leave out the start, and cut records at their gaps where the method cannot do with them.
+    """Leave out the start, and cut records at their gaps where the method needs complete ones.
 
     Args:
         records: As read.
-        skip: How much of the start is left out, s.
+        skip: Length of the start that is left out, s.
         method: Name of the estimator.
-        path: Where the records come from, for messages.
+        path: File of the records, for messages.
         test: Which test of the file, likewise.
 
-    Returns:
-        The records.
-
     Raises:
-        ScenarioError: Nothing or too little is left, or a channel is constant.
+        ScenarioError: Too little is left, or a channel is constant.
     """
     dt, samples = records[0].dt, sum(map(len, records))
     if not 0 <= skip < (samples - 1) * dt:
@@ -139,13 +174,7 @@ def usable(
     _refuse_constants(kept, path, test)
     if len(kept) == 1 and kept[0].complete:
         return (kept[0],)
-    cut = method in ESTIMATORS and not ESTIMATORS[method].gaps
-    whole: list[IOData] = []
-    for part in kept:
-        try:
-            whole += part.complete_parts(shortest=SHORTEST) if cut else [part]
-        except SysidError:
-            continue
+    whole = complete_parts(kept) if method in ESTIMATORS and not ESTIMATORS[method].gaps else kept
     whole = [part for part in whole if part.known.all(axis=1).sum() >= SHORTEST]
     if not whole:
         raise ScenarioError(f"{path.name}: between the gaps no part has {SHORTEST} samples; nothing to identify from")
@@ -153,65 +182,72 @@ def usable(
 
 
 def _refuse_constants(records: Sequence[IOData], path: Path, test: str | None) -> None:
-    # Seen before the mean is removed, which would leave rounding where there was a constant.
-    u, y = (np.concatenate([getattr(part, channel) for part in records]) for channel in "uy")
-    for what, values, names in (("input", u, records[0].input_names), ("output", y, records[0].output_names)):
+    # Before the mean is removed, which would leave rounding where there was a constant.
+    for what, names in (("input", records[0].input_names), ("output", records[0].output_names)):
+        values = np.concatenate([part.u if what == "input" else part.y for part in records])
         for column, name in zip(values.T, names or (), strict=True):
             if np.nanmin(column) == np.nanmax(column):
                 axes = excited(path, test)
                 hint = f"; {path.name} excites {', '.join(axes)}, expected a log of the same joint" if axes else ""
                 raise ScenarioError(
                     f"{path.name}: the {what} {name!r} is constant at {np.nanmin(column):g}; expected one "
-                    f"that moves in {len(u)} samples{hint}"
+                    f"that moves in {len(values)} samples{hint}"
                 )
 
 
-def _about_its_own_level(found: Estimate, check: Sequence[IOData], keep_mean: bool) -> tuple[IOData, ...]:
-    """Records to judge on about their own operating point, which the model's dynamics tell."""
-    if keep_mean:
-        return tuple(check)
-    moved, _, _ = subtract_means(check)
-    level, _, _ = unexplained_offset(found.model, moved)
-    return tuple(part.subtract(y=level) for part in moved)
-
-
-def _tested(found: Estimate, checked: Sequence[IOData]) -> tuple[ResidualTest | None, str]:
-    whole: list[IOData] = []
-    for part in checked:
-        try:
-            whole += part.complete_parts(shortest=SHORTEST if not part.complete else 1)
-        except SysidError:
-            continue
-    if not whole:
-        return None, f"no part without missing samples has {SHORTEST}"
-    try:
-        return sysid.resid(found, whole), ""
-    except SysidError as error:
-        return None, str(error)
-
-
-def _texts(found: Estimate, parts: Sequence[IOData], claims: Sequence[Sequence[BandwidthClaim]]) -> list[str]:
-    lost = sum(int((~part.known).sum()) for part in parts)
+def _remarks(fitted: FittedModel) -> tuple[str, ...]:
+    parts, first = fitted.parts, fitted.parts[0]
+    missing = sum(int((~part.known).sum()) for part in parts)
     values, samples = sum(part.y.size for part in parts), sum(map(len, parts))
     texts = []
     if len(parts) > 1:
         texts.append(f"the model and the fits are of {len(parts)} parts between lost samples, {samples} samples in all")
-    if lost:
-        texts.append(f"{lost} of {values} output samples are missing")
-    first, paths = parts[0], dict[str, list[str]]()
-    for i, row in enumerate(claims):
-        for j, one in enumerate(row):
-            path = f"{(first.input_names or ())[j]} → {(first.output_names or ())[i]}"
-            for text in one.warnings:
-                paths.setdefault(text, []).append(path)
+    if missing:
+        texts.append(f"{missing} of {values} output samples are missing")
     if first.nu > 1 and (together := dependence_warning(max(parts, key=len))):
         texts.append(together)
+    paths: dict[str, list[str]] = {}
+    for i, row in enumerate(fitted.claims):
+        for j, claim in enumerate(row):
+            for text in claim.warnings:
+                paths.setdefault(text, []).append(f"{(first.input_names or ())[j]} → {(first.output_names or ())[i]}")
+    # A remark that holds for all paths is made once.
     every = first.nu * first.ny
-    # What is true of all paths is said once.
     texts += [text if len(of) == every else f"{', '.join(of)}: {text}" for text, of in paths.items()]
-    return [*texts, *(_for_users(text) for text in found.diagnostics.get("warnings", ()))]
+    return (*texts, *map(without_python_advice, fitted.estimate.diagnostics.get("warnings", ())))
 
 
-def _for_users(text: str) -> str:
-    """A warning of the analyst's without advice in words of Python, which the command line has no use for."""
+def without_python_advice(text: str) -> str:
+    """Leave out of a warning of `sysid` the advice on Python arguments, which the command line does not have."""
     return "; ".join(part for part in text.split("; ") if not re.search(r"\b\w+=(True|False)\b", part)) or text
+
+
+def figures(result: Identification) -> Mapping[str, "Figure"]:
+    """Draw a model and the records behind it.
+
+    Args:
+        result: The identification.
+
+    Returns:
+        Figures by name: `record`, `outputs`, `bode`, `step`, `roots`, and `residuals` where they could be tested.
+    """
+    from sysid import plots
+
+    model, checked = result.fitted.estimate, result.checked
+    longest = max(range(len(checked)), key=lambda k: len(checked[k]))
+    fit = result.fit.by_experiment[longest] if result.fit.by_experiment else result.fit
+    try:
+        response = sysid.spa(result.fitted.parts)
+        nonparametric = [response] if np.isfinite(response.response).any() else []
+    except SysidError:
+        nonparametric = []
+    drawings = {
+        "record": plots.record(result.fitted.parts),
+        "outputs": plots.output_comparison(checked[longest], fit),
+        "bode": plots.bode([*nonparametric, model]),
+        "step": plots.step(model),
+        "roots": plots.pzmap(model),
+    }
+    if result.test is not None:
+        drawings["residuals"] = plots.correlations(result.test, plots.PALETTE.get(model.method, plots.PALETTE["oe"]))
+    return drawings

@@ -1,4 +1,4 @@
-"""Models of any origin on one record: printed ones, the truth, and estimates; the work of `hmtb compare`."""
+"""Comparison of models of any origin on one record: printed ones, the truth, and estimates."""
 
 import re
 import warnings
@@ -11,34 +11,30 @@ from numpy.typing import NDArray
 
 import sysid
 from hmtb_twin.parameters.values import SAMPLE_TIME
-from scenarios.files.data_file import joints_of, log_of
+from scenarios.files.data_file import joints_of, log_of, read_parts
 from scenarios.files.errors import ScenarioError, unknown
-from scenarios.identification.identification import identified, usable
+from scenarios.identification.identification import identify, usable
 from scenarios.identification.methods import ESTIMATORS
 from scenarios.truth.published import BY_NAME, PublishedModel, published, published_model
 from sysid import IOData, ModelFit, StateSpace
 from sysid.polynomial.fit_with_offset import subtract_means, unexplained_offset
 
 FORMS = "truth, published, published:NAME (4.7 ... 5.10, sysid, okid, hybrid), METHOD:ORDERS (oe:2/2/1)"
-"""What a model may be called, for messages."""
-
+"""Forms of a model's name, for messages."""
 
 DIGITS = 4
-"""An order of more digits is a slip."""
-
-ORDER = re.compile(rf"[0-9]{{1,{DIGITS}}}")
-"""An order of an estimator."""
+"""Most digits of an order: more are a slip of the keyboard."""
 
 SAME = 1e-6
-"""Samples that differ by less than this part of their range were written with few digits, but are the same."""
+"""Samples that differ by less than this part of their range are the same, written with few digits."""
 
 
 @dataclass(frozen=True)
-class Wanted:
-    """A model as it was asked for.
+class ModelName:
+    """A model by name.
 
     Attributes:
-        text: The words.
+        text: The name as typed.
         kind: `truth`, `published` or the method of an estimator.
         name: Name of a printed model; empty for all of the joint, and for others.
         orders: Orders of an estimator.
@@ -51,7 +47,7 @@ class Wanted:
 
 
 @dataclass(frozen=True, eq=False)
-class Compared:
+class JudgedModel:
     """A model on a record.
 
     Attributes:
@@ -62,7 +58,7 @@ class Compared:
         level: Constant on every output between the mean and that operating point (ny,).
         bandwidth_hz: Bandwidth of every path (ny, nu), Hz; NaN where there is none, or none that can be claimed.
         ci95: Ends of their 95 % intervals (ny, nu, 2), Hz; NaN where they are not known.
-        remarks: What is to be said of it.
+        remarks: Remarks on the model.
     """
 
     label: str
@@ -81,15 +77,15 @@ class ComparedModels:
 
     Attributes:
         parts: The record about its means, or as it is.
-        models: The models, in the sequence asked for.
+        models: The models, in the sequence of their names.
     """
 
     parts: tuple[IOData, ...]
-    models: tuple[Compared, ...]
+    models: tuple[JudgedModel, ...]
 
 
-def parsed(text: str) -> Wanted:
-    """Understand the name of a model.
+def parsed(text: str) -> ModelName:
+    """Parse the name of a model.
 
     Args:
         text: `truth`, `published`, `published:4.7`, or a method with its orders: `oe:2/2/1`.
@@ -99,10 +95,10 @@ def parsed(text: str) -> Wanted:
     """
     kind, colon, rest = text.partition(":")
     if text in ("truth", "published"):
-        return Wanted(text, kind)
+        return ModelName(text, kind)
     if kind == "published":
         published_model(rest)
-        return Wanted(text, kind, name=rest)
+        return ModelName(text, kind, name=rest)
     if kind == "truth":
         raise ScenarioError(f"model {text!r}: the truth has no name or orders; expected truth alone")
     if kind not in ESTIMATORS:
@@ -110,13 +106,13 @@ def parsed(text: str) -> Wanted:
             raise ScenarioError(f"unknown model {text!r}: did you mean 'published:{text}'? There are: {FORMS}")
         raise ScenarioError(unknown("model", kind, ("truth", "published", *ESTIMATORS)) + f"; written {FORMS}")
     words = rest.replace(",", "/").split("/") if colon else []
-    if not all(ORDER.fullmatch(word.strip()) for word in words):
+    if not all(re.fullmatch(rf"[0-9]{{1,{DIGITS}}}", word.strip()) for word in words):
         raise ScenarioError(
             f"model {text!r}: expected whole orders apart by slashes, of {DIGITS} digits at most, as in oe:2/2/1"
         )
     orders = tuple(int(word) for word in words)
     ESTIMATORS[kind].complete(kind, orders)
-    return Wanted(text, kind, orders=orders)
+    return ModelName(text, kind, orders=orders)
 
 
 def same_samples(records: Sequence[IOData], others: Sequence[IOData]) -> bool:
@@ -126,26 +122,24 @@ def same_samples(records: Sequence[IOData], others: Sequence[IOData]) -> bool:
         records: One file, as read.
         others: The other.
     """
-    return any(_same(one, other) for one in records for other in others)
+
+    def close(a: NDArray[np.float64], b: NDArray[np.float64]) -> bool:
+        known = ~np.isnan(a)
+        if not np.array_equal(known, ~np.isnan(b)):
+            return False
+        ranges = np.nanmax(a, axis=0, initial=-np.inf) - np.nanmin(a, axis=0, initial=np.inf)
+        return bool((np.abs(a - b) <= SAME * ranges)[known].all())
+
+    def same(one: IOData, other: IOData) -> bool:
+        common = min(len(one), len(other))
+        channels = ((one.u, other.u), (one.y, other.y))
+        return all(a.shape[1] == b.shape[1] and close(a[:common], b[:common]) for a, b in channels)
+
+    return any(same(one, other) for one in records for other in others)
 
 
-def _same(one: IOData, other: IOData) -> bool:
-    common = min(len(one), len(other))
-    return (one.nu, one.ny) == (other.nu, other.ny) and all(
-        _close(a[:common], b[:common]) for a, b in ((one.u, other.u), (one.y, other.y))
-    )
-
-
-def _close(a: NDArray[np.float64], b: NDArray[np.float64]) -> bool:
-    known = ~np.isnan(a)
-    if not np.array_equal(known, ~np.isnan(b)):
-        return False
-    ranges = np.nanmax(a, axis=0, initial=-np.inf) - np.nanmin(a, axis=0, initial=np.inf)
-    return bool((np.abs(a - b) <= SAME * ranges)[known].all())
-
-
-def compared(
-    wanted: Sequence[Wanted],
+def compare_models(
+    names: Sequence[ModelName],
     records: Sequence[IOData],
     path: Path,
     *,
@@ -159,12 +153,12 @@ def compared(
     """Judge models on a record, each about its own operating point.
 
     Args:
-        wanted: The models.
-        records: What they are judged on, as read.
-        path: Where it comes from: the truth is of the arm that the log tells of.
-        estimation: What estimators identify from; the same records when None.
-        estimation_path: Where that comes from.
-        skip: How much of the start is left out of both, s.
+        names: The models.
+        records: The record, as read.
+        path: Its file: the truth is that of the log's arm.
+        estimation: Records that estimators identify from; the same records when None.
+        estimation_path: Their file.
+        skip: Length of the start that is left out of both, s.
         keep_mean: Whether models are of the values as they are, without an operating point.
         steps: Horizon of the further prediction, samples.
         test: Which test of the file, for messages.
@@ -174,34 +168,39 @@ def compared(
 
     Raises:
         ScenarioError: A model does not go with the record: other joints, another sampling interval, no truth known.
-        SysidError: What an estimator refuses.
+        SysidError: An estimator refuses the records.
     """
     parts = usable(records, skip, "", path, test)
     shown = tuple(parts) if keep_mean else subtract_means(parts)[0]
-    entries: list[Compared] = []
-    for one in wanted:
-        if one.kind in ESTIMATORS:
-            own = usable(estimation or records, skip, one.kind, estimation_path or path, test)
-            entries.append(_estimated(one, own, parts, shown, keep_mean, steps))
+    models: list[JudgedModel] = []
+    for name in names:
+        if name.kind in ESTIMATORS:
+            own = usable(estimation or records, skip, name.kind, estimation_path or path, test)
+            models.append(_estimated(name, own, parts, shown, keep_mean, steps))
             continue
-        for label, model, remarks in _known(one, parts[0], path):
-            entries.append(_judged(label, one.kind, model, shown, keep_mean, steps, remarks))
-    return ComparedModels(shown, tuple(entries))
+        for label, model, remarks in _known_models(name, parts[0], path):
+            level = np.zeros(model.ny) if keep_mean else unexplained_offset(model, shown)[0]
+            about = shown if keep_mean else [part.subtract(y=level) for part in shown]
+            (fit,) = sysid.compare({label: model}, about, steps=steps)
+            band = model.bandwidth()
+            no_interval = np.full((*band.shape, 2), np.nan)
+            models.append(JudgedModel(label, name.kind, model, fit, level, band, no_interval, remarks))
+    return ComparedModels(shown, tuple(models))
 
 
-def _known(one: Wanted, record: IOData, path: Path) -> list[tuple[str, StateSpace, tuple[str, ...]]]:
-    """Models that need no estimation: label, model, remarks."""
+def _known_models(name: ModelName, record: IOData, path: Path) -> list[tuple[str, StateSpace, tuple[str, ...]]]:
+    """Label, model and remarks of models that need no estimation."""
     joints = joints_of(record)
-    if one.kind == "truth":
+    if name.kind == "truth":
         return [("truth", _truth(path, joints), ())]
-    if not one.name and len(joints) != 1:
+    if not name.name and len(joints) != 1:
         what = f"{len(joints)} joints" if joints else "no joint that is known"
         raise ScenarioError(
             f"{path.name} holds {what}; 'published' takes all printed models of one: name one, as published:4.7"
             + (" or published:sysid" if joints else "")
         )
-    asked = [published_model(one.name)] if one.name else list(published(joints[0]))
-    if not asked:
+    entries = [published_model(name.name)] if name.name else list(published(joints[0]))
+    if not entries:
         have = ", ".join(dict.fromkeys(entry.joint for entry in BY_NAME.values() if isinstance(entry, PublishedModel)))
         raise ScenarioError(f"the thesis prints no model of {joints[0]}; it does of {have}")
     if abs(record.dt - SAMPLE_TIME) > 1e-6:
@@ -209,9 +208,10 @@ def _known(one: Wanted, record: IOData, path: Path) -> list[tuple[str, StateSpac
             f"{path.name} is sampled every {record.dt:g} s; the printed models hold at {SAMPLE_TIME:g} s only: "
             "resample the record"
         )
-    found = []
-    for entry in asked:
+    models = []
+    for entry in entries:
         parts = (entry,) if isinstance(entry, PublishedModel) else entry.parts
+        # Of a model of three joints only the part of the record's joint counts.
         chosen = [part for part in parts if part.joint in joints] if joints and len(parts) > 1 else list(parts)
         if joints and [part.joint for part in chosen] != list(joints):
             raise ScenarioError(
@@ -221,15 +221,14 @@ def _known(one: Wanted, record: IOData, path: Path) -> list[tuple[str, StateSpac
             raise ScenarioError(
                 f"published:{entry.name} takes {len(chosen)} input(s), {path.name} was read with {record.nu}"
             )
-        labels = [part.label for part in chosen]
-        label = entry.label if len(chosen) == len(parts) else f"{entry.label}, {labels[0]}"
+        label = entry.label if len(chosen) == len(parts) else f"{entry.label}, {chosen[0].label}"
         model = sysid.models.block_diagonal([part.model for part in chosen])
-        found.append((f"published {label}", model, tuple(f"{part.label}: {part.doubts}" for part in chosen)))
-    return found
+        models.append((f"published {label}", model, tuple(f"{part.label}: {part.doubts}" for part in chosen)))
+    return models
 
 
 def _truth(path: Path, joints: tuple[str, ...]) -> StateSpace:
-    """The small-signal truth of the arm of a log, of the joints that were read."""
+    """Return the small-signal truth of the arm of a log, of the joints that were read."""
     from hmtb_twin import linearize
     from scenarios.experiments.logged_arm import logged_arm
 
@@ -239,59 +238,31 @@ def _truth(path: Path, joints: tuple[str, ...]) -> StateSpace:
     truth = linearize(logged_arm(log), log.provenance["pose"], amplitudes=())
     if len(joints) == 1:
         return truth.joint(joints[0]).model
-    columns = [list(truth.model.input_names or ()).index(f"{joint} commanded") for joint in joints]
-    return replace(
-        truth.model,
-        B=truth.model.B[:, columns],
-        C=truth.model.C[columns],
-        D=truth.model.D[np.ix_(columns, columns)],
-        K=None,
-        innovation_covariance=None,
-        input_names=tuple(f"{joint} commanded" for joint in joints),
-        output_names=tuple(f"{joint} measured" for joint in joints),
-        input_units=None,
-        output_units=None,
-    )
-
-
-def _judged(
-    label: str,
-    kind: str,
-    model: StateSpace,
-    shown: Sequence[IOData],
-    keep_mean: bool,
-    steps: int,
-    remarks: tuple[str, ...],
-) -> Compared:
-    level = np.zeros(model.ny) if keep_mean else unexplained_offset(model, shown)[0]
-    own = shown if keep_mean else [part.subtract(y=level) for part in shown]
-    (fit,) = sysid.compare({label: model}, own, steps=steps)
-    band = model.bandwidth()
-    return Compared(label, kind, model, fit, level, band, np.full((*band.shape, 2), np.nan), remarks)
+    return replace(truth.subset(joints, joints), K=None, innovation_covariance=None)
 
 
 def _estimated(
-    one: Wanted,
+    name: ModelName,
     estimation: Sequence[IOData],
     parts: Sequence[IOData],
     shown: Sequence[IOData],
     keep_mean: bool,
     steps: int,
-) -> Compared:
-    found = identified(estimation, one.kind, one.orders, keep_mean=keep_mean, steps=steps, check=parts)
-    label = f"{one.kind.upper()} {'/'.join(map(str, found.orders.values()))}"
+) -> JudgedModel:
+    result = identify(estimation, name.kind, name.orders, keep_mean=keep_mean, steps=steps, check=parts)
+    label = f"{name.kind.upper()} {'/'.join(map(str, result.fitted.orders.values()))}"
     # The same samples twice, about their means and about the model's own operating point.
-    moved = np.concatenate([part.y - own.y for part, own in zip(shown, found.checked, strict=True)])
-    claims = found.claims
-    return Compared(
+    moved = np.concatenate([part.y - own.y for part, own in zip(shown, result.checked, strict=True)])
+    claims = result.fitted.claims
+    return JudgedModel(
         label,
-        one.kind,
-        found.estimate.model,
-        replace(found.fit, name=label),
+        name.kind,
+        result.fitted.estimate.model,
+        replace(result.fit, name=label),
         np.nanmean(moved, axis=0),
         np.array([[claim.hz for claim in row] for row in claims]),
         np.array([[[claim.low, claim.high] for claim in row] for row in claims]),
-        found.warnings,
+        result.warnings,
     )
 
 
@@ -313,8 +284,6 @@ def read_joints(
     Raises:
         ScenarioError: A joint is named twice, or commands were lost in between.
     """
-    from scenarios.files.data_file import read_parts
-
     if len(set(joints)) < len(joints):
         raise ScenarioError(f"--joint {' '.join(joints)} given, expected each joint once")
     each = [read_parts(path, joint=joint, dt=dt, test=test, missing=missing) for joint in joints]

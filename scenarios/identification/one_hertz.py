@@ -1,15 +1,18 @@
-"""Does the 1 Hz finding hold? For the arm, for recovered models and for the printed ones."""
+"""Does the 1 Hz finding hold? The answer in words for the arm, for recovered models and for the printed ones."""
 
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from scenarios.truth.published import published
 from sysid.models.bandwidth import half_power_hz
 
+if TYPE_CHECKING:
+    from scenarios.identification.recovered_bandwidth import RecoveredBandwidth
+
 ABOUT_1_HZ = (0.8, 1.25)
-"""What counts as about 1 Hz, Hz."""
+"""Range of bandwidths that count as about 1 Hz, Hz."""
 
 
 def near_1_hz(hz: float) -> bool:
@@ -30,99 +33,38 @@ METHODS = {
 }
 """Names of the methods in sentences."""
 
-Interval = tuple[float, float, float]
-"""A bandwidth and the ends of its 95 % interval, Hz."""
+Rows = Sequence["RecoveredBandwidth"]
 
 
-@dataclass(frozen=True)
-class Recovered:
-    """One bandwidth that a method found, beside what is true of the joint.
-
-    Attributes:
-        joint: The joint.
-        method: Key of the method.
-        test: What it was identified from.
-        seed: What the record's noise and waveform were drawn from; None for the scenarios' own.
-        hz: Bandwidth, Hz; NaN where none can be claimed.
-        ci95: Its 95 % interval, Hz.
-        true_hz: Small-signal truth, Hz.
-        half_power_hz: Where the gain is 0.707, whatever it is at 0 Hz, Hz; NaN where it never is.
-        best_linear: Best linear approximation under a command as strong as the test's; None where it was not measured.
-    """
-
-    joint: str
-    method: str
-    test: str
-    seed: int | None
-    hz: float
-    ci95: tuple[float, float]
-    true_hz: float
-    half_power_hz: float = float("nan")
-    best_linear: Interval | None = None
-
-    @property
-    def near(self) -> bool:
-        """Whether it is about 1 Hz; never where none can be claimed."""
-        return near_1_hz(self.hz)
-
-    @property
-    def covers(self) -> bool:
-        """Whether the interval holds the small-signal truth."""
-        return self.ci95[0] <= self.true_hz <= self.ci95[1]
-
-    @property
-    def covers_best_linear(self) -> bool | None:
-        """Whether it differs from the best linear bandwidth by no more than both intervals together allow.
-
-        Both are estimates with errors of their own: half-widths on the logarithmic scale, of the ends that face each
-        other, add as squares. None where there is no best linear bandwidth to compare with.
-        """
-        if self.best_linear is None or not np.isfinite(self.best_linear).all():
-            return None
-        if not np.isfinite([self.hz, *self.ci95]).all():
-            return False
-        (low, high), (hz, bla_low, bla_high) = self.ci95, self.best_linear
-        facing = (high / self.hz, hz / bla_low) if hz > self.hz else (self.hz / low, bla_high / hz)
-        return bool(abs(np.log(self.hz / hz)) <= np.hypot(*np.log(facing)))
-
-
-def verdict(rows: Sequence[Recovered]) -> str:
-    """The answer in one sentence: for the arm, by method, for the printed models.
-
-    Args:
-        rows: Everything recovered.
-    """
+def verdict(rows: Rows) -> str:
+    """Answer in one sentence: for the arm, by method, for the printed models."""
     truths = true_bandwidths(rows)
     stands = all(map(near_1_hz, truths.values()))
     arm = "stands for the arm itself" if stands else f"does not stand for the arm itself: {_outside(truths)}"
     kept, partly, none = list[str](), list[str](), list[str]()
-    for method, found in by_method(rows).items():
-        near = sum(row.near for row in found)
-        if near == len(found):
+    for method, group in by_method(rows).items():
+        near = sum(row.near for row in group)
+        if near == len(group):
             kept.append(METHODS[method])
-        elif any(np.isfinite(row.hz) for row in found):
-            partly.append(f"{METHODS[method]} ({near} of {len(found)})")
+        elif any(np.isfinite(row.hz) for row in group):
+            partly.append(f"{METHODS[method]} ({near} of {len(group)})")
         else:
             none.append(METHODS[method])
-    said = [f"The 1 Hz finding, read as {ABOUT_1_HZ[0]:g} to {ABOUT_1_HZ[1]:g} Hz, {arm}"]
-    said += [f"every bandwidth recovered by {joined(kept)} keeps to it"] if kept else []
-    said += [f"not every bandwidth recovered by {joined(partly)} does"] if partly else []
-    said += [f"{joined(none)} can claim none"] if none else []
+    clauses = [f"The 1 Hz finding, read as {ABOUT_1_HZ[0]:g} to {ABOUT_1_HZ[1]:g} Hz, {arm}"]
+    clauses += [f"every bandwidth recovered by {joined(kept)} keeps to it"] if kept else []
+    clauses += [f"not every bandwidth recovered by {joined(partly)} does"] if partly else []
+    clauses += [f"{joined(none)} can claim none"] if none else []
     printed = {joint: published(joint) for joint in truths if published(joint)}
     counts = [
         f"{sum(near_1_hz(one.bandwidth_hz) for one in models)} of {len(models)} ({joint.replace('_', ' ')})"
         for joint, models in printed.items()
     ]
-    said += [f"of the models that the thesis prints {joined(counts)} keep to it"] if counts else []
-    return "; ".join(said) + "."
+    clauses += [f"of the models that the thesis prints {joined(counts)} keep to it"] if counts else []
+    return "; ".join(clauses) + "."
 
 
 def truth_in_words(truths: Mapping[str, float]) -> str:
-    """What is true as amplitudes go to nothing.
-
-    Args:
-        truths: Small-signal bandwidths by joint, Hz.
-    """
+    """Describe the small-signal bandwidths (Hz) by joint."""
     near = sum(map(near_1_hz, truths.values()))
     return (
         f"Truth: the small-signal bandwidths are {_of_joints(truths)}; {near} of {len(truths)} "
@@ -130,35 +72,35 @@ def truth_in_words(truths: Mapping[str, float]) -> str:
     )
 
 
-def best_linear_in_words(rows: Sequence[Recovered]) -> str:
-    """What is true of the joint when it moves as much as in the test, friction and all; nothing where not measured."""
-    found = {(row.joint, row.test): row for row in rows if row.best_linear is not None}
-    if not found:
+def best_linear_in_words(rows: Rows) -> str:
+    """Describe the best linear bandwidths under commands as strong as the tests'; empty where not measured."""
+    tests = {(row.joint, row.test): row for row in rows if row.best_linear is not None}
+    if not tests:
         return ""
     shown, near, shifts = [], 0, []
-    for (joint, test), row in found.items():
+    for (joint, test), row in tests.items():
         hz, low, high = row.best_linear or (np.nan,) * 3
-        name = joint.replace("_", " ") + (f", test {test}" if len({test for _, test in found}) > 1 else "")
+        name = joint.replace("_", " ") + (f", test {test}" if len({test for _, test in tests}) > 1 else "")
         shown.append(f"{hz:.2f} ({low:.2f} to {high:.2f}, {name})" if np.isfinite(hz) else f"none shows ({name})")
         near += near_1_hz(hz)
         shifts.append(100.0 * (hz / row.true_hz - 1.0))
     moved = [shift for shift in shifts if np.isfinite(shift)]
     return (
         "Best linear: commands as strong as the tests', with all that the arm is not linear in, make it "
-        f"{', '.join(shown)} Hz; {near} of {len(found)} {'is' if len(found) == 1 else 'are'} about 1 Hz"
+        f"{', '.join(shown)} Hz; {near} of {len(tests)} {'is' if len(tests) == 1 else 'are'} about 1 Hz"
         + (f", {min(moved):+.1f} to {max(moved):+.1f} % from the small-signal ones." if moved else ".")
     )
 
 
-def recovered_in_words(rows: Sequence[Recovered]) -> str:
-    """How many recovered bandwidths are about 1 Hz, by method and test, with frequencies over the seeds."""
+def recovered_in_words(rows: Rows) -> str:
+    """Count the recovered bandwidths that are about 1 Hz, by method, test, joint and seed."""
     parts = []
-    for method, found in by_method(rows).items():
-        values = [row.hz for row in found if np.isfinite(row.hz)]
-        text = f"{METHODS[method]} {sum(row.near for row in found)} of {len(found)}"
+    for method, group in by_method(rows).items():
+        values = [row.hz for row in group if np.isfinite(row.hz)]
+        text = f"{METHODS[method]} {sum(row.near for row in group)} of {len(group)}"
         notes = [f"{between(values)} Hz" if values else "none claimed"]
-        if values and not all(row.near for row in found):
-            notes += _where(found)
+        if values and not all(row.near for row in group):
+            notes += _where(group)
         parts.append(f"{text} ({'; '.join(notes)})")
     near = sum(row.near for row in rows)
     levels = [row.half_power_hz for row in rows]
@@ -170,12 +112,12 @@ def recovered_in_words(rows: Sequence[Recovered]) -> str:
     )
 
 
-def _where(found: Sequence[Recovered]) -> list[str]:
-    """In which tests and joints, and in how many seeds, the bandwidths of one method are about 1 Hz."""
+def _where(rows: Rows) -> list[str]:
+    """Count the bandwidths of one method that are about 1 Hz, by test, joint and seed."""
     notes = []
     for of, prefix in (("test", "test "), ("joint", "")):
-        groups: dict[str, list[Recovered]] = {}
-        for row in found:
+        groups: dict[str, list[RecoveredBandwidth]] = {}
+        for row in rows:
             groups.setdefault(getattr(row, of), []).append(row)
         if len(groups) > 1:
             counts = [
@@ -184,15 +126,15 @@ def _where(found: Sequence[Recovered]) -> list[str]:
             ]
             notes.append(", ".join(counts))
     together: dict[int | None, list[bool]] = {}
-    for row in found:
+    for row in rows:
         together.setdefault(row.seed, []).append(row.near)
     if len(together) > 1 and max(map(len, together.values())) > 1:
         notes.append(f"all of a seed in {sum(map(all, together.values()))} of {len(together)} seeds")
     return notes
 
 
-def coverage_in_words(rows: Sequence[Recovered]) -> str:
-    """How many intervals hold what is true: another question than being near 1 Hz."""
+def coverage_in_words(rows: Rows) -> str:
+    """Count the intervals that hold the truth: another question than being near 1 Hz."""
     total, refused = len(rows), sum(not np.isfinite(row.hz) for row in rows)
     measured = [row for row in rows if row.covers_best_linear is not None]
     text = (
@@ -203,10 +145,10 @@ def coverage_in_words(rows: Sequence[Recovered]) -> str:
         agree = sum(bool(row.covers_best_linear) for row in measured)
         text += f", and {agree} of {len(measured)} agree with the best linear bandwidth within both intervals"
     by = [
-        f"{METHODS[method]} {sum(row.covers for row in found)}"
-        + (f" and {sum(bool(row.covers_best_linear) for row in found)}" if measured else "")
-        + f" of {len(found)}"
-        for method, found in by_method(rows).items()
+        f"{METHODS[method]} {sum(row.covers for row in group)}"
+        + (f" and {sum(bool(row.covers_best_linear) for row in group)}" if measured else "")
+        + f" of {len(group)}"
+        for method, group in by_method(rows).items()
     ]
     text += f" ({', '.join(by)})."
     wrong = sum(row.near and not row.covers for row in rows)
@@ -218,11 +160,7 @@ def coverage_in_words(rows: Sequence[Recovered]) -> str:
 
 
 def published_in_words(joints: Iterable[str]) -> str:
-    """Whether the thesis' printed models keep to its own finding; nothing where it prints none of these joints.
-
-    Args:
-        joints: The joints.
-    """
+    """Say whether the thesis' printed models keep to its own finding; empty where it prints none of these joints."""
     printed = {joint: published(joint) for joint in joints if published(joint)}
     every = [one for models in printed.values() for one in models]
     if not every:
@@ -245,36 +183,36 @@ def published_in_words(joints: Iterable[str]) -> str:
 
 
 def held_in_words(held: int, total: int) -> str:
-    """How many intervals hold something, up to the name of what they hold."""
+    """Begin a sentence on how many intervals hold something."""
     return f"{held} of {total} intervals at 95 % hold"
 
 
 def look(duration: float) -> str:
-    """What is said of shortened records, s."""
+    """Warn of shortened records (s)."""
     return f"This is a look, not a result: the records are {duration:g} s long instead of 240 s"
 
 
-def true_bandwidths(rows: Sequence[Recovered]) -> dict[str, float]:
-    """Small-signal truths by joint, in the order of the rows, Hz."""
+def true_bandwidths(rows: Rows) -> dict[str, float]:
+    """Return the small-signal truths by joint, in the order of the rows, Hz."""
     return {row.joint: row.true_hz for row in rows}
 
 
-def by_method(rows: Sequence[Recovered]) -> dict[str, list[Recovered]]:
-    """The rows of each method, in the order in which methods come first."""
-    found: dict[str, list[Recovered]] = {}
+def by_method(rows: Rows) -> dict[str, list["RecoveredBandwidth"]]:
+    """Group rows by method, in the order in which methods come first."""
+    groups: dict[str, list[RecoveredBandwidth]] = {}
     for row in rows:
-        found.setdefault(row.method, []).append(row)
-    return found
+        groups.setdefault(row.method, []).append(row)
+    return groups
 
 
 def between(values: Sequence[float]) -> str:
-    """Smallest and largest value with two decimals, or the one that there is."""
+    """Return the smallest and largest value with two decimals, or one where they are equal."""
     low, high = f"{min(values):.2f}", f"{max(values):.2f}"
     return low if low == high else f"{low} to {high}"
 
 
 def joined(parts: Sequence[str]) -> str:
-    """A list in words."""
+    """Join words with commas and an "and"."""
     return " and ".join(filter(None, (", ".join(parts[:-1]), parts[-1])))
 
 

@@ -317,6 +317,6 @@ def test_what_holds_for_every_path_is_said_once_and_without_python(
 
 
 def test_advice_in_words_of_python_is_left_out() -> None:
-    from scenarios.identification.identification import _for_users
+    from scenarios.identification.identification import without_python_advice
 
-    assert _for_users("the model is unstable: 1.1; stable=True forbids it") == "the model is unstable: 1.1"
+    assert without_python_advice("the model is unstable: 1.1; stable=True forbids it") == "the model is unstable: 1.1"

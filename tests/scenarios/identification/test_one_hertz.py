@@ -4,7 +4,6 @@ import numpy as np
 import pytest
 
 from scenarios.identification.one_hertz import (
-    Recovered,
     best_linear_in_words,
     between,
     coverage_in_words,
@@ -14,13 +13,14 @@ from scenarios.identification.one_hertz import (
     truth_in_words,
     verdict,
 )
+from scenarios.identification.recovered_bandwidth import RecoveredBandwidth
 
 NAN = float("nan")
 
 
-def row(hz: float, low: float, high: float, **others: object) -> Recovered:
+def row(hz: float, low: float, high: float, **others: object) -> RecoveredBandwidth:
     values = {"joint": "elbow_pitch", "method": "oe", "test": "5", "seed": 1, "true_hz": 1.0} | others
-    return Recovered(hz=hz, ci95=(low, high), **values)  # type: ignore[arg-type]
+    return RecoveredBandwidth(hz=hz, ci95=(low, high), **values)  # type: ignore[arg-type]
 
 
 def test_near_1_hz_and_right_are_two_things() -> None:

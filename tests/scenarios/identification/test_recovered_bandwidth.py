@@ -8,9 +8,9 @@ from scenarios.files.errors import ScenarioError
 from scenarios.identification.one_hertz import METHODS
 from scenarios.identification.recovered_bandwidth import (
     NONPARAMETRIC,
-    Place,
+    Recording,
     RecoveredBandwidth,
-    _repeats,
+    periodic,
     recover,
     structure,
 )
@@ -38,7 +38,7 @@ def recovered(
     u = np.tile(u, 120) if periodic else u
     y = lfilter(b, a, u) + noise * rng.standard_normal(len(u))
     record = IOData(u, y, DT)[200:].detrend()
-    return recover(record, method, Place(JOINT, "5", "known", seed, true))
+    return recover(Recording(JOINT, "5", seed, record), method, true)
 
 
 @pytest.mark.parametrize("method", [name for name in METHODS if name not in NONPARAMETRIC])
@@ -63,10 +63,10 @@ def test_a_noisy_command_repeats_all_the_same() -> None:
     u = np.tile(np.repeat(rng.choice([-1.0, 1.0], 50), 2), 40)
     noisy = u + 0.1 * rng.standard_normal(len(u))
     lone = np.repeat(rng.choice([-1.0, 1.0], 2000), 2)
-    assert _repeats(IOData(u, u, DT))
-    assert _repeats(IOData(noisy, noisy, DT))
-    assert not _repeats(IOData(lone, lone, DT))
-    assert not _repeats(IOData(u[:150], u[:150], DT)), "less than two periods tell nothing"
+    assert periodic(IOData(u, u, DT))
+    assert periodic(IOData(noisy, noisy, DT))
+    assert not periodic(IOData(lone, lone, DT))
+    assert not periodic(IOData(u[:150], u[:150], DT)), "less than two periods tell nothing"
 
 
 @pytest.mark.parametrize("method", NONPARAMETRIC)
@@ -96,7 +96,7 @@ def test_a_bandwidth_below_the_excitation_is_not_claimed_but_told() -> None:
 
 def test_what_an_estimator_refuses_is_a_row_with_the_reason() -> None:
     record = IOData(np.arange(6.0) % 3, np.arange(6.0), DT)
-    found = recover(record, "okid", Place(JOINT, "5", "short", None, 1.0))
+    found = recover(Recording(JOINT, "5", None, record), "okid", 1.0)
     assert found.refused
     assert "samples" in found.reasons[0]
 
