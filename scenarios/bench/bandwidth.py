@@ -13,7 +13,7 @@ from scenarios.bench.metric import NAN, UNLIMITED, Metric, MetricDefinition, Par
 from scenarios.bench.statistics import exact_interval_of_share
 from scenarios.estimators.contestant import Contestant
 from scenarios.estimators.outcome import MODEL
-from scenarios.identification.one_hertz import ABOUT_1_HZ, near_1_hz
+from scenarios.identification.recovered_bandwidth import ABOUT_1_HZ, near_1_hz
 from scenarios.problems.trial import Trial
 from sysid.records.arrays import FloatArray
 

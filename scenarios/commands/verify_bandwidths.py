@@ -9,7 +9,7 @@ import numpy as np
 from scenarios.bench.metric import Metric
 from scenarios.commands.output import print_table
 from scenarios.commands.verify_numbers import interval, number
-from scenarios.identification.one_hertz import ABOUT_1_HZ, near_1_hz
+from scenarios.identification.recovered_bandwidth import ABOUT_1_HZ, near_1_hz
 
 NAME = "bandwidth"
 """Metric that has them."""

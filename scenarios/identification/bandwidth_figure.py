@@ -9,8 +9,7 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
 from scenarios.identification.bandwidth_study import BandwidthStudy
-from scenarios.identification.one_hertz import ABOUT_1_HZ, METHODS
-from scenarios.identification.recovered_bandwidth import RecoveredBandwidth
+from scenarios.identification.recovered_bandwidth import ABOUT_1_HZ, METHODS, RecoveredBandwidth
 from scenarios.report.figure_style import HIGH, NOT_EXCITED, dress, short
 from scenarios.truth.published import published
 from sysid.plots import BOUND, INK, PALETTE, Style

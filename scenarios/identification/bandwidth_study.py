@@ -18,7 +18,6 @@ from scenarios.experiments.scenario import Scenario
 from scenarios.experiments.waveform import WINDOW
 from scenarios.files.errors import ScenarioError, unknown
 from scenarios.identification.one_hertz import (
-    METHODS,
     best_linear_in_words,
     coverage_in_words,
     look,
@@ -28,7 +27,7 @@ from scenarios.identification.one_hertz import (
     truth_in_words,
     verdict,
 )
-from scenarios.identification.recovered_bandwidth import Recording, RecoveredBandwidth, recover
+from scenarios.identification.recovered_bandwidth import METHODS, Recording, RecoveredBandwidth, recover
 from scenarios.truth.bla_of_record import BestLinearOfTest, best_linear_of_test
 from scenarios.truth.published import published
 from sysid.models.bandwidth import half_power_hz

@@ -1,39 +1,14 @@
 """Does the 1 Hz finding hold? The answer in words for the arm, for recovered models and for the printed ones."""
 
 from collections.abc import Iterable, Mapping, Sequence
-from typing import TYPE_CHECKING
 
 import numpy as np
 
+from scenarios.identification.recovered_bandwidth import ABOUT_1_HZ, METHODS, RecoveredBandwidth, near_1_hz
 from scenarios.truth.published import published
 from sysid.models.bandwidth import half_power_hz
 
-if TYPE_CHECKING:
-    from scenarios.identification.recovered_bandwidth import RecoveredBandwidth
-
-ABOUT_1_HZ = (0.8, 1.25)
-"""Range of bandwidths that count as about 1 Hz, Hz."""
-
-
-def near_1_hz(hz: float) -> bool:
-    """Whether a bandwidth is about 1 Hz."""
-    low, high = ABOUT_1_HZ
-    return low <= hz <= high
-
-
-METHODS = {
-    "arx": "ARX",
-    "armax": "ARMAX",
-    "iv4": "IV4",
-    "oe": "OE",
-    "okid": "OKID",
-    "oe_high": "OE of higher order",
-    "spa": "spectral analysis",
-    "etfe": "empirical transfer function",
-}
-"""Names of the methods in sentences."""
-
-Rows = Sequence["RecoveredBandwidth"]
+Rows = Sequence[RecoveredBandwidth]
 
 
 def verdict(rows: Rows) -> str:
@@ -197,7 +172,7 @@ def true_bandwidths(rows: Rows) -> dict[str, float]:
     return {row.joint: row.true_hz for row in rows}
 
 
-def by_method(rows: Rows) -> dict[str, list["RecoveredBandwidth"]]:
+def by_method(rows: Rows) -> dict[str, list[RecoveredBandwidth]]:
     """Group rows by method, in the order in which methods come first."""
     groups: dict[str, list[RecoveredBandwidth]] = {}
     for row in rows:

@@ -15,7 +15,6 @@ from scenarios.experiments.waveform import POINTS, WINDOW
 from scenarios.files.errors import ScenarioError, unknown
 from scenarios.identification.identification import fit_model
 from scenarios.identification.methods import ESTIMATORS
-from scenarios.identification.one_hertz import METHODS, near_1_hz
 from scenarios.truth.published import published
 from sysid import FrequencyResponse, IOData, SysidError, SysidWarning
 from sysid.models.bandwidth import (
@@ -27,6 +26,28 @@ from sysid.models.bandwidth import (
     lowest_excited,
     response_bandwidth,
 )
+
+ABOUT_1_HZ = (0.8, 1.25)
+"""Range of bandwidths that count as about 1 Hz, Hz."""
+
+
+def near_1_hz(hz: float) -> bool:
+    """Whether a bandwidth is about 1 Hz."""
+    low, high = ABOUT_1_HZ
+    return low <= hz <= high
+
+
+METHODS = {
+    "arx": "ARX",
+    "armax": "ARMAX",
+    "iv4": "IV4",
+    "oe": "OE",
+    "okid": "OKID",
+    "oe_high": "OE of higher order",
+    "spa": "spectral analysis",
+    "etfe": "empirical transfer function",
+}
+"""Names of the methods in sentences."""
 
 NONPARAMETRIC = {"spa": "spectral analysis, Hamming window", "etfe": "empirical transfer function, mean over periods"}
 """Methods without a model, with their labels."""

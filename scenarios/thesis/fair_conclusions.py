@@ -7,7 +7,7 @@ from itertools import combinations
 
 from hmtb_twin import STUDIED_JOINTS
 from scenarios.experiments.campaign import RPCM, Condition
-from scenarios.identification.one_hertz import near_1_hz
+from scenarios.identification.recovered_bandwidth import near_1_hz
 from scenarios.thesis.fairness_table import ArmFairness, BothFits, Fairness
 from scenarios.thesis.margin import MARGIN, tied
 

@@ -4,7 +4,7 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
-from scenarios.identification.one_hertz import ABOUT_1_HZ
+from scenarios.identification.recovered_bandwidth import ABOUT_1_HZ
 from scenarios.report.figure_style import NOT_EXCITED, WIDTH, dress, method_style, short
 from scenarios.thesis.comparison import Comparison
 from sysid.models.bandwidth import half_power_hz

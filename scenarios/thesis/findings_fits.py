@@ -9,7 +9,7 @@ import numpy as np
 import sysid
 from hmtb_twin import STUDIED_JOINTS
 from scenarios.experiments.campaign import RPCM, single_joint_test
-from scenarios.identification.one_hertz import ABOUT_1_HZ
+from scenarios.identification.recovered_bandwidth import ABOUT_1_HZ
 from scenarios.thesis.both_ways import WORDS, both_ways, without_noise_model
 from scenarios.thesis.comparison import Comparison
 from scenarios.thesis.finding import Finding, decided, verdict

@@ -4,7 +4,7 @@ from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 
 from hmtb_twin import STUDIED_JOINTS
-from scenarios.identification.one_hertz import METHODS
+from scenarios.identification.recovered_bandwidth import METHODS
 from scenarios.thesis.finding import Finding, Verdict
 from scenarios.thesis.outcome import ALONE
 from scenarios.thesis.tally import Coverage, Spread, Tally

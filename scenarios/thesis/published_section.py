@@ -10,7 +10,7 @@ import sysid
 from hmtb_twin import STUDIED_JOINTS
 from scenarios.experiments.campaign import RPCM, SEVERAL_JOINTS
 from scenarios.files.errors import MissingRecordError
-from scenarios.identification.one_hertz import near_1_hz
+from scenarios.identification.recovered_bandwidth import near_1_hz
 from scenarios.report.figure_style import short
 from scenarios.report.figures import Gallery
 from scenarios.thesis.comparison import Comparison

@@ -12,7 +12,7 @@ from markupsafe import Markup
 
 from scenarios.files.atomic_write import check_place, write_whole
 from scenarios.files.errors import ScenarioError
-from scenarios.identification.one_hertz import near_1_hz
+from scenarios.identification.recovered_bandwidth import near_1_hz
 from scenarios.report.drawing import SETTINGS
 from scenarios.report.figures import Gallery
 from scenarios.report.page_text import contents, numbered, signed

@@ -8,7 +8,7 @@ from hmtb_twin.parameters.values import SAMPLE_RATE
 from scenarios.experiments.log_review import SETTLING
 from scenarios.experiments.model_structures import STRUCTURES
 from scenarios.experiments.waveform import POINTS
-from scenarios.identification.one_hertz import ABOUT_1_HZ
+from scenarios.identification.recovered_bandwidth import ABOUT_1_HZ
 from scenarios.report.figure_style import EXCITED_FROM
 from scenarios.report.figures import Gallery, Picture
 from scenarios.thesis.attribution import CONDITIONS, COVERAGE

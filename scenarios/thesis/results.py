@@ -3,7 +3,8 @@
 from collections.abc import Iterable, Sequence
 from pathlib import Path
 
-from scenarios.identification.one_hertz import ABOUT_1_HZ, held_in_words, look, near_1_hz, published_in_words
+from scenarios.identification.one_hertz import held_in_words, look, published_in_words
+from scenarios.identification.recovered_bandwidth import ABOUT_1_HZ, near_1_hz
 from scenarios.thesis.attribution import AS_IT_IS, CONDITIONS, SMOOTH
 from scenarios.thesis.comparison import Comparison
 from scenarios.thesis.finding import Finding

@@ -3,7 +3,7 @@
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
-from scenarios.identification.one_hertz import near_1_hz
+from scenarios.identification.recovered_bandwidth import near_1_hz
 from scenarios.thesis.comparison import Comparison
 from scenarios.thesis.finding import Finding
 from scenarios.thesis.frequencies import frequency_text

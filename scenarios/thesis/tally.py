@@ -10,7 +10,7 @@ import numpy as np
 
 from scenarios.files.atomic_write import write_whole
 from scenarios.files.errors import ScenarioError
-from scenarios.identification.one_hertz import near_1_hz
+from scenarios.identification.recovered_bandwidth import near_1_hz
 from scenarios.thesis.finding import Verdict
 from scenarios.thesis.outcome import Outcome, outcome_from
 

@@ -12,8 +12,8 @@ import numpy as np
 from hmtb_twin import STUDIED_JOINTS
 from scenarios.experiments.campaign import CONDITIONS
 from scenarios.identification.bandwidth_study import BandwidthStudy, from_simulation
-from scenarios.identification.one_hertz import METHODS, best_linear_in_words, between, verdict
-from scenarios.identification.recovered_bandwidth import RecoveredBandwidth
+from scenarios.identification.one_hertz import best_linear_in_words, between, verdict
+from scenarios.identification.recovered_bandwidth import METHODS, RecoveredBandwidth
 from sysid.models.bandwidth import half_power_hz
 
 TEST = 5

@@ -5,8 +5,8 @@ import pytest
 from scipy.signal import lfilter
 
 from scenarios.files.errors import ScenarioError
-from scenarios.identification.one_hertz import METHODS
 from scenarios.identification.recovered_bandwidth import (
+    METHODS,
     NONPARAMETRIC,
     Recording,
     RecoveredBandwidth,

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 import scenarios.thesis.findings
-from scenarios.identification.one_hertz import near_1_hz
+from scenarios.identification.recovered_bandwidth import near_1_hz
 from scenarios.report.probability import p_value
 from scenarios.thesis.claims import CLAIMS
 from scenarios.thesis.comparison import Comparison
