@@ -18,7 +18,7 @@ from scenarios.experiments.logged_arm import check_truth, logged_arm
 from scenarios.files.errors import ScenarioError
 from scenarios.truth.attainable_models import ConditionalMean, conditional_mean, long_response
 from sysid import IOData, StateSpace, SysidError, SysidWarning, oe, pem_ss, predict
-from sysid.polynomial.least_squares import least_squares
+from sysid.polynomial.least_squares import tall_least_squares
 from sysid.records.arrays import FloatArray
 
 MATTERS = 1e-4
@@ -313,5 +313,5 @@ def _lagged(signal: FloatArray, memory: int, *, first: int) -> FloatArray:
 
 def _fitted(regressors: FloatArray, target: FloatArray, first: int) -> FloatArray:
     """Least squares from a sample on; the prediction of all, before that sample the target itself."""
-    solution = least_squares(regressors[first:], target[first:], cond=1e-12)
+    solution = tall_least_squares(regressors[first:], target[first:], cond=1e-12)
     return np.concatenate([target[:first], regressors[first:] @ solution])

@@ -10,7 +10,7 @@ from scipy.signal import lfilter
 from hmtb_twin import JOINTS, Arm
 from hmtb_twin.bus.recorder import delayed
 from hmtb_twin.parameters.values import SAMPLE_TIME
-from sysid.polynomial.least_squares import least_squares
+from sysid.polynomial.least_squares import tall_least_squares
 from sysid.records.arrays import FloatArray
 
 DIED = 1e-17
@@ -36,7 +36,7 @@ def long_response(u: FloatArray, y: FloatArray, order: int) -> FloatArray | None
     """
     past = np.arange(order, len(y))[:, None] - np.arange(1, order + 1)
     regressors = np.hstack([-y[past], *(signal[past] for signal in u.T)])
-    theta = least_squares(regressors, y[order:], cond=1e-15)
+    theta = tall_least_squares(regressors, y[order:], cond=1e-15)
     a, *b = np.split(theta, 1 + u.shape[1])
     a = np.concatenate([[1.0], a])
     pulse = np.zeros(len(y))
@@ -49,7 +49,7 @@ def long_response(u: FloatArray, y: FloatArray, order: int) -> FloatArray | None
     alive = int(np.flatnonzero(np.abs(free) > DIED * np.abs(free).max())[-1]) + 1
     rows = min(len(y), alive + order)
     columns = toeplitz(free[:rows], np.zeros(order))
-    weights = least_squares(columns, (y - forced)[:rows], cond=1e-15)
+    weights = tall_least_squares(columns, (y - forced)[:rows], cond=1e-15)
     return np.asarray(forced + np.convolve(free, weights)[: len(y)])
 
 

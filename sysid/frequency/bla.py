@@ -12,7 +12,7 @@ from scipy.stats import f as f_distribution
 
 from sysid.models.frequency_response import FrequencyResponse
 from sysid.records.arguments import real_number, whole_number
-from sysid.records.arrays import ComplexArray, FloatArray, Locked, lock
+from sysid.records.arrays import ComplexArray, FloatArray, Locked
 from sysid.records.data import IOData, as_experiments
 from sysid.records.errors import SysidError, SysidWarning
 
@@ -46,12 +46,6 @@ class BestLinearApproximation(Locked):
     lines: NDArray[np.int_]
     realisations: int
     periods: tuple[int, ...]
-
-    def __post_init__(self) -> None:
-        """Lock."""
-        for attribute, value in list(self.__dict__.items()):
-            if isinstance(value, np.ndarray):
-                object.__setattr__(self, attribute, lock(value))
 
 
 def bla(

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from sysid.polynomial.correlation import covariance_function, covariance_with_gaps
 from sysid.records.arguments import whole_number
-from sysid.records.arrays import FloatArray, Locked, lock
+from sysid.records.arrays import FloatArray, Locked
 from sysid.records.data import IOData, as_experiments
 
 
@@ -29,11 +29,6 @@ class CovarianceFunction(Locked):
     names: tuple[str, ...]
     ny: int
     dt: float
-
-    def __post_init__(self) -> None:
-        """Lock."""
-        object.__setattr__(self, "lags", lock(self.lags))
-        object.__setattr__(self, "values", lock(self.values))
 
     @property
     def output(self) -> FloatArray:

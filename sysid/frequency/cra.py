@@ -14,7 +14,7 @@ from sysid.polynomial.data_checks import check_excitation
 from sysid.polynomial.least_squares import solve
 from sysid.polynomial.regressors import lagged
 from sysid.records.arguments import confidence_level, whole_number
-from sysid.records.arrays import FloatArray, Locked, lock
+from sysid.records.arrays import FloatArray, Locked
 from sysid.records.data import IOData, as_experiments
 from sysid.records.errors import SysidError, SysidWarning
 
@@ -43,11 +43,6 @@ class ImpulseResponse(Locked):
     dt: float
     input_names: tuple[str, ...] = field(default=(), kw_only=True)
     output_names: tuple[str, ...] = field(default=(), kw_only=True)
-
-    def __post_init__(self) -> None:
-        """Lock."""
-        for attribute in ("lags", "response", "deviation"):
-            object.__setattr__(self, attribute, lock(getattr(self, attribute)))
 
     @property
     def time(self) -> FloatArray:

@@ -13,7 +13,7 @@ from sysid.polynomial.data_checks import check_excitation
 from sysid.polynomial.least_squares import triangular_factor
 from sysid.polynomial.regressors import arx_regressors, first_row
 from sysid.records.arguments import confidence_level, whole_number
-from sysid.records.arrays import FloatArray, Locked, lock
+from sysid.records.arrays import FloatArray, Locked
 from sysid.records.data import IOData, as_experiments
 from sysid.records.errors import SysidError, SysidWarning
 
@@ -39,11 +39,6 @@ class DelayEstimate(Locked):
     p_values: FloatArray
     correlations: FloatArray
     bound: FloatArray
-
-    def __post_init__(self) -> None:
-        """Lock."""
-        for attribute, value in list(self.__dict__.items()):
-            object.__setattr__(self, attribute, lock(value))
 
 
 def delayest(

@@ -10,7 +10,7 @@ from sysid.records.errors import SysidError
 def balanced_truncation(
     A: FloatArray, B: FloatArray, C: FloatArray, tolerance: float, order: int | None = None
 ) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
-    """Keep the states whose Hankel singular values matter [Moore1981].
+    """Keep the states with the largest Hankel singular values [Moore1981].
 
     The truncated response differs from the whole one by at most twice the sum of the dropped singular values, at any
     frequency.
@@ -33,14 +33,14 @@ def balanced_truncation(
     radius = np.abs(np.linalg.eigvals(A)).max()
     if radius >= 1.0:
         raise SysidError(f"balanced truncation needs a stable model, given one with spectral radius {radius:.6g}")
-    reach = _factor(scipy.linalg.solve_discrete_lyapunov(A, B @ B.T))
-    observe = _factor(scipy.linalg.solve_discrete_lyapunov(A.T, C.T @ C))
-    left, hankel, right = np.linalg.svd(observe.T @ reach)
+    controllability = _factor(scipy.linalg.solve_discrete_lyapunov(A, B @ B.T))
+    observability = _factor(scipy.linalg.solve_discrete_lyapunov(A.T, C.T @ C))
+    left, hankel, right = np.linalg.svd(observability.T @ controllability)
     keep = int((hankel > tolerance * hankel[0]).sum())
     keep = keep if order is None else min(keep, order)
     scale = 1.0 / np.sqrt(hankel[:keep])
-    to_balanced = scale[:, None] * (left[:, :keep].T @ observe.T)
-    from_balanced = reach @ right[:keep].T * scale
+    to_balanced = scale[:, None] * (left[:, :keep].T @ observability.T)
+    from_balanced = controllability @ right[:keep].T * scale
     return to_balanced @ A @ from_balanced, to_balanced @ B, C @ from_balanced, hankel
 
 

@@ -1,4 +1,4 @@
-"""Uncertainty of anything that can be computed from a model: step responses, gains, poles, zeros."""
+"""Uncertainty of quantities computed from a model: step responses, gains, poles, zeros."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -11,7 +11,7 @@ from sysid.models.estimate import Estimate, as_estimate
 from sysid.models.frequency_response import NORMAL_95
 from sysid.models.state_space import StateSpace
 from sysid.records.arguments import shown, whole_number
-from sysid.records.arrays import ComplexArray, FloatArray, Locked, lock
+from sysid.records.arrays import ComplexArray, FloatArray, Locked
 from sysid.records.errors import SysidError
 
 CHI_SQUARE_95 = 5.991464547107979  # two degrees of freedom
@@ -20,10 +20,10 @@ Quantity = Callable[[StateSpace], FloatArray]
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Band(Locked):
-    """A quantity with its uncertainty, entry by entry.
+    """A quantity with its standard deviation and 95 % interval, entry by entry.
 
     Attributes:
-        value: The quantity for the estimate itself.
+        value: The quantity of the estimate.
         deviation: Standard deviation; NaN where the parameters' covariance is not known.
         ci95: Lower and upper end of the 95 % interval.
     """
@@ -32,30 +32,19 @@ class Band(Locked):
     deviation: FloatArray
     ci95: tuple[FloatArray, FloatArray]
 
-    def __post_init__(self) -> None:
-        """Lock."""
-        object.__setattr__(self, "value", lock(self.value))
-        object.__setattr__(self, "deviation", lock(self.deviation))
-        object.__setattr__(self, "ci95", (lock(self.ci95[0]), lock(self.ci95[1])))
-
 
 @dataclass(frozen=True, eq=False, repr=False)
 class RootBand(Locked):
     """Poles or zeros with their uncertainty.
 
     Attributes:
-        roots: For the estimate itself, largest modulus first (n,).
+        roots: Roots of the estimate, largest modulus first (n,).
         covariance: Of (real part, imaginary part) of each (n, 2, 2); NaN where small changes of the parameters change
             the number of roots, or where the parameters' covariance is not known.
     """
 
     roots: ComplexArray
     covariance: FloatArray
-
-    def __post_init__(self) -> None:
-        """Lock."""
-        object.__setattr__(self, "roots", lock(self.roots))
-        object.__setattr__(self, "covariance", lock(self.covariance))
 
     def modulus_deviation(self) -> FloatArray:
         """Standard deviation of the modulus, to first order (n,)."""
@@ -76,7 +65,7 @@ class RootBand(Locked):
 def band(estimate: Estimate, quantity: Quantity) -> Band:
     """95 % interval of a quantity by the delta method [Ljung1999, ch. 9].
 
-    Right where the quantity is about linear over the parameters' own spread; `sampled_band` is the check.
+    Valid where the quantity is about linear over the spread of the parameters; `sampled_band` is the check.
 
     Args:
         estimate: Any parametric estimate.
@@ -114,14 +103,14 @@ def sampled_band(estimate: Estimate, quantity: Quantity, rng: np.random.Generato
     estimate = as_estimate(estimate)
     value = _real(quantity(estimate.model))
     values = np.array([quantity(model) for model in sample_models(estimate, rng, draws=draws)], dtype=float)
-    # a draw may be unstable, its response endless: that is part of the answer
+    # a draw may be unstable and its response overflow: the percentiles then end at infinity, as they should
     with np.errstate(over="ignore", invalid="ignore"):
         low, high = np.percentile(values, [2.5, 97.5], axis=0)
         return Band(value, values.std(axis=0, ddof=1), (low, high))
 
 
 def _real(value: FloatArray) -> FloatArray:
-    """The quantity, unless it is complex: an interval needs an ordered one."""
+    """Check that the quantity is real: an interval needs an order."""
     out = np.asarray(value)
     if np.iscomplexobj(out):
         raise SysidError(
@@ -132,7 +121,7 @@ def _real(value: FloatArray) -> FloatArray:
 
 
 def sample_models(estimate: Estimate, rng: np.random.Generator, *, draws: int = 500) -> list[StateSpace]:
-    """Models with parameters drawn from the normal distribution that the estimate stands for.
+    """Models with parameters drawn from the normal distribution of the estimate.
 
     Args:
         estimate: Any parametric estimate with a covariance.
@@ -158,7 +147,7 @@ def sample_models(estimate: Estimate, rng: np.random.Generator, *, draws: int = 
 def poles_band(estimate: Estimate) -> RootBand:
     """Poles of the path from input to output with their covariances, by the delta method [Ljung1999, ch. 9].
 
-    Where two poles coincide there is none to first order.
+    Coincident poles have no covariance to first order.
 
     Args:
         estimate: Any parametric estimate.
@@ -194,7 +183,7 @@ def _roots_band(estimate: Estimate, roots_of: Callable[[StateSpace], ComplexArra
 
 
 def _matched(roots: ComplexArray, nominal: ComplexArray) -> ComplexArray:
-    """`roots` in the sequence of `nominal`, each beside its own; NaN where their number differs."""
+    """`roots` in the sequence of the `nominal` ones that they are nearest to; NaN where their number differs."""
     if len(roots) != len(nominal):
         return np.full(len(nominal), complex(np.nan, np.nan))
     _, sequence = linear_sum_assignment(np.abs(nominal[:, None] - roots))

@@ -1,4 +1,4 @@
-"""Bandwidths of responses and models: gain crossing, half-power bandwidth, and whether the record supports it."""
+"""Bandwidths of responses and models: gain crossing, half-power bandwidth, and whether a record supports it."""
 
 from dataclasses import dataclass
 
@@ -12,18 +12,18 @@ from sysid.records.arrays import FloatArray
 from sysid.records.data import IOData
 
 HALF_POWER = float(np.sqrt(0.5))
-"""The gain 0.707: half of the power of an answer that follows its command."""
+"""Gain 0.707: half the power of a response of gain one."""
 
 
 def gain_crossing(response: FrequencyResponse, level: float) -> float:
-    """First frequency at which the gain falls below a level, interpolated between lines on logarithmic axes.
+    """First frequency at which the gain falls below a level, interpolated on logarithmic axes.
 
     Args:
-        response: Response on its lines, one input and one output.
+        response: Response of one input and one output.
         level: Gain.
 
     Returns:
-        Frequency, Hz; NaN if the gain never falls so low, or lies below it from the first line on.
+        Frequency, Hz; NaN if the gain never falls below the level, or lies below it from the first line on.
     """
     f, gain = response.frequencies, response.magnitude[:, 0, 0]
     below = np.flatnonzero(gain < level)
@@ -35,29 +35,29 @@ def gain_crossing(response: FrequencyResponse, level: float) -> float:
 
 
 def half_power_hz(model: StateSpace) -> float:
-    """First frequency at which a model's gain is 0.707, whatever it is at 0 Hz.
+    """First frequency at which a model's gain falls to 0.707, whatever its gain at 0 Hz.
 
-    Where the input has power on both sides of it, this frequency is measured. The bandwidth, 3.01 dB below the gain at
-    0 Hz, is extrapolated as long as nothing near 0 Hz is excited.
+    An input with power on both sides of this frequency measures it. The bandwidth, 3.01 dB below the gain at 0 Hz, is
+    an extrapolation unless the input has power near 0 Hz.
 
     Args:
         model: One input and one output.
 
     Returns:
-        Frequency, Hz; NaN if the gain never falls so low, or lies below it from the first.
+        Frequency, Hz; NaN if the gain never falls to 0.707, or lies below it throughout.
     """
     f = np.geomspace(0.005, 0.5 / model.dt, 4000)
     return gain_crossing(FrequencyResponse(f, model.frequency_response(f), model.dt, "model"), HALF_POWER)
 
 
 DEGREE = 4
-"""Degree, in squared frequency, of the polynomial that 1 / |G|^2 is fitted by."""
+"""Degree in squared frequency of the polynomial fitted to 1 / |G|^2."""
 
 REACH = 2.0
-"""How far beyond the crossing the fit looks, in multiples of its frequency."""
+"""Highest frequency of the fit, in multiples of the crossing frequency."""
 
 NEIGHBOURS = 4
-"""Lines to either side over which the variance is averaged."""
+"""Lines on either side over which the variance is averaged."""
 
 
 def response_bandwidth(response: FrequencyResponse) -> Bandwidth:
@@ -67,8 +67,8 @@ def response_bandwidth(response: FrequencyResponse) -> Bandwidth:
     in squared frequency. It is fitted by weighted least squares to the lines up to twice the crossing, each corrected
     for the bias that noise gives to a squared modulus; its value at 0 Hz and its crossing of twice that value give the
     bandwidth, their covariance its interval, to first order and on a logarithmic scale. The variances of neighbouring
-    lines, which are alike, are averaged. On the joints of the nominal arm the polynomial is off by up to 1.3e-4 of the
-    bandwidth, which the interval does not hold.
+    lines, which are about equal, are averaged. The interval does not cover the error of the polynomial itself, about
+    1.3e-4 of the bandwidth for a servo of a few poles.
 
     Args:
         response: The response with its covariance, lines from well below the bandwidth to well above it.
@@ -94,14 +94,14 @@ def _channel(response: FrequencyResponse, i: int, j: int) -> tuple[float, float,
     below = np.flatnonzero(power < 0.5 * np.median(power[:3]))
     if not len(below) or (power[: below[0] + 1] <= 0.0).any():
         return unknown
-    seen = np.flatnonzero(f <= REACH * f[below[0]])
-    seen = seen[power[seen] > 0.0]
-    if len(seen) < DEGREE + 2:
+    lines = np.flatnonzero(f <= REACH * f[below[0]])
+    lines = lines[power[lines] > 0.0]
+    if len(lines) < DEGREE + 2:
         return unknown
     # 1 / |G|^2 has the standard deviation 2 sd(|G|) / |G|^3, where the variance of |G| is half that of G.
-    target, deviation = 1.0 / power[seen], 2.0 * np.sqrt(0.5 * variance[seen]) / power[seen] ** 1.5
-    scale = f[seen[-1]]
-    basis = np.vander((f[seen] / scale) ** 2, DEGREE + 1, increasing=True) / deviation[:, None]
+    target, deviation = 1.0 / power[lines], 2.0 * np.sqrt(0.5 * variance[lines]) / power[lines] ** 1.5
+    scale = f[lines[-1]]
+    basis = np.vander((f[lines] / scale) ** 2, DEGREE + 1, increasing=True) / deviation[:, None]
     inverse = np.linalg.pinv(basis)
     coefficients, covariance = inverse @ (target / deviation), inverse @ inverse.T
     excess = np.polynomial.Polynomial(coefficients - 2.0 * coefficients[0] * np.eye(DEGREE + 1)[0])
@@ -126,34 +126,34 @@ def _smooth(variance: FloatArray) -> FloatArray:
 
 
 WIDEST = 100.0
-"""An interval whose ends differ by more than this factor says nothing."""
+"""Ratio of the ends of a 95 % interval beyond which the bandwidth counts as undetermined."""
 
 INTEGRATES = 1e-6
-"""A pole this close to one integrates: there is no gain at 0 Hz to fall from."""
+"""Distance from z = 1 below which a pole integrates: there is no gain at 0 Hz to compare with."""
 
 LINE = 1e-3
-"""A line excites if it holds this part of the strongest line's power; below it are noise and leakage."""
+"""A line excites if it has this part of the strongest line's power; weaker ones are noise and leakage."""
 
 FLOOR = 1e-2
-"""A floor of many weak lines excites too if it holds this part of the power together."""
+"""A broad floor of weak lines excites too if it has this part of the total power."""
 
 SCATTER = 0.03
-"""Single lines of a random floor fall to this part of its middle and still belong to it."""
+"""Lowest power of a line of a random floor, relative to the floor's median."""
 
 RESOLVED = 2
-"""Lines of the record next to 0 Hz that the window cannot tell from it."""
+"""Number of lines next to 0 Hz that the window does not resolve from it."""
 
 
 @dataclass(frozen=True)
 class BandwidthClaim:
-    """A bandwidth as far as it can be claimed.
+    """Bandwidth of a model, withheld where the record cannot support it.
 
     Attributes:
-        hz: Bandwidth, Hz; NaN where there is none, or none that can be claimed.
+        hz: Bandwidth, Hz; NaN where there is none, or none that the record supports.
         low: Lower end of the 95 % interval, Hz; NaN likewise.
         high: Upper end, Hz; NaN likewise.
-        refused: Whether the model has one that the record does not bear.
-        warnings: What speaks against it, in words.
+        refused: Whether the model has a bandwidth that the record does not support.
+        warnings: Reasons against the bandwidth, in words.
     """
 
     hz: float
@@ -164,73 +164,73 @@ class BandwidthClaim:
 
 
 def bandwidth_claim(
-    found: Estimate, record: IOData, *, output: int = 0, input: int = 0, band: Bandwidth | None = None
+    estimate: Estimate, record: IOData, *, output: int = 0, input: int = 0, band: Bandwidth | None = None
 ) -> BandwidthClaim:
-    """Weigh the bandwidth of a model, from one input to one output, against its record.
+    """Check the bandwidth of a model, from one input to one output, against the record that it was fitted to.
 
     Args:
-        found: The estimate.
-        record: What it was estimated from, as it was used.
-        output: Which output.
-        input: Which input.
-        band: Its bandwidths where they are known already.
+        estimate: The estimate.
+        record: The record of the fit, after all pre-processing.
+        output: Index of the output.
+        input: Index of the input.
+        band: Bandwidths of the estimate, if already computed.
 
     Returns:
         The bandwidth, or NaN with the reason.
     """
-    band = found.bandwidth() if band is None else band
+    band = estimate.bandwidth() if band is None else band
     hz, low, high = (float(part[output, input]) for part in (band.hz, *band.ci95))
     lowest = lowest_excited(record, input=input)
-    poles = found.poles()
-    against: list[str] = []
+    poles = estimate.poles()
+    objections: list[str] = []
     if len(poles) and np.abs(poles - 1.0).min() < INTEGRATES:
-        against.append("the model has a pole at one: it integrates, so it has no gain at 0 Hz and no bandwidth")
+        objections.append("the model has a pole at one: it integrates, so it has no gain at 0 Hz and no bandwidth")
     elif np.isfinite(hz):
         if np.isfinite(low) and not high <= WIDEST * low:
-            against.append(
-                f"the bandwidth cannot be told: its 95 % interval, {low:.2g} to {high:.2g} Hz, spans more than a "
+            objections.append(
+                f"the bandwidth is not determined: its 95 % interval, {low:.2g} to {high:.2g} Hz, spans more than a "
                 f"factor of {WIDEST:g}"
             )
         shortest = 1.0 / (len(record.scored) * record.dt)
         if hz < shortest:
-            against.append(
-                f"the bandwidth cannot be told: the model claims {hz:.2g} Hz, and the record of "
-                f"{len(record.scored) * record.dt:.3g} s holds no whole period of anything below {shortest:.2g} Hz"
+            objections.append(
+                f"the bandwidth is not determined: it is {hz:.2g} Hz in the model, but the record of "
+                f"{len(record.scored) * record.dt:.3g} s holds no full period of frequencies below {shortest:.2g} Hz"
             )
         if lowest > hz:
-            against.append(
-                f"the bandwidth cannot be told: the model claims {hz:.2g} Hz, and the input excites nothing below "
+            objections.append(
+                f"the bandwidth is not determined: it is {hz:.2g} Hz in the model, but the input excites nothing below "
                 f"{lowest:.2g} Hz"
             )
-    remarks = list(against)
+    warnings = list(objections)
     if lowest > 0:
-        remarks.append(
+        warnings.append(
             f"nothing below {lowest:.2g} Hz is excited; the gain at 0 Hz, and with it the bandwidth, is extrapolated"
         )
     if len(poles) and np.abs(poles).max() > 1.0 + INTEGRATES:
-        remarks.append(f"the model is unstable: a pole has modulus {np.abs(poles).max():.4g}")
-    if against:
+        warnings.append(f"the model is unstable: a pole has modulus {np.abs(poles).max():.4g}")
+    if objections:
         hz = low = high = float("nan")
-    return BandwidthClaim(hz, low, high, bool(against), tuple(remarks))
+    return BandwidthClaim(hz, low, high, bool(objections), tuple(warnings))
 
 
 def lowest_excited(record: IOData, *, input: int = 0) -> float:
-    """Lowest frequency at which the input has power to speak of, Hz.
+    """Lowest frequency at which the input has significant power, Hz.
 
-    That is the first line of the windowed record that stands out, by itself or as part of a broad floor. From it one
-    climbs to the top of its peak, since the window spreads every line over its neighbours.
+    It is the first line of the windowed spectrum that stands out, by itself or as part of a broad floor, moved to the
+    top of its peak: the window spreads every line over its neighbours.
 
     Args:
-        record: The record; 0 Hz counts if its mean was left in.
-        input: Which input.
+        record: The record; 0 Hz counts unless its mean was removed.
+        input: Index of the input.
 
     Returns:
-        The frequency; 0 if the input reaches down to 0 Hz as far as the length of the record tells.
+        The frequency; 0 if the input reaches down to 0 Hz within the resolution of the record.
     """
     u = record.scored.u[:, input]
     n = len(u)
     window = 0.5 - 0.5 * np.cos(2.0 * np.pi * np.arange(n) / n)
-    # A record cut in the middle of a period has a mean under the window even after its own was removed.
+    # A record that ends within a period has a mean under the window even after its own mean was removed.
     u = u - (window @ u / window.sum() - u.mean())
     power = np.abs(np.fft.rfft(window * u)) ** 2
     level = LINE * power.max()

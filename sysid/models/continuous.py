@@ -1,4 +1,4 @@
-"""Between discrete and continuous time."""
+"""Conversion between discrete and continuous time."""
 
 from itertools import chain
 from typing import TYPE_CHECKING, Any
@@ -17,19 +17,18 @@ from sysid.records.errors import SysidError
 if TYPE_CHECKING:
     import control
 
-AT_ZERO = 1e-9  # modulus of a pole below which it is a sample of delay
-AT_INFINITY = 30.0  # modulus of a zero, times dt, beyond which exp(s dt) is none within the digits of the machine
-AT_ONE = 1e-9  # distance from z = 1 below which a pole integrates
+AT_ZERO = 1e-9  # modulus of a pole below which it counts as a sample of delay
+AT_INFINITY = 30.0  # modulus of a zero, times dt, from which exp(s dt) is lost in floating-point rounding
+AT_ONE = 1e-9  # distance from z = 1 below which a pole counts as an integrator
 
 
 def d2c(model: StateSpace | Estimate) -> "control.StateSpace":
-    """The continuous-time system that gives `model` when its input is held between samples.
+    """Convert to the continuous-time system whose zero-order-hold discretisation is `model`.
 
     exp([F G; 0 0] dt) = [A B; 0 I], by the principal logarithm: frequencies are taken to lie below Nyquist.
 
     Args:
-        model: A model or estimate; its noise model has no part in this, and its input is taken as held whatever
-            the record of an estimate says.
+        model: A model or estimate; its noise model is ignored, and its input is taken as held.
 
     Returns:
         A continuous-time python-control system with the names of `model`.
@@ -42,11 +41,11 @@ def d2c(model: StateSpace | Estimate) -> "control.StateSpace":
 
     model = as_model(model).input_path()
     poles = model.poles()
-    without = poles[_without_match(poles)]
-    if len(without):
+    unmatched = poles[_without_match(poles)]
+    if len(unmatched):
         raise SysidError(
-            f"the model has {len(without)} pole(s) at zero or on the negative real axis, {_list(without)}, which no "
-            "continuous-time system of the same order has; take delays out by split_delay, or fit a lower order"
+            f"the model has {len(unmatched)} pole(s) at zero or on the negative real axis, {_list(unmatched)}, which "
+            "no continuous-time system of the same order has; remove delays by split_delay, or fit a lower order"
         )
     n, nu = model.B.shape
     held = np.block([[model.A, model.B], [np.zeros((nu, n)), np.eye(nu)]])
@@ -63,7 +62,7 @@ def d2c(model: StateSpace | Estimate) -> "control.StateSpace":
 
 
 def c2d(system: "control.LTI", dt: float) -> StateSpace:
-    """Sample a continuous-time system whose input is held between samples.
+    """Discretise a continuous-time system whose input is held between samples.
 
     Args:
         system: A continuous-time python-control system.
@@ -90,10 +89,10 @@ def c2d(system: "control.LTI", dt: float) -> StateSpace:
 
 
 def d2c_matched(model: StateSpace | Estimate) -> "control.TransferFunction":
-    """The continuous-time system whose poles and zeros s map to those of `model` by z = exp(s dt).
+    """Convert to the continuous-time system whose poles and zeros s map to those of `model` by z = exp(s dt).
 
     Zeros at zero and on the negative real axis, which sampling makes [Astrom1984], belong to infinite frequency and are
-    left out. The gain is matched at 0 Hz, or where that is zero or infinite at a tenth of the Nyquist frequency.
+    dropped. The gain is matched at 0 Hz, or where that is zero or infinite at a tenth of the Nyquist frequency.
 
     Args:
         model: A model or estimate with one input and one output; its noise model has no part in this.
@@ -108,20 +107,20 @@ def d2c_matched(model: StateSpace | Estimate) -> "control.TransferFunction":
 
     model = as_model(model).input_path()
     z = zero_pole_gain(model)
-    # several at -1 come out as a small circle round it
+    # a multiple zero at -1 is computed as a small circle around it
     finite = z.zeros[~_without_match(z.zeros) & (np.abs(z.zeros + 1.0) > 1e-6)]
-    lost = z.poles[_without_match(z.poles)]
-    if len(lost):
+    unmatched = z.poles[_without_match(z.poles)]
+    if len(unmatched):
         raise SysidError(
-            f"poles at zero or on the negative real axis, {_list(lost)}, match none in continuous time; take delays "
-            "out by split_delay, or fit a lower order"
+            f"poles at zero or on the negative real axis, {_list(unmatched)}, match none in continuous time; "
+            "remove delays by split_delay, or fit a lower order"
         )
     zeros, poles = np.log(finite) / model.dt, np.log(z.poles) / model.dt
     unscaled = control.zpk(zeros, poles, 1.0)
     f = 0.0 if _regular_at_zero(z) else 0.05 / model.dt
     target = model.frequency_response([f])[0, 0, 0]
     gain = target / complex(unscaled(2j * np.pi * f))
-    # at 0 Hz both are real; elsewhere only the magnitude can be matched, the sign by the nearer phase
+    # both gains are real at 0 Hz; elsewhere only the magnitude can be matched, with the sign of the nearer phase
     return control.zpk(zeros, poles, float(np.copysign(abs(gain), gain.real)))
 
 
@@ -146,7 +145,7 @@ def c2d_matched(system: "control.LTI", dt: float) -> StateSpace:
     if system.ninputs != 1 or system.noutputs != 1:
         raise SysidError(f"matching takes one input and one output, got {system.ninputs} and {system.noutputs}")
     poles, zeros = np.asarray(system.poles(), complex), np.asarray(system.zeros(), complex)
-    # what rounding made of a leading coefficient is a zero far beyond anything that samples know of
+    # a leading coefficient of rounding gives a zero far beyond the frequencies that samples can show
     zeros = zeros[np.abs(zeros) * dt < AT_INFINITY]
     _check_proper(len(zeros), len(poles))
     extra = max(len(poles) - len(zeros) - 1, 0)
@@ -162,7 +161,7 @@ def _continuous(system: "control.LTI") -> "control.LTI":
 
     if not isinstance(system, control.StateSpace | control.TransferFunction):
         raise SysidError(f"expected a continuous-time python-control system, got {type(system).__name__}")
-    # a gain alone has no time of either kind
+    # python-control gives a static gain neither continuous nor discrete time
     static = system.dt is None and not len(system.poles())
     if not static and not system.isctime(strict=True):
         raise SysidError(f"expected a continuous-time python-control system, got one with dt = {system.dt!r}")
@@ -175,7 +174,7 @@ def _check_proper(zeros: int, poles: int) -> None:
 
 
 def _without_match(roots: ComplexArray) -> np.ndarray[Any, np.dtype[np.bool_]]:
-    """Which of the roots z are exp(s dt) of no s on the principal branch: at zero, or on the negative real axis."""
+    """Mask of the roots z that are no exp(s dt) on the principal branch: at zero, or on the negative real axis."""
     on_axis = np.abs(roots.imag) <= 1e-9 * np.abs(roots)
     return (np.abs(roots) < AT_ZERO) | ((roots.real < 0.0) & on_axis)
 

@@ -6,8 +6,7 @@ import numpy as np
 
 from sysid.records.arrays import FloatArray
 
-# a fraction of one standard deviation: small against curvature, large against rounding
-STEP = 0.01
+STEP = 0.01  # in standard deviations: small against the curvature of the function, large against rounding
 
 
 def standard_directions(covariance: FloatArray) -> FloatArray:
@@ -42,7 +41,7 @@ def spread(function: Callable[[FloatArray], FloatArray], parameters: FloatArray,
         Derivatives (p, *shape of the function's value).
     """
     if not np.isfinite(covariance).all():
-        # how well the parameters are known is not known
+        # without a covariance of the parameters there is none of the function
         return np.full((1, *np.shape(function(parameters))), np.nan)
     directions = standard_directions(covariance)
     return np.array(

@@ -1,4 +1,4 @@
-"""What every parametric estimator returns."""
+"""The record that every parametric estimator returns, and the uncertainty of its response and bandwidth."""
 
 import math
 import warnings
@@ -13,15 +13,15 @@ from sysid.models.delta_method import spread
 from sysid.models.frequency_response import NORMAL_95, FrequencyResponse
 from sysid.models.polynomials import Polynomials
 from sysid.models.state_space import StateSpace
-from sysid.records.arrays import ComplexArray, FloatArray, Locked, lock, locked_within, real_array
+from sysid.records.arrays import ComplexArray, FloatArray, Locked, locked_within, real_array
 from sysid.records.data import IOData
 from sysid.records.errors import SysidError, SysidWarning
 
 VAGUE = 3.5
-"""Standard deviation of a bandwidth's logarithm beyond which its interval says nothing: a factor of a thousand."""
+"""Standard deviation of a bandwidth's logarithm from which its interval is useless: a factor of a thousand."""
 
 LISTED = 16
-"""Parameters that a printed estimate lists one by one."""
+"""Largest number of parameters that a printed estimate lists one by one."""
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -37,20 +37,15 @@ class Bandwidth(Locked):
     hz: FloatArray
     ci95: tuple[FloatArray, FloatArray]
 
-    def __post_init__(self) -> None:
-        """Lock."""
-        object.__setattr__(self, "hz", lock(self.hz))
-        object.__setattr__(self, "ci95", (lock(self.ci95[0]), lock(self.ci95[1])))
-
     def covers(self, hz: ArrayLike) -> np.ndarray[Any, np.dtype[np.bool_]]:
-        """Whether the interval holds `hz`, entry by entry (ny, nu); never where there is no bandwidth."""
+        """Whether the interval contains `hz`, entry by entry (ny, nu); False where there is no bandwidth."""
         value = np.asarray(hz, dtype=float)
         return (self.ci95[0] <= value) & (value <= self.ci95[1])
 
 
 @dataclass(frozen=True)
 class DataSummary:
-    """What an estimate remembers of its data.
+    """Description of the data of an estimate.
 
     Attributes:
         samples: Length of each experiment.
@@ -84,10 +79,15 @@ class DataSummary:
             names=tuple(e.name for e in experiments),
         )
 
+    @property
+    def labels(self) -> dict[str, Any]:
+        """Names and units of the channels, as keyword arguments of `StateSpace`."""
+        return {key: getattr(self, key) for key in ("input_names", "output_names", "input_units", "output_units")}
+
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Estimate(Locked):
-    """A model, how it was found and how well it is known.
+    """A model with its parameters, their covariance, and the diagnostics of the fit.
 
     Attributes:
         model: Innovation form.
@@ -99,10 +99,10 @@ class Estimate(Locked):
         residuals: One-step prediction errors of `model` on its own data, the initial state fitted, (N, ny); experiments
             one after the other.
         method: Name of the estimator.
-        orders: What it was asked for.
-        diagnostics: Condition number, iterations, convergence, starts, `warnings` (a tuple of texts), and more that
-            belongs to the method.
-        data: What the data were.
+        orders: Orders given to the estimator.
+        diagnostics: Condition number, iterations, convergence, initial estimates, `warnings` (a tuple of texts), and
+            entries of the method.
+        data: Description of the data.
         realise: Pure function from parameters to the model; the delta method differentiates it.
     """
 
@@ -120,21 +120,20 @@ class Estimate(Locked):
     realise: Callable[[FloatArray], StateSpace]
 
     def __post_init__(self) -> None:
-        """Lock arrays and copies of the mappings."""
+        """Check shapes; lock arrays and copies of the mappings."""
         p = len(self.parameters)
         if self.covariance.shape != (p, p) or len(self.parameter_names) != p:
             raise SysidError(
                 f"{p} parameters need {p} names and a {p} x {p} covariance, got {len(self.parameter_names)} and "
                 f"{self.covariance.shape}"
             )
-        for attribute in ("parameters", "covariance", "noise_variance", "residuals"):
-            object.__setattr__(self, attribute, lock(getattr(self, attribute)))
+        super().__post_init__()
         for attribute in ("orders", "diagnostics"):
             copied = {name: _copied(value) for name, value in getattr(self, attribute).items()}
             object.__setattr__(self, attribute, locked_within(copied))
 
     def __repr__(self) -> str:
-        """One short line: the first of the text."""
+        """The first line of the text."""
         return f"<Estimate: {self._heading()}>"
 
     def _heading(self) -> str:
@@ -160,19 +159,19 @@ class Estimate(Locked):
         return "\n".join(lines)
 
     def poles(self) -> ComplexArray:
-        """Poles of the path from input to output, largest modulus first; `poles_band` tells how well they are known."""
+        """Poles of the path from input to output, largest modulus first; with intervals: `poles_band`."""
         return self.model.input_path().poles()
 
     def zeros(self) -> ComplexArray:
-        """Transmission zeros of the path from input to output, largest modulus first; see `zeros_band`."""
+        """Transmission zeros of the path from input to output, largest modulus first; with intervals: `zeros_band`."""
         return self.model.input_path().zeros()
 
     def dc_gain(self) -> FloatArray:
-        """Gain at 0 Hz (ny, nu); see `band`."""
+        """Gain at 0 Hz (ny, nu); with its interval: `band`."""
         return self.model.dc_gain()
 
     def step_response(self, n: int) -> FloatArray:
-        """Response to a unit step in each input (n, ny, nu); see `band`."""
+        """Response to a unit step in each input (n, ny, nu); with its interval: `band`."""
         return self.model.step_response(n)
 
     @property
@@ -206,10 +205,11 @@ class Estimate(Locked):
         """Half-power bandwidth with its 95 % interval, by the delta method on its logarithm.
 
         The crossing moves by d(log f) = -d(log ratio) / (d log ratio / d log f), ratio = |G(f)|^2 / |G(0)|^2, so that
-        the crossing is solved for only once [Ljung1999, ch. 9]. No end lies beyond the Nyquist frequency.
+        the crossing is solved for only once [Ljung1999, ch. 9]. The interval ends at the Nyquist frequency at most.
 
         Warns:
-            SysidWarning: A bandwidth known to less than a factor of a thousand, as of a model that all but integrates.
+            SysidWarning: A bandwidth uncertain by more than a factor of a thousand, as that of a model close to an
+                integrator.
         """
         hz = self.model.bandwidth()
         _, moves = self._moves(np.zeros(0), hz)
@@ -226,7 +226,7 @@ class Estimate(Locked):
         return self._frequency_response(f, moves)
 
     def response_and_bandwidth(self, f_hz: ArrayLike) -> tuple[FrequencyResponse, Bandwidth]:
-        """`frequency_response` and `bandwidth` at once: half the time, where models take long to realise.
+        """`frequency_response` and `bandwidth` at once, in half the time where models take long to realise.
 
         Args:
             f_hz: Frequencies in Hz (nf,).
@@ -239,15 +239,10 @@ class Estimate(Locked):
         return self._frequency_response(f, of_response), self._bandwidth(hz, of_ratios)
 
     def _moves(self, f: FloatArray, hz: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Changes per standard direction, each model realised once.
+        """Changes per standard direction, with one realisation of each model.
 
-        Args:
-            f: Frequencies in Hz (nf,).
-            hz: Bandwidths (ny, nu), NaN where there is none.
-
-        Returns:
-            Those of real and imaginary part of the response at `f` (p, nf, ny, nu, 2), and those of
-            log(|G(hz)|^2 / |G(0)|^2) (p, m), one for each bandwidth that there is.
+        The first are those of real and imaginary part of the response at `f` (p, nf, ny, nu, 2), the second those of
+        log(|G(hz)|^2 / |G(0)|^2) (p, m), one for each finite bandwidth in `hz` (ny, nu).
         """
         shape = (len(f), self.model.ny, self.model.nu, 2)
         i, j = np.nonzero(np.isfinite(hz))
@@ -274,9 +269,8 @@ class Estimate(Locked):
         vague = deviation > VAGUE
         if vague.any():
             warnings.warn(
-                f"the bandwidth is not determined: the standard deviation of its logarithm is "
-                f"{np.nanmax(deviation):.3g}, where the model hardly differs from an integrator; its interval is 0 to "
-                "Nyquist",
+                "the bandwidth is not determined, since the model hardly differs from an integrator: its logarithm has "
+                f"the standard deviation {np.nanmax(deviation):.3g}, and its interval is 0 to Nyquist",
                 SysidWarning,
                 stacklevel=3,
             )
@@ -299,18 +293,14 @@ class Estimate(Locked):
 
 
 def _copied(value: Any) -> Any:
-    """Arrays belong to the caller, who may go on with them."""
+    """Copy arrays: the caller may change its own."""
     if isinstance(value, np.ndarray):
         return value.copy()
     return tuple(_copied(part) for part in value) if type(value) is tuple else value
 
 
 def as_estimate(estimate: Estimate) -> Estimate:
-    """Return the estimate, where it is one.
-
-    Raises:
-        SysidError: Something else was given: a model alone knows nothing of its uncertainty.
-    """
+    """Check that the argument is an estimate: a model alone has no uncertainty."""
     if not isinstance(estimate, Estimate):
         raise SysidError(
             f"expected an Estimate, got {type(estimate).__name__}: intervals rest on the covariance of its parameters"

@@ -6,33 +6,33 @@ import numpy as np
 from scipy.special import chndtrinc
 from scipy.stats import chi2, t
 
-from sysid.records.arrays import ComplexArray, FloatArray, Locked, lock
+from sysid.records.arrays import ComplexArray, FloatArray, Locked
 from sysid.records.errors import SysidError
 
 NORMAL_95 = 1.959963984540054
-FAR = 20.0  # standard deviations from zero beyond which the modulus is normal
+FAR = 20.0  # standard deviations from zero beyond which the Rice distribution is normal
 
 
 @dataclass(frozen=True, eq=False, repr=False)
 class FrequencyResponse(Locked):
-    """A response over frequency, and the spectra that came with it.
+    """A response over frequency, with the spectra that it was computed from.
 
     Spectra are two-sided densities: the sum over -Nyquist..Nyquist times the spacing in Hz is the variance.
 
     Attributes:
         frequencies: Hz, ascending (nf,).
-        response: Complex response (nf, ny, nu); NaN where the data say nothing.
+        response: Complex response (nf, ny, nu); NaN where the data do not determine it.
         dt: Sampling interval in s.
-        method: What made it.
-        covariance: Of (real part, imaginary part) of every entry (nf, ny, nu, 2, 2), NaN where the data say nothing;
-            None where the method has none.
+        method: Name of the estimator.
+        covariance: Of (real part, imaginary part) of every entry (nf, ny, nu, 2, 2), NaN where the response is; None
+            where the method has none.
         coherence: |Phi_yu|^2 / (Phi_y Phi_u) per pair (nf, ny, nu), 0..1; None where the method has none.
         noise_spectrum: Spectrum of the disturbance (nf, ny, ny), unit^2/Hz.
         input_spectrum: Phi_u (nf, nu, nu), unit^2/Hz.
         output_spectrum: Phi_y (nf, ny, ny), unit^2/Hz.
         cross_spectrum: Phi_yu (nf, ny, nu).
-        degrees_of_freedom: Of the variance that `covariance` and `noise_spectrum` rest on; None where that is no matter
-            (a parametric model): intervals are then those of the normal distribution.
+        degrees_of_freedom: Of the variance behind `covariance` and `noise_spectrum`; None for a parametric model, whose
+            intervals are those of the normal distribution.
         input_names: One name per input.
         output_names: One name per output.
     """
@@ -67,13 +67,11 @@ class FrequencyResponse(Locked):
         }
         for attribute, shape in shapes.items():
             value = getattr(self, attribute)
-            if value is None:
-                continue
-            if value.shape != shape:
+            if value is not None and value.shape != shape:
                 raise SysidError(f"{attribute}: expected shape {shape}, got {value.shape}")
-            object.__setattr__(self, attribute, lock(value))
-        object.__setattr__(self, "frequencies", lock(np.asarray(self.frequencies, dtype=float)))
-        object.__setattr__(self, "response", lock(np.asarray(self.response, dtype=complex)))
+        object.__setattr__(self, "frequencies", np.asarray(self.frequencies, dtype=float))
+        object.__setattr__(self, "response", np.asarray(self.response, dtype=complex))
+        super().__post_init__()
 
     @property
     def magnitude(self) -> FloatArray:
@@ -115,7 +113,7 @@ class FrequencyResponse(Locked):
             SysidError: The method gave no covariance.
         """
         size = self.magnitude
-        # Student's quantile for the normal one stands for an error whose variance is itself estimated.
+        # Student's quantile instead of the normal one: the variance of the error is itself estimated.
         deviation = self.magnitude_deviation() * (self.quantile_95 / NORMAL_95)
         low, high = size - NORMAL_95 * deviation, size + NORMAL_95 * deviation
         real = self._along(1j * self._direction()) <= 1e-6 * deviation
@@ -139,8 +137,8 @@ class FrequencyResponse(Locked):
     def noise_ci95(self) -> tuple[FloatArray, FloatArray]:
         """95 % interval of the disturbance's spectrum per output, by the chi-square distribution (nf, ny) each.
 
-        The spectrum is short of what the response has fitted, so that the interval is not centred on it. At 0 Hz and at
-        the Nyquist frequency it holds half the degrees of freedom and the interval is too narrow.
+        The fitted response has removed a part of the spectrum, so that the interval is not centred on it. At 0 Hz and
+        at the Nyquist frequency it holds half the degrees of freedom and the interval is too narrow.
 
         Raises:
             SysidError: The method gave no disturbance spectrum, or one of unknown degrees of freedom.
@@ -158,7 +156,7 @@ class FrequencyResponse(Locked):
         return NORMAL_95 if self.degrees_of_freedom is None else float(t.ppf(0.975, self.degrees_of_freedom))
 
     def _direction(self) -> ComplexArray:
-        # NaN stays NaN, without a complaint of numpy
+        # NaN stays NaN, without a warning of numpy
         with np.errstate(invalid="ignore"):
             return np.asarray(self.response / np.maximum(self.magnitude, np.finfo(float).tiny))
 
@@ -170,13 +168,8 @@ class FrequencyResponse(Locked):
 
 
 def _rice_interval(ratio: FloatArray, dimensions: int) -> tuple[FloatArray, FloatArray]:
-    """95 % interval of the length of a vector from a measured one, both in standard deviations of its error.
-
-    Args:
-        ratio: Measured lengths (n,).
-        dimensions: Of the vector: 2, or 1 where the response is real.
-    """
-    # A length that is small by chance bounds the true one no closer than one standard deviation does.
+    """95 % interval of a vector's length from its measured length (n,), both in standard deviations."""
+    # A length that is small by chance must not bound the true one closer than one standard deviation.
     low, high = (
         np.sqrt(chndtrinc(np.maximum(ratio, least) ** 2, dimensions, probability))
         for least, probability in ((0.1, 0.975), (1.0, 0.025))

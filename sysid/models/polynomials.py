@@ -18,14 +18,14 @@ ONE = np.ones(1)
 class Polynomials(Locked):
     """A(q) y = B(q)/F(q) u + C(q)/D(q) e, coefficients of falling powers q^0, q^-1, ... [Ljung1999, eq. 4.33].
 
-    What is not given is 1 (B: no input): `Polynomials(B=[0, 0.1], F=[1, -0.9])` is an output-error model.
+    Omitted polynomials are 1 (B: no input): `Polynomials(B=[0, 0.1], F=[1, -0.9])` is an output-error model.
 
     Attributes:
         A: 1, a1, ..., (na + 1,).
-        B: nk zeros, then b1, b2, ..., (nk + nb,). With several inputs (nu, longest), a row each, zeros behind.
+        B: nk zeros, then b1, b2, ..., (nk + nb,). With several inputs (nu, longest): a row each, padded with zeros.
         C: 1, c1, ..., (nc + 1,).
         D: 1, d1, ..., (nd + 1,).
-        F: 1, f1, ..., (nf + 1,). With several inputs (nu, longest), a row each, zeros behind.
+        F: 1, f1, ..., (nf + 1,). With several inputs (nu, longest): a row each, padded with zeros.
 
     Raises:
         SysidError: A, C, D or F does not begin with 1, or B and F have rows for different numbers of inputs.
@@ -57,7 +57,7 @@ class Polynomials(Locked):
         return int(np.atleast_2d(self.B).shape[0])
 
     def channel(self, j: int) -> tuple[FloatArray, FloatArray]:
-        """B and F of input j, without the zeros behind."""
+        """B and F of input j, without trailing zeros."""
         b, f = np.atleast_2d(self.B)[j], np.atleast_2d(self.F)[j]
         return _trim(b), _trim(f)
 
@@ -72,13 +72,13 @@ def innovations_form(polynomials: Polynomials, dt: float, variance: ArrayLike | 
         polynomials: A, B, C, D, F.
         dt: Sampling interval in s.
         variance: Variance of the innovation, in output units squared, a number or (1, 1) as an estimate's
-            `noise_variance`; None when not known.
+            `noise_variance`; None if unknown.
 
     Returns:
         The model, one output, x(t+1) = A x + B u + K e, y = C x + D u + e.
 
     Raises:
-        SysidError: Something else than polynomials, dt not positive, a negative variance.
+        SysidError: An argument other than polynomials, dt not positive, a negative variance.
     """
     if not isinstance(polynomials, Polynomials):
         raise SysidError(f"expected Polynomials, got {type(polynomials).__name__}; an estimate's are .polynomials")
@@ -120,15 +120,15 @@ def innovations_form(polynomials: Polynomials, dt: float, variance: ArrayLike | 
 
 
 def is_stable(polynomial: FloatArray, margin: float = 0.0) -> bool:
-    """Whether all roots z of z^n + p1 z^(n-1) + ... lie inside the circle of radius 1 - margin."""
+    """Whether all roots of z^n + p1 z^(n-1) + ... lie inside the circle of radius 1 - margin."""
     if len(polynomial) == 1:
-        return True  # asked at every step of a search, of structures without C and D too
+        return True  # a shortcut for structures without C or D: every step of a search calls this
     roots = np.roots(_trim(polynomial))
     return bool((np.abs(roots) < 1.0 - margin).all())
 
 
 def stabilised(polynomial: FloatArray, radius: float = 0.995) -> FloatArray:
-    """Mirror roots outside the unit circle into it and pull those beyond `radius` back to it."""
+    """Reflect roots outside the unit circle into it, and scale those beyond `radius` back to it."""
     roots = np.roots(polynomial)
     if (np.abs(roots) < radius).all():
         return polynomial

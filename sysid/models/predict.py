@@ -1,4 +1,4 @@
-"""Simulation, prediction, residuals and the initial state of a model on data."""
+"""Simulation and prediction of a model on data, its residuals and its initial state."""
 
 import warnings
 from dataclasses import replace
@@ -8,7 +8,7 @@ from numpy.typing import ArrayLike
 
 from sysid.models.delta_method import standard_directions
 from sysid.models.estimate import Estimate
-from sysid.models.recursion import LARGEST, Filtered, filtered, free_response, state_trajectory
+from sysid.models.recursion import LARGEST, FilterRun, free_response, kalman_filter, state_trajectory
 from sysid.models.state_space import StateSpace
 from sysid.records.arguments import whole_number
 from sysid.records.arrays import FloatArray, real_array
@@ -24,15 +24,14 @@ def simulate(
     Args:
         model: The model, or an estimate of it.
         u: Inputs (N, nu); 1-D for one input.
-        x0: State at the first sample (n,); zero when None. (`predict` and `compare` estimate it instead.)
-        rng: Source of normal innovations e with the model's innovation covariance: another realisation of the
-            disturbance every time.
+        x0: State at the first sample (n,); zero by default, where `predict` and `compare` estimate it.
+        rng: Generator of normal innovations e with the model's innovation covariance.
 
     Returns:
         Outputs (N, ny).
 
     Raises:
-        SysidError: Inputs or initial state that do not fit the model; noise of a model without innovation covariance.
+        SysidError: Inputs or initial state that do not fit the model; noise without an innovation covariance.
     """
     m = as_model(model)
     inputs, start = as_inputs(m, u), as_state(m, x0)
@@ -42,8 +41,8 @@ def simulate(
         raise SysidError(f"rng: expected a numpy.random.Generator, got {type(rng).__name__}")
     if m.innovation_covariance is None:
         raise SysidError(
-            "the model has no innovation covariance, so that the size of its noise is not known; "
-            "dataclasses.replace(model, innovation_covariance=...) gives it one"
+            "the model has no innovation covariance, which its noise needs; "
+            "dataclasses.replace(model, innovation_covariance=...) adds one"
         )
     e = rng.standard_normal((len(inputs), m.ny)) @ standard_directions(m.innovation_covariance).T
     states = state_trajectory(m.A, inputs @ m.B.T + e @ m.gain.T, start)
@@ -51,16 +50,12 @@ def simulate(
 
 
 def output(model: StateSpace, u: FloatArray, x0: FloatArray) -> FloatArray:
-    """Output for checked inputs."""
+    """Simulated output (N, ny) for checked inputs."""
     return state_trajectory(model.A, u @ model.B.T, x0) @ model.C.T + u @ model.D.T
 
 
 def as_model(model: StateSpace | Estimate) -> StateSpace:
-    """The state-space model itself.
-
-    Raises:
-        SysidError: Something else was given.
-    """
+    """The state-space model of a model or an estimate."""
     if isinstance(model, Estimate):
         return model.model
     if not isinstance(model, StateSpace):
@@ -69,11 +64,7 @@ def as_model(model: StateSpace | Estimate) -> StateSpace:
 
 
 def as_inputs(model: StateSpace, u: ArrayLike) -> FloatArray:
-    """Inputs as (N, nu), checked against the model.
-
-    Raises:
-        SysidError: Wrong shape, NaN.
-    """
+    """Check inputs against the model and return them as (N, nu)."""
     out = real_array("u", u)
     if out.ndim == 1:
         out = out[:, None]
@@ -83,11 +74,7 @@ def as_inputs(model: StateSpace, u: ArrayLike) -> FloatArray:
 
 
 def as_state(model: StateSpace, x0: ArrayLike | None) -> FloatArray:
-    """Initial state (n,), zero when None.
-
-    Raises:
-        SysidError: Wrong length, NaN.
-    """
+    """Check the initial state (n,); zero when None."""
     if x0 is None:
         return np.zeros(model.order)
     out = np.atleast_1d(real_array("x0", x0))
@@ -101,14 +88,14 @@ def predict(
 ) -> FloatArray:
     """Prediction of y(t) from outputs up to t - steps and inputs up to t [Ljung1999, sec. 3.2, 4.3].
 
-    Missing outputs are predicted too, and what follows them from what is known, by the Kalman filter.
+    Missing outputs are predicted too, and later ones from the known outputs, by the Kalman filter.
 
     Args:
         model: The model, or an estimate of it.
         data: Inputs and outputs.
         steps: Horizon in samples, >= 1; None simulates (an infinite horizon).
-        x0: State at the first sample (n,). None fits it by least squares to the data: to the initialisation window
-            where the record has one, else to the whole record.
+        x0: State at the first sample (n,). None fits it to the data by least squares: to the initialisation window if
+            the record has one, else to the whole record.
 
     Returns:
         Predicted outputs (N, ny). The first `steps` samples are simulated from the initial state.
@@ -125,8 +112,8 @@ def predict(
     gain = np.zeros_like(m.gain) if steps is None else m.gain
     run = None
     if x0 is None and not data.complete and m.order and gain.any():
-        # one run of the filter serves the initial state and the prediction
-        run = filtered(m, data, np.zeros(m.order), free=True)
+        # one run of the Kalman filter serves the initial state and the prediction
+        run = kalman_filter(m, data, np.zeros(m.order), free=True)
         start = _fitted_state(m, data, run)
     else:
         start = initial_state(m, data, gain) if x0 is None else as_state(m, x0)
@@ -146,7 +133,7 @@ def predict(
     elif run is not None:
         states = run.states[:, :, 0] + run.states[:, :, 1:] @ start
     else:
-        states = filtered(m, data, start).states[:, :, 0]
+        states = kalman_filter(m, data, start).states[:, :, 0]
     if steps == 1:
         return states @ m.C.T + data.u @ m.D.T
     horizon = min(int(steps), len(data))
@@ -159,27 +146,18 @@ def predict(
 
 
 def initial_state(model: StateSpace, data: IOData, gain: FloatArray | None = None) -> FloatArray:
-    """State at the first sample that makes the (predicted) output fit best, by least squares.
-
-    Args:
-        model: The model.
-        data: Inputs and outputs; with an initialisation window only that is looked at.
-        gain: Innovation gain of the predictor (n, ny); None takes the model's, zeros simulate.
-
-    Returns:
-        State (n,), of least norm where the data do not determine it.
-    """
+    """State at the first sample that makes the (predicted) output fit best, by least squares."""
     check_channels(model, data)
     if model.order == 0:
         return np.zeros(0)
     K = model.gain if gain is None else gain
-    seen = data.window or len(data)
-    u, y = data.u[:seen], data.y[:seen]
+    samples = data.window or len(data)
+    u, y = data.u[:samples], data.y[:samples]
     if not data.complete:
-        return _fitted_state(model, data, filtered(replace(model, K=K), data, np.zeros(model.order), free=True))
+        return _fitted_state(model, data, kalman_filter(replace(model, K=K), data, np.zeros(model.order), free=True))
     observer = model.A - K @ model.C
-    free = free_response(observer, model.C, seen)
-    # what comes after the free response has died out says nothing about the initial state
+    free = free_response(observer, model.C, samples)
+    # samples after the free response has died out carry no information on the initial state
     u, y = u[: len(free)], y[: len(free)]
     drive = u @ (model.B - K @ model.D).T + y @ K.T
     error = y - state_trajectory(observer, drive, np.zeros(model.order)) @ model.C.T - u @ model.D.T
@@ -189,8 +167,8 @@ def initial_state(model: StateSpace, data: IOData, gain: FloatArray | None = Non
     return np.asarray(solution, dtype=np.float64)
 
 
-def _fitted_state(model: StateSpace, data: IOData, run: Filtered) -> FloatArray:
-    """The same from the known outputs of a record with gaps, each weighted by how well it can be predicted."""
+def _fitted_state(model: StateSpace, data: IOData, run: FilterRun) -> FloatArray:
+    """The same from the known outputs of a record with gaps, each weighted by its prediction variance."""
     outputs = np.einsum("ij,tjk->tik", model.C, run.states)
     error = np.where(data.known, data.y, 0.0) - outputs[:, :, 0] - data.u @ model.D.T
     weights = run.deviations
@@ -202,11 +180,7 @@ def _fitted_state(model: StateSpace, data: IOData, run: Filtered) -> FloatArray:
 
 
 def check_channels(model: StateSpace, data: IOData) -> None:
-    """Refuse data that the model has no channels for.
-
-    Raises:
-        SysidError: Not a record, or other numbers of inputs and outputs, or another sampling interval.
-    """
+    """Refuse data with other channels or another sampling interval than the model."""
     as_record(data)
     if (data.nu, data.ny) != (model.nu, model.ny):
         raise SysidError(
@@ -237,15 +211,15 @@ def residuals(model: StateSpace | Estimate, data: IOData, *, x0: ArrayLike | Non
 def findstates(model: StateSpace | Estimate, data: IOData, *, simulation: bool = False) -> FloatArray:
     """State at the first sample for which the model explains the data best, by least squares [Ljung1999, sec. 10.5].
 
-    The result serves as `x0` of `simulate`, `predict` and `residuals`.
+    Use it as `x0` of `simulate`, `predict` and `residuals`.
 
     Args:
         model: The model, or an estimate of it.
-        data: Inputs and outputs; with an initialisation window only that is looked at.
-        simulation: Whether the simulated output is to fit; otherwise the one-step prediction.
+        data: Inputs and outputs; of a record with an initialisation window, only the window is used.
+        simulation: Whether to fit the simulated output; otherwise the one-step prediction.
 
     Returns:
-        State (n,), of least norm where the data do not determine it.
+        State (n,), of least norm if the data do not determine it.
 
     Raises:
         SysidError: Channels that do not fit the model.

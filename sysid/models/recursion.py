@@ -1,4 +1,4 @@
-"""State recursions over whole records, and the Kalman filter where output samples are missing."""
+"""State recursions over whole records, and the Kalman filter over missing output samples."""
 
 from dataclasses import dataclass
 
@@ -10,7 +10,7 @@ from sysid.models.state_space import StateSpace
 from sysid.records.arrays import FloatArray
 from sysid.records.data import IOData
 
-LARGEST = 1e100
+LARGEST = 1e100  # largest response that is still used in a least-squares problem
 
 
 def state_trajectory(A: FloatArray, w: FloatArray, x0: FloatArray) -> FloatArray:
@@ -21,7 +21,7 @@ def state_trajectory(A: FloatArray, w: FloatArray, x0: FloatArray) -> FloatArray
 
     Args:
         A: State matrix (n, n).
-        w: What drives the state (N, n).
+        w: Input of the state (N, n).
         x0: State at the first sample (n,).
 
     Returns:
@@ -34,21 +34,20 @@ def state_trajectory(A: FloatArray, w: FloatArray, x0: FloatArray) -> FloatArray
     drive = w @ basis.conj()
     z = np.zeros((n, steps), dtype=complex)
     start = basis.conj().T @ x0
-    # an unstable model may grow beyond all numbers: that is its answer, not a fault
+    # an unstable model may overflow to infinity: that is its response, not a fault
     with np.errstate(over="ignore", invalid="ignore"):
         for i in range(n - 1, -1, -1):
             forced = drive[:, i] + triangle[i, i + 1 :] @ z[i + 1 :]
-            # the state at t is driven by what acted at t-1
+            # the input at t-1 drives the state at t
             entering = np.concatenate(([start[i]], forced[:-1]))
             z[i] = lfilter([1.0], [1.0, -triangle[i, i]], entering)
         return np.ascontiguousarray((basis @ z).real.T)
 
 
 def free_response(A: FloatArray, C: FloatArray, steps: int) -> FloatArray:
-    """Return C A^t for t = 0, ..., up to where it has died out, at most `steps` rows.
+    """Return C A^t for t = 0, 1, ... until it has died out, at most `steps` rows.
 
-    Powers are formed by doubling. Rows that are left out are zero to rounding, or (of an unstable A) too large to
-    compute with.
+    Powers are formed by doubling. Omitted rows are zero to rounding, or (for an unstable A) too large to compute with.
 
     Args:
         A: State matrix (n, n).
@@ -72,14 +71,14 @@ def free_response(A: FloatArray, C: FloatArray, steps: int) -> FloatArray:
     return rows[: min(steps, len(rows) if usable.all() else int(np.argmin(usable)))]
 
 
-SEGMENTS = 128  # parts of a record that are gone through side by side
-WARM_UP = 32  # samples before a part after which its state's covariance may have forgotten how it began
-SETTLED = 1e-12  # difference of covariances, as a part of what they may be, that has been forgotten
+SEGMENTS = 128  # parts of a record that are filtered side by side, as one vectorised loop
+WARM_UP = 32  # samples before each part for the state covariance to converge from its initial value
+SETTLED = 1e-12  # relative difference of covariances that counts as converged
 
 
 @dataclass(frozen=True, eq=False)
-class Filtered:
-    """Predicted states and what they rest on.
+class FilterRun:
+    """Predicted states and the inverse deviations of the predicted outputs.
 
     Attributes:
         states: x(t) from outputs up to t - 1; the first column driven from rest, the others the free responses to unit
@@ -91,18 +90,17 @@ class Filtered:
     deviations: FloatArray
 
 
-def filtered(model: StateSpace, data: IOData, x0: FloatArray, *, free: bool = False) -> Filtered:
+def kalman_filter(model: StateSpace, data: IOData, x0: FloatArray, *, free: bool = False) -> FilterRun:
     """Run the predictor over a record with gaps [Ljung1999, sec. 14.2].
 
-    In x+ = A x + B u + K e, y = C x + D u + e with e white of covariance R, the state is known exactly as long as all
-    outputs are. Where some are missing its covariance grows by K R K', and the gain of those that are known follows
-    from it until the state is known again.
+    In x+ = A x + B u + K e, y = C x + D u + e with e white of covariance R, the state is known exactly as long as no
+    output is missing. At a gap its covariance grows by K R K'; the gains of the known outputs follow from it.
 
     Args:
-        model: The model; R counts only in its ratios, and is the unit matrix where the model has none.
+        model: The model; only the ratios in R matter, and R is the unit matrix if the model has none.
         data: The record.
         x0: State at the first sample (n,).
-        free: Whether the free responses are wanted too.
+        free: Whether to compute the free responses too.
     """
     n = model.order
     known = data.known
@@ -110,14 +108,14 @@ def filtered(model: StateSpace, data: IOData, x0: FloatArray, *, free: bool = Fa
     y = np.where(known, data.y, 0.0)
     drive = data.u @ model.B.T + np.einsum("tnl,tl->tn", gains, y - data.u @ model.D.T)
     start = np.concatenate((np.asarray(x0, dtype=float)[:, None], np.eye(n)), axis=1) if free else x0[:, None]
-    return Filtered(_trajectory(model.A - gains @ model.C, drive, start), deviations)
+    return FilterRun(_trajectory(model.A - gains @ model.C, drive, start), deviations)
 
 
 def _gains(model: StateSpace, known: np.ndarray) -> tuple[FloatArray, FloatArray]:
-    """Gain (N, n, ny) and inverse deviation of the prediction (N, ny) at every sample, zero for what is missing.
+    """Gain (N, n, ny) and inverse deviation of the prediction (N, ny) at every sample, zero at missing outputs.
 
-    The covariance of the state forgets how it began. Parts of the record are gone through side by side, each from some
-    samples before its own; these are doubled until every part begins with what the one before has ended with.
+    The state covariance converges from any initial value, so that parts of the record can be filtered side by side,
+    each with a warm-up; the warm-up is extended until every part begins with the final covariance of the one before.
     """
     A, C, K = model.A, model.C, model.gain
     steps, ny = known.shape
@@ -129,15 +127,15 @@ def _gains(model: StateSpace, known: np.ndarray) -> tuple[FloatArray, FloatArray
     while True:
         length = max(-(-steps // SEGMENTS), ahead)
         parts = -(-steps // length)
-        # before the record, and behind it, everything is on record: there the covariance stays what it is, zero
+        # nothing is missing before and after the record: there the covariance stays zero
         padded = np.ones((ahead + parts * length, ny), dtype=bool)
         padded[ahead : ahead + steps] = known
         P = np.zeros((parts, n, n))
         gains, deviations = np.empty((parts, length, n, ny)), np.empty((parts, length, ny))
-        begun = P
+        initial = P
         for t in range(-ahead, length):
             if t == 0:
-                begun = P
+                initial = P
             mask = padded[ahead + t :: length][:parts].astype(float)
             PC = P @ C.T
             S = mask[:, :, None] * (C @ PC + R) * mask[:, None, :]
@@ -152,7 +150,7 @@ def _gains(model: StateSpace, known: np.ndarray) -> tuple[FloatArray, FloatArray
             if t >= 0:
                 gains[:, t] = L
                 deviations[:, t] = mask / np.sqrt(np.maximum(variances, 1e-300))
-        if parts == 1 or np.abs(begun[1:] - P[:-1]).max() <= SETTLED * (1.0 + np.abs(P).max()):
+        if parts == 1 or np.abs(initial[1:] - P[:-1]).max() <= SETTLED * (1.0 + np.abs(P).max()):
             break
         ahead *= 4
     flat = parts * length
@@ -160,20 +158,14 @@ def _gains(model: StateSpace, known: np.ndarray) -> tuple[FloatArray, FloatArray
 
 
 def _trajectory(transitions: FloatArray, drive: FloatArray, start: FloatArray) -> FloatArray:
-    """States of x+ = F(t) x + w(t), w acting on the first column alone, (N, n, columns).
-
-    Args:
-        transitions: F (N, n, n).
-        drive: w (N, n).
-        start: States at the first sample (n, columns).
-    """
+    """States of x+ = F(t) x + w(t), w acting on the first column alone, (N, n, columns)."""
     steps, n = drive.shape
     length = -(-steps // SEGMENTS)
     parts = -(-steps // length)
     F, w = np.zeros((parts * length, n, n)), np.zeros((parts * length, n))
     F[:steps], w[:steps] = transitions, drive
     F, w = F.reshape(parts, length, n, n), w.reshape(parts, length, n)
-    # each part from rest, and from unit states; then one after the other
+    # each part from rest and from unit states first; then the parts are chained
     x = np.zeros((parts, n, 1 + n))
     x[:, :, 1:] = np.eye(n)
     inside = np.empty((length, parts, n, 1 + n))

@@ -11,11 +11,11 @@ from sysid.models.state_space import StateSpace
 from sysid.records.arguments import whole_number
 from sysid.records.arrays import FloatArray
 
-MINIMAL = 1e-12
+MINIMAL = 1e-12  # Hankel singular value, relative to the largest, below which a state is not minimal
 
 
 def balred(model: StateSpace | Estimate, order: int, *, match_dc: bool = False) -> StateSpace:
-    """Keep the states that matter most from u and e to y, by balanced truncation [Moore1981].
+    """Reduce the order by balanced truncation of the paths from u and e to y [Moore1981].
 
     The response from [u, e / sigma] changes by at most twice the sum of the dropped Hankel singular values, at any
     frequency; sigma are the standard deviations of the innovations where they are known, else 1.
@@ -23,11 +23,11 @@ def balred(model: StateSpace | Estimate, order: int, *, match_dc: bool = False) 
     Args:
         model: A stable model, or an estimate of one.
         order: Number of states to keep.
-        match_dc: Whether the dropped states follow the others at once instead of vanishing, so that the response at
-            0 Hz is kept exactly.
+        match_dc: Whether the dropped states are residualised (follow the others at once) instead of truncated, which
+            keeps the response at 0 Hz exactly.
 
     Returns:
-        The reduced model, balanced; of lower order still where the model is not minimal.
+        The reduced model, balanced; of even lower order where the model is not minimal.
 
     Raises:
         SysidError: The model is not stable, or has fewer states than `order`.
@@ -39,8 +39,8 @@ def balred(model: StateSpace | Estimate, order: int, *, match_dc: bool = False) 
     D = np.hstack((model.D, np.diag(sigma)))
     kept, dropped = slice(0, order), slice(order, len(A))
     if match_dc and len(A) > order:
-        still = np.linalg.inv(np.eye(len(A) - order) - A[dropped, dropped])
-        into, out = still @ A[dropped, kept], still @ B[dropped]
+        at_dc = np.linalg.inv(np.eye(len(A) - order) - A[dropped, dropped])
+        into, out = at_dc @ A[dropped, kept], at_dc @ B[dropped]
         B = B[kept] + A[kept, dropped] @ out
         D = D + C[:, dropped] @ out
         A, C = A[kept, kept] + A[kept, dropped] @ into, C[:, kept] + C[:, dropped] @ into
@@ -58,7 +58,7 @@ def balred(model: StateSpace | Estimate, order: int, *, match_dc: bool = False) 
 
 
 def hankel_singular_values(model: StateSpace | Estimate) -> FloatArray:
-    """Of the path from [u, e / sigma] to y as in `balred` [Moore1981].
+    """Hankel singular values of the path from [u, e / sigma] to y, as in `balred` [Moore1981].
 
     Args:
         model: A stable model, or an estimate of one.
@@ -82,21 +82,20 @@ def _deviations(model: StateSpace) -> FloatArray:
     return np.where(sigma > 0.0, sigma, 1.0)
 
 
-SILENT = 1e-12  # a pulse response below this part of its largest value has not begun
+SILENT = 1e-12  # part of a pulse response's largest value below which the response has not begun
 
 
 def split_delay(model: StateSpace | Estimate) -> tuple[StateSpace, tuple[int, ...]]:
-    """Take the delays out of the path from u to y, so that `d2c` finds the dynamics that are left.
+    """Remove the delays from the path from u to y, so that `d2c` can convert the remaining dynamics.
 
-    An input that acts on every output only from lag k on is brought forward by k - 1 samples: the one sample that a
-    held input takes anyway stays.
+    An input that acts on all outputs only from lag k on is advanced by k - 1 samples; one sample of delay stays, as
+    every held input has it.
 
     Args:
         model: A model or estimate; its noise model has no part in this.
 
     Returns:
-        The model of the path whose inputs act one sample later at most, and by how many samples each input is really
-        later than there (nu,).
+        The model without delays beyond one sample, and the removed delay of each input in samples (nu,).
 
     Raises:
         SysidError: Neither a model nor an estimate.
@@ -105,8 +104,8 @@ def split_delay(model: StateSpace | Estimate) -> tuple[StateSpace, tuple[int, ..
     pulses = np.abs(path.markov(path.order + 1)).max(axis=1)
     B, D, delays = path.B.copy(), path.D.copy(), []
     for j in range(path.nu):
-        begun = np.flatnonzero(pulses[:, j] > SILENT * pulses[:, j].max())
-        delay = max(int(begun[0]) - 1, 0) if len(begun) else 0
+        active = np.flatnonzero(pulses[:, j] > SILENT * pulses[:, j].max())
+        delay = max(int(active[0]) - 1, 0) if len(active) else 0
         B[:, j] = np.linalg.matrix_power(path.A, delay) @ B[:, j]
         delays.append(delay)
     return replace(path, B=B, D=D).input_path(), tuple(delays)

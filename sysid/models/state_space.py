@@ -22,9 +22,9 @@ if TYPE_CHECKING:
 HALF_POWER = 0.5  # -3.0103 dB
 
 LARGE = 24
-"""With more states one decomposition for all frequencies is faster than a system of equations for each."""
+"""Order from which one Schur decomposition for all frequencies is faster than a linear solve at each."""
 
-POLE_MET = "a frequency falls exactly on a pole on the unit circle: the response is infinite"
+ON_A_POLE = "a frequency falls exactly on a pole on the unit circle: the response is infinite"
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -38,14 +38,14 @@ class StateSpace(Locked):
         D: Direct term (ny, nu).
         K: Innovation gain (n, ny); None means zero: the model has no dynamics of the noise.
         dt: Sampling interval in s.
-        innovation_covariance: Covariance of e (ny, ny), in output units squared; None when not known.
+        innovation_covariance: Covariance of e (ny, ny), in output units squared; None if unknown.
         input_names: One name per input.
         output_names: One name per output.
         input_units: One unit per input.
         output_units: One unit per output.
 
     Raises:
-        SysidError: Matrices that do not fit together, `dt <= 0`, NaN, a covariance that is none.
+        SysidError: Matrices of incompatible shapes, `dt <= 0`, NaN, an invalid covariance.
     """
 
     A: FloatArray
@@ -72,11 +72,12 @@ class StateSpace(Locked):
         fitting["C"] = (real_array("C", self.C), (ny, n))
         fitting["K"] = (np.zeros((n, ny)) if self.K is None else real_array("K", self.K), (n, ny))
         if self.innovation_covariance is not None:
-            given = np.atleast_2d(real_array("innovation_covariance", self.innovation_covariance))
-            fitting["innovation_covariance"] = (given, (ny, ny))
-            if given.shape == (ny, ny) and not _is_covariance(given):
+            covariance = np.atleast_2d(real_array("innovation_covariance", self.innovation_covariance))
+            fitting["innovation_covariance"] = (covariance, (ny, ny))
+            if covariance.shape == (ny, ny) and not _is_covariance(covariance):
                 raise SysidError(
-                    f"innovation_covariance must be symmetric without negative eigenvalues, got {shown(given.tolist())}"
+                    f"innovation_covariance must be symmetric without negative eigenvalues, got "
+                    f"{shown(covariance.tolist())}"
                 )
         for attribute, (matrix, shape) in fitting.items():
             shaped = matrix.reshape(shape) if matrix.size == 0 == np.prod(shape) else matrix
@@ -115,7 +116,7 @@ class StateSpace(Locked):
 
     @property
     def gain(self) -> FloatArray:
-        """Innovation gain K (n, ny), zero where none was given."""
+        """Innovation gain K (n, ny), zero if K is None."""
         return np.zeros((self.order, self.ny)) if self.K is None else self.K
 
     def poles(self) -> ComplexArray:
@@ -159,20 +160,20 @@ class StateSpace(Locked):
         try:
             states = np.linalg.solve(pencil, np.broadcast_to(B.astype(complex), (len(z), *B.shape)))
         except np.linalg.LinAlgError as error:
-            raise SysidError(POLE_MET) from error
+            raise SysidError(ON_A_POLE) from error
         return np.asarray(self.C @ states + D, dtype=np.complex128)
 
     def _response_of_many_states(self, z: ComplexArray, B: FloatArray, D: FloatArray) -> ComplexArray:
-        """The same by one Schur decomposition and a substitution for all frequencies together."""
+        """The same by one Schur decomposition and one back substitution for all frequencies."""
         triangle, basis = scipy.linalg.schur(self.A, output="complex")
         drive = basis.conj().T @ B
         states = np.zeros((self.order, len(z) * B.shape[1]), dtype=complex)
         for i in range(self.order - 1, -1, -1):
-            away = z - triangle[i, i]
-            if not away.all():
-                raise SysidError(POLE_MET)
+            distance = z - triangle[i, i]
+            if not distance.all():
+                raise SysidError(ON_A_POLE)
             forced = (triangle[i, i + 1 :] @ states[i + 1 :]).reshape(len(z), -1) + drive[i]
-            states[i] = (forced / away[:, None]).ravel()
+            states[i] = (forced / distance[:, None]).ravel()
         response = (self.C @ basis @ states).reshape(self.ny, len(z), -1)
         return np.asarray(np.moveaxis(response, 0, 1) + D, dtype=np.complex128)
 
@@ -186,10 +187,11 @@ class StateSpace(Locked):
     def bandwidth(self) -> FloatArray:
         """First frequency in Hz where the magnitude has fallen to 1/sqrt(2) (-3.0103 dB) of that at 0 Hz.
 
-        Searched on a grid that is logarithmic, linear and dense round every pole; the crossing is then solved for.
+        The search grid is logarithmic, linear, and dense around every pole, so that no crossing of a sharp resonance is
+        missed; the crossing is then solved for.
 
         Returns:
-            Bandwidths (ny, nu); NaN where the response never falls so far below the Nyquist frequency, or where the
+            Bandwidths (ny, nu); NaN if the response does not fall to that level below the Nyquist frequency, or if the
             gain at 0 Hz is zero or infinite.
         """
         grid = self._search_grid()
@@ -203,7 +205,7 @@ class StateSpace(Locked):
             below = np.flatnonzero(magnitude[:, i, j] < level)
             if len(below):
                 k = int(below[0])
-                channel = StateSpace(self.A, self.B[:, [j]], self.C[[i]], self.D[[i]][:, [j]], None, self.dt)
+                channel = self.channel(j, i)
                 lower = grid[k - 1] if k else 0.0
                 out[i, j] = brentq(
                     lambda f, m=channel, v=level: abs(m.frequency_response(f)[0, 0, 0]) - v,
@@ -242,7 +244,7 @@ class StateSpace(Locked):
         return out
 
     def impulse_response(self, n: int) -> FloatArray:
-        """Response to a unit pulse in each input (n, ny, nu); another name of `markov`."""
+        """Response to a unit pulse in each input (n, ny, nu); the same as `markov`."""
         return self.markov(n)
 
     def step_response(self, n: int) -> FloatArray:
@@ -250,41 +252,45 @@ class StateSpace(Locked):
         return np.cumsum(self.markov(n), axis=0)
 
     def minimal(self, tolerance: float = 1e-9) -> "StateSpace":
-        """Drop the states that input and output hardly share, by balanced truncation [Moore1981].
+        """Drop nearly uncontrollable or unobservable states by balanced truncation [Moore1981].
 
         Args:
             tolerance: States with a Hankel singular value below `tolerance` times the largest are dropped.
 
         Returns:
-            A balanced model of the same input-output behaviour, with no dynamics of the noise.
+            A balanced model with the same input-output behaviour, without noise dynamics.
 
         Raises:
-            SysidError: The model is not stable, or has dynamics of the noise, which the truncation would lose.
+            SysidError: The model is not stable, or has noise dynamics, which the truncation would lose.
         """
         tolerance = real_number("tolerance", tolerance, "lie from 0 to below 1", lambda part: 0.0 <= part < 1.0)
         if np.any(self.gain):
-            raise SysidError("minimal drops states of the input-output path only: given a model with K other than zero")
+            raise SysidError("minimal reduces the input-output path only, got a model with nonzero K: use balred")
         A, B, C, _ = balanced_truncation(self.A, self.B, self.C, tolerance)
         return replace(self, A=A, B=B, C=C, K=None)
 
-    def input_path(self) -> "StateSpace":
-        """The path from u to y alone: without noise model, and without states that stand apart from it.
+    def channel(self, input: int, output: int) -> "StateSpace":
+        """The path from one input to one output, without noise model and names."""
+        return StateSpace(self.A, self.B[:, [input]], self.C[[output]], self.D[[output]][:, [input]], None, self.dt)
 
-        Dropped are states that the zeros of A, B and C cut off from every input or every output, as those of the noise
-        model of OE and Box-Jenkins estimates are; no tolerance is involved, and unstable models will do.
+    def input_path(self) -> "StateSpace":
+        """The path from u to y: without noise model, and without states that are structurally decoupled from it.
+
+        These are states that the zeros of A, B and C cut off from all inputs or all outputs, as the noise model of OE
+        and Box-Jenkins estimates; there is no tolerance, and the model may be unstable.
         """
-        moves, n = self.A != 0.0, self.order
-        reached, seen = (self.B != 0.0).any(axis=1), (self.C != 0.0).any(axis=0)
+        coupled, n = self.A != 0.0, self.order
+        reached, observed = (self.B != 0.0).any(axis=1), (self.C != 0.0).any(axis=0)
         for _ in range(n):
-            reached = reached | moves[:, reached].any(axis=1)
-            seen = seen | moves[seen].any(axis=0)
-        keep = np.flatnonzero(reached & seen)
+            reached = reached | coupled[:, reached].any(axis=1)
+            observed = observed | coupled[observed].any(axis=0)
+        keep = np.flatnonzero(reached & observed)
         A, B, C = self.A[np.ix_(keep, keep)], self.B[keep], self.C[:, keep]
         return replace(self, A=A, B=B, C=C, K=None, innovation_covariance=None)
 
     def to_control(self) -> "control.StateSpace":
         """The path from u to y as a python-control system."""
-        # It loads matplotlib's windows, which takes longer than most of what is done without it.
+        # python-control loads matplotlib.pyplot, which takes longer than most analyses.
         import control
 
         return control.ss(
@@ -299,7 +305,7 @@ class StateSpace(Locked):
 
     @staticmethod
     def from_control(system: "control.LTI") -> "StateSpace":
-        """Take over a discrete-time python-control system with its signal names; it has no noise model, so K = 0.
+        """Convert a discrete-time python-control system with its signal names; it has no noise model, so K = 0.
 
         Raises:
             SysidError: The system is continuous or has no sampling interval.
@@ -318,8 +324,8 @@ class StateSpace(Locked):
             ss.D,
             None,
             float(ss.dt),
-            input_names=_given(ss.input_labels),
-            output_names=_given(ss.output_labels),
+            input_names=_user_labels(ss.input_labels),
+            output_names=_user_labels(ss.output_labels),
         )
 
 
@@ -329,13 +335,13 @@ def _is_covariance(matrix: FloatArray) -> bool:
     return bool(symmetric and (not matrix.size or np.linalg.eigvalsh(matrix)[0] >= -1e-9 * size))
 
 
-def _given(labels: Sequence[str]) -> tuple[str, ...] | None:
-    """None for the labels that python-control makes up."""
+def _user_labels(labels: Sequence[str]) -> tuple[str, ...] | None:
+    """The labels, or None if they are python-control's defaults."""
     return None if any(re.fullmatch(r"[uy]\[\d+\]", label) for label in labels) else tuple(labels)
 
 
 def block_diagonal(models: Sequence[StateSpace]) -> StateSpace:
-    """Put models side by side without coupling, inputs and outputs in order [Morris1996, eq. 4.14].
+    """Append models without coupling, inputs and outputs in order [Morris1996, eq. 4.14].
 
     Names are kept where they stay unique; otherwise channels are renumbered.
 
@@ -343,7 +349,7 @@ def block_diagonal(models: Sequence[StateSpace]) -> StateSpace:
         models: State-space models, `estimate.model` of estimates.
 
     Returns:
-        One model with all their states, inputs and outputs; noise models and innovation covariances go along.
+        One model with all states, inputs, outputs, noise models and innovation covariances.
 
     Raises:
         SysidError: No model, something else, or models with different sampling intervals.

@@ -11,7 +11,7 @@ def transmission_zeros(A: FloatArray, B: FloatArray, C: FloatArray, D: FloatArra
     """Zeros by orthogonal reduction to a system whose direct term is invertible [EmamiNaeini1982].
 
     A plain generalised eigenvalue problem scatters zeros at infinity (delays!) over large finite values; the reduction
-    takes them out first. Works for any numbers of inputs and outputs.
+    removes them first. It works for any numbers of inputs and outputs.
 
     Args:
         A: State matrix (n, n).
@@ -23,12 +23,12 @@ def transmission_zeros(A: FloatArray, B: FloatArray, C: FloatArray, D: FloatArra
         Zeros, largest modulus first.
     """
     size = max(float(np.linalg.norm(A)), 1.0) if A.size else 1.0
-    # scaling inputs and outputs moves no zero
+    # scaling of inputs and outputs does not change the zeros
     into, out = size / _norm(B, D), size / _norm(C, D)
     scaled = (A, B * into, C * out, D * into * out)
     floor = 1e-12 * size * max(1, len(A))
     a, b2, c2, d2 = _without_infinite(*scaled, floor)
-    # the dual reduction removes what is left when inputs outnumber outputs
+    # if inputs outnumber outputs, the dual reduction removes the remaining zeros at infinity
     at, ct, bt, dt = _without_infinite(a.T, c2.T, b2.T, d2.T, floor)
     if not len(at):
         return np.zeros(0, dtype=complex)
@@ -50,14 +50,14 @@ def _without_infinite(A: FloatArray, B: FloatArray, C: FloatArray, D: FloatArray
             break
         D, C = left.T @ D, left.T @ C
         _, values, right = np.linalg.svd(C[rank:])
-        lost = int((values > floor).sum())
+        removed = int((values > floor).sum())
         D, C = D[:rank], C[:rank]
-        if lost == 0:
+        if removed == 0:
             break
-        # states that the outputs without direct term see go; they become outputs of the rest
-        basis = np.vstack((right[lost:], right[:lost])).T
+        # remove the states observed by outputs without direct term: they become outputs of the rest
+        basis = np.vstack((right[removed:], right[:removed])).T
         A, B, C = basis.T @ A @ basis, basis.T @ B, C @ basis
-        keep = len(A) - lost
+        keep = len(A) - removed
         C = np.vstack((C[:, :keep], A[keep:, :keep]))
         D = np.vstack((D, B[keep:]))
         A, B = A[:keep, :keep], B[:keep]

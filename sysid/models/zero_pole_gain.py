@@ -1,4 +1,4 @@
-"""Zeros, poles and gain of one channel, and transfer functions."""
+"""Zeros, poles and gain of a channel, and transfer functions."""
 
 from dataclasses import dataclass
 from itertools import zip_longest
@@ -40,16 +40,16 @@ class ZeroPoleGain(Locked):
 
     def __post_init__(self) -> None:
         """Check and lock."""
-        given = {name: _finite_roots(name, getattr(self, name)) for name in ("zeros", "poles")}
-        if len(given["zeros"]) > len(given["poles"]):
-            raise SysidError(f"a causal system has at most as many zeros as poles, got {len(given['zeros'])} zeros")
+        roots = {name: _finite_roots(name, getattr(self, name)) for name in ("zeros", "poles")}
+        if len(roots["zeros"]) > len(roots["poles"]):
+            raise SysidError(f"a causal system has at most as many zeros as poles, got {len(roots['zeros'])} zeros")
         object.__setattr__(self, "gain", real_number("gain", self.gain, "be a finite number", np.isfinite))
         object.__setattr__(self, "dt", sampling_interval(self.dt))
-        for name, roots in given.items():
-            polynomial = np.atleast_1d(np.poly(roots))
+        for name, values in roots.items():
+            polynomial = np.atleast_1d(np.poly(values))
             if np.abs(np.imag(polynomial)).max() > 1e-8 * np.abs(polynomial).max():
-                raise SysidError(f"{name}: complex values must come with their conjugates, got {roots}")
-            object.__setattr__(self, name, lock(roots))
+                raise SysidError(f"{name}: complex values must come with their conjugates, got {values}")
+            object.__setattr__(self, name, lock(values))
 
     def frequency_response(self, f_hz: ArrayLike) -> ComplexArray:
         """Response at frequencies in Hz (nf,)."""
@@ -63,7 +63,7 @@ class ZeroPoleGain(Locked):
         return control.zpk(self.zeros, self.poles, self.gain, dt=self.dt)
 
     def to_state_space(self) -> StateSpace:
-        """A chain of sections of second order: accurate where one polynomial in z would not be."""
+        """As a chain of second-order sections, which keeps digits that one polynomial in z would lose."""
         import control
 
         chain = control.ss([], [], [], [[self.gain]], self.dt)
@@ -84,7 +84,7 @@ def _finite_roots(name: str, value: ComplexArray) -> ComplexArray:
 
 
 def _pairs(roots: ComplexArray) -> list[ComplexArray]:
-    """Two by two, conjugates together; a single one last, so that every pair of zeros finds a pair of poles."""
+    """Pairs of roots, conjugates together; a single one comes last, so that zeros never outnumber poles in a pair."""
     real = np.sort_complex(roots[np.abs(roots.imag) <= 1e-12 * np.abs(roots)])
     upper = roots[roots.imag > 1e-12 * np.abs(roots)]
     pairs = [np.array([root, root.conjugate()]) for root in upper]
@@ -94,8 +94,8 @@ def _pairs(roots: ComplexArray) -> list[ComplexArray]:
 def zero_pole_gain(model: StateSpace | Estimate, *, input: int = 0, output: int = 0) -> ZeroPoleGain:
     """Zeros, poles and gain of one channel.
 
-    Poles of the model that stand apart from the channel, such as those of a noise model of its own, have no part in it;
-    others that it does not share have a zero on top of them.
+    Poles of the model that are structurally decoupled from the channel, such as those of a separate noise model, are
+    omitted; other poles that the channel does not have are cancelled by a zero.
 
     Args:
         model: A model or estimate.
@@ -124,10 +124,10 @@ def zero_pole_gain(model: StateSpace | Estimate, *, input: int = 0, output: int 
 def transfer_function(model: StateSpace | Estimate) -> "control.TransferFunction":
     """The path from u to y as a python-control transfer function, numerators and denominators in z.
 
-    High orders lose digits in polynomials: for computations the state space is the better form.
+    Polynomials of high order lose digits: compute with the state space instead.
 
     Args:
-        model: A model or estimate; its noise model has no part in this.
+        model: A model or estimate; its noise model is ignored.
 
     Returns:
         One numerator and denominator per channel, with the names of the model.
@@ -151,11 +151,11 @@ def transfer_function(model: StateSpace | Estimate) -> "control.TransferFunction
 
 
 def _channel(model: StateSpace, j: int, i: int) -> StateSpace:
-    return StateSpace(model.A, model.B[:, [j]], model.C[[i]], model.D[[i]][:, [j]], None, model.dt).input_path()
+    return model.channel(j, i).input_path()
 
 
 def _leading(channel: StateSpace) -> float:
-    """First value of the pulse response that is not zero; 0 where there is none."""
+    """First nonzero value of the pulse response; 0 if there is none."""
     pulse = channel.markov(channel.order + 1)[:, 0, 0]
-    heard = np.flatnonzero(np.abs(pulse) > 1e-12 * np.abs(pulse).max())
-    return float(pulse[heard[0]]) if len(heard) else 0.0
+    nonzero = np.flatnonzero(np.abs(pulse) > 1e-12 * np.abs(pulse).max())
+    return float(pulse[nonzero[0]]) if len(nonzero) else 0.0

@@ -29,18 +29,7 @@ def panels(
     sharex: bool | str = False,
     ratios: Sequence[float] | None = None,
 ) -> tuple[Figure, Panels]:
-    """A figure that belongs to no window, with empty panels.
-
-    Args:
-        rows: Number of rows.
-        columns: Number of columns.
-        size: Width and height, inch.
-        sharex: As matplotlib's `subplots` has it.
-        ratios: Heights of the rows.
-
-    Returns:
-        The figure and its axes (rows, columns).
-    """
+    """A figure that belongs to no window, with empty panels."""
     figure = Figure(figsize=size, layout="constrained")
     # matplotlib takes True, False and "col" here, which its stubs tell apart
     grid: Panels = figure.subplots(rows, columns, sharex=sharex, squeeze=False, height_ratios=ratios)  # type: ignore[arg-type]
@@ -56,34 +45,14 @@ def panels(
 def size_of(
     given: tuple[float, float] | None, rows: int, columns: int, one: tuple[float, float], more: tuple[float, float]
 ) -> tuple[float, float]:
-    """Size of a figure: as given, else enough for its panels.
-
-    Args:
-        given: Width and height, inch, or None.
-        rows: Number of rows of panels.
-        columns: Number of columns.
-        one: Size for the first row and column, inch.
-        more: What every further one adds.
-
-    Returns:
-        Width and height, inch.
-    """
+    """Size of a figure: as given, else enough for its panels."""
     if given is not None:
         return given
     return (min(one[0] + more[0] * (columns - 1), 24.0), min(one[1] + more[1] * (rows - 1), 36.0))
 
 
 def line(axes: Axes, x: FloatArray, y: FloatArray, style: Style, label: str | None, *, width: float = 0.0) -> None:
-    """Draw a line, or markers alone where the style has no line.
-
-    Args:
-        axes: Where.
-        x: Abscissae (n,).
-        y: Ordinates (n,).
-        style: How it looks.
-        label: Text of the legend; None for no entry.
-        width: Width in points, in place of the style's.
-    """
+    """Draw a line, or markers alone where the style has no line."""
     marker, width, pattern = "" if style.line else style.marker, width or style.width, style.line
     if len(x) > LONG and pattern and pattern != "-":
         # so many points close up the gaps of a pattern; colour has to do
@@ -95,25 +64,12 @@ def line(axes: Axes, x: FloatArray, y: FloatArray, style: Style, label: str | No
 
 
 def shade(axes: Axes, x: FloatArray, low: FloatArray, high: FloatArray, style: Style) -> None:
-    """Draw a band.
-
-    Args:
-        axes: Where.
-        x: Abscissae (n,).
-        low: Lower edge (n,).
-        high: Upper edge (n,).
-        style: Whose band it is.
-    """
+    """Draw a band."""
     axes.fill_between(x, low, high, color=style.colour, alpha=0.18, lw=0)
 
 
 def legend(figure: Figure, axes: Axes) -> None:
-    """A legend above the figure, where it never covers data.
-
-    Args:
-        figure: The figure.
-        axes: Panel that has every entry.
-    """
+    """A legend above the figure, where it never covers data."""
     handles, labels = axes.get_legend_handles_labels()
     if handles:
         # An entry takes its handle, about half an inch, and its text, at 9 points about 0.068 inch a letter.
@@ -123,12 +79,7 @@ def legend(figure: Figure, axes: Axes) -> None:
 
 
 def fit_to_lines(axes: Axes, *, floor: float = -np.inf) -> None:
-    """Let the lines set the vertical range, not their bands.
-
-    Args:
-        axes: Which panel.
-        floor: What lies below is not made room for.
-    """
+    """Let the lines set the vertical range, not their bands."""
     values = np.concatenate([np.asarray(drawn.get_ydata(), dtype=float) for drawn in axes.get_lines()] or [np.zeros(1)])
     values = values[np.isfinite(values)]
     low, high = max(float(values.min(initial=0.0)), floor), float(values.max(initial=0.0))
@@ -147,19 +98,7 @@ def decibel(magnitude: FloatArray) -> FloatArray:
 
 
 def chosen(kind: str, given: int | str | None, names: Sequence[str]) -> list[int]:
-    """Channels to draw.
-
-    Args:
-        kind: What is chosen, for the message.
-        given: An index, a name, or None for all.
-        names: What there is.
-
-    Returns:
-        Indices.
-
-    Raises:
-        SysidError: No such channel.
-    """
+    """Channels to draw."""
     if given is None:
         return list(range(len(names)))
     if isinstance(given, str) and given in names:

@@ -88,11 +88,7 @@ def output_comparison(
 
 
 def _column(trace: Trace, output: int, data: IOData) -> FloatArray:
-    """What a trace says of one output (N,).
-
-    Raises:
-        SysidError: Another length than the record's, or other outputs.
-    """
+    """What a trace says of one output (N,)."""
     values = trace.values[:, None] if trace.values.ndim == 1 else trace.values
     if len(values) != len(data):
         raise SysidError(f"{trace.label}: {len(values)} samples, the record has {len(data)}")

@@ -84,18 +84,7 @@ class Trace:
 def curves_of(
     given: "Drawable | Sequence[Drawable] | Mapping[str, Drawable]", frequencies: FloatArray | None
 ) -> list[Curve]:
-    """Curves of responses, models and estimates; a `Curve` passes as it is.
-
-    Args:
-        given: One, several, or several by name.
-        frequencies: Where models and estimates are evaluated, Hz; up to their Nyquist frequency when not given.
-
-    Returns:
-        What to draw.
-
-    Raises:
-        SysidError: Nothing, or something that has no frequency response.
-    """
+    """Curves of responses, models and estimates; a `Curve` passes as it is."""
     looks = Looks()
     curves = []
     for name, item in named_items(given, (Curve, FrequencyResponse, Estimate, StateSpace, BestLinearApproximation)):
@@ -115,18 +104,7 @@ def curves_of(
 
 
 def roots_of(given: "Rooted | Sequence[Rooted] | Mapping[str, Rooted]", *, regions: bool = True) -> list[Roots]:
-    """Poles and zeros of models and estimates; a `Roots` passes as it is.
-
-    Args:
-        given: One, several, or several by name.
-        regions: Whether estimates get their 95 % regions.
-
-    Returns:
-        What to draw.
-
-    Raises:
-        SysidError: Nothing, or something that has no poles.
-    """
+    """Poles and zeros of models and estimates; a `Roots` passes as it is."""
     looks = Looks()
     roots = []
     for name, item in named_items(given, (Roots, Estimate, StateSpace)):
@@ -144,19 +122,7 @@ def roots_of(given: "Rooted | Sequence[Rooted] | Mapping[str, Rooted]", *, regio
 def traces_of(
     given: "Trace | ModelFit | Sequence[Trace | ModelFit]", outputs: Sequence[int], *, ahead: bool = False
 ) -> list[Trace]:
-    """Outputs of fits, with their percentages; a `Trace` passes as it is.
-
-    Args:
-        given: One or several.
-        outputs: Which outputs' percentages are told.
-        ahead: Whether predictions are drawn, otherwise simulations.
-
-    Returns:
-        What to draw.
-
-    Raises:
-        SysidError: Nothing, or something that is neither.
-    """
+    """Outputs of fits, with their percentages; a `Trace` passes as it is."""
     looks = Looks()
     traces = []
     for _, item in named_items(given, (Trace, ModelFit)):
@@ -203,18 +169,7 @@ class Looks:
 
 
 def named_items(given: object, kinds: tuple[type, ...]) -> Iterator[tuple[str | None, Any]]:
-    """Pairs of a name, None where there is none, and a thing to draw.
-
-    Args:
-        given: One, several, or several by name.
-        kinds: What can be drawn.
-
-    Returns:
-        The pairs.
-
-    Raises:
-        SysidError: Nothing, or something else.
-    """
+    """Pairs of a name, None where there is none, and a thing to draw."""
     pairs: list[tuple[str | None, Any]]
     if isinstance(given, Mapping):
         pairs = [(str(name), item) for name, item in given.items()]

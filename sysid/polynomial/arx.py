@@ -28,14 +28,13 @@ def arx(
     """Fit A(q) y = B(q) u + e by least squares [Ljung1999, sec. 4.2, 7.3].
 
     Args:
-        data: One experiment, or several that share the model. Outputs may be missing: equations that touch one are
-            left out.
+        data: One experiment, or several that share the model. Equations with a missing output are omitted.
         na: Degree of A.
         nb: Number of coefficients of B, one for all inputs or one per input.
         nk: Delay in samples, likewise; nk = 1 means y(t) depends on u(t-1) first, nk = 0 gives a direct term.
-        coloured: Whether the covariance allows for prediction errors that are not white, as where the orders are too
-            small: a "sandwich" [Ljung1999, ch. 9]. It then tells the spread about the parameters that the
-            criterion leads to, which need not be the true ones. The estimate itself is the same.
+        coloured: Whether the covariance allows for prediction errors that are not white, as with too small orders, by
+            the "sandwich" formula [Ljung1999, ch. 9]. It is then the spread about the limit of the estimate, which need
+            not be the true parameters. The estimate itself is the same.
 
     Returns:
         The estimate; parameters a1.., b1...
@@ -50,7 +49,7 @@ def arx(
     experiments = as_experiments(data, missing=not coloured)
     check_single_output(experiments)
     orders = make_orders(experiments[0].nu, na=na, nb=nb, nk=nk)
-    texts = check_excitation(experiments, orders.nb) + check_means(experiments, orders.na)
+    messages = check_excitation(experiments, orders.nb) + check_means(experiments, orders.na)
     check_enough_data(experiments, orders, transients=0)
     starts = [orders.first_row(e.window) for e in experiments]
     phi = np.vstack(
@@ -60,11 +59,10 @@ def arx(
         ]
     )
     target = np.concatenate([e.y[start:] for e, start in zip(experiments, starts, strict=True)])
-    # rows that touch a missing output are left out
     known = np.isfinite(phi).all(axis=1) & np.isfinite(target[:, 0])
     if known.sum() <= orders.count:
         raise SysidError(
-            f"too many missing samples: {int(known.sum())} of {len(phi)} rows touch none, "
+            f"too many missing samples: {int(known.sum())} of {len(phi)} rows are complete, "
             f"{orders.count} parameters need more"
         )
     if not known.all():
@@ -72,22 +70,22 @@ def arx(
     fit = solve(phi, target)
     variance = float(fit.residual_gram[0, 0]) / (len(phi) - orders.count)
     if fit.rank < orders.count:
-        texts.append(
-            f"the regressors have rank {fit.rank} for {orders.count} parameters: the solution of least norm is given"
+        messages.append(
+            f"the regressors have rank {fit.rank} for {orders.count} parameters: this is the least-norm solution"
         )
     covariance = variance * fit.inverse_gram
     if coloured:
         covariance = sandwich(experiments, orders, fit.solution[:, 0], covariance, variance)
-    for text in texts:
-        warnings.warn(text, SysidWarning, stacklevel=2)
+    for message in messages:
+        warnings.warn(message, SysidWarning, stacklevel=2)
     return make_estimate(
         "arx",
         experiments,
         orders,
-        {"na": orders.na, "nb": orders.nb, "nk": orders.nk},
+        orders.select("na", "nb", "nk"),
         theta=fit.solution[:, 0],
         covariance=covariance,
         variance=variance,
         diagnostics={"condition": fit.condition, "rank": fit.rank, "iterations": 0, "converged": True},
-        texts=texts,
+        messages=messages,
     )

@@ -28,17 +28,17 @@ def bj(
     out. The path from the input has a model of its own, so that a poor model of the disturbance does not bias it.
 
     Args:
-        data: One experiment, or several that share the model. Outputs may be missing: the
-            likelihood of those that are known is maximised.
+        data: One experiment, or several that share the model. With missing outputs, the likelihood of the known ones is
+            maximised.
         nb: Number of coefficients of B, one for all inputs or one per input.
         nc: Degree of C.
         nd: Degree of D.
         nf: Degree of F, one for all inputs or one per input.
         nk: Delay in samples, likewise; nk = 1 means y(t) depends on u(t-1) first, nk = 0 gives a direct term.
-        max_iterations: Steps of the final minimisation at most.
-        coloured: Whether the covariance allows for prediction errors that are not white, as where the orders are too
-            small: a "sandwich" [Ljung1999, ch. 9]. It then tells the spread about the parameters that the
-            criterion leads to, which need not be the true ones. The estimate itself is the same.
+        max_iterations: Limit on the steps of the final minimisation.
+        coloured: Whether the covariance allows for prediction errors that are not white, as with too small orders, by
+            the "sandwich" formula [Ljung1999, ch. 9]. It is then the spread about the limit of the estimate, which need
+            not be the true parameters. The estimate itself is the same.
         initial_conditions: Assumption about the time before each experiment, or its name ("zero", "backcast"); by
             default none, and free initial conditions are estimated.
 
@@ -53,12 +53,11 @@ def bj(
     """
     experiments = as_experiments(data, missing=not coloured)
     orders = make_orders(experiments[0].nu, nb=nb, nc=nc, nd=nd, nf=nf, nk=nk)
-    asked = {"nb": orders.nb, "nc": orders.nc, "nd": orders.nd, "nf": orders.nf, "nk": orders.nk}
     return prediction_error_estimate(
         "bj",
         experiments,
         orders,
-        asked,
+        orders.select("nb", "nc", "nd", "nf", "nk"),
         bj_initial_estimates,
         max_iterations=max_iterations,
         coloured=coloured,

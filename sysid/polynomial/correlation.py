@@ -14,8 +14,8 @@ from sysid.records.data import IOData
 def covariance_function(x: Sequence[FloatArray], z: Sequence[FloatArray], lags: int) -> FloatArray:
     """R_xz(tau) = 1/N sum_t x(t + tau) z(t)', tau = -lags..lags [Ljung1999, sec. 6.1].
 
-    Division is by the total N at every lag (biased, positive semidefinite). Means are left as they are. Products never
-    reach over the boundary of an experiment.
+    Division is by the total N at every lag (biased, positive semidefinite). Means are not removed. Products do
+    not cross the boundary of an experiment.
 
     Args:
         x: First signal per experiment (N_i, nx).
@@ -35,7 +35,7 @@ def covariance_function(x: Sequence[FloatArray], z: Sequence[FloatArray], lags: 
 
 
 def covariance_with_gaps(x: Sequence[FloatArray], z: Sequence[FloatArray], lags: int) -> FloatArray:
-    """The same from the products whose two samples are known, NaN marking those that are not.
+    """Covariance function of signals with missing samples (NaN), from the products of known samples.
 
     The mean of the known products times 1 - |tau|/N: without gaps exactly `covariance_function`. It need not be
     positive semidefinite. A lag without a product is zero.
@@ -54,29 +54,29 @@ def covariance_with_gaps(x: Sequence[FloatArray], z: Sequence[FloatArray], lags:
     known = covariance_function(known_x, known_z, lags)
     ones = [np.ones((len(part), 1)) for part in x]
     possible = covariance_function(ones, ones, lags)
-    # counts divided by N; rounding of the transform stands for none
+    # counts divided by N, up to rounding of the transform: half a product counts as none
     some = known > 0.5 / sum(len(part) for part in x)
     return np.where(some, products / np.where(some, known, 1.0) * possible, 0.0)
 
 
-GRID = 8192
+GRID = 8192  # frequencies of the spectrum: correlations of slow models must decay within half of them
 
 
 def autoregression(e: FloatArray, order: int) -> tuple[FloatArray, FloatArray]:
-    """Whitener of a signal, and the correlations that it stands for.
+    """Autoregressive model of a signal by the Yule-Walker equations, and the correlations of that model.
 
-    Unlike sample correlations these fall off smoothly, so that a sum over lags does not gather noise.
+    Unlike sample correlations these decay smoothly, so that sums over lags do not accumulate noise.
 
     Args:
         e: Signal with zero mean (N,).
         order: Number of coefficients.
 
     Returns:
-        The whitener 1, a1, ..., (order + 1,), whose inverse is stable, and normalised correlations at lags 0, 1, ...
-        (k,).
+        The whitening filter 1, a1, ..., (order + 1,), whose inverse is stable, and normalised correlations at lags
+        0, 1, ... (k,).
     """
     r = covariance_function([e[:, None]], [e[:, None]], order)[order:, 0, 0]
-    # keeps the equations regular where the signal is a few sinusoids, or grows
+    # keeps the equations regular for a signal of a few sinusoids, or one that grows
     r[0] *= 1.0 + 1e-9
     whitener = np.concatenate(([1.0], -solve_toeplitz(r[:-1], r[1:])))
     spectrum = 1.0 / np.abs(rfft(whitener, GRID)) ** 2
@@ -88,12 +88,12 @@ def prewhitened(experiments: Sequence[IOData], channel: int, order: int) -> list
     """Filter inputs and outputs by the whitener of one input [Ljung1999, sec. 6.1].
 
     The response from the filtered inputs to the filtered outputs is that of the system. The first `order` samples are
-    the start-up of the filter: leave them out.
+    the transient of the filter: omit them.
 
     Args:
         experiments: Records with zero mean.
-        channel: Which input is to become white.
-        order: Coefficients of its autoregressive model; 0 leaves everything as it is.
+        channel: Index of the input to whiten.
+        order: Order of its autoregressive model; 0 for no filter.
 
     Returns:
         Per experiment all inputs (N, nu) and outputs (N, ny), filtered.

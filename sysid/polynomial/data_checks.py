@@ -17,11 +17,11 @@ from sysid.records.errors import SysidError
 def order_of_excitation(u: ArrayLike, *, max_order: int = 50, tolerance: float = 1e-6) -> int:
     """Order of persistent excitation: the largest n with a nonsingular n x n covariance matrix [Ljung1999, def. 13.1].
 
-    A sinusoid has order 2, a constant 1, a sum of m sinusoids 2m; white noise has no limit.
+    A sinusoid has order 2, a constant 1, a sum of m sinusoids 2m; that of white noise is unlimited.
 
     Args:
         u: One input (N,) or (N, 1).
-        max_order: Where to stop looking; a return value of `max_order` means "at least".
+        max_order: Largest order tested; a return value of `max_order` means "at least".
         tolerance: Singular values of the matrix of lagged inputs below it, relative to the largest, count as zero.
 
     Returns:
@@ -48,60 +48,47 @@ def _rank(signals: Sequence[FloatArray], order: int, tolerance: float) -> int:
 
 
 def _gram_rank(gram: FloatArray, tolerance: float) -> int:
-    # eigenvalues are squares of singular values; rounding of the Gram matrix sets the floor
+    # eigenvalues are squared singular values; rounding of the Gram matrix sets the floor
     values = np.linalg.eigvalsh(gram)
     floor = max(tolerance**2, len(gram) * np.finfo(float).eps)
     return int((values > floor * values[-1]).sum()) if values[-1] > 0.0 else 0
 
 
 def check_excitation(experiments: Sequence[IOData], needed: Sequence[int]) -> list[str]:
-    """Refuse constant inputs; describe inputs that excite less than the model needs, or depend on each other.
-
-    Args:
-        experiments: The data set.
-        needed: Order of excitation wanted of each input.
-
-    Returns:
-        One text per weak input, and one where inputs depend on each other.
-
-    Raises:
-        SysidError: An input is constant in every experiment.
-    """
+    """Refuse constant inputs; describe inputs that excite less than the `needed` orders, or are dependent."""
     nu, names = experiments[0].nu, experiments[0].input_names or ()
     shortest = min(len(e) for e in experiments)
     for j, name in enumerate(names):
         signals = [e.u[:, j] for e in experiments]
         if all(np.ptp(s) <= ROUNDING * np.abs(s).max() for s in signals):
             value = ", ".join(f"{s[0]:g}" for s in signals)
-            raise SysidError(
-                f"input {name} is constant ({value}): nothing can be identified from it; expected a varying input"
-            )
-    # as many rows as columns at least
+            raise SysidError(f"input {name} is constant ({value}), which identifies nothing; expected a varying input")
+    # at least as many rows as columns
     lags = min(max((*needed, 1)), shortest // (nu + 1))
     joint = _joint_gram(experiments, lags) if nu > 1 and lags >= 1 else None
-    texts, alone = [], 0
+    messages, alone = [], 0
     for j, name in enumerate(names):
         own = None if joint is None else joint[j::nu, j::nu]
         order = min(needed[j], shortest // 2)
         if own is not None and order == lags:
-            found = _gram_rank(own, 1e-6)
-            alone += found
+            excited = _gram_rank(own, 1e-6)
+            alone += excited
         else:
-            found = _rank([e.u[:, j] for e in experiments], order, 1e-6) if order >= 1 else needed[j]
+            excited = _rank([e.u[:, j] for e in experiments], order, 1e-6) if order >= 1 else needed[j]
             alone += 0 if own is None else _gram_rank(own, 1e-6)
-        if found < needed[j]:
-            texts.append(
-                f"input {name} is persistently exciting of order {found} only, the model needs {needed[j]}: "
-                "some parameters rest on noise"
+        if excited < needed[j]:
+            messages.append(
+                f"input {name} is persistently exciting of order {excited} only, the model needs {needed[j]}: "
+                "some parameters are determined by noise alone"
             )
     together = alone if joint is None else _gram_rank(joint, 1e-6)
     if together < alone:
         what = "the inputs" if lags == 1 else f"{lags} lags of the inputs"
-        texts.append(
-            f"{what} {', '.join(names)} have rank {together} together and {alone} on their own: they depend on each "
-            "other, and the data do not tell their effects apart"
+        messages.append(
+            f"{what} {', '.join(names)} have rank {together} together and {alone} one by one: they are "
+            "dependent, and the data cannot separate their effects"
         )
-    return texts
+    return messages
 
 
 def _joint_gram(experiments: Sequence[IOData], lags: int) -> FloatArray:
@@ -111,72 +98,58 @@ def _joint_gram(experiments: Sequence[IOData], lags: int) -> FloatArray:
 
 
 ROWS_PER_COEFFICIENT = 5
-LONGER = 10  # lags of outputs and inputs in the second model that is asked
-CERTAIN = 4.0  # standard deviations of the offset
-EXACT = 1e4  # the same without noise
-SERIOUS = 0.5  # of the output's mean: less may be the bias that noise on the output leaves in an ARX model
+LONGER = 10  # lags of outputs and inputs in the second, longer model
+CERTAIN = 4.0  # offset, in its standard deviations, that counts as significant
+EXACT = 1e4  # the same in data without noise
+SERIOUS = 0.5  # offset, relative to the mean output: a smaller one may be the bias of ARX by output noise
 
 
 def check_means(experiments: Sequence[IOData], order: int) -> list[str]:
-    """Describe outputs whose mean the dynamics do not explain, where it would bend a model without an offset.
+    """Describe outputs whose mean the dynamics do not explain, which biases a model without an offset.
 
-    Only where means are larger than standard deviations, of an input and of the output, is an ARX model with a constant
-    asked whether that constant is needed, and a longer one. Responses from rest, and gains at 0 Hz that hold, are so
-    left alone. An order beyond that of the dynamics takes a difference of the data, and needs no detrending.
-
-    Args:
-        experiments: The data set.
-        order: Of the model to be fitted.
-
-    Returns:
-        One text per output.
+    The test is whether an ARX model, and a longer one, need a constant. It is made only if the means of an input and of
+    the output exceed their standard deviations. Responses from rest and records that agree with the gain at 0 Hz pass.
+    A model with an order beyond that of the dynamics can difference the data and needs no detrending.
     """
     u, y = (_joined([getattr(e, name)[e.window :] for e in experiments]) for name in ("u", "y"))
     means_u, sizes_u = np.nanmean(u, axis=0), np.nanstd(u, axis=0)
     means_y, sizes_y = np.nanmean(y, axis=0), np.nanstd(y, axis=0)
     if not (np.abs(means_u) > sizes_u).any():
         return []
-    loud = int(np.argmax(np.abs(means_u) / np.maximum(sizes_u, np.finfo(float).tiny)))
-    texts = []
+    largest = int(np.argmax(np.abs(means_u) / np.maximum(sizes_u, np.finfo(float).tiny)))
+    messages = []
     for i in np.flatnonzero(np.abs(means_y) > sizes_y):
-        # a model too small, or bent by noise on the output, may miss the gain at 0 Hz: a longer one must agree
+        # a model that is too small, or biased by output noise, may miss the gain at 0 Hz: a longer one must agree
         offset, certain = _missing_offset(experiments, int(i), order)
         longer, also = _missing_offset(experiments, int(i), max(order, LONGER))
         if np.isnan(also):
-            # without noise the longer one has a difference to spare: then the first must hold exactly
+            # without noise the longer model can difference the data: then the first must be exact
             longer, also = (offset, certain) if certain > EXACT else (0.0, 0.0)
         least = SERIOUS * abs(means_y[i])
         if min(certain, also) > CERTAIN and min(abs(offset), abs(longer)) > least and offset * longer > 0.0:
-            names = (experiments[0].input_names or ())[loud], (experiments[0].output_names or ())[i]
-            texts.append(
-                f"means dominate and do not fit the dynamics: input {names[0]} has mean {means_u[loud]:.4g} and "
-                f"standard deviation {sizes_u[loud]:.4g}, output {names[1]} {means_y[i]:.4g} and {sizes_y[i]:.4g}, of "
-                f"which about {offset:.4g} is an offset that the model does not have; detrend first: data.detrend()"
+            names = (experiments[0].input_names or ())[largest], (experiments[0].output_names or ())[i]
+            messages.append(
+                f"means dominate and do not fit the dynamics: input {names[0]} has mean {means_u[largest]:.4g} and "
+                f"standard deviation {sizes_u[largest]:.4g}, output {names[1]} {means_y[i]:.4g} and {sizes_y[i]:.4g}, "
+                f"of which about {offset:.4g} is an offset that the model lacks; detrend first: data.detrend()"
             )
-    return texts
+    return messages
 
 
 def large_means(experiments: Sequence[IOData]) -> list[str]:
-    """Describe channels whose mean is larger than their standard deviation, for methods that look at the frequencies.
-
-    Args:
-        experiments: The data set.
-
-    Returns:
-        One text, or none.
-    """
+    """Describe channels whose mean exceeds their standard deviation, for frequency-domain methods."""
     first = experiments[0]
     z = _joined([np.hstack((e.u, e.y))[e.window :] for e in experiments])
     means, sizes = np.nanmean(z, axis=0), np.nanstd(z, axis=0)
     names = (*(first.input_names or ()), *(first.output_names or ()))
-    found = [
+    dominant = [
         f"{name} (mean {mean:.4g}, standard deviation {size:.4g})"
         for name, mean, size in zip(names, means, sizes, strict=True)
         if abs(mean) > size
     ]
-    if not found:
+    if not dominant:
         return []
-    return [f"the mean dominates {', '.join(found)} and leaks into low frequencies; detrend first: data.detrend()"]
+    return [f"the mean dominates {', '.join(dominant)} and leaks into low frequencies; detrend first: data.detrend()"]
 
 
 def _joined(parts: Sequence[FloatArray]) -> FloatArray:
@@ -184,9 +157,9 @@ def _joined(parts: Sequence[FloatArray]) -> FloatArray:
 
 
 def _missing_offset(experiments: Sequence[IOData], output: int, order: int) -> tuple[float, float]:
-    """Offset of an output, in its units, and in standard deviations of the constant.
+    """Offset of an output, in its units and in standard deviations of the constant.
 
-    Zeros where there are too few data, NaN where the other columns can stand in for the constant.
+    Zeros if there are too few data, NaN if the constant depends on the other columns.
     """
     nu = experiments[0].nu
     usable = sum(len(e) - e.window for e in experiments)
@@ -208,8 +181,8 @@ def _missing_offset(experiments: Sequence[IOData], output: int, order: int) -> t
     constant = float(fit.solution[-1, 0])
     variance = float(fit.residual_gram[0, 0]) / (len(phi) - with_constant.shape[1])
     deviation = float(np.sqrt(variance * fit.inverse_gram[-1, -1]))
-    # gain of 1/A at 0 Hz
-    still = 1.0 + float(fit.solution[:n, 0].sum())
-    if still == 0.0:
+    # A at 0 Hz
+    at_dc = 1.0 + float(fit.solution[:n, 0].sum())
+    if at_dc == 0.0:
         return 0.0, 0.0
-    return constant / still, abs(constant) / max(deviation, np.finfo(float).tiny)
+    return constant / at_dc, abs(constant) / max(deviation, np.finfo(float).tiny)

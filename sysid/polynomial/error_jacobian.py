@@ -1,4 +1,4 @@
-"""Prediction errors of one experiment and their exact Jacobian, for each way to treat the time before the record."""
+"""Prediction errors of one experiment and their exact Jacobian, for each assumption on the initial conditions."""
 
 from dataclasses import dataclass
 
@@ -14,11 +14,11 @@ from sysid.polynomial.regressors import input_lags, lagged, output_lags
 from sysid.records.arrays import FloatArray
 from sysid.records.data import IOData
 
-LEAST_VARIANCE = 1e-8  # of a past disturbance, in units of the innovation's
-ROUNDING = 1e-12  # the same, as a part of the variances' sum, of a disturbance that hardly dies out
-FIRST_LOOK = 256  # samples after which most transients have died out
-NEGLIGIBLE = 1e-17
-STEP = 1e-5  # of the coefficients, for differences of the small matrices of backcasting
+LEAST_VARIANCE = 1e-8  # of an initial disturbance state, relative to the innovation: keeps the covariance regular
+ROUNDING = 1e-12  # the same relative to the sum of variances, for a disturbance that hardly decays
+FIRST_LENGTH = 256  # samples after which most transients have died out
+NEGLIGIBLE = 1e-17  # tail of a transient, relative to its largest value, that rounding hides
+STEP = 1e-5  # of the coefficients, for difference quotients of the small matrices of backcasting
 
 
 @dataclass(frozen=True, eq=False)
@@ -26,12 +26,12 @@ class ErrorJacobian:
     """Errors with their derivatives.
 
     Attributes:
-        columns: [d eps / d theta, eps], the initial conditions taken out; with backcasting the deviations of past
-            disturbances from zero stand in front, in units of the innovation's deviation (rows, p + 1).
+        columns: [d eps / d theta, eps], the initial conditions projected out; with backcasting the initial disturbance
+            states come first, in units of the deviation of the innovation (rows, p + 1).
         errors: Number of prediction errors among the rows.
         transients: Number of free initial conditions.
-        log_determinant: What missing outputs add to the logarithm of the likelihood, times -2.
-        slope: Its derivatives (p,); None where no output is missing.
+        log_determinant: Contribution of missing outputs to -2 times the logarithm of the likelihood.
+        slope: Derivatives of `log_determinant` (p,); None without missing outputs.
     """
 
     columns: FloatArray
@@ -44,43 +44,38 @@ class ErrorJacobian:
 def error_jacobian(
     experiment: IOData, orders: Orders, theta: FloatArray, initial_conditions: InitialConditions
 ) -> ErrorJacobian:
-    """Evaluate one single-output experiment.
-
-    Args:
-        experiment: The data.
-        orders: The structure.
-        theta: Parameters (p,), C and F stable.
-        initial_conditions: Assumption about the time before the record.
-    """
+    """Prediction errors and Jacobian of one single-output experiment at stable parameters theta (p,)."""
     y, u = experiment.y[:, 0], experiment.u
     if initial_conditions is InitialConditions.ZERO:
         return _from_rest(y, u, orders, theta, experiment.window)
     if initial_conditions is InitialConditions.BACKCAST and max(orders.nc, orders.nd):
         return _backcast(y, u, orders, theta, orders.first_row(experiment.window))
-    return _with_free_past(y, u, orders, theta, orders.first_error(experiment.window))
+    return _free_initial_conditions(y, u, orders, theta, orders.first_error(experiment.window))
 
 
-def _with_free_past(y: FloatArray, u: FloatArray, orders: Orders, theta: FloatArray, start: int) -> ErrorJacobian:
-    """Errors and Jacobian from `start` on, with the unknown past projected out.
+def _free_initial_conditions(
+    y: FloatArray, u: FloatArray, orders: Orders, theta: FloatArray, start: int
+) -> ErrorJacobian:
+    """Errors and Jacobian from `start` on, with free initial conditions projected out.
 
-    Filters run over the whole record from rest. What that gets wrong about the time before `start` is, from `start` on,
-    a free response of 1/C or of D/(C F), hence lies in the span of the transient columns.
+    Filters run over the whole record from rest. The error of that assumption is, from `start` on, a free response of
+    1/C or of D/(C F), hence in the span of the transient columns.
     """
     a, b, c, d, f = orders.split(theta)
     n = len(y)
     responses = [lfilter(bj, fj, u[:, j]) for j, (bj, fj) in enumerate(zip(b, f, strict=True))]
     noise_count = max(orders.nc, orders.nd)
-    # Filters that do nothing cost as much as others.
+    # A filter without coefficients would cost as much as any other.
     v = (lfilter(a, [1.0], y) if orders.na else y) - sum(responses)
     eps = lfilter(d, c, v)[start:] if noise_count else v[start:].copy()
 
     transients = free_transients(orders, theta, n - start)
     basis, tau = _orthonormal(transients, eps) if transients.shape[1] else (None, np.zeros(0))
     if basis is not None:
-        lasting = len(basis)
-        eps[:lasting] -= basis @ (basis.T @ eps[:lasting])
+        length = len(basis)
+        eps[:length] -= basis @ (basis.T @ eps[:length])
 
-    # past of the errors does not matter below: it is again a transient
+    # the initial conditions of the filters below do not matter: they are transients too
     columns = np.empty((n - start, orders.count + 1), order="F")
     k = 0
     if orders.na:
@@ -90,7 +85,7 @@ def _with_free_past(y: FloatArray, u: FloatArray, orders: Orders, theta: FloatAr
         filtered = lfilter(d, np.convolve(c, f[j]), u[:, j])
         columns[:, k : k + nb] = -_shifts(filtered, nb, first=nk)[start:]
         k += nb
-    # w and v with their fitted initial conditions, as eps has them
+    # w and v with the fitted initial conditions of eps
     used = noise_count
     corrected = v[start:]
     outputs = []
@@ -99,8 +94,8 @@ def _with_free_past(y: FloatArray, u: FloatArray, orders: Orders, theta: FloatAr
         if orders.nf[j]:
             initial = np.zeros(n - start)
             initial[: orders.nf[j]] = tau[used : used + orders.nf[j]]
-            missing = lfilter([1.0], f[j], initial)
-            w, corrected = w + missing, corrected - missing
+            transient = lfilter([1.0], f[j], initial)
+            w, corrected = w + transient, corrected - transient
             used += orders.nf[j]
         outputs.append(w)
     if orders.nc:
@@ -114,13 +109,13 @@ def _with_free_past(y: FloatArray, u: FloatArray, orders: Orders, theta: FloatAr
             columns[:, k : k + nf] = _shifts(lfilter(d, np.convolve(c, f[j]), outputs[j]), nf, first=1)
             k += nf
     if basis is not None:
-        columns[:lasting, :k] -= basis @ (basis.T @ columns[:lasting, :k])
+        columns[:length, :k] -= basis @ (basis.T @ columns[:length, :k])
     columns[:, k] = eps
     return ErrorJacobian(columns, len(columns), 0 if basis is None else basis.shape[1])
 
 
 def _from_rest(y: FloatArray, u: FloatArray, orders: Orders, theta: FloatArray, window: int) -> ErrorJacobian:
-    """Errors and Jacobian of all samples behind the window, everything before the record zero."""
+    """Errors and Jacobian of all samples after the window, with zero initial conditions."""
     a, b, c, d, f = orders.split(theta)
     responses = [lfilter(bj, fj, u[:, j]) for j, (bj, fj) in enumerate(zip(b, f, strict=True))]
     v = lfilter(a, [1.0], y) - sum(responses)
@@ -137,10 +132,9 @@ def _from_rest(y: FloatArray, u: FloatArray, orders: Orders, theta: FloatArray, 
 
 
 def _backcast(y: FloatArray, u: FloatArray, orders: Orders, theta: FloatArray, start: int) -> ErrorJacobian:
-    """Errors and Jacobian from `start` on; the state x of the disturbance there costs x' P^-1 x, P its covariance.
+    """Errors and Jacobian from `start` on; the initial disturbance state x costs x' P^-1 x, P its covariance.
 
-    Everything of the disturbance runs from rest at `start`. Its state enters as pulses at the first samples, by way of
-    1/C.
+    The disturbance filters run from rest at `start`. The state enters as pulses at the first samples, through 1/C.
     """
     a, b, c, d, f = orders.split(theta)
     rows, m = len(y) - start, max(orders.nc, orders.nd)
@@ -161,25 +155,25 @@ def _backcast(y: FloatArray, u: FloatArray, orders: Orders, theta: FloatArray, s
     if k:
         columns[m:, :k] = lfilter(d, c, lagged(y, output_lags(k), start), axis=0)
     for j, (nb, nk) in enumerate(zip(orders.nb, orders.nk, strict=True)):
-        reached = lagged(lfilter([1.0], f[j], u[:, j]), input_lags(nb, nk), start)
-        columns[m:, k : k + nb] = -lfilter(d, c, reached, axis=0)
+        inputs = lagged(lfilter([1.0], f[j], u[:, j]), input_lags(nb, nk), start)
+        columns[m:, k : k + nb] = -lfilter(d, c, inputs, axis=0)
         k += nb
     used, outputs = m, []
     for j, nf in enumerate(orders.nf):
         initial = np.zeros(len(y))
         initial[start : start + nf] = state[used : used + nf]
-        missing = lfilter([1.0], f[j], initial)
-        outputs.append(responses[j] + missing)
-        v = v - missing[start:]
+        transient = lfilter([1.0], f[j], initial)
+        outputs.append(responses[j] + transient)
+        v = v - transient[start:]
         used += nf
     for i, (polynomial, sign) in enumerate(((c, -1.0), (d, 1.0))):
         driven = lfilter([1.0], c, errors[m:] if i == 0 else v)
         n = len(polynomial) - 1
         columns[m:, k : k + n] = sign * _shifts(driven, n, first=1)
         for lag in range(1, n + 1):
-            # the state is held while its covariance moves
+            # derivative of the covariance at a fixed state
             ends = [polynomial + s * STEP * np.eye(1, n + 1, lag)[0] for s in (1.0, -1.0)]
-            # at the edge of stability one side has no stationary covariance, in a corner neither
+            # at the stability limit one side has no stationary covariance; the difference is then one-sided, or zero
             sides = [j for j, end in enumerate(ends) if i == 0 or is_stable(end)]
             up, down = (
                 (_inverse_root(ends[j], d, m) if i == 0 else _inverse_root(c, ends[j], m)) if j in sides else root
@@ -198,7 +192,7 @@ def _backcast(y: FloatArray, u: FloatArray, orders: Orders, theta: FloatArray, s
 
 
 def _inverse_root(c: FloatArray, d: FloatArray, m: int) -> FloatArray:
-    """Inverse of L (m, m), L L' the stationary covariance of C/D's state in observer form, for unit innovations."""
+    """Inverse of L (m, m), L L' the stationary covariance of the observer-form state of C/D for unit innovations."""
     A = np.eye(m, k=1)
     A[: len(d) - 1, 0] = -d[1:]
     K = np.zeros((m, 1))
@@ -211,13 +205,7 @@ def _inverse_root(c: FloatArray, d: FloatArray, m: int) -> FloatArray:
 
 
 def free_transients(orders: Orders, theta: FloatArray, rows: int) -> FloatArray:
-    """What the unknown past may add to the errors of a record, as columns, up to where they have died out.
-
-    Args:
-        orders: The structure.
-        theta: Parameters (p,).
-        rows: Number of errors.
-    """
+    """Responses of the errors to free initial conditions, one column each, until they have died out."""
     _, _, c, d, f = orders.split(theta)
     noise_count = max(orders.nc, orders.nd)
     blocks = [(np.ones(1), c, noise_count)] if noise_count else []
@@ -236,7 +224,7 @@ def _shifts(signal: FloatArray, count: int, first: int = 0) -> FloatArray:
 
 def _transients(blocks: list[tuple[FloatArray, FloatArray, int]], rows: int) -> FloatArray:
     """Pulse responses of filters (numerator, denominator), shifted `count` times, until they have died out."""
-    length = min(FIRST_LOOK, rows)
+    length = min(FIRST_LENGTH, rows)
     while True:
         pulse = np.zeros(length)
         pulse[0] = 1.0
@@ -249,13 +237,13 @@ def _transients(blocks: list[tuple[FloatArray, FloatArray, int]], rows: int) -> 
 
 
 def _orthonormal(transients: FloatArray, eps: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Orthonormal basis of the transients, as long as they last, and the coefficients of eps in them.
+    """Orthonormal basis of the transients until they have died out, and the coefficients of eps in them.
 
-    Transients that repeat others (inputs with equal F) are left out.
+    Dependent transients (inputs with equal F) are dropped.
     """
     alive = np.flatnonzero(np.abs(transients).max(axis=1) > NEGLIGIBLE * np.abs(transients).max())
-    lasting = int(alive[-1]) + 1
-    left, values, right = np.linalg.svd(transients[:lasting], full_matrices=False)
+    length = int(alive[-1]) + 1
+    left, values, right = np.linalg.svd(transients[:length], full_matrices=False)
     kept = values > 1e-12 * values[0]
     basis = left[:, kept]
-    return basis, right[kept].T @ ((basis.T @ eps[:lasting]) / values[kept])
+    return basis, right[kept].T @ ((basis.T @ eps[:length]) / values[kept])

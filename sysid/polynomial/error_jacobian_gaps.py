@@ -1,7 +1,7 @@
 """Prediction errors of an experiment with missing outputs, and their exact Jacobian.
 
-Missing outputs and the unknown past are eliminated together; the rest is the Jacobian of the record with the missing
-outputs at their conditional means, seen from outside of the span of both [GolubPereyra2003].
+Missing outputs and initial conditions are eliminated together: the result is the Jacobian of the record with the
+missing outputs at their conditional means, projected onto the complement of both [GolubPereyra2003].
 """
 
 from dataclasses import replace
@@ -16,22 +16,15 @@ from sysid.polynomial.orders import Orders
 from sysid.records.arrays import FloatArray
 from sysid.records.data import IOData
 
-FIRST_LOOK = 64  # samples after which most responses have died out
-NEGLIGIBLE = 1e-12  # of a response's largest value
-DEPENDENT = 1e-9  # length of a transient, as a part of itself, that missing outputs leave of it
+FIRST_LENGTH = 64  # samples after which most responses have died out
+NEGLIGIBLE = 1e-12  # tail of a response, relative to its largest value
+DEPENDENT = 1e-9  # remainder of a transient, relative to it, after the missing outputs are eliminated
 
 
 def gapped_error_jacobian(
     experiment: IOData, orders: Orders, theta: FloatArray, initial_conditions: InitialConditions
 ) -> ErrorJacobian:
-    """Evaluate one single-output experiment; errors come in as many rows as there are samples.
-
-    Args:
-        experiment: The data.
-        orders: The structure.
-        theta: Parameters (p,), C, D and F stable.
-        initial_conditions: Assumption about the time before the record; `ESTIMATED` or `ZERO`.
-    """
+    """Errors and Jacobian of one single-output experiment, one row per sample; not for backcasting."""
     a, b, c, d, f = orders.split(theta)
     known = experiment.known[:, 0]
     y = np.where(known, experiment.y[:, 0], 0.0)
@@ -42,19 +35,19 @@ def gapped_error_jacobian(
 
     inputs = sum(lfilter(bj, fj, experiment.u[:, j]) for j, (bj, fj) in enumerate(zip(b, f, strict=True)))
     errors = lfilter(d, c, lfilter(a, [1.0], y) - inputs)[start:]
-    # what is missing before the first error is as free as the past
+    # outputs that are missing before the first error are free initial conditions
     reach = len(response) if initial_conditions is InitialConditions.ZERO else orders.na
     early = [t for t in range(max(start - reach, 0), start) if not known[t]]
-    past_columns = (
+    initial_columns = (
         np.zeros((0, 0)) if initial_conditions is InitialConditions.ZERO else free_transients(orders, theta, rows)
     )
-    free = np.zeros((rows, len(early) + past_columns.shape[1]))
+    free = np.zeros((rows, len(early) + initial_columns.shape[1]))
     for i, t in enumerate(early):
         tail = response[start - t :][:rows]
         free[: len(tail), i] = tail
-    free[: len(past_columns), len(early) :] = past_columns
-    left = gaps.eliminated(np.column_stack((free, errors))[:, None])[:, 0]
-    basis, coefficients = _span(left[:, :-1], free, left[:, -1])
+    free[: len(initial_columns), len(early) :] = initial_columns
+    remainder = gaps.eliminated(np.column_stack((free, errors))[:, None])[:, 0]
+    basis, coefficients = _span(remainder[:, :-1], free, remainder[:, -1])
     y[early] = -coefficients[: len(early)]
     y[start:][~known[start:]] = -gaps.best((errors - free @ coefficients)[:, None, None])[:, 0]
 
@@ -65,7 +58,7 @@ def gapped_error_jacobian(
 
 
 def _slope(gaps: MissingOutputs, orders: Orders, theta: FloatArray) -> FloatArray:
-    """Derivatives of the logarithm of the determinant (p,); B and F do not enter."""
+    """Derivatives of the logarithm of the determinant (p,), which does not depend on B and F."""
     a, _, c, d, _ = orders.split(theta)
     out = np.zeros(orders.count)
     if len(gaps.response) == 1:
@@ -77,20 +70,20 @@ def _slope(gaps: MissingOutputs, orders: Orders, theta: FloatArray) -> FloatArra
         (orders.na + sum(orders.nb), orders.nc, -lfilter([1.0], c, gaps.response[:, 0, 0])),
         (orders.na + sum(orders.nb) + orders.nc, orders.nd, lfilter(a, c, pulse)),
     ]
-    index, moves = [], []
-    for first, count, moved in by_noise:
+    index, derivatives = [], []
+    for first, count, derivative in by_noise:
         for lag in range(1, count + 1):
             index.append(first + lag - 1)
-            moves.append(np.concatenate((np.zeros(lag), moved))[: len(pulse)])
-    out[index] = gaps.slope(np.array(moves)[:, :, None, None])
+            derivatives.append(np.concatenate((np.zeros(lag), derivative))[: len(pulse)])
+    out[index] = gaps.slope(np.array(derivatives)[:, :, None, None])
     return out
 
 
 def _died_out(numerator: FloatArray, denominator: FloatArray, most: int) -> FloatArray:
-    """Pulse response up to where nothing is left of it, at most `most` samples."""
+    """Pulse response until it has died out, at most `most` samples."""
     if len(denominator) == 1 or not denominator[1:].any():
         return numerator[:most]
-    length = min(max(FIRST_LOOK, 4 * (len(numerator) + len(denominator))), most)
+    length = min(max(FIRST_LENGTH, 4 * (len(numerator) + len(denominator))), most)
     while True:
         pulse = np.zeros(length)
         pulse[0] = 1.0
@@ -101,13 +94,13 @@ def _died_out(numerator: FloatArray, denominator: FloatArray, most: int) -> Floa
         length = min(4 * length, most)
 
 
-def _span(left: FloatArray, free: FloatArray, errors: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Orthonormal basis of what is left of the free columns, and coefficients of the errors in them."""
+def _span(remainder: FloatArray, free: FloatArray, errors: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Orthonormal basis of the remainder of the free columns, and coefficients of the errors in them."""
     if not free.shape[1]:
-        return left, np.zeros(0)
+        return remainder, np.zeros(0)
     lengths = np.sqrt(np.einsum("ij,ij->j", free, free))
     lengths[lengths == 0.0] = 1.0
-    vectors, values, right = np.linalg.svd(left / lengths, full_matrices=False)
+    vectors, values, right = np.linalg.svd(remainder / lengths, full_matrices=False)
     kept = values > DEPENDENT
     basis = vectors[:, kept]
     return basis, (right[kept].T @ ((basis.T @ errors) / values[kept])) / lengths

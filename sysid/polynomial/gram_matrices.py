@@ -24,28 +24,28 @@ def lagged_products(signals: FloatArray, lags: int, start: int) -> FloatArray:
     out = np.empty((count, lags + 1, count, lags + 1))
     for s in range(count):
         for r in range(count):
-            # s(t) r(t - j) for all j; correlate runs from the largest lag down
+            # s(t) r(t - j) for all j; np.correlate returns the largest lag first
             first = np.correlate(signals[start - lags :, r], signals[start:, s], "valid")[::-1]
             out[s, 0, r] = first
             out[r, :, s, 0] = first
     before = signals[start - lags : start][::-1].T
     last = signals[n - lags : n][::-1].T
     for i in range(lags):
-        gained = before[:, i, None, None] * before - last[:, i, None, None] * last
-        out[:, i + 1, :, 1:] = out[:, i, :, :-1] + gained
+        edges = before[:, i, None, None] * before - last[:, i, None, None] * last
+        out[:, i + 1, :, 1:] = out[:, i, :, :-1] + edges
     return out
 
 
-def solution(products: FloatArray, lags: Sequence[range], target: Sequence[float]) -> FloatArray | None:
-    """Coefficients of lagged signals that explain a combination of the signals at lag zero.
+def lagged_solution(products: FloatArray, lags: Sequence[range], target: Sequence[float]) -> FloatArray | None:
+    """Least-squares coefficients of lagged signals that explain a combination of the signals at lag zero.
 
     Args:
-        products: As `lagged_products` gives them, summed over experiments.
+        products: Result of `lagged_products`, summed over experiments.
         lags: Lags of each signal among the regressors.
-        target: Weight of each signal in what is to be explained.
+        target: Weight of each signal in the combination.
 
     Returns:
-        Coefficients, signal by signal; None where regressors are so near to dependent that squares lose digits.
+        Coefficients, signal by signal; None if the regressors are too nearly dependent for normal equations.
     """
     signal = np.repeat(np.arange(len(lags)), [len(part) for part in lags])
     lag = np.concatenate([np.asarray(part, dtype=int) for part in lags])
@@ -66,8 +66,8 @@ def solution(products: FloatArray, lags: Sequence[range], target: Sequence[float
 def hankel_moments(signals: Sequence[FloatArray], blocks: int) -> FloatArray:
     """Mean over t of Z(t) Z(t)', Z(t) = [z(t); ...; z(t + blocks - 1)], experiments never joined.
 
-    Blocks along a diagonal differ by a product at either end of the record, so that only the first block row needs a
-    sum over the whole of it.
+    Blocks along a diagonal differ by one product at either end of the record, so that only the first block row needs
+    sums over the whole record.
 
     Args:
         signals: z per experiment (N_i, q), N_i >= blocks.
@@ -97,15 +97,15 @@ def hankel_moments(signals: Sequence[FloatArray], blocks: int) -> FloatArray:
 def hankel_triangle(
     signals: Sequence[FloatArray], blocks: int, moments: FloatArray, sequence: FloatArray
 ) -> FloatArray:
-    """Lower triangle L with L L' = moments in a given sequence of rows.
+    """Lower triangle L with L L' = moments, rows in a given sequence.
 
-    Taken from the moments where they are far from singular, else from the data themselves.
+    It is computed from the moments if they are far from singular, else from the data.
 
     Args:
         signals: z per experiment (N_i, q).
         blocks: Block rows.
         moments: See `hankel_moments`.
-        sequence: Rows in the order wanted (k,).
+        sequence: Row indices (k,).
 
     Returns:
         Triangle (k, k).

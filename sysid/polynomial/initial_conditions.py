@@ -7,15 +7,15 @@ from sysid.records.errors import SysidError
 
 
 class InitialConditions(Enum):
-    """How the unknown past of each experiment enters the criterion.
+    """Assumption about the time before each experiment.
 
     Attributes:
-        ESTIMATED: As free initial conditions, fitted with the parameters: nothing is assumed.
-        BACKCAST: Past disturbances have the variance that the disturbance model gives them, so that the first errors
-            are unconditional ones [BoxJenkins1976, ch. 7]; the past of the input paths stays free. It matters in short
-            records with slow disturbances only.
-        ZERO: Inputs, outputs and disturbances were zero, and every sample counts. Right for an experiment that begins
-            at rest, biased for one cut from the middle.
+        ESTIMATED: None: free initial conditions are fitted with the parameters.
+        BACKCAST: The disturbance is stationary with the variance of its model, so that the first errors are
+            unconditional ones [BoxJenkins1976, ch. 7]; the initial conditions of the input paths are free. It matters
+            only for short records with slow disturbances.
+        ZERO: Inputs, outputs and disturbances were zero, and every sample counts. Exact for an experiment that starts
+            at rest, biased for a part of a longer one.
     """
 
     ESTIMATED = "estimated"
@@ -26,8 +26,14 @@ class InitialConditions(Enum):
     def of(value: "InitialConditions | str") -> "InitialConditions":
         """The member itself, or the member with this value.
 
+        Args:
+            value: A member, or its value "estimated", "backcast" or "zero".
+
+        Returns:
+            The member.
+
         Raises:
-            SysidError: Something else.
+            SysidError: Any other value.
         """
         try:
             return InitialConditions(value)

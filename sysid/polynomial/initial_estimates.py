@@ -1,4 +1,7 @@
-"""Initial estimates for the prediction-error minimisation."""
+"""Initial estimates for the prediction-error minimisation.
+
+None of these is a prediction-error estimate; each fails on some systems, and on different ones.
+"""
 
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
@@ -8,7 +11,7 @@ from scipy.linalg import hankel
 from scipy.signal import lfilter
 
 from sysid.models.polynomials import stabilised
-from sysid.polynomial.gram_matrices import lagged_products, solution
+from sysid.polynomial.gram_matrices import lagged_products, lagged_solution
 from sysid.polynomial.least_squares import solve
 from sysid.polynomial.long_arx import LongArx, arx_errors, arx_solution, long_arx_family, long_arx_order
 from sysid.polynomial.missing_outputs import MissingOutputs
@@ -19,28 +22,23 @@ from sysid.records.arrays import FloatArray
 from sysid.records.data import IOData
 from sysid.records.errors import SysidError
 
-FILL_ROUNDS = 12
-FILL_SETTLED = 1e-2  # change of what is filled in, as a part of the errors, that ends them
+FILL_ROUNDS = 12  # limit on the rounds of filling and fitting
+FILL_SETTLED = 1e-2  # change of the filled outputs, relative to the errors, at which they end
 
 
 def completed(experiments: Sequence[IOData], orders: Orders) -> tuple[IOData, ...]:
-    """Fill gaps with conditional means under a long ARX model that is fitted to the filled record, in turns.
-
-    Args:
-        experiments: Single-output experiments.
-        orders: The structure that is to be fitted.
-    """
+    """Fill gaps with conditional means of a long ARX model, which is fitted to the filled record in turn."""
     if all(e.complete for e in experiments):
         return tuple(experiments)
     n = long_arx_order(experiments, orders, 3)
     filled = tuple(replace(e, y=_interpolated(e), missing=False) for e in experiments)
     for _ in range(FILL_ROUNDS):
         model = long_arx_family(filled, orders, n).model(n)
-        better = tuple(_conditional_mean(model, e, f) for e, f in zip(experiments, filled, strict=True))
-        moved = sum(float(np.sum((a.y - b.y) ** 2)) for a, b in zip(better, filled, strict=True))
-        errors = sum(float(np.sum(model.errors(e)[model.skip :] ** 2)) for e in better)
-        filled = better
-        if moved <= FILL_SETTLED**2 * errors:
+        update = tuple(_conditional_mean(model, e, f) for e, f in zip(experiments, filled, strict=True))
+        change = sum(float(np.sum((a.y - b.y) ** 2)) for a, b in zip(update, filled, strict=True))
+        errors = sum(float(np.sum(model.errors(e)[model.skip :] ** 2)) for e in update)
+        filled = update
+        if change <= FILL_SETTLED**2 * errors:
             break
     return filled
 
@@ -52,7 +50,7 @@ def _interpolated(experiment: IOData) -> FloatArray:
 
 
 def _conditional_mean(model: LongArx, experiment: IOData, filled: IOData) -> IOData:
-    """Fill from `skip` on; before it the errors are not known, and what was filled in stays."""
+    """Fill from `skip` on; the errors before it are unknown, and the earlier filling stays."""
     known = experiment.known
     y = filled.y.copy()
     y[model.skip :][~known[model.skip :]] = 0.0
@@ -63,18 +61,13 @@ def _conditional_mean(model: LongArx, experiment: IOData, filled: IOData) -> IOD
     return replace(filled, y=y)
 
 
-HANKEL_ROWS = 100
-REFINEMENTS = 8  # rounds of Steiglitz-McBride at most
-SETTLED = 1e-3  # change of the denominator, as a part of it, that ends them
+HANKEL_ROWS = 100  # of the pulse responses: enough for slow poles, and an eigenproblem of this size is fast
+REFINEMENTS = 8  # limit on the Steiglitz-McBride iterations
+SETTLED = 1e-3  # relative change of the denominator at which they end
 
 
 def armax_initial_estimates(experiments: Sequence[IOData], orders: Orders) -> Iterator[InitialEstimate]:
-    """Hannan-Rissanen with two long ARX orders, long ARX models simulated and reduced, and ARX.
-
-    Args:
-        experiments: Single-output experiments.
-        orders: ARMAX structure.
-    """
+    """ARMAX: Hannan-Rissanen with two long ARX orders, long ARX models simulated and reduced, and ARX."""
     y = [e.y[:, 0] for e in experiments]
     u = [e.u for e in experiments]
     rows = [orders.first_row(e.window) for e in experiments]
@@ -83,8 +76,8 @@ def armax_initial_estimates(experiments: Sequence[IOData], orders: Orders) -> It
     for n in (short, long):
         yield InitialEstimate(f"Hannan-Rissanen ({n})", hannan_rissanen(experiments, orders, family.model(n)))
     model = family.model(middle)
-    clean = [model.simulate(e) for e in experiments]
-    path = arx_solution(clean, u, orders.na, orders.nb, orders.nk, rows)
+    noise_free = [model.simulate(e) for e in experiments]
+    path = arx_solution(noise_free, u, orders.na, orders.nb, orders.nk, rows)
     yield InitialEstimate(f"simulated ARX ({middle})", _without_noise_model(orders, path))
     yield InitialEstimate(f"reduced ARX ({middle})", _reduced_armax(experiments, orders, model))
     yield InitialEstimate(
@@ -93,62 +86,43 @@ def armax_initial_estimates(experiments: Sequence[IOData], orders: Orders) -> It
 
 
 def check_room_to_start(experiments: Sequence[IOData], orders: Orders) -> None:
-    """Refuse orders for which no beginning can be found.
-
-    Args:
-        experiments: Single-output experiments.
-        orders: The structure.
-
-    Raises:
-        SysidError: More dynamics than the longest pulse response that the data allow, or more coefficients than rows.
-    """
+    """Refuse orders that are too large for an initial estimate."""
     dynamics, rows = max(orders.na, *orders.nf), _hankel_rows(experiments, orders)
     if dynamics >= rows:
         raise SysidError(
             f"too many orders for the data: dynamics of order {dynamics} need an experiment of {3 * (dynamics + 1)} "
-            f"samples to begin with, the longest has {max(len(e) for e in experiments)}"
+            f"samples, the longest has {max(len(e) for e in experiments)}"
         )
     skipped = long_arx_order(experiments, orders, 8) + max(orders.nk) + max(orders.nc, orders.nd)
     firsts = [max(e.window, orders.first_row(0), max(orders.nf)) for e in experiments]
-    left = [len(e) - max(first, skipped) for e, first in zip(experiments, firsts, strict=True)]
+    available = [len(e) - max(first, skipped) for e, first in zip(experiments, firsts, strict=True)]
     shared = sum(orders.nb) + orders.nc + max(orders.na, *orders.nf)
-    if min(left) <= 0 or sum(left) <= max(shared, orders.nc + orders.nd):
+    if min(available) <= 0 or sum(available) <= max(shared, orders.nc + orders.nd):
         raise SysidError(
-            f"too many orders for the data: {orders.count} parameters and {max(sum(left), 0)} samples in "
-            f"{len(experiments)} experiment(s) behind the first {skipped}, which the search needs to begin with"
+            f"too many orders for the data: {orders.count} parameters and {max(sum(available), 0)} samples in "
+            f"{len(experiments)} experiment(s) after the first {skipped}, which the initial estimates need"
         )
 
 
 def oe_initial_estimates(experiments: Sequence[IOData], orders: Orders) -> Iterator[InitialEstimate]:
-    """Steiglitz-McBride from the simulation of a long ARX model, that model reduced, and ARX in several ways.
-
-    Args:
-        experiments: Single-output experiments.
-        orders: OE structure.
-    """
+    """OE: Steiglitz-McBride from the simulation of a long ARX model, that model reduced, and variants of ARX."""
     y = [e.y[:, 0] for e in experiments]
     n = long_arx_order(experiments, orders, 5)
     model = long_arx_family(experiments, orders, n).model(n)
-    clean = [model.simulate(e) for e in experiments]
-    simulated = steiglitz_mcbride(experiments, orders, clean, 0)
+    noise_free = [model.simulate(e) for e in experiments]
+    simulated = steiglitz_mcbride(experiments, orders, noise_free, 0)
     refined = steiglitz_mcbride(experiments, orders, y, REFINEMENTS, simulated)
     yield InitialEstimate(f"Steiglitz-McBride from simulated ARX ({n})", refined)
     yield InitialEstimate(f"reduced ARX ({n})", reduced_path(experiments, orders, model))
     yield InitialEstimate("Steiglitz-McBride from arx", steiglitz_mcbride(experiments, orders, y, REFINEMENTS))
-    refined = steiglitz_mcbride(experiments, orders, clean, REFINEMENTS, simulated)
+    refined = steiglitz_mcbride(experiments, orders, noise_free, REFINEMENTS, simulated)
     yield InitialEstimate(f"Steiglitz-McBride of simulated ARX ({n})", refined)
     yield InitialEstimate(f"simulated ARX ({n})", simulated)
     yield InitialEstimate("arx", steiglitz_mcbride(experiments, orders, y, 0))
 
 
 def hannan_rissanen(experiments: Sequence[IOData], orders: Orders, model: LongArx) -> FloatArray:
-    """ARMAX: residuals of a long ARX model stand in for e, then one least squares [HannanRissanen1982].
-
-    Args:
-        experiments: Single-output experiments.
-        orders: ARMAX structure.
-        model: The long ARX model.
-    """
+    """ARMAX: least squares with the residuals of a long ARX model in place of e [HannanRissanen1982]."""
     lags = [output_lags(orders.na), *(input_lags(n, k) for n, k in zip(orders.nb, orders.nk, strict=True))]
     lags.append(output_lags(orders.nc))
     most = max(orders.first_row(0), orders.nc)
@@ -156,7 +130,7 @@ def hannan_rissanen(experiments: Sequence[IOData], orders: Orders, model: LongAr
     for e in experiments:
         start = max(e.window, model.skip) + orders.nc
         table = table + lagged_products(np.column_stack((e.y[:, 0], e.u, model.errors(e))), most, max(start, most))
-    theta = solution(np.asarray(table), lags, [1.0] + [0.0] * len(orders.nb) + [-1.0])
+    theta = lagged_solution(np.asarray(table), lags, [1.0] + [0.0] * len(orders.nb) + [-1.0])
     if theta is not None:
         theta[: orders.na] *= -1.0
         return with_stable_noise(orders, theta)
@@ -164,14 +138,14 @@ def hannan_rissanen(experiments: Sequence[IOData], orders: Orders, model: LongAr
     for e in experiments:
         y, errors = e.y[:, 0], model.errors(e)
         start = max(max(e.window, model.skip) + orders.nc, most)
-        past = lagged(errors, output_lags(orders.nc), start)
-        rows.append(np.hstack((arx_regressors(y, e.u, orders.na, orders.nb, orders.nk, start), past)))
+        residual_lags = lagged(errors, output_lags(orders.nc), start)
+        rows.append(np.hstack((arx_regressors(y, e.u, orders.na, orders.nb, orders.nk, start), residual_lags)))
         targets.append((y - errors)[start:])
     return with_stable_noise(orders, solve(np.vstack(rows), np.concatenate(targets)[:, None]).solution[:, 0])
 
 
 def with_stable_noise(orders: Orders, theta: FloatArray) -> FloatArray:
-    """The same parameters with C and F brought inside the unit circle."""
+    """The same parameters with the roots of C and F moved inside the unit circle."""
     a, b, c, d, f = orders.split(theta)
     return orders.join(a, b, stabilised(c), d, [stabilised(fj) for fj in f])
 
@@ -183,14 +157,9 @@ def steiglitz_mcbride(
     iterations: int,
     first: FloatArray | None = None,
 ) -> FloatArray:
-    """Repeated least squares on data filtered by 1/F [SteiglitzMcBride1965]; several inputs share one F meanwhile.
+    """Repeated least squares on data filtered by 1/F [SteiglitzMcBride1965]; several inputs share one F.
 
-    Args:
-        experiments: Experiments, of which the inputs count.
-        orders: OE structure.
-        y: Output per experiment (N,).
-        iterations: Rounds at most.
-        first: Parameters whose F filters in the first round; None begins with ARX.
+    `first` are parameters whose F filters in the first iteration; None starts with ARX.
     """
     nf = max(orders.nf)
     u = [e.u for e in experiments]
@@ -213,13 +182,7 @@ def steiglitz_mcbride(
 
 
 def reduced_path(experiments: Sequence[IOData], orders: Orders, model: LongArx) -> FloatArray:
-    """OE: the pulse response of a long ARX model, path by path, reduced to F; then B by least squares on the data.
-
-    Args:
-        experiments: Single-output experiments.
-        orders: OE structure.
-        model: The long ARX model.
-    """
+    """OE: F from the pulse responses of a long ARX model, path by path; then B by least squares on the data."""
     rows = _hankel_rows(experiments, orders)
     responses = model.responses(2 * rows + max(orders.nk) + max(orders.nb))
     f = []
@@ -240,12 +203,9 @@ def reduced_path(experiments: Sequence[IOData], orders: Orders, model: LongArx) 
 
 
 def reduced_denominator(responses: Sequence[FloatArray], order: int, rows: int) -> FloatArray:
-    """Monic, stable polynomial of the dynamics that pulse responses share, from their Hankel matrices [JuangPappa1985].
+    """Stable denominator shared by pulse responses, from their Hankel matrices [JuangPappa1985].
 
-    Args:
-        responses: Pulse responses (2 rows,) or longer, each from where its recursion holds.
-        order: Degree.
-        rows: Rows and columns of each Hankel matrix.
+    Each response (2 rows,) or longer starts where its recursion holds.
     """
     if order == 0:
         return np.ones(1)
@@ -260,12 +220,12 @@ def _reduced_armax(experiments: Sequence[IOData], orders: Orders, model: LongArx
     """ARMAX: A from all pulse responses of a long ARX model, then B and C by least squares with its residuals."""
     rows = _hankel_rows(experiments, orders)
     errors = [model.errors(e) for e in experiments]
-    loudness = [float(np.std(np.concatenate([e.u[:, j] for e in experiments]))) for j in range(len(orders.nb))]
-    loudness.append(float(np.std(np.concatenate([error[model.skip :] for error in errors]))))
+    sizes = [float(np.std(np.concatenate([e.u[:, j] for e in experiments]))) for j in range(len(orders.nb))]
+    sizes.append(float(np.std(np.concatenate([error[model.skip :] for error in errors]))))
     delays = [k + n - orders.na for k, n in zip(orders.nk, orders.nb, strict=True)] + [orders.nc - orders.na + 1]
     responses = model.responses(2 * rows + max(*delays, 1))
-    lasting = [level * g[max(k, 1) :] for g, k, level in zip(responses, delays, loudness, strict=True)]
-    a = reduced_denominator(lasting, orders.na, rows)
+    weighted = [size * g[max(k, 1) :] for g, k, size in zip(responses, delays, sizes, strict=True)]
+    a = reduced_denominator(weighted, orders.na, rows)
     blocks, targets = [], []
     for e, error in zip(experiments, errors, strict=True):
         start = max(max(e.window, model.skip) + orders.nc, orders.first_row(0))
@@ -277,8 +237,7 @@ def _reduced_armax(experiments: Sequence[IOData], orders: Orders, model: LongArx
 
 
 def _hankel_rows(experiments: Sequence[IOData], orders: Orders) -> int:
-    wanted = max(HANKEL_ROWS, 2 * max(orders.na, *orders.nf))
-    return min(wanted, max(len(e) for e in experiments) // 3)
+    return min(max(HANKEL_ROWS, 2 * max(orders.na, *orders.nf)), max(len(e) for e in experiments) // 3)
 
 
 def _without_noise_model(orders: Orders, arx_theta: FloatArray) -> FloatArray:
@@ -290,14 +249,10 @@ def _by_input(orders: Orders, coefficients: FloatArray) -> Iterator[tuple[int, F
 
 
 def bj_initial_estimates(experiments: Sequence[IOData], orders: Orders) -> Iterator[InitialEstimate]:
-    """Input paths, each with a disturbance model by the second step of Hannan and Rissanen.
+    """Box-Jenkins: input paths, each with a disturbance model by the second step of Hannan and Rissanen.
 
     Steiglitz-McBride on data whitened by a long ARX model gives efficient input paths [ZhuHjalmarsson2016]; a reduced
-    long model and output-error fits do not suffer where that fails.
-
-    Args:
-        experiments: Single-output experiments.
-        orders: Box-Jenkins structure.
+    long model and output-error fits work where that fails.
     """
     path_orders = replace(orders, nc=0, nd=0)
     short, long = (long_arx_order(experiments, orders, factor) for factor in (3, 8))
@@ -315,8 +270,8 @@ def bj_initial_estimates(experiments: Sequence[IOData], orders: Orders) -> Itera
 
 def _whitened_path(experiments: Sequence[IOData], path_orders: Orders, model: LongArx) -> FloatArray:
     a = model.a
-    clean = [model.simulate(e) for e in experiments]
-    first = steiglitz_mcbride(experiments, path_orders, clean, REFINEMENTS)
+    noise_free = [model.simulate(e) for e in experiments]
+    first = steiglitz_mcbride(experiments, path_orders, noise_free, REFINEMENTS)
     white = [replace(e, u=lfilter(a, [1.0], e.u, axis=0), y=lfilter(a, [1.0], e.y, axis=0)) for e in experiments]
     return steiglitz_mcbride(white, path_orders, [e.y[:, 0] for e in white], REFINEMENTS, first)
 
@@ -324,15 +279,15 @@ def _whitened_path(experiments: Sequence[IOData], path_orders: Orders, model: Lo
 def _with_disturbance(
     experiments: Sequence[IOData], orders: Orders, path_orders: Orders, path: FloatArray, model: LongArx
 ) -> FloatArray:
-    """Add C and D: regress v = y - B/F u on its own past and on that of estimated innovations."""
+    """Add C and D: regress v = y - B/F u on lags of itself and of the estimated innovations."""
     one, b, _, _, f = path_orders.split(path)
     rows, targets = [], []
     for e in experiments:
         innovations = model.errors(e)
         v = e.y[:, 0] - sum(lfilter(bj, fj, e.u[:, j]) for j, (bj, fj) in enumerate(zip(b, f, strict=True)))
         start = max(e.window, model.skip) + max(orders.nc, orders.nd)
-        past = (lagged(innovations, output_lags(orders.nc), start), -lagged(v, output_lags(orders.nd), start))
-        rows.append(np.hstack(past))
+        columns = (lagged(innovations, output_lags(orders.nc), start), -lagged(v, output_lags(orders.nd), start))
+        rows.append(np.hstack(columns))
         targets.append((v - innovations)[start:])
     cd = solve(np.vstack(rows), np.concatenate(targets)[:, None]).solution[:, 0]
     c, d = (stabilised(np.concatenate(([1.0], part))) for part in np.split(cd, [orders.nc]))

@@ -1,4 +1,4 @@
-"""Linear least squares with the diagnostics an identification needs."""
+"""Linear least squares with rank, condition and covariance."""
 
 from dataclasses import dataclass
 
@@ -7,7 +7,7 @@ from scipy.linalg import lstsq, qr, solve_triangular
 
 from sysid.records.arrays import FloatArray
 
-SQUARE_SAFE = 1e5  # condition up to which normal equations keep enough digits
+SQUARE_SAFE = 1e5  # condition up to which normal equations, which square it, keep six digits
 
 
 @dataclass(frozen=True, eq=False)
@@ -15,7 +15,7 @@ class LeastSquares:
     """Solution of min |Y - Phi X|.
 
     Attributes:
-        solution: X (p, m), of least norm (in scaled columns) where Phi lacks rank.
+        solution: X (p, m), of least norm (in scaled columns) if Phi is rank deficient.
         inverse_gram: Pseudo-inverse of Phi' Phi (p, p).
         residual_gram: (Y - Phi X)' (Y - Phi X) (m, m).
         rank: Numerical rank of Phi.
@@ -30,7 +30,7 @@ class LeastSquares:
 
 
 def solve(phi: FloatArray, target: FloatArray) -> LeastSquares:
-    """Solve by the triangle of [Phi Y] and its SVD: as accurate as the SVD of Phi where that matters, and faster.
+    """Solve by the triangle of [Phi Y] and its SVD: faster than the SVD of Phi, and as accurate.
 
     Args:
         phi: Regressors (rows, p), rows >= p.
@@ -50,8 +50,8 @@ def solve(phi: FloatArray, target: FloatArray) -> LeastSquares:
     inverse = np.where(kept, 1.0 / np.where(kept, values, 1.0), 0.0)
     backward = (right.T * inverse) / scale[:, None]
     solution = backward @ (left.T @ triangle[:p, p:])
-    lost = left.T[~kept] @ triangle[:p, p:]
-    tail = np.vstack((triangle[p:, p:], lost))
+    unexplained = left.T[~kept] @ triangle[:p, p:]
+    tail = np.vstack((triangle[p:, p:], unexplained))
     smallest = float(values[-1]) if p else 0.0
     return LeastSquares(
         solution=solution,
@@ -65,12 +65,12 @@ def solve(phi: FloatArray, target: FloatArray) -> LeastSquares:
 def triangular_factor(columns: FloatArray, guarded: int | None = None) -> FloatArray:
     """R of the QR factorisation, (min(rows, columns), columns), without forming Q.
 
-    Normal equations give the same triangle several times faster; they are used as long as the columns are so far from
-    dependent that the squared condition number costs no digits that matter.
+    Normal equations give the same triangle several times faster; QR takes over where the squared condition number
+    would cost too many digits.
 
     Args:
         columns: Matrix (rows, k), columns of about equal length.
-        guarded: Number of leading columns that must be far from dependent for the fast way; all when None.
+        guarded: Number of leading columns that must be far from dependent for normal equations; all if None.
     """
     try:
         triangle = np.linalg.cholesky(columns.T @ columns).T
@@ -87,7 +87,7 @@ def scaled_triangle(columns: FloatArray, guarded: int | None = None) -> tuple[Fl
 
     Args:
         columns: Matrix (rows, k).
-        guarded: Number of leading columns that must be far from dependent for the fast way; all when None.
+        guarded: Number of leading columns that must be far from dependent for normal equations; all if None.
     """
     gram = columns.T @ columns
     lengths = np.sqrt(np.diag(gram))
@@ -102,21 +102,21 @@ def scaled_triangle(columns: FloatArray, guarded: int | None = None) -> tuple[Fl
 
 
 INDEPENDENT = 1e-9
-"""Smallest over largest diagonal entry of a triangle whose columns count as independent without a closer look."""
+"""Ratio of extreme diagonal entries of a triangle above which its columns count as independent."""
 
 
-def least_squares(columns: FloatArray, target: FloatArray, *, cond: float) -> FloatArray:
-    """Coefficients that combine columns to a target best.
+def tall_least_squares(columns: FloatArray, target: FloatArray, *, cond: float) -> FloatArray:
+    """Least squares with many columns: QR without pivoting, and with pivoting only for nearly dependent columns.
 
-    By a triangle without pivots; where that shows columns near to dependent, by one with pivots.
+    The first costs half of the second.
 
     Args:
-        columns: (N, n), N above n.
-        target: (N,).
-        cond: Parts of columns below this part of the largest count as dependent on the others.
+        columns: Regressors (N, n), N > n.
+        target: Right-hand side (N,).
+        cond: Relative cut-off of the columns that count as dependent.
 
     Returns:
-        Coefficients (n,), of least norm where the columns are dependent.
+        Coefficients (n,), of least norm if the columns are dependent.
     """
     n = columns.shape[1]
     triangle = qr(np.column_stack([columns, target]), mode="r", overwrite_a=True, check_finite=False)[0]

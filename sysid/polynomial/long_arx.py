@@ -1,7 +1,7 @@
-"""ARX models of high order: stand-ins for the infinite ARX form that every model of this family has.
+"""ARX models of high order, as approximations of the infinite ARX form of every polynomial model.
 
-All orders up to the largest share one table of products, which costs about one pass over the data. Where the columns
-are near to dependent, least squares on the columns takes over.
+All orders up to the largest share one table of products, which costs about one pass over the data. For nearly
+dependent columns, least squares on the columns takes over.
 """
 
 from collections.abc import Sequence
@@ -12,14 +12,14 @@ import numpy as np
 from scipy.signal import lfilter
 
 from sysid.models.polynomials import stabilised
-from sysid.polynomial.gram_matrices import lagged_products, solution
+from sysid.polynomial.gram_matrices import lagged_products, lagged_solution
 from sysid.polynomial.least_squares import solve
 from sysid.polynomial.orders import Orders
 from sysid.polynomial.regressors import arx_regressors, input_lags, output_lags
 from sysid.records.arrays import FloatArray
 from sysid.records.data import IOData
 
-LARGEST = 60
+LARGEST = 60  # order: more coefficients cost time and variance, and the search refines the result anyway
 
 
 @dataclass(frozen=True, eq=False)
@@ -29,7 +29,7 @@ class LongArx:
     Attributes:
         a: 1, a1, ..., (n + 1,).
         b: nk zeros and n coefficients, per input.
-        skip: First sample whose error needs nothing from before the record.
+        skip: First sample whose error needs no sample from before the record.
     """
 
     a: FloatArray
@@ -72,11 +72,11 @@ class LongArxFamily:
     def model(self, n: int) -> LongArx:
         """Least squares for n coefficients of A and of each B."""
         lags = [range(1, n + 1), *(range(k, k + n) for k in self.nk)]
-        theta = solution(self.gram, lags, [1.0] + [0.0] * len(self.nk))
+        theta = lagged_solution(self.gram, lags, [1.0] + [0.0] * len(self.nk))
         if theta is None:
             return self._by_columns(n)
         theta[:n] *= -1.0
-        return self._arranged(theta, n)
+        return self._from_parameters(theta, n)
 
     def _by_columns(self, n: int) -> LongArx:
         theta = arx_solution(
@@ -87,9 +87,9 @@ class LongArxFamily:
             self.nk,
             [max(e.window, n + max(self.nk)) for e in self.experiments],
         )
-        return self._arranged(theta, n)
+        return self._from_parameters(theta, n)
 
-    def _arranged(self, theta: FloatArray, n: int) -> LongArx:
+    def _from_parameters(self, theta: FloatArray, n: int) -> LongArx:
         a, *b = np.split(theta, np.cumsum([n] * len(self.nk)))
         padded = [np.concatenate((np.zeros(k), part)) for k, part in zip(self.nk, b, strict=True)]
         return LongArx(np.concatenate(([1.0], a)), tuple(padded), n + max(self.nk))
@@ -105,7 +105,7 @@ def long_arx_family(experiments: Sequence[IOData], orders: Orders, largest: int)
 
 
 def long_arx_order(experiments: Sequence[IOData], orders: Orders, factor: int) -> int:
-    """Order of a long ARX model: `factor` times the largest order, as far as the data allow it."""
+    """Order of a long ARX model: `factor` times the largest order of the structure, limited by the data."""
     largest = max(orders.na, orders.nc, orders.nd, *orders.nf, *orders.nb, 2)
     rows = min(len(e) - e.window for e in experiments)
     return max(1, min(factor * largest, LARGEST, rows // (4 * (1 + len(orders.nb)))))
@@ -125,28 +125,16 @@ def arx_solution(
     nk: Sequence[int],
     starts: Sequence[int],
 ) -> FloatArray:
-    """Bare least-squares parameters, for iterations that begin with an ARX fit.
-
-    Args:
-        y: Output per experiment (N,).
-        u: Inputs per experiment (N, nu).
-        na: Degree of A.
-        nb: Coefficients of B per input.
-        nk: Delay per input.
-        starts: First row per experiment.
-
-    Returns:
-        Parameters (na + sum(nb),).
-    """
+    """ARX parameters (na + sum(nb),) by least squares, outputs and inputs per experiment, `starts` the first rows."""
     lags = [output_lags(na), *(input_lags(n, k) for n, k in zip(nb, nk, strict=True))]
     most = max(na, *(n + k - 1 for n, k in zip(nb, nk, strict=True)))
     if most <= min(starts):
         signals = (np.column_stack((yi, ui)) for yi, ui in zip(y, u, strict=True))
         products = sum(lagged_products(s, most, start) for s, start in zip(signals, starts, strict=True))
-        found = solution(np.asarray(products), lags, [1.0] + [0.0] * len(nb))
-        if found is not None:
-            found[:na] *= -1.0
-            return found
+        theta = lagged_solution(np.asarray(products), lags, [1.0] + [0.0] * len(nb))
+        if theta is not None:
+            theta[:na] *= -1.0
+            return theta
     build = partial(arx_regressors, na=na, nb=nb, nk=nk)
     phi = np.vstack([build(yi, ui, start=s) for yi, ui, s in zip(y, u, starts, strict=True)])
     target = np.concatenate([yi[s:] for yi, s in zip(y, starts, strict=True)])

@@ -1,9 +1,9 @@
 """Missing outputs as unknowns of the least squares: exact maximum likelihood without a Kalman filter.
 
-Prediction errors are affine in the outputs that are missing, e = e0 + G m, and the column of G that belongs to one of
-them is what the predictor's errors make of a pulse in y, shifted to where it is missing. With m eliminated, the
-likelihood of what is known is that of the least sum of squares and of det(G'G)^-1/2 [Isaksson1993]. G'G is banded; of
-its inverse, the covariance of what is missing, only the band is ever needed [Erisman1975].
+Prediction errors are affine in the missing outputs, e = e0 + G m: each column of G is the response of the errors to a
+pulse in y, shifted to the missing sample. With m eliminated, the likelihood of the known outputs consists of the least
+sum of squares and of det(G'G)^-1/2 [Isaksson1993]. G'G is banded; of its inverse, the covariance of the missing
+outputs, only the band is needed [Erisman1975].
 """
 
 from dataclasses import dataclass, replace
@@ -15,7 +15,7 @@ from scipy.linalg import cho_solve_banded, cholesky_banded
 
 from sysid.records.arrays import FloatArray
 
-BLOCK = 32  # unknowns that are taken together, at least, where the band of the inverse is formed
+BLOCK = 32  # least block size of the recursion for the band of the inverse: larger blocks, fewer Python steps
 
 
 @dataclass(frozen=True, eq=False)
@@ -24,10 +24,10 @@ class MissingOutputs:
 
     Attributes:
         rows: Number of samples N.
-        times: Sample that each unknown belongs to, ascending (k,).
-        channels: Output that it belongs to (k,).
-        response: Errors after a pulse in each output, up to where they have died out: lag, error, output (L, ny, ny).
-        spectrum: Its Fourier transform.
+        times: Sample of each unknown, ascending (k,).
+        channels: Output of each unknown (k,).
+        response: Errors after a pulse in each output until they have died out: lag, error, output (L, ny, ny).
+        spectrum: Fourier transform of the response.
         factor: Cholesky factor of G'G, lower and banded (band + 1, k).
     """
 
@@ -40,12 +40,7 @@ class MissingOutputs:
 
     @staticmethod
     def of(known: NDArray[np.bool_], response: FloatArray) -> "MissingOutputs":
-        """Set up the elimination.
-
-        Args:
-            known: Which outputs are on record (N, ny).
-            response: Errors after a pulse in each output (L, ny, ny).
-        """
+        """Set up the elimination from the mask of known outputs (N, ny) and the pulse response (L, ny, ny)."""
         rows = len(known)
         response = response[:rows]
         times, channels = np.nonzero(~known)
@@ -87,21 +82,21 @@ class MissingOutputs:
         spread = np.einsum("fec,qcf->qef", self.spectrum, rfft(pulses, size))
         return np.ascontiguousarray(irfft(spread, size)[:, :, : self.rows].transpose(2, 1, 0))
 
-    def seen(self, errors: FloatArray) -> FloatArray:
+    def transposed(self, errors: FloatArray) -> FloatArray:
         """G' times errors (N, ny, q): (k, q)."""
         if len(self.response) == 1:
             return np.einsum("kec,teq->tcq", self.response, errors)[self.times, self.channels]
         size = self._size
         spread = rfft(np.ascontiguousarray(errors.transpose(2, 1, 0)), size)
-        found = irfft(np.einsum("fec,qef->qcf", self.spectrum.conj(), spread), size)
-        return np.ascontiguousarray(found[:, self.channels, self.times].T)
+        products = irfft(np.einsum("fec,qef->qcf", self.spectrum.conj(), spread), size)
+        return np.ascontiguousarray(products[:, self.channels, self.times].T)
 
     def best(self, errors: FloatArray) -> FloatArray:
-        """Coefficients of G that explain errors best (k, q)."""
-        return np.asarray(cho_solve_banded((self.factor, True), self.seen(errors), check_finite=False))
+        """Least-squares coefficients of the errors in G (k, q)."""
+        return np.asarray(cho_solve_banded((self.factor, True), self.transposed(errors), check_finite=False))
 
     def eliminated(self, errors: FloatArray) -> FloatArray:
-        """Errors (N, ny, q) less what G explains of them."""
+        """Errors (N, ny, q) minus their projection onto G."""
         return errors - self.applied(self.best(errors)) if self.count else errors
 
     def covariance(self) -> FloatArray:
@@ -139,11 +134,7 @@ class MissingOutputs:
         return out[:, :k]
 
     def slope(self, derivatives: FloatArray) -> FloatArray:
-        """Derivatives of `log_determinant` (p,).
-
-        Args:
-            derivatives: Of the response (p, L, ny, ny).
-        """
+        """Derivatives of `log_determinant` (p,), from those of the response (p, L, ny, ny)."""
         if not self.count or not len(derivatives):
             return np.zeros(len(derivatives))
         lag, to, valid = self._pairs()
@@ -160,9 +151,9 @@ class MissingOutputs:
             part = covariance[d, first : self.count - d]
             corner += np.diag(part, -d) + (np.diag(part, d) if d else 0.0)
         out = np.empty(len(derivatives))
-        for i, moved in enumerate(derivatives):
-            change = _correlation(moved, self.response) + _correlation(self.response, moved)
-            out[i] = np.sum(weights * change) - 2.0 * np.sum((corner @ ends) * self._beyond(moved))
+        for i, derivative in enumerate(derivatives):
+            change = _correlation(derivative, self.response) + _correlation(self.response, derivative)
+            out[i] = np.sum(weights * change) - 2.0 * np.sum((corner @ ends) * self._beyond(derivative))
         return out
 
     @property
@@ -170,7 +161,7 @@ class MissingOutputs:
         return next_fast_len(self.rows + len(self.response), real=True)
 
     def _pairs(self) -> tuple[NDArray[np.int_], NDArray[np.int_], NDArray[np.bool_]]:
-        """Lag of each entry of the band, its row, and whether there is one (band + 1, k)."""
+        """Lag of each entry of the band, its row, and whether it exists (band + 1, k)."""
         k = self.count
         to = np.arange(len(self.factor))[:, None] + np.arange(k)
         inside = to < k
@@ -179,7 +170,7 @@ class MissingOutputs:
         return lag, to, inside & (lag < len(self.response))
 
     def _beyond(self, response: FloatArray) -> FloatArray:
-        """What the columns of the last unknowns would be behind the record, one row each."""
+        """Continuation of the columns of the last unknowns beyond the end of the record, one row each."""
         lags, ny = len(response), response.shape[1]
         last = np.flatnonzero(self.times + lags > self.rows)
         padded = np.concatenate((response, np.zeros((lags, ny, ny))))

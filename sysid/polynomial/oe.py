@@ -26,12 +26,12 @@ def oe(
     covariance holds for a white disturbance, unless `coloured` is set.
 
     Args:
-        data: One experiment, or several that share the model. Outputs may be missing: they
-            leave the sum.
+        data: One experiment, or several that share the model. With missing outputs, the likelihood of the known ones is
+            maximised.
         nb: Number of coefficients of B, one for all inputs or one per input.
         nf: Degree of F, likewise.
         nk: Delay in samples, likewise; nk = 1 means y(t) depends on u(t-1) first, nk = 0 gives a direct term.
-        max_iterations: Steps of the final minimisation at most.
+        max_iterations: Limit on the steps of the final minimisation.
         coloured: Whether the covariance allows for a disturbance that is not white (but independent of the input), by
             an autoregressive model of it [Ljung1999, ch. 9]. The estimate itself is the same.
         initial_conditions: Assumption about the time before each experiment, or its name ("zero", "backcast"); by
@@ -48,12 +48,11 @@ def oe(
     """
     experiments = as_experiments(data, missing=not coloured)
     orders = make_orders(experiments[0].nu, nb=nb, nf=nf, nk=nk)
-    asked = {"nb": orders.nb, "nf": orders.nf, "nk": orders.nk}
     return prediction_error_estimate(
         "oe",
         experiments,
         orders,
-        asked,
+        orders.select("nb", "nf", "nk"),
         oe_initial_estimates,
         max_iterations=max_iterations,
         coloured=coloured,

@@ -1,4 +1,4 @@
-"""Orders of a polynomial model, checked, and the layout of its parameters."""
+"""Orders of a polynomial model, and the layout of its parameters."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -39,7 +39,7 @@ class Orders:
 
     @property
     def names(self) -> tuple[str, ...]:
-        """One name per parameter: a1, b1, ..., with [j] behind when there are several inputs."""
+        """One name per parameter: a1, b1, ..., with the suffix [j] if there are several inputs."""
         suffix = [""] if len(self.nb) == 1 else [f"[{j + 1}]" for j in range(len(self.nb))]
         names = [f"a{i + 1}" for i in range(self.na)]
         names += [f"b{i + 1}{s}" for n, s in zip(self.nb, suffix, strict=True) for i in range(n)]
@@ -47,21 +47,26 @@ class Orders:
         names += [f"f{i + 1}{s}" for n, s in zip(self.nf, suffix, strict=True) for i in range(n)]
         return tuple(names)
 
+    def select(self, *names: str) -> dict[str, int | tuple[int, ...]]:
+        """Orders by name, as an estimate reports them: one number if there is one input."""
+        values = {name: getattr(self, name) for name in names}
+        return {name: v[0] if isinstance(v, tuple) and len(v) == 1 else v for name, v in values.items()}
+
     def first_row(self, window: int) -> int:
         """First time whose prediction error needs no sample from before the record."""
         return first_row(self.na, self.nb, self.nk, window)
 
     def first_error(self, window: int) -> int:
-        """First time from which prediction errors count whose unknown past enters through free initial conditions.
+        """First time whose prediction error counts when the initial conditions are free parameters.
 
-        It lies before `first_row` by as many samples as these conditions account for: no error is given up that a
-        state-space model with a free initial state would count.
+        It precedes `first_row` by as many samples as there are such conditions, so that as many errors count as for a
+        state-space model with a free initial state.
         """
         disturbance = max(self.na, *(n + k - 1 - f for n, k, f in zip(self.nb, self.nk, self.nf, strict=True)), 0)
         return max(window, disturbance + self.nd - max(self.nc, self.nd), 0)
 
     def split(self, theta: FloatArray) -> tuple[FloatArray, list[FloatArray], FloatArray, FloatArray, list[FloatArray]]:
-        """Parameters as polynomials A, [B], C, D, [F]: monic ones with their 1, B with its nk leading zeros."""
+        """Parameters as polynomials A, [B], C, D, [F], each with its leading 1, B with its nk leading zeros."""
         sizes = [self.na, *self.nb, self.nc, self.nd, *self.nf]
         nu = len(self.nb)
         parts, begin = [], 0
@@ -89,7 +94,7 @@ class Orders:
         return np.concatenate(parts)
 
     def polynomials(self, theta: FloatArray) -> Polynomials:
-        """Parameters as the public record."""
+        """Parameters as a `Polynomials` record."""
         a, b, c, d, f = self.split(theta)
         return Polynomials(a, _rows(b), c, d, _rows(f))
 
@@ -104,12 +109,8 @@ def make_orders(
     nd: int = 0,
     nf: int | Sequence[int] = 0,
 ) -> Orders:
-    """Check orders and spread those given once over all inputs.
-
-    Raises:
-        SysidError: Negative or fractional orders, nb < 1, or lists that do not match the number of inputs.
-    """
-    orders = Orders(
+    """Check orders; a single number for nb, nf or nk holds for all inputs."""
+    return Orders(
         na=whole_number("na", na, 0),
         nb=_per_input("nb", nb, nu, least=1),
         nc=whole_number("nc", nc, 0),
@@ -117,7 +118,6 @@ def make_orders(
         nf=_per_input("nf", nf, nu),
         nk=_per_input("nk", nk, nu),
     )
-    return orders
 
 
 def _per_input(name: str, value: int | Sequence[int], nu: int, least: int = 0) -> tuple[int, ...]:

@@ -6,8 +6,8 @@ import numpy as np
 
 from sysid.records.arrays import ComplexArray, FloatArray
 
-NEGLIGIBLE = 1e-18
-DOUBLINGS = 64
+NEGLIGIBLE = 1e-18  # last increment, relative to the sum
+DOUBLINGS = 64  # sums of 2^64 terms: enough for poles that round to the unit circle
 
 
 @dataclass(frozen=True, eq=False)
@@ -29,7 +29,7 @@ class AllPass:
     d: float
 
     def then(self, other: "AllPass") -> "AllPass":
-        """The cascade of this filter and another behind it."""
+        """Cascade of this filter and another one after it."""
         upper = np.zeros((len(self.F), len(other.F)))
         return AllPass(
             np.block([[self.F, upper], [np.outer(other.b, self.c), other.F]]),
@@ -40,11 +40,7 @@ class AllPass:
 
 
 def all_pass(poles: ComplexArray) -> AllPass:
-    """All-pass filter with the given poles.
-
-    Args:
-        poles: Inside the unit circle, complex ones in pairs (n,).
-    """
+    """All-pass filter with these poles (n,), inside the unit circle and complex ones in pairs."""
     out = AllPass(np.zeros((0, 0)), np.zeros(0), np.zeros(0), 1.0)
     # eigenvalues of a real matrix: a pair is exactly conjugate
     for pole in poles[poles.imag >= 0.0]:
@@ -65,45 +61,34 @@ def _pair(pole: complex) -> AllPass:
     lower = np.sqrt(power) * np.array([[1.0, 0.0], [ratio, np.sqrt(1.0 - ratio**2)]])
     F = np.linalg.solve(lower, np.array([[-a1, -a2], [1.0, 0.0]]) @ lower)
     b = np.linalg.solve(lower, np.array([1.0, 0.0]))
-    # the last row of the orthogonal matrix is what its others leave
+    # the last row of the orthogonal matrix is orthogonal to the others
     last = np.cross(*np.column_stack((F, b)))
     last /= np.linalg.norm(last)
     return AllPass(F, b, last[:2], float(last[2]))
 
 
 def stein(A: FloatArray, F: FloatArray, Q: FloatArray) -> FloatArray:
-    """Solve S = A S F' + Q along the first and last axis, by doubling [Smith1968].
-
-    Args:
-        A: Stable matrix (n, n).
-        F: Stable matrix (k, k).
-        Q: Right-hand side (n, ..., k).
-    """
+    """Solve S = A S F' + Q (n, ..., k) along the first and last axis by doubling [Smith1968]; A and F stable."""
     n, k = Q.shape[0], Q.shape[-1]
     shape = Q.shape
     out = Q
     left, right = A, F.T
     for _ in range(DOUBLINGS):
-        moved = (left @ out.reshape(n, -1)).reshape(-1, k) @ right
-        out = out + moved.reshape(shape)
-        if np.abs(moved).max(initial=0.0) <= NEGLIGIBLE * np.abs(out).max(initial=0.0):
+        term = (left @ out.reshape(n, -1)).reshape(-1, k) @ right
+        out = out + term.reshape(shape)
+        if np.abs(term).max(initial=0.0) <= NEGLIGIBLE * np.abs(out).max(initial=0.0):
             break
         left, right = left @ left, right @ right
     return out
 
 
 def gramian(F: FloatArray, Q: FloatArray) -> FloatArray:
-    """Solve P = F P F' + Q for a stack of right-hand sides.
-
-    Args:
-        F: Stable matrix (k, k).
-        Q: Right-hand sides (..., k, k).
-    """
+    """Solve P = F P F' + Q for a stack of right-hand sides Q (..., k, k) by doubling [Smith1968]; F stable."""
     out, power = Q, F
     for _ in range(DOUBLINGS):
-        moved = power @ out @ power.T
-        out = out + moved
-        if np.abs(moved).max(initial=0.0) <= NEGLIGIBLE * np.abs(out).max(initial=0.0):
+        term = power @ out @ power.T
+        out = out + term
+        if np.abs(term).max(initial=0.0) <= NEGLIGIBLE * np.abs(out).max(initial=0.0):
             break
         power = power @ power
     return out

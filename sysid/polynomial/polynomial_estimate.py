@@ -2,7 +2,7 @@
 
 import warnings
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -39,48 +39,36 @@ class Realise:
 
     def __call__(self, theta: FloatArray) -> StateSpace:
         """Model for parameters (p,)."""
-        bare = innovations_form(self.orders.polynomials(theta), self.data.dt, self.variance)
-        return StateSpace(
-            bare.A,
-            bare.B,
-            bare.C,
-            bare.D,
-            bare.K,
-            bare.dt,
-            bare.innovation_covariance,
-            input_names=self.data.input_names,
-            output_names=self.data.output_names,
-            input_units=self.data.input_units,
-            output_units=self.data.output_units,
-        )
+        model = innovations_form(self.orders.polynomials(theta), self.data.dt, self.variance)
+        return replace(model, **self.data.labels)
 
 
 def make_estimate(
     method: str,
     experiments: Sequence[IOData],
     orders: Orders,
-    asked: Mapping[str, Any],
+    order_values: Mapping[str, Any],
     *,
     theta: FloatArray,
     covariance: FloatArray,
     variance: float,
     diagnostics: Mapping[str, Any],
-    texts: Sequence[str],
+    messages: Sequence[str],
 ) -> Estimate:
-    """Assemble the record: model, polynomials, residuals of the model on its own data."""
+    """Assemble the estimate: model, polynomials, residuals of the model on its own data."""
     summary = DataSummary.of(experiments)
     realise = Realise(orders, summary, variance)
     model = realise(theta)
     if not model.is_stable():
         radius = float(np.abs(model.poles()).max())
-        text = (
+        message = (
             f"the model is not stable, its largest pole has modulus {radius:.6g}: "
-            "its frequency response and bandwidth describe no steady state"
+            "its frequency response and bandwidth are those of no steady state"
         )
-        texts = (*texts, text)
-        warnings.warn(text, SysidWarning, stacklevel=4)
+        messages = (*messages, message)
+        warnings.warn(message, SysidWarning, stacklevel=4)
     with warnings.catch_warnings():
-        # an unstable predictor has been kept out by the estimator
+        # the estimator has already refused or reported an unstable predictor
         warnings.simplefilter("ignore", SysidWarning)
         errors = np.concatenate([residuals(model, e) for e in experiments])
     return Estimate(
@@ -92,19 +80,15 @@ def make_estimate(
         noise_variance=np.array([[variance]]),
         residuals=errors,
         method=method,
-        orders={key: _single(value) for key, value in asked.items()},
-        diagnostics={**diagnostics, "warnings": tuple(texts)},
+        orders=order_values,
+        diagnostics={**diagnostics, "warnings": tuple(messages)},
         data=summary,
         realise=realise,
     )
 
 
 def check_single_output(experiments: Sequence[IOData]) -> None:
-    """Polynomial models have one output.
-
-    Raises:
-        SysidError: The data have several.
-    """
+    """Refuse several outputs."""
     if experiments[0].ny != 1:
         names = ", ".join(experiments[0].output_names or ())
         raise SysidError(
@@ -114,16 +98,7 @@ def check_single_output(experiments: Sequence[IOData]) -> None:
 
 
 def check_enough_data(experiments: Sequence[IOData], orders: Orders, transients: int) -> int:
-    """Number of prediction errors available.
-
-    Args:
-        experiments: The data set.
-        orders: The model.
-        transients: Initial conditions fitted per experiment.
-
-    Raises:
-        SysidError: Not more than parameters and initial conditions.
-    """
+    """Number of prediction errors; refuse data with fewer of them than parameters and initial conditions."""
     slow = max((*orders.nk, 0))
     if any(2 * slow > len(e) for e in experiments):
         raise SysidError(
@@ -142,44 +117,40 @@ def check_enough_data(experiments: Sequence[IOData], orders: Orders, transients:
     return rows
 
 
-def _single(value: Any) -> Any:
-    return value[0] if isinstance(value, tuple) and len(value) == 1 else value
-
-
-ILL_CONDITIONED = 1e10
-COLOUR = 30  # coefficients of the autoregressive model of a coloured disturbance
+ILL_CONDITIONED = 1e10  # condition of the scaled Jacobian beyond which half the digits of the step are lost
+COLOUR = 30  # order of the autoregressive model of a coloured disturbance
 
 
 def prediction_error_estimate(
     method: str,
     experiments: Sequence[IOData],
     orders: Orders,
-    asked: Mapping[str, Any],
+    order_values: Mapping[str, Any],
     initial_estimates: Callable[[Sequence[IOData], Orders], Iterable[InitialEstimate]],
     *,
     max_iterations: int,
     coloured: bool = False,
     initial_conditions: InitialConditions | str = InitialConditions.ESTIMATED,
 ) -> Estimate:
-    """Check the data, search, and turn the minimum into an estimate.
+    """Check the data, minimise the prediction errors, and return the estimate.
 
     The covariance is variance * (J' J)^-1 with J the exact Jacobian of the errors, initial conditions projected out
-    [Ljung1999, ch. 9]; the variance is unbiased: parameters and initial conditions are counted. Where
-    outputs are missing, the gaps tell of the parameters too, and the curvature of the likelihood takes J' J's place.
+    [Ljung1999, ch. 9]; the variance is unbiased: parameters and initial conditions are counted. With
+    missing outputs the gaps depend on the parameters too, and the curvature of the likelihood replaces J' J.
 
     Args:
         method: Name of the estimator.
         experiments: Single-output experiments.
         orders: The structure.
-        asked: Orders as the user knows them.
+        order_values: Orders as the estimate reports them.
         initial_estimates: Generates the initial estimates, the most promising first.
-        max_iterations: Steps of the polishing.
-        coloured: Whether the covariance allows for errors that are not white; without a model of the noise they are
-            taken to be independent of the input, which makes for sharper intervals.
+        max_iterations: Limit on the steps of the final minimisation.
+        coloured: Whether the covariance allows for errors that are not white; those of OE models are taken to be
+            independent of the input, which gives narrower intervals.
         initial_conditions: Assumption about the time before each record.
 
     Raises:
-        SysidError: Several outputs, too little data, backcasting over gaps, iterations or past that are none.
+        SysidError: Several outputs, too little data, backcasting with missing outputs, invalid options.
 
     Warns:
         SysidWarning: Poor excitation, means that do not fit the dynamics, no convergence, bad conditioning, roots of
@@ -196,15 +167,15 @@ def prediction_error_estimate(
             "data.complete_parts() cuts a record into experiments without gaps"
         )
     transients = max(orders.nc, orders.nd) + sum(orders.nf)
-    texts = check_excitation(experiments, [n + max(orders.na, f) for n, f in zip(orders.nb, orders.nf, strict=True)])
-    texts += check_means(experiments, max(orders.na, *orders.nf))
+    messages = check_excitation(experiments, [n + max(orders.na, f) for n, f in zip(orders.nb, orders.nf, strict=True)])
+    messages += check_means(experiments, max(orders.na, *orders.nf))
     check_enough_data(experiments, orders, transients)
     check_room_to_start(experiments, orders)
-    beginnings = initial_estimates(completed(experiments, orders) if gaps else experiments, orders)
-    found = search(
-        experiments, orders, beginnings, max_iterations=max_iterations, initial_conditions=initial_conditions
+    candidates = initial_estimates(completed(experiments, orders) if gaps else experiments, orders)
+    result = search(
+        experiments, orders, candidates, max_iterations=max_iterations, initial_conditions=initial_conditions
     )
-    at = found.best.at
+    at = result.best.at
     variance = at.sum_of_squares / (at.errors - orders.count - at.transients)
     covariance, condition = covariance_of(at, at.inflation * variance)
     if gaps and orders.na + orders.nc + orders.nd and at.cost > 0.0:
@@ -220,34 +191,36 @@ def prediction_error_estimate(
             covariance = half @ information @ half
         else:
             covariance = sandwich(experiments, orders, at.theta, covariance, variance, initial_conditions)
-    if not found.best.converged:
-        texts.append(f"{method} did not converge: {found.best.reason}")
+    if not result.best.converged:
+        messages.append(f"{method} did not converge: {result.best.reason}")
     if condition > ILL_CONDITIONED and at.cost > 0.0:
-        texts.append(f"the parameters are poorly determined: condition number {condition:.2g} of the scaled Jacobian")
-    texts += _near_unit_circle(orders, at.theta)
-    for text in texts:
-        warnings.warn(text, SysidWarning, stacklevel=3)
+        messages.append(
+            f"the parameters are poorly determined: condition number {condition:.2g} of the scaled Jacobian"
+        )
+    messages += _near_unit_circle(orders, at.theta)
+    for message in messages:
+        warnings.warn(message, SysidWarning, stacklevel=3)
     return make_estimate(
         method,
         experiments,
         orders,
-        asked,
+        order_values,
         theta=at.theta,
         covariance=covariance,
         variance=variance,
         diagnostics={
             "condition": condition,
-            "iterations": found.best.iterations,
-            "evaluations": found.best.evaluations,
-            "converged": found.best.converged,
-            "reason": found.best.reason,
-            "initial_estimates": found.costs,
-            "start": found.chosen,
+            "iterations": result.best.iterations,
+            "evaluations": result.best.evaluations,
+            "converged": result.best.converged,
+            "reason": result.best.reason,
+            "initial_estimates": result.costs,
+            "start": result.start,
             "sum_of_squares": at.sum_of_squares,
             "rows": at.errors,
             "initial_conditions": at.transients,
         },
-        texts=texts,
+        messages=messages,
     )
 
 
@@ -264,9 +237,11 @@ def covariance_of(at: Linearisation, variance: float) -> tuple[FloatArray, float
 
 def _near_unit_circle(orders: Orders, theta: FloatArray) -> list[str]:
     _, _, c, d, f = orders.split(theta)
-    texts = []
+    messages = []
     for name, polynomial in [("C", c), ("D", d), *(("F", fj) for fj in f)]:
         radius = float(np.abs(np.roots(polynomial)).max(initial=0.0))
         if radius > 1.0 - 1e-4:
-            texts.append(f"{name} has a root of modulus {radius:.7f}, at the edge of stability: intervals may not hold")
-    return texts
+            messages.append(
+                f"{name} has a root of modulus {radius:.7f}, at the edge of stability: intervals may be wrong"
+            )
+    return messages

@@ -1,8 +1,8 @@
-"""The prediction-error engine: one minimiser for every polynomial structure.
+"""Minimisation of prediction errors, for all polynomial structures.
 
-eps = D/C (A y - sum_j B_j/F_j u_j), minimised in the mean square. ARMAX, OE and what lies between differ only in
-orders. The unknown past of a record is a linear matter, given C and F: a few transient columns that are projected
-out (variable projection [GolubPereyra2003]), so that no parameter is spent on it and none is biased by it.
+eps = D/C (A y - sum_j B_j/F_j u_j), minimised in the mean square; ARMAX, OE and BJ differ only in orders. For given C
+and F the unknown initial conditions enter linearly, as a few transient columns. They are projected out (variable
+projection [GolubPereyra2003]), so that they add no parameters to the search and no bias.
 """
 
 from collections.abc import Iterable, Sequence
@@ -21,9 +21,9 @@ from sysid.polynomial.orders import Orders
 from sysid.records.arrays import FloatArray
 from sysid.records.data import IOData
 
-STABILITY_MARGIN = 1e-7
-CONVERGED = 1e-9  # decrease still to be had, as a part of the sum of squares
-ROUNDING = 1e-30  # sum of squares, as a part of that of the output, below which nothing is left to explain
+STABILITY_MARGIN = 1e-7  # least distance of the roots of C, D and F from the unit circle
+CONVERGED = 1e-9  # remaining decrease, relative to the sum of squares
+ROUNDING = 1e-30  # sum of squares, relative to that of the output, that is rounding alone
 
 
 @dataclass(frozen=True, eq=False)
@@ -37,8 +37,8 @@ class Linearisation:
         target: Q' eps, so that the errors change as triangle @ (scale * step) + target (p,).
         scale: Lengths of the projected Jacobian's columns (p,).
         errors: Number of prediction errors.
-        transients: Number of independent initial conditions taken out.
-        inflation: Factor in the cost beside the sum of squares: where outputs are missing, det(G'G)^(1/errors).
+        transients: Number of independent initial conditions projected out.
+        inflation: Factor of the sum of squares in the cost: det(G'G)^(1/errors) with missing outputs, else 1.
     """
 
     theta: FloatArray
@@ -55,17 +55,22 @@ class Linearisation:
         """Sum of squared prediction errors."""
         return self.cost / self.inflation
 
+    @property
+    def gradient(self) -> FloatArray:
+        """Half the gradient of the cost (p,)."""
+        return self.scale * (self.triangle.T @ self.target)
+
 
 @dataclass(frozen=True, eq=False)
 class Minimum:
-    """Where the minimiser stopped.
+    """Result of a minimisation.
 
     Attributes:
-        at: Criterion and derivatives there.
+        at: Criterion and derivatives at the final parameters.
         iterations: Accepted steps.
         evaluations: Evaluations of the criterion.
-        converged: The decrease still to be had is negligible, or the errors are at rounding level.
-        reason: Why it stopped.
+        converged: Whether the remaining decrease is negligible, or the errors are at rounding level.
+        reason: Reason for stopping.
     """
 
     at: Linearisation
@@ -84,16 +89,7 @@ def minimise(
     initial_conditions: InitialConditions = InitialConditions.ESTIMATED,
     good_enough: float = 0.0,
 ) -> Minimum:
-    """Levenberg-Marquardt with exact gradients; C, D and every F stay stable at every accepted step [More1978].
-
-    Args:
-        experiments: Single-output experiments.
-        orders: The structure.
-        start: Initial parameters (p,), C, D and F stable, or what is known of the criterion there.
-        max_iterations: Accepted steps at most.
-        initial_conditions: Assumption about the time before each record.
-        good_enough: Sum of squares at which to stop.
-    """
+    """Levenberg-Marquardt with exact gradients; C, D and every F stay stable at every accepted step [More1978]."""
     energy = sum(float(np.nansum(e.y[:, 0] ** 2)) if e.missing else float(e.y[:, 0] @ e.y[:, 0]) for e in experiments)
     at = start if isinstance(start, Linearisation) else linearise(experiments, orders, start, initial_conditions)
     damping, iterations, evaluations = 1e-4, 0, 1
@@ -118,19 +114,19 @@ def minimise(
                 trial = linearise(experiments, orders, theta, initial_conditions)
                 evaluations += 1
                 if trial.cost < at.cost:
-                    # decrease that the linear model promised
+                    # decrease predicted by the linear model
                     remaining = g * (1.0 - values * weights)
-                    promised = float(g @ g - remaining @ remaining)
-                    gain = (at.cost - trial.cost) / promised if promised > 0.0 else 0.0
+                    predicted = float(g @ g - remaining @ remaining)
+                    gain = (at.cost - trial.cost) / predicted if predicted > 0.0 else 0.0
                     accepted = True
                     break
             else:
                 blocked = True
             damping = max(damping * 10.0, 1e-8)
         if not accepted:
-            left_over = float(g[significant] @ g[significant])
-            flat = left_over <= 1e-4 * at.cost or at.cost <= 1e-16 * energy
-            why = "the edge of stability bars the way" if blocked else "no step decreases the errors further"
+            decrease = float(g[significant] @ g[significant])
+            flat = decrease <= 1e-4 * at.cost or at.cost <= 1e-16 * energy
+            why = "the stability limit blocks the step" if blocked else "no step decreases the errors further"
             return Minimum(at, iterations, evaluations, flat, why)
         tiny = at.cost - trial.cost <= 1e-15 * at.cost
         at = trial
@@ -144,7 +140,7 @@ def minimise(
 
 
 def admissible(orders: Orders, theta: FloatArray) -> bool:
-    """Whether predictor and disturbance are stable: C, D and every F have their roots inside the unit circle."""
+    """Whether C, D and every F have their roots inside the unit circle."""
     if not np.isfinite(theta).all():
         return False
     _, _, c, d, f = orders.split(theta)
@@ -158,19 +154,9 @@ def coloured_information(
     order: int,
     initial_conditions: InitialConditions = InitialConditions.ESTIMATED,
 ) -> FloatArray:
-    """J' R J of the errors' true covariance R, where they are independent of the input but not white.
+    """J' R J (p, p) with the covariance R of errors that are independent of the input but not white.
 
-    R stands for an autoregressive model of the errors: J is filtered by its inverse [Ljung1999, ch. 9].
-
-    Args:
-        experiments: Single-output experiments.
-        orders: The structure.
-        theta: Parameters (p,).
-        order: Coefficients of the autoregressive model.
-        initial_conditions: Assumption about the time before each record.
-
-    Returns:
-        Matrix (p, p).
+    R is that of an autoregressive model of the errors: J is filtered by the model [Ljung1999, ch. 9].
     """
     parts = [error_jacobian(e, orders, theta, initial_conditions).columns for e in experiments]
     errors = np.concatenate([part[:, -1] for part in parts])
@@ -188,7 +174,7 @@ def scores(
     theta: FloatArray,
     initial_conditions: InitialConditions = InitialConditions.ESTIMATED,
 ) -> list[FloatArray]:
-    """Jacobian times error, sample by sample (rows, p) per experiment: half the gradient before it is summed."""
+    """Jacobian times error, sample by sample (rows, p) per experiment: the terms of half the gradient."""
     parts = [error_jacobian(e, orders, theta, initial_conditions).columns for e in experiments]
     return [part[:, :-1] * part[:, -1:] for part in parts]
 
@@ -199,14 +185,7 @@ def linearise(
     theta: FloatArray,
     initial_conditions: InitialConditions = InitialConditions.ESTIMATED,
 ) -> Linearisation:
-    """Evaluate the criterion and its exact first derivatives.
-
-    Args:
-        experiments: Single-output experiments.
-        orders: The structure.
-        theta: Parameters (p,).
-        initial_conditions: Assumption about the time before each record.
-    """
+    """Criterion and exact first derivatives at parameters theta (p,)."""
     parts = [
         error_jacobian(e, orders, theta, initial_conditions)
         if e.complete
@@ -218,7 +197,7 @@ def linearise(
     inflation = 1.0
     slopes = [part.slope for part in parts if part.slope is not None]
     if slopes:
-        # -2 log likelihood is `count` times the logarithm of cost, the variance of the errors being the best one
+        # at the best variance of the errors, -2 log likelihood is `count` times the logarithm of the cost
         count = sum(part.errors for part in parts)
         inflation = float(np.exp(sum(part.log_determinant for part in parts) / count))
         columns[:, :p] += columns[:, p:] * np.sum(slopes, axis=0) / (2.0 * count)
@@ -238,17 +217,17 @@ def linearise(
     )
 
 
-SCREENING_STEPS = 4
-AGREED = 0.1  # N dV/V between two beginnings that have come to the same valley
-EASY = 20  # steps of a polishing that raises no suspicion
+SCREENING_STEPS = 4  # steps from every initial estimate before the best is chosen
+AGREED = 0.1  # N dV/V between two initial estimates that lead to the same minimum
+EASY = 20  # steps to the minimum; more suggest a difficult criterion, for which all initial estimates are tried
 
 
 @dataclass(frozen=True)
 class InitialEstimate:
-    """A named beginning.
+    """Initial parameters of a search.
 
     Attributes:
-        name: Method that made it.
+        name: Method of estimation.
         theta: Parameters (p,).
     """
 
@@ -258,17 +237,17 @@ class InitialEstimate:
 
 @dataclass(frozen=True)
 class Search:
-    """Outcome of a search from several beginnings.
+    """Result of a search from several initial estimates.
 
     Attributes:
-        best: Minimum reached from the best one.
-        costs: Sum of squares of each beginning after a few steps.
-        chosen: Name of the one that led to the minimum.
+        best: The lowest minimum.
+        costs: Sum of squares from each initial estimate after a few steps.
+        start: Name of the initial estimate that led to the minimum.
     """
 
     best: Minimum
     costs: dict[str, float]
-    chosen: str
+    start: str
 
 
 def search(
@@ -279,15 +258,7 @@ def search(
     max_iterations: int = 100,
     initial_conditions: InitialConditions = InitialConditions.ESTIMATED,
 ) -> Search:
-    """Screen beginnings by a few steps until two agree, polish the best; where that is laborious, try them all.
-
-    Args:
-        experiments: Single-output experiments.
-        orders: The structure.
-        initial_estimates: The most promising first; drawn only as far as they are needed.
-        max_iterations: Steps of a polishing at most.
-        initial_conditions: Assumption about the time before each record.
-    """
+    """Refine initial estimates by a few steps until two agree, then the best to the minimum; if that is slow, all."""
     samples = sum(len(e) for e in experiments)
     remaining = iter(initial_estimates)
     screened: dict[str, Minimum] = {}
@@ -304,18 +275,18 @@ def search(
             )
 
     def polish(name: str) -> Minimum:
-        found = screened[name]
-        if found.converged:
-            return found
+        screening = screened[name]
+        if screening.converged:
+            return screening
         return minimise(
-            experiments, orders, found.at, max_iterations=max_iterations, initial_conditions=initial_conditions
+            experiments, orders, screening.at, max_iterations=max_iterations, initial_conditions=initial_conditions
         )
 
     for start in remaining:
-        # as good as the best within what agreement means: there is no need to go on
-        least = min((found.at.cost for found in screened.values()), default=0.0)
+        # a cost that agrees with the best one needs no further steps
+        least = min((minimum.at.cost for minimum in screened.values()), default=0.0)
         screen(start, least * (1.0 + AGREED / samples))
-        costs = sorted(found.at.cost for found in screened.values())
+        costs = sorted(minimum.at.cost for minimum in screened.values())
         if len(costs) > 1 and samples * (costs[1] - costs[0]) <= AGREED * costs[0]:
             break
     chosen = min(screened, key=lambda name: screened[name].at.cost)
@@ -326,4 +297,4 @@ def search(
         for name in sorted(screened, key=lambda name: screened[name].at.cost):
             if name != chosen and (other := polish(name)).at.cost < best.at.cost:
                 best, chosen = other, name
-    return Search(best, {name: found.at.cost for name, found in screened.items()}, chosen)
+    return Search(best, {name: minimum.at.cost for name, minimum in screened.items()}, chosen)

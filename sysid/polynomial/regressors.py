@@ -1,4 +1,4 @@
-"""The one regressor builder, and with it the one delay convention.
+"""Regressors of lagged signals, and the delay convention of all estimators.
 
 y(t) = b1 u(t - nk) + b2 u(t - nk - 1) + ...: with nk = 1 the output depends on the previous input first; with
 nk = 0 there is a direct term. B(q) carries nk leading zeros.
@@ -17,7 +17,7 @@ def lagged(signal: FloatArray, lags: range, start: int) -> FloatArray:
     Args:
         signal: One channel (N,).
         lags: Consecutive lags, none negative and none above `start`.
-        start: First time that gets a row.
+        start: Time of the first row.
 
     Returns:
         Matrix (N - start, len(lags)), Fortran order (columns are contiguous).
@@ -39,7 +39,7 @@ def output_lags(n: int) -> range:
 
 
 def first_row(na: int, nb: Sequence[int], nk: Sequence[int], window: int = 0) -> int:
-    """First time at which every lag of y and u is on record and the initialisation window is over."""
+    """First time after the initialisation window at which every lag of y and u is in the record."""
     return max(na, window, *(n + k - 1 for n, k in zip(nb, nk, strict=True)), 0)
 
 
@@ -54,7 +54,7 @@ def arx_regressors(
         na: Number of output lags.
         nb: Number of coefficients of B per input.
         nk: Delay per input.
-        start: First time that gets a row; see `first_row`.
+        start: Time of the first row; see `first_row`.
 
     Returns:
         Matrix (N - start, na + sum(nb)).

@@ -1,8 +1,8 @@
-"""Covariance of estimates whose prediction errors are not white, or whose model is not true: the "sandwich".
+"""Covariance of estimates with coloured prediction errors or a wrong model structure: the "sandwich".
 
-Where the criterion is least, the estimate errs by H^-1 sum_t psi(t) e(t), with H the curvature of the criterion and
-terms psi(t) e(t) that are correlated in time [Ljung1999, ch. 9]. The covariance of their sum is that of a
-vector autoregression of them [DenHaanLevin1997], which needs no choice of a window.
+The error of the estimate is H^-1 sum_t psi(t) e(t), with H the curvature of the criterion and terms psi(t) e(t) that
+are correlated in time [Ljung1999, ch. 9]. The covariance of their sum is that of a vector autoregression of them
+[DenHaanLevin1997], which needs no choice of a window.
 """
 
 from collections.abc import Sequence
@@ -17,9 +17,9 @@ from sysid.polynomial.prediction_error import admissible, linearise, scores
 from sysid.records.arrays import FloatArray
 from sysid.records.data import IOData
 
-MOST_LAGS = 10
-ROWS_PER_COEFFICIENT = 10
-STEP = 0.01  # of one standard deviation, for differences of the gradient
+MOST_LAGS = 10  # largest order of the autoregression
+ROWS_PER_COEFFICIENT = 10  # least number of samples per coefficient of the autoregression
+STEP = 0.01  # in standard deviations, for differences of the gradient
 
 
 def sandwich(
@@ -30,21 +30,12 @@ def sandwich(
     variance: float,
     initial_conditions: InitialConditions = InitialConditions.ESTIMATED,
 ) -> FloatArray:
-    """Covariance H^-1 S H^-1 of a prediction-error estimate (p, p).
-
-    Args:
-        experiments: Single-output experiments.
-        orders: The structure.
-        theta: Where the criterion is least (p,).
-        covariance: What it would be for white errors (p, p); its directions serve as coordinates.
-        variance: Of the prediction errors.
-        initial_conditions: Assumption about the time before each record.
-    """
+    """Covariance H^-1 S H^-1 of a prediction-error estimate (p, p), from its covariance for white errors."""
     if variance <= 0.0:
         return covariance
     directions = standard_directions(covariance)
     curvature = _curvature(experiments, orders, theta, directions, initial_conditions)
-    # for a true model it is the variance times the identity; at a bound there may be none
+    # variance times identity for a true model, and the fallback at a stability bound
     if curvature is None or np.linalg.eigvalsh(curvature)[0] < 0.01 * variance:
         curvature = variance * np.eye(len(theta))
     series = [s @ directions for s in scores(experiments, orders, theta, initial_conditions)]
@@ -60,27 +51,19 @@ def curvature_covariance(
     variance: float,
     initial_conditions: InitialConditions,
 ) -> FloatArray:
-    """Covariance by the curvature of the likelihood where it is greatest (p, p): the observed information's inverse.
+    """Inverse of the observed information: the curvature of the likelihood at its maximum (p, p).
 
-    Args:
-        experiments: Single-output experiments.
-        orders: The structure.
-        theta: Where the criterion is least (p,).
-        covariance: About what it is (p, p); its directions serve as coordinates.
-        variance: Of the prediction errors, in units of the criterion.
-        initial_conditions: Assumption about the time before each record.
-
-    Returns:
-        Covariance; the one given where the curvature is that of no minimum, as at a bound.
+    `covariance` is an approximation whose directions serve as coordinates; it is returned if the curvature is not
+    that of a minimum, as at a stability bound.
     """
     directions = standard_directions(covariance)
     gradients = []
     for step in STEP * directions.T:
         if not admissible(orders, theta + step):
             return covariance
-        # the gradient at theta itself is nothing
+        # one-sided: the gradient at theta itself is zero
         at = linearise(experiments, orders, theta + step, initial_conditions)
-        gradients.append(directions.T @ (at.scale * (at.triangle.T @ at.target)) / STEP)
+        gradients.append(directions.T @ at.gradient / STEP)
     curvature = 0.5 * (np.array(gradients) + np.array(gradients).T)
     if np.linalg.eigvalsh(curvature)[0] < 0.01 * variance:
         return covariance
@@ -88,19 +71,16 @@ def curvature_covariance(
 
 
 def long_run_covariance(series: Sequence[FloatArray]) -> FloatArray:
-    """Covariance of the sum over time of a vector signal with zero mean (p, p).
+    """Covariance (p, p) of the sum over time of a signal with zero mean, given per experiment (N_i, p).
 
     A vector autoregression, its order by Akaike's criterion, extrapolates the correlations.
-
-    Args:
-        series: Signal per experiment (N_i, p).
     """
     samples, p = sum(len(s) for s in series), series[0].shape[1]
     most = min(MOST_LAGS, samples // (ROWS_PER_COEFFICIENT * p), min(len(s) for s in series) // 2)
     blocks = [np.hstack([s[most - k : len(s) - k] for k in (*range(1, most + 1), 0)]) for s in series]
     columns = np.vstack(blocks)
     rows = len(columns)
-    # one triangle holds the regressions of all orders
+    # one triangle contains the regressions of all orders
     triangle = triangular_factor(columns / np.sqrt(np.mean(columns**2)))
     triangle *= np.sqrt(np.mean(columns**2))
     explained = triangle[:, most * p :]
@@ -111,7 +91,7 @@ def long_run_covariance(series: Sequence[FloatArray]) -> FloatArray:
         criterion = np.linalg.slogdet(left / rows)[1] + 2.0 * known * p / rows
         if criterion < least:
             solution = np.linalg.lstsq(triangle[:known, :known], explained[:known], rcond=None)[0]
-            # rows of the solution come lag by lag: x(t) = sum_k X_k' x(t - k) + w(t)
+            # rows of the solution are ordered by lag: x(t) = sum_k X_k' x(t - k) + w(t)
             gain = np.linalg.inv(np.eye(p) - solution.reshape(order, p, p).sum(axis=0).T)
             least, best = criterion, gain @ left @ gain.T / (rows - known)
     return samples * best
@@ -124,14 +104,13 @@ def _curvature(
     directions: FloatArray,
     initial_conditions: InitialConditions,
 ) -> FloatArray | None:
-    """Half the second derivative of the criterion along directions (p, p); None where a step leaves stability."""
+    """Half the second derivative of the criterion along directions (p, p); None if a step is not stable."""
     gradients = []
     for step in STEP * directions.T:
         ends = (theta + step, theta - step)
         if not all(admissible(orders, end) for end in ends):
             return None
         up, down = (linearise(experiments, orders, end, initial_conditions) for end in ends)
-        change = up.scale * (up.triangle.T @ up.target) - down.scale * (down.triangle.T @ down.target)
-        gradients.append(directions.T @ change / (2.0 * STEP))
+        gradients.append(directions.T @ (up.gradient - down.gradient) / (2.0 * STEP))
     curvature = np.array(gradients)
     return 0.5 * (curvature + curvature.T)

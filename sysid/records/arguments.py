@@ -1,4 +1,4 @@
-"""What callers hand over, checked in one place: whole numbers, real numbers, windows."""
+"""Checks of arguments: whole numbers, real numbers, flags, windows."""
 
 import operator
 from collections.abc import Callable
@@ -9,21 +9,11 @@ import numpy as np
 from sysid.records.arrays import FloatArray
 from sysid.records.errors import SysidError
 
-LONGEST = 80  # characters of a wrong value that an error quotes
+LONGEST = 80  # longest quotation of a wrong value, in characters
 
 
 def whole_number(name: str, value: Any, least: int, most: int | None = None) -> int:
-    """Return a whole number as `int`; those of NumPy and arrays of a single one will do, truth values will not.
-
-    Args:
-        name: What it is called.
-        value: What was given.
-        least: Smallest value.
-        most: Largest value; None for no bound.
-
-    Raises:
-        SysidError: Something else, or out of bounds.
-    """
+    """Check a whole number within bounds and return it as `int`; NumPy integers pass, Booleans do not."""
     try:
         number = None if isinstance(value, bool | np.bool_) else operator.index(value)
     except TypeError:
@@ -35,17 +25,7 @@ def whole_number(name: str, value: Any, least: int, most: int | None = None) -> 
 
 
 def real_number(name: str, value: Any, expected: str, allowed: Callable[[float], bool]) -> float:
-    """Return a real number as `float`.
-
-    Args:
-        name: What it is called.
-        value: What was given.
-        expected: What it must do, for the error: "lie between 0 and 1".
-        allowed: Whether a number does; never asked about NaN.
-
-    Raises:
-        SysidError: No number, NaN, beyond the range of numbers, or not allowed.
-    """
+    """Check a real number and return it as `float`; `expected` completes the message "NAME must ..."."""
     single = np.shape(value) == () and not isinstance(value, bool | np.bool_ | str | bytes | None)
     try:
         number = float(value) if single else np.nan
@@ -57,44 +37,24 @@ def real_number(name: str, value: Any, expected: str, allowed: Callable[[float],
 
 
 def sampling_interval(value: Any) -> float:
-    """Return a sampling interval in s.
-
-    Raises:
-        SysidError: Not a positive number.
-    """
+    """Check a sampling interval in s."""
     return real_number("dt", value, "be a positive number of seconds", lambda dt: 0.0 < dt < np.inf)
 
 
 def confidence_level(value: Any) -> float:
-    """Return a confidence level.
-
-    Raises:
-        SysidError: Not a number between 0 and 1.
-    """
+    """Check a confidence level between 0 and 1."""
     return real_number("level", value, "lie between 0 and 1", lambda level: 0.0 < level < 1.0)
 
 
 def truth_value(name: str, value: Any) -> bool:
-    """Return a truth value; nothing else stands for one.
-
-    Raises:
-        SysidError: Something else.
-    """
+    """Check a Boolean; 0 and 1 are refused."""
     if not isinstance(value, bool | np.bool_):
         raise SysidError(f"{name} must be True or False, got {shown(value)}")
     return bool(value)
 
 
 def window_values(window: Callable[[int], Any], length: int) -> FloatArray:
-    """Values of a window (length,).
-
-    Args:
-        window: From a length to as many values, such as `np.hanning`.
-        length: How many.
-
-    Raises:
-        SysidError: Not a function, or one that gives something else.
-    """
+    """Values (length,) of a window function such as `np.hanning`."""
     if not callable(window):
         raise SysidError(f"window must be a function from a length to values, such as np.hanning, got {shown(window)}")
     try:
@@ -107,6 +67,6 @@ def window_values(window: Callable[[int], Any], length: int) -> FloatArray:
 
 
 def shown(value: Any) -> str:
-    """A wrong value as an error quotes it: in full where it is short, else by its type."""
+    """Quote a wrong value in an error: in full where it is short, else by its type."""
     text = repr(value)
     return text if len(text) <= LONGEST and "\n" not in text else f"a value of type {type(value).__name__}"

@@ -1,4 +1,4 @@
-"""Locked float arrays, the stuff that records are made of."""
+"""Read-only float arrays, and the base class of all records that hold them."""
 
 import textwrap
 from collections.abc import Mapping
@@ -14,44 +14,51 @@ FloatArray = NDArray[np.float64]
 ComplexArray = NDArray[np.complex128]
 Scalar = TypeVar("Scalar", bound=np.generic)
 
-
 LINE = 160  # characters of a record's short form
 FEW = 4  # entries of a tuple that it lists
 
 
 class Locked:
-    """A record whose arrays and mappings stay locked when it is copied or unpickled."""
+    """A record whose arrays are read-only copies, and stay read-only when it is copied or unpickled."""
+
+    def __post_init__(self) -> None:
+        """Replace every array, those in tuples too, by a read-only copy."""
+        for name, value in list(vars(self).items()):
+            if isinstance(value, np.ndarray):
+                object.__setattr__(self, name, lock(value))
+            elif isinstance(value, tuple) and any(isinstance(part, np.ndarray) for part in value):
+                object.__setattr__(self, name, tuple(lock(np.asarray(part)) for part in value))
 
     def __getstate__(self) -> dict[str, Any]:
-        """The fields; read-only views of mappings cannot be copied or pickled, what they show can."""
+        """The fields, mappings as plain `dict`: their read-only views cannot be copied or pickled."""
         return {
             name: dict(value) if isinstance(value, MappingProxyType) else value for name, value in vars(self).items()
         }
 
     def __setstate__(self, state: dict[str, Any]) -> None:
-        """Take over the fields and lock them again: NumPy forgets the lock on the way."""
+        """Restore the fields and lock them again: NumPy drops the read-only flag in a copy."""
         self.__dict__.update({name: locked_within(value) for name, value in state.items()})
 
     def __repr__(self) -> str:
         """One short line: arrays by their shape."""
-        parts = (f"{name}={_in_short(value)}" for name, value in vars(self).items() if value is not None)
+        parts = (f"{name}={_short_form(value)}" for name, value in vars(self).items() if value is not None)
         return textwrap.shorten(f"{type(self).__name__}({', '.join(parts)})", LINE, placeholder=" ...)")
 
 
-def _in_short(value: Any) -> str:
+def _short_form(value: Any) -> str:
     if isinstance(value, np.ndarray):
         return f"<{' x '.join(map(str, value.shape))}>"
     if isinstance(value, float):
         return f"{value:.6g}"
     if isinstance(value, tuple):
-        return f"({', '.join(_in_short(part) for part in value)})" if len(value) <= FEW else f"<{len(value)}>"
+        return f"({', '.join(_short_form(part) for part in value)})" if len(value) <= FEW else f"<{len(value)}>"
     if isinstance(value, str | int):
         return repr(value)
     return f"<{len(value)}>" if isinstance(value, Mapping) else type(value).__name__
 
 
 def locked_within(value: Any) -> Any:
-    """The value with all arrays in it read-only, those in tuples and mappings too; a `dict` as a read-only view."""
+    """Make all arrays in a value read-only, those in tuples and mappings too; a `dict` becomes a read-only view."""
     if isinstance(value, np.ndarray):
         value.setflags(write=False)
     elif isinstance(value, tuple):
@@ -72,11 +79,7 @@ def lock(array: NDArray[Scalar]) -> NDArray[Scalar]:
 
 
 def real_array(name: str, value: ArrayLike) -> FloatArray:
-    """Convert to float64, refusing what is not a real, finite number.
-
-    Raises:
-        SysidError: `value` is complex, ragged, not numeric, or holds NaN or infinity.
-    """
+    """Convert to float64; refuse complex, ragged, non-numeric, masked, NaN and infinite values."""
     try:
         raw: NDArray[Any] = np.asarray(value)
     except ValueError as error:

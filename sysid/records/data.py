@@ -11,11 +11,8 @@ from sysid.records.arguments import real_number, sampling_interval, truth_value,
 from sysid.records.arrays import FloatArray, Locked, lock, real_array
 from sysid.records.errors import SysidError
 
-ROUNDING = 1e-13  # what is left of a channel, as a part of it, that is rounding and no signal
-
-
-LARGEST = 1e60
-"""Largest magnitude of a signal; its inverse is the smallest."""
+ROUNDING = 1e-13  # remainder of a channel, relative to it, that counts as rounding and not as signal
+LARGEST = 1e60  # largest magnitude of a signal, its inverse the smallest: sums of squares must stay finite
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -29,18 +26,18 @@ class IOData(Locked):
         u: Inputs (N, nu); a 1-D array is taken as one channel.
         y: Outputs (N, ny); a 1-D array is taken as one channel.
         dt: Sampling interval in s.
-        input_names: One name per input; `u1, u2, ...` when not given.
-        output_names: One name per output; `y1, y2, ...` when not given.
-        input_units: One unit per input; empty when not given.
-        output_units: One unit per output; empty when not given.
+        input_names: One name per input; `u1, u2, ...` by default.
+        output_names: One name per output; `y1, y2, ...` by default.
+        input_units: One unit per input; empty by default.
+        output_units: One unit per output; empty by default.
         intersample: Behaviour of the input between samples: held (`zoh`), linear (`foh`), band-limited (`bl`).
         window: Number of leading samples that only initialise a model: they enter no cost and no score.
         start: Time of the first sample in s; a slice keeps the time of the whole.
         missing: Whether NaN among the outputs marks samples that were lost; without it NaN is refused. Inputs must be
-            complete. `oe`, `armax`, `bj` and `pem_ss` use every output that is known; `arx`, `iv4` and `okid` leave out
-            equations that touch a missing one; `spa`, `covf`, `predict`, `residuals` and `compare` take such records
-            too. Everything else refuses them and takes their `complete_parts()`.
-        name: What the experiment is called.
+            complete. `oe`, `armax`, `bj` and `pem_ss` use every known output; `arx`, `iv4` and `okid` omit equations
+            with a missing one; `spa`, `covf`, `predict`, `residuals` and `compare` accept such records too. All other
+            functions refuse them and accept their `complete_parts()`.
+        name: Name of the experiment.
 
     Raises:
         SysidError: Empty, non-real, NaN or infinite values, unequal lengths, more channels than samples,
@@ -125,7 +122,7 @@ class IOData(Locked):
 
     @property
     def known(self) -> NDArray[np.bool_]:
-        """Which output samples are on record (N, ny)."""
+        """Mask of the output samples that are not missing (N, ny)."""
         return np.asarray(np.isfinite(self.y))
 
     @property
@@ -137,7 +134,7 @@ class IOData(Locked):
         """Cut the record at its gaps: experiments without missing samples, for every estimator.
 
         Args:
-            shortest: Parts with fewer samples behind the initialisation window are left out.
+            shortest: Parts with fewer samples after the initialisation window are dropped.
 
         Raises:
             SysidError: No part is that long.
@@ -148,11 +145,11 @@ class IOData(Locked):
         starts, stops = (np.flatnonzero(np.diff(known.astype(int)) == step) for step in (1, -1))
         lengths = stops - np.maximum(starts, self.window)
         least = whole_number("shortest", shortest, 1)
-        runs = np.flatnonzero(lengths >= least)
-        if not len(runs):
+        parts = np.flatnonzero(lengths >= least)
+        if not len(parts):
             longest = int(lengths.max(initial=0))
             raise SysidError(f"no part without missing samples has {least} samples; the longest has {longest}")
-        return tuple(replace(self[int(starts[k]) : int(stops[k])], missing=False) for k in runs)
+        return tuple(replace(self[int(starts[k]) : int(stops[k])], missing=False) for k in parts)
 
     @property
     def scored(self) -> "IOData":
@@ -160,7 +157,7 @@ class IOData(Locked):
         return self[self.window :] if self.window else self
 
     def __getitem__(self, part: slice) -> "IOData":
-        """Return consecutive samples `data[a:b]`; what is left of the initialisation window stays one.
+        """Return consecutive samples `data[a:b]`; the rest of the initialisation window stays a window.
 
         Raises:
             SysidError: Not a slice, a step other than 1, or an empty part.
@@ -178,8 +175,8 @@ class IOData(Locked):
     def detrend(self, order: int = 0) -> "IOData":
         """Remove from every channel its least-squares polynomial in time (0: the mean).
 
-        The polynomial is fitted behind the initialisation window and removed everywhere. A channel of which only
-        rounding would be left becomes zero.
+        The polynomial is fitted after the initialisation window and removed everywhere. A channel of which only
+        rounding would remain becomes zero.
 
         Raises:
             SysidError: Negative order, or an order that the number of samples does not allow.
@@ -197,15 +194,15 @@ class IOData(Locked):
         """Remove a known operating point or trend.
 
         Args:
-            u: What to take from the inputs: one value, one per input (nu,), or one per sample and input (N, nu).
-            y: What to take from the outputs, likewise.
+            u: Subtracted from the inputs: one value, one per input (nu,), or one per sample and input (N, nu).
+            y: Subtracted from the outputs, likewise.
 
         Raises:
             SysidError: Shapes that do not fit, NaN.
         """
         parts = {}
-        for name, given, channel in (("u", u, self.u), ("y", y, self.y)):
-            offset = real_array(name, given)
+        for name, value, channel in (("u", u, self.u), ("y", y, self.y)):
+            offset = real_array(name, value)
             try:
                 parts[name] = _difference(channel, np.broadcast_to(offset, channel.shape))
             except ValueError as error:
@@ -218,7 +215,7 @@ class IOData(Locked):
     def select(
         self, *, inputs: Sequence[int | str] | None = None, outputs: Sequence[int | str] | None = None
     ) -> "IOData":
-        """Keep the channels named by name or index, in the order given; None keeps all.
+        """Keep the channels with these names or indices, in this order; None keeps all.
 
         Raises:
             SysidError: Unknown name or index, or no channel left.
@@ -241,11 +238,11 @@ def as_experiments(data: IOData | Sequence[IOData], *, missing: bool = False) ->
 
     Args:
         data: One experiment, or several.
-        missing: Whether the caller can do with missing output samples.
+        missing: Whether missing output samples are allowed.
 
     Raises:
-        SysidError: No experiment, something that is no `IOData`, records that differ in `dt` or channels, or missing
-            samples where there must be none.
+        SysidError: No experiment, something other than `IOData`, records that differ in `dt` or channels, or missing
+            samples that are not allowed.
     """
     if not isinstance(data, IOData | Sequence) or isinstance(data, str):
         raise SysidError(f"expected an IOData record or a sequence of them, got {type(data).__name__}")
@@ -272,11 +269,7 @@ def as_experiments(data: IOData | Sequence[IOData], *, missing: bool = False) ->
 
 
 def as_record(data: IOData) -> IOData:
-    """Return the record, where it is one.
-
-    Raises:
-        SysidError: Something else was given.
-    """
+    """Check that the data are a single record."""
     if not isinstance(data, IOData):
         several = isinstance(data, Sequence) and not isinstance(data, str)
         hint = "; take several experiments one after the other: [... for one in data]"
@@ -285,16 +278,16 @@ def as_record(data: IOData) -> IOData:
 
 
 def _difference(channels: FloatArray, trend: FloatArray) -> FloatArray:
-    """Channels less their trend; a channel of which rounding alone is left becomes exactly zero."""
+    """Subtract the trend; a channel that only rounding remains of becomes exactly zero."""
     rest = channels - trend
     size = np.maximum(np.nanmax(np.abs(channels), axis=0), np.abs(trend).max(axis=0))
-    dust = np.nanmax(np.abs(rest), axis=0) <= ROUNDING * size
-    rest[:, dust] = np.where(np.isnan(rest[:, dust]), np.nan, 0.0)
+    rounding = np.nanmax(np.abs(rest), axis=0) <= ROUNDING * size
+    rest[:, rounding] = np.where(np.isnan(rest[:, rounding]), np.nan, 0.0)
     return rest
 
 
 def _trend(basis: FloatArray, channels: FloatArray, window: int) -> FloatArray:
-    """Least-squares combination of the basis (N, k) behind the window, where samples are known (N, channels)."""
+    """Polynomial trend (N, channels), fitted to the known samples after the window; basis (N, k)."""
     out = np.empty(channels.shape)
     for j, channel in enumerate(channels.T):
         used = np.isfinite(channel)
@@ -312,12 +305,12 @@ def _channels(name: str, value: FloatArray, *, missing: bool = False) -> FloatAr
     except ValueError as error:
         raise SysidError(f"{name}: expected a rectangular array of real numbers, got a ragged sequence") from error
     if missing and raw.dtype.kind == "f" and np.isnan(raw).any() and raw.ndim in (1, 2):
-        lost = np.isnan(raw)
-        if lost.all(axis=0).any():
+        gaps = np.isnan(raw)
+        if gaps.all(axis=0).any():
             raise SysidError(f"{name}: a channel has no known sample at all")
-        # checked with the gaps filled, then opened again
-        filled = _channels(name, np.where(lost, 0.0, raw)).copy()
-        filled[lost.reshape(filled.shape)] = np.nan
+        # The other checks refuse NaN: they see the record with its gaps filled.
+        filled = _channels(name, np.where(gaps, 0.0, raw)).copy()
+        filled[gaps.reshape(filled.shape)] = np.nan
         return lock(filled)
     if raw.dtype.kind in "biuf" and not np.isfinite(raw).all() and raw.ndim in (1, 2):
         table = raw[:, None] if raw.ndim == 1 else raw
@@ -347,12 +340,12 @@ def _channels(name: str, value: FloatArray, *, missing: bool = False) -> FloatAr
     return lock(out)
 
 
-def _labels(what: str, given: Sequence[str] | None, default: tuple[str, ...]) -> tuple[str, ...]:
-    if given is None:
+def _labels(what: str, value: Sequence[str] | None, default: tuple[str, ...]) -> tuple[str, ...]:
+    if value is None:
         return default
-    if not isinstance(given, Sequence):
-        raise SysidError(f"{what}: expected {len(default)} text(s), one per channel, got {given!r}")
-    labels = (given,) if isinstance(given, str) else tuple(str(label) for label in given)
+    if not isinstance(value, Sequence):
+        raise SysidError(f"{what}: expected {len(default)} text(s), one per channel, got {value!r}")
+    labels = (value,) if isinstance(value, str) else tuple(str(label) for label in value)
     if len(labels) != len(default):
         raise SysidError(f"{what}: expected {len(default)}, one per channel, got {len(labels)}: {labels}")
     if what.endswith("names") and len(set(labels)) != len(labels):
@@ -364,13 +357,13 @@ def _pick(labels: tuple[str, ...] | None, index: list[int]) -> tuple[str, ...]:
     return tuple((labels or ())[i] for i in index)
 
 
-def _indices(what: str, wanted: Sequence[int | str] | None, names: tuple[str, ...] | None) -> list[int]:
+def _indices(what: str, channels: Sequence[int | str] | None, names: tuple[str, ...] | None) -> list[int]:
     available = names or ()
-    if wanted is None:
+    if channels is None:
         return list(range(len(available)))
     out: list[int] = []
-    single = isinstance(wanted, str) or not isinstance(wanted, Iterable) or not np.ndim(wanted)
-    for item in (wanted,) if single else wanted:
+    single = isinstance(channels, str) or not isinstance(channels, Iterable) or not np.ndim(channels)
+    for item in (channels,) if single else channels:
         if isinstance(item, str) and item in available:
             out.append(available.index(item))
         elif isinstance(item, int | np.integer) and not isinstance(item, bool) and 0 <= item < len(available):

@@ -1,9 +1,9 @@
-"""What the analyst raises and what it warns of."""
+"""Error and warning classes of the package."""
 
 
 class SysidError(ValueError):
-    """Root of every error raised on purpose: says what was given and what was expected."""
+    """Root of the errors of the package: each says what was given and what was expected."""
 
 
 class SysidWarning(UserWarning):
-    """Root of every warning on numerics or physics: poor excitation, rank, conditioning, instability."""
+    """Root of the warnings on numerics and data: poor excitation, rank, conditioning, instability."""

@@ -17,7 +17,7 @@ def prefilter(data: IOData, numerator: ArrayLike, denominator: ArrayLike = 1.0) 
     """Pass every channel through the causal filter numerator(q) / denominator(q) [Ljung1999, sec. 14.4].
 
     The filter starts in the steady state of each channel's first sample. Its transient acts on inputs and outputs as an
-    unknown initial state does; lengthen the window with `replace` where it must be left out.
+    unknown initial state does; lengthen the window with `replace` to exclude it.
 
     Args:
         data: The record.
@@ -39,19 +39,19 @@ def prefilter(data: IOData, numerator: ArrayLike, denominator: ArrayLike = 1.0) 
         raise SysidError(f"the filter is not stable: largest pole modulus {radius:.6g}")
     _refuse_gaps(data)
 
-    def passed(channels: FloatArray) -> FloatArray:
+    def filtered(channels: FloatArray) -> FloatArray:
         if max(len(a), len(b)) == 1:
             return channels * b[0] / a[0]
         start = lfilter_zi(b, a)[:, None] * channels[0]
         return np.asarray(lfilter(b, a, channels, axis=0, zi=start)[0], dtype=np.float64)
 
-    return replace(data, u=passed(data.u), y=passed(data.y))
+    return replace(data, u=filtered(data.u), y=filtered(data.y))
 
 
 def keep_band(data: IOData, low_hz: float = 0.0, high_hz: float = np.inf) -> IOData:
     """Keep the frequencies low_hz..high_hz of every channel, by the Fourier transform of the whole record.
 
-    Zero phase and with sharp edges; the record is taken as periodic, so that its ends ring where they do not meet.
+    Zero phase and sharp edges; the record is taken as periodic, so that its ends ring where they do not meet.
 
     Args:
         data: The record.
@@ -62,14 +62,15 @@ def keep_band(data: IOData, low_hz: float = 0.0, high_hz: float = np.inf) -> IOD
         The filtered record, its input taken as band-limited between samples.
 
     Raises:
-        SysidError: Not a record, edges that are no frequencies or leave none of the record, missing samples.
+        SysidError: Not a record, edges that are no frequencies, no frequency of the record within them, missing
+            samples.
     """
     data = as_record(data)
     low_hz = real_number("low_hz", low_hz, "be a frequency >= 0 Hz", lambda f: f >= 0.0)
     high_hz = real_number("high_hz", high_hz, "be a frequency >= 0 Hz", lambda f: f >= 0.0)
     f = rfftfreq(len(data), data.dt)
-    kept = (f >= low_hz) & (f <= high_hz)
-    if not kept.any():
+    in_band = (f >= low_hz) & (f <= high_hz)
+    if not in_band.any():
         raise SysidError(
             f"no frequency of the record lies in {low_hz} to {high_hz} Hz; they are 0 to {f[-1]:.6g} Hz in steps of "
             f"{f[1] if len(f) > 1 else 0.0:.6g} Hz"
@@ -77,21 +78,21 @@ def keep_band(data: IOData, low_hz: float = 0.0, high_hz: float = np.inf) -> IOD
     _refuse_gaps(data)
 
     def limited(channels: FloatArray) -> FloatArray:
-        return np.asarray(irfft(rfft(channels, axis=0) * kept[:, None], len(channels), axis=0), dtype=np.float64)
+        return np.asarray(irfft(rfft(channels, axis=0) * in_band[:, None], len(channels), axis=0), dtype=np.float64)
 
     return replace(data, u=limited(data.u), y=limited(data.y), intersample="bl")
 
 
-def _refuse_gaps(data: IOData) -> None:
+def _refuse_gaps(data: IOData, operation: str = "filtered") -> None:
     if not data.complete:
-        raise SysidError("a record with missing samples cannot be filtered: take data.complete_parts() one by one")
+        raise SysidError(f"a record with missing samples cannot be {operation}: take data.complete_parts() one by one")
 
 
 def resample(data: IOData, up: int, down: int = 1) -> IOData:
     """Resample to `up / down` times the rate by a zero-phase polyphase filter.
 
-    Inputs and outputs pass the same filter, so that their relation below the lower of the two Nyquist frequencies stays
-    what it is. Beyond the ends the record is taken to go on as the straight line through its first and last sample.
+    Inputs and outputs pass the same filter, so that their relation below the lower of the two Nyquist frequencies is
+    unchanged. Beyond its ends the record is continued by the straight line through its first and last sample.
     A filtered input is no longer held between samples: `intersample` becomes `bl`. Near the ends, over about
     10 max(up, down) / up of the old samples, the record is less exact.
 
@@ -104,28 +105,27 @@ def resample(data: IOData, up: int, down: int = 1) -> IOData:
         Record with sampling interval dt * down / up; the initialisation window lasts as long as before.
 
     Raises:
-        SysidError: up or down below 1, missing samples, or fewer than two samples left.
+        SysidError: up or down below 1, missing samples, or fewer than two resulting samples.
     """
     up, down = whole_number("up", up, 1), whole_number("down", down, 1)
     data = as_record(data)
-    if not data.complete:
-        raise SysidError("a record with missing samples cannot be resampled: take data.complete_parts() one by one")
+    _refuse_gaps(data, "resampled")
     divisor = int(np.gcd(up, down))
     up, down = up // divisor, down // divisor
     if up == down:
         return data
-    left = -(-len(data) * up // down)
-    if left < 2:
-        raise SysidError(f"of {len(data)} samples {left} would be left at {up}/{down} of the rate")
+    samples = -(-len(data) * up // down)
+    if samples < 2:
+        raise SysidError(f"of {len(data)} samples only {samples} would remain at {up}/{down} of the rate")
 
-    def changed(channels: FloatArray) -> FloatArray:
+    def resampled(channels: FloatArray) -> FloatArray:
         return np.asarray(resample_poly(channels, up, down, axis=0, padtype="line"), dtype=np.float64)
 
     return replace(
         data,
-        u=changed(data.u),
-        y=changed(data.y),
+        u=resampled(data.u),
+        y=resampled(data.y),
         dt=data.dt * down / up,
-        window=min(-(-data.window * up // down), left - 1),
+        window=min(-(-data.window * up // down), samples - 1),
         intersample="bl",
     )

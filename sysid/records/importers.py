@@ -21,6 +21,7 @@ SECONDS = {
     **dict.fromkeys(("us", "µs", "microsecond", "microseconds"), 1e-6),
 }
 SAME_INTERVAL = 1e-3  # two intervals closer than this part are one, written with few digits
+UNREADABLE = (NotImplementedError, ValueError, OSError, TypeError, EOFError, LookupError)
 Columns = Mapping[str, FloatArray]
 
 
@@ -35,14 +36,14 @@ def read_csv(
     """Read a record from text: columns separated by commas, semicolons, tabs or spaces.
 
     The first line names the columns; a file without such a line has the columns `inputs` then `outputs`. Lines that
-    begin with # or % are left out. Empty cells and `nan` are missing samples.
+    begin with # or % are ignored. Empty cells and `nan` are missing samples.
 
     Args:
         path: The file.
         inputs: Names of the input columns.
         outputs: Names of the output columns.
-        dt: Sampling interval, s. Needed where the file says none, by a column of times (`t`, `time`, `Time (ms)`) or a
-            constant one called `dt`; must agree with it where it does.
+        dt: Sampling interval, s. Required unless the file has a column of times (`t`, `time`, `Time (ms)`) or a
+            constant column `dt`; must agree with it otherwise.
         missing: Whether missing output samples are allowed.
 
     Returns:
@@ -50,7 +51,7 @@ def read_csv(
 
     Raises:
         SysidError: No file, no text, no such column, cells that are no numbers, no or contradicting sampling intervals,
-            instants that are not uniform.
+            times that are not uniform.
     """
     file = _existing(path, "a text file")
     return record_of(_csv_columns(file, (*inputs, *outputs)), inputs, outputs, dt, missing, file)
@@ -70,7 +71,7 @@ def read_mat(
         path: The file.
         inputs: Names of the input variables, vectors, or matrices with time first.
         outputs: Names of the output variables, likewise.
-        dt: As in `read_csv`; the file says it by a scalar `dt` or `Ts`, or a vector of times.
+        dt: As in `read_csv`; the file may hold it as a scalar `dt` or `Ts`, or as a vector of times.
         missing: Whether missing output samples are allowed.
 
     Returns:
@@ -87,23 +88,15 @@ def read_mat(
     file = _existing(path, "a .mat file")
     try:
         content = loadmat(file)
-    except (
-        NotImplementedError,
-        MatReadError,
-        ValueError,
-        OSError,
-        TypeError,
-        EOFError,
-        LookupError,
-        zlib.error,
-    ) as error:
+    # scipy raises any of these on a damaged file
+    except (*UNREADABLE, MatReadError, zlib.error) as error:
         raise SysidError(
             f"{file.name}: not a .mat file of version 7.2 or older, which MATLAB writes by save -v7 ({error})"
         ) from error
     columns = {}
     for name, value in content.items():
         if isinstance(value, np.ndarray) and value.dtype.kind in "biuf" and value.ndim == 2 and value.size:
-            # A vector has one way to be read; a matrix is taken time first, as it stands.
+            # A row vector can only be a signal; a matrix is taken time first, never transposed on a guess.
             columns[name] = value.astype(float).reshape(-1, 1) if 1 in value.shape else value.astype(float)
     return record_of(columns, inputs, outputs, dt, missing, file)
 
@@ -122,7 +115,7 @@ def read_netcdf(
         path: The file.
         inputs: Names of the input variables; their first dimension is time.
         outputs: Names of the output variables, likewise.
-        dt: As in `read_csv`; the file says it by an attribute or scalar `dt`, or by the coordinate of time.
+        dt: As in `read_csv`; the file may hold it as an attribute or scalar `dt`, or as the time coordinate.
         missing: Whether missing output samples are allowed.
 
     Returns:
@@ -137,7 +130,7 @@ def read_netcdf(
     file = _existing(path, "a NetCDF4 file")
     try:
         with h5py.File(file) as whole:
-            # A damaged file is found here, where nothing is left half open.
+            # h5py detects a damaged file here and closes it; xarray would leave it half open.
             _ = dict(whole["/"].attrs)
         with xr.open_dataset(file, engine="h5netcdf", decode_times=False) as stored:
             columns = {
@@ -164,25 +157,12 @@ def record_of(
     file: Path,
     units: Mapping[str, str] | None = None,
 ) -> IOData:
-    """Make the record of named columns.
-
-    Args:
-        columns: Values by name, (N,) or (N, k); others than those asked for may tell the sampling interval.
-        inputs: Names of the inputs.
-        outputs: Names of the outputs.
-        dt: Sampling interval as given, s.
-        missing: Whether missing output samples are allowed.
-        file: Where the columns come from.
-        units: Units by name.
-
-    Raises:
-        SysidError: A name that is not there or occurs twice, and what `IOData` refuses.
-    """
-    wanted = [
+    """Make a record of named columns (N,) or (N, k); columns that are no channels may hold the sampling interval."""
+    channels = [
         *((inputs,) if isinstance(inputs, str) else inputs),
         *((outputs,) if isinstance(outputs, str) else outputs),
     ]
-    for name in wanted:
+    for name in channels:
         if not isinstance(name, str):
             raise SysidError(f"{file.name}: expected columns by name, got {name!r}; there are {', '.join(columns)}")
         if name not in columns:
@@ -190,12 +170,12 @@ def record_of(
             hint = f"; did you mean {near[0]!r}?" if near else ""
             there = ", ".join(columns) or "none of numbers"
             raise SysidError(f"{file.name}: unknown column {name!r}; there are {there}{hint}")
-    if len(set(wanted)) != len(wanted):
-        raise SysidError(f"{file.name}: expected different columns, got {', '.join(wanted)}")
-    step = sampling_interval({n: v for n, v in columns.items() if n not in wanted}, dt, file)
+    if len(set(channels)) != len(channels):
+        raise SysidError(f"{file.name}: expected different columns, got {', '.join(channels)}")
+    step = sampling_interval({n: v for n, v in columns.items() if n not in channels}, dt, file)
     split = 1 if isinstance(inputs, str) else len(inputs)
     parts = []
-    for names in (wanted[:split], wanted[split:]):
+    for names in (channels[:split], channels[split:]):
         tables = [v[:, None] if v.ndim == 1 else v for v in (columns[n] for n in names)]
         if len({len(table) for table in tables}) > 1:
             raise SysidError(f"{file.name}: {', '.join(f'{n} has {len(columns[n])} samples' for n in names)}")
@@ -223,19 +203,10 @@ def record_of(
 
 
 def sampling_interval(columns: Columns, dt: float | None, file: Path) -> float:
-    """The one sampling interval that columns and `dt` agree on, s.
-
-    Args:
-        columns: What may tell it, by name.
-        dt: Sampling interval as given, s.
-        file: Where the columns come from.
-
-    Raises:
-        SysidError: None, several that contradict each other, instants that are not uniform, an unknown unit.
-    """
+    """Sampling interval in s on which the columns of times and `dt` agree."""
     if dt is not None and not 0 < dt < np.inf:
         raise SysidError(f"dt must be above 0 s, got {dt}")
-    found = {} if dt is None else {"dt as given": float(dt)}
+    intervals = {} if dt is None else {"dt as given": float(dt)}
     for name, table in columns.items():
         values = table.ravel()
         key, unit = _name_and_unit(name)
@@ -249,18 +220,18 @@ def sampling_interval(columns: Columns, dt: float | None, file: Path) -> float:
                 raise SysidError(f"{file.name}: {name!r} is {step:g}; expected a sampling interval above 0 s")
         else:
             step = _step(values, name, file, dt is not None)
-        found[repr(name)] = step * SECONDS[unit]
-    if not found:
+        intervals[repr(name)] = step * SECONDS[unit]
+    if not intervals:
         raise SysidError(
             f"{file.name}: no sampling interval; expected a column of times (t, time, 'Time (s)'), "
             f"a variable dt or Ts, or dt in s; the file has {', '.join(columns) or 'no other column'}"
         )
-    (first, interval), *others = found.items()
+    (first, interval), *others = intervals.items()
     for name, other in others:
         if abs(other - interval) > SAME_INTERVAL * interval:
             raise SysidError(
-                f"{file.name}: {first} says a sampling interval of {interval:.6g} s, {name} of {other:.6g} s; "
-                "expected one (leave the wrong one out)"
+                f"{file.name}: sampling interval {interval:.6g} s by {first}, {other:.6g} s by {name}; "
+                "expected one value (omit the wrong one)"
             )
     return interval
 
@@ -283,16 +254,16 @@ def _name_and_unit(name: str) -> tuple[str, str]:
     return match[1], match[2] or match[3] or ""
 
 
-def _step(times: FloatArray, name: str, file: Path, given: bool) -> float:
-    """The interval of uniform instants, in their unit; `given` allows jitter, since the user has vouched for one."""
+def _step(times: FloatArray, name: str, file: Path, allow_jitter: bool) -> float:
+    """Interval of uniform times, in their unit; jitter is allowed where the user has given the interval."""
     steps = np.diff(times)
     middle = float(np.median(steps))
-    if not middle > 0 or (np.abs(steps - middle).max() > 0.01 * middle and not given):
+    if not middle > 0 or (np.abs(steps - middle).max() > 0.01 * middle and not allow_jitter):
         raise SysidError(
             f"{file.name}: column {name!r} is not uniform: steps from {steps.min():.6g} to {steps.max():.6g}; "
-            "expected one sampling interval (resample, or give dt where the instants only jitter)"
+            "expected one sampling interval (resample, or give dt if the times only jitter)"
         )
-    # the mean step is free of the rounding that the text puts on single times
+    # the mean step: single times are rounded in the text
     return float((times[-1] - times[0]) / (len(times) - 1))
 
 
@@ -308,7 +279,7 @@ def _csv_columns(file: Path, expected: Sequence[str]) -> dict[str, FloatArray]:
     separator = next((mark for mark in (";", ",", "\t") if mark in lines[0][1]), None)
     rows = [(k, [cell.strip().strip('"') for cell in line.split(separator)]) for k, line in lines]
     if all(not row[-1] for _, row in rows):
-        # A separator that ends every line has no column behind it.
+        # A separator at the end of every line starts no further column.
         rows = [(k, row[:-1]) for k, row in rows]
     if _is_number(rows[0][1][0]):
         names = list(expected)

@@ -1,7 +1,7 @@
-"""How a recursive estimator weighs what is new against what it knows [Ljung1999, ch. 11]."""
+"""Adaptation rules of recursive estimators: the weight of new samples against old ones [Ljung1999, ch. 11]."""
 
+from abc import ABC, abstractmethod
 from dataclasses import dataclass
-from typing import Protocol, runtime_checkable
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -10,63 +10,70 @@ from sysid.records.arguments import real_number, shown, truth_value
 from sysid.records.arrays import FloatArray, Locked, lock, real_array
 from sysid.records.errors import SysidError
 
-ROOT_FLOOR = 1e-12  # of a covariance that is given, as a part of its largest entry, variances in units of their own
+ROOT_FLOOR = 1e-12  # smallest eigenvalue of a given P, relative to its largest, variances scaled to one
 
 
-@runtime_checkable
-class Adaptation(Protocol):
+class Adaptation(ABC):
     """A rule for the gain L(t) of theta(t) = theta(t-1) + L(t) eps(t); psi = -d eps / d theta.
 
-    What a rule carries on, its memory, is P itself or a root of it.
+    The memory of a rule, which it updates at every step, is P or a square root of P.
     """
 
     @property
+    @abstractmethod
     def diffuse(self) -> float:
-        """Initial variance of a parameter about which nothing is known, its regressor of unit mean square."""
+        """Initial variance of an unknown parameter whose regressor has unit mean square."""
 
     @property
+    @abstractmethod
     def forgets(self) -> bool:
-        """Whether parameters go on moving for ever."""
+        """Whether the parameters never stop moving."""
 
     def enter(self, P: FloatArray) -> FloatArray:
         """Memory (p, p) of a P."""
+        return P.copy()
 
     def leave(self, memory: FloatArray) -> FloatArray:
         """P (p, p) of a memory."""
+        return memory
 
     def prior(self, covariance: FloatArray, variance: float) -> FloatArray:
-        """P (p, p) that stands for a covariance of the parameters (p, p), found at such a variance of errors."""
+        """P (p, p) for a covariance of the parameters (p, p) that was estimated with this variance of the errors."""
+        return covariance
 
     def decay(self, steps: int) -> float:
-        """By how much what was known counts less after `steps` steps."""
+        """Factor on the weight of earlier errors after `steps` steps."""
+        return 1.0
 
-    def check(self, parameters: int) -> None:
-        """Refuse settings that do not fit so many parameters."""
+    def check(self, parameters: int) -> None:  # noqa: B027, most rules have no settings to check
+        """Refuse settings that do not fit this number of parameters."""
 
+    @abstractmethod
     def step(self, memory: FloatArray, psi: FloatArray, steps: int) -> tuple[FloatArray, FloatArray]:
         """Gain (p,) and the next memory (p, p), after `steps` steps."""
 
+    @abstractmethod
     def covariance(self, P: FloatArray, energy: float, variance: float, samples: int) -> FloatArray:
         """Covariance of the parameters (p, p), for mean square length `energy` of psi and error variance `variance`."""
 
 
 @dataclass(frozen=True)
-class Forgetting:
-    """Least squares in which an error counts less with every sample that passes.
+class Forgetting(Adaptation):
+    """Least squares with exponential forgetting.
 
-    P = (P - L psi' P) / lambda, L = P psi / (lambda + psi' P psi) [Ljung1999, sec. 11.2]. A square root of P is carried
-    on [Bierman1977]: P stays symmetric and positive, and a large initial one costs no digits.
+    P = (P - L psi' P) / lambda, L = P psi / (lambda + psi' P psi) [Ljung1999, sec. 11.2]. A square root of P is
+    updated [Bierman1977]: P stays symmetric and positive, and a large initial P costs no digits.
 
     Attributes:
         factor: Forgetting factor lambda, 0 < factor <= 1; memory is about 1 / (1 - factor) samples. At 1 nothing is
             forgotten and the estimate tends to that of the whole record.
-        initial: Factor to begin with, if it is less. Where regressors depend on the parameters, what was learnt with
-            the first, wild ones is so forgotten.
-        settling: Part of the way from `initial` to `factor` that each sample leaves:
-            lambda(t) = factor - (factor - initial) settling^t. The default is there after about a thousand samples.
+        initial: Initial factor, if it is smaller. It forgets the first samples, whose regressors depend on parameters
+            far from the final ones.
+        settling: Rate of the approach, lambda(t) = factor - (factor - initial) settling^t. The default takes about a
+            thousand samples.
 
     Raises:
-        SysidError: A factor outside, or a settling not from 0 to below 1.
+        SysidError: A factor or a settling out of range.
     """
 
     factor: float = 1.0
@@ -76,24 +83,24 @@ class Forgetting:
     def __post_init__(self) -> None:
         """Check."""
         bound = "lie above 0 and not above 1"
-        for name, given in (("factor", "the forgetting factor"), ("initial", "the forgetting initial factor")):
-            value = real_number(given, getattr(self, name), bound, lambda part: 0.0 < part <= 1.0)
+        for name, label in (("factor", "the forgetting factor"), ("initial", "the forgetting initial factor")):
+            value = real_number(label, getattr(self, name), bound, lambda part: 0.0 < part <= 1.0)
             object.__setattr__(self, name, value)
         settling = real_number("settling", self.settling, "lie from 0 to below 1", lambda part: 0.0 <= part < 1.0)
         object.__setattr__(self, "settling", settling)
 
     @property
     def diffuse(self) -> float:
-        """Large: roots have twice the digits."""
+        """Large, since a square root keeps twice the digits."""
         return 1e12
 
     @property
     def forgets(self) -> bool:
-        """Unless the factor is 1."""
+        """True unless the factor is 1."""
         return self.factor < 1.0
 
     def enter(self, P: FloatArray) -> FloatArray:
-        """A root Q of P = Q Q'."""
+        """Square root Q of P = Q Q'."""
         scale = np.sqrt(np.maximum(np.diag(P), np.finfo(float).tiny))
         values, vectors = np.linalg.eigh(P / np.outer(scale, scale))
         root = vectors * np.sqrt(np.maximum(values, ROOT_FLOOR * max(float(values[-1]), 0.0)))
@@ -104,34 +111,31 @@ class Forgetting:
         return memory @ memory.T
 
     def prior(self, covariance: FloatArray, variance: float) -> FloatArray:
-        """P is the covariance for errors of unit variance."""
+        """The covariance for errors of unit variance."""
         return covariance / variance
 
     def decay(self, steps: int) -> float:
-        """The forgetting factor of the moment."""
+        """The present forgetting factor."""
         return self.factor - max(self.factor - self.initial, 0.0) * self.settling**steps
-
-    def check(self, parameters: int) -> None:
-        """Any number of parameters will do."""
 
     def step(self, memory: FloatArray, psi: FloatArray, steps: int) -> tuple[FloatArray, FloatArray]:
         """See `Adaptation`."""
         forgetting = self.decay(steps)
-        seen = psi @ memory
-        spread = memory @ seen
-        length = float(forgetting + seen @ seen)
+        projected = psi @ memory
+        spread = memory @ projected
+        length = float(forgetting + projected @ projected)
         shrink = 1.0 / (length + np.sqrt(forgetting * length))
-        root = memory - np.outer(spread, shrink * seen)
+        root = memory - np.outer(spread, shrink * projected)
         return spread / length, root if forgetting == 1.0 else root / np.sqrt(forgetting)
 
     def covariance(self, P: FloatArray, energy: float, variance: float, samples: int) -> FloatArray:
-        """P times the variance, shrunk since errors are averaged with squared weights."""
+        """P times the variance, reduced since the sum of squared weights is less than their sum."""
         return variance * P * (1.0 + self.factor**samples) / (1.0 + self.factor)
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Kalman(Locked):
-    """Parameters that walk at random: theta(t+1) = theta(t) + w(t), cov w = R1, cov e = R2.
+class Kalman(Locked, Adaptation):
+    """Random-walk parameters: theta(t+1) = theta(t) + w(t), cov w = R1, cov e = R2.
 
     P = P + R1 - L psi' P, L = P psi / (R2 + psi' P psi) [Ljung1999, sec. 11.2].
 
@@ -164,36 +168,16 @@ class Kalman(Locked):
 
     @property
     def diffuse(self) -> float:
-        """As large as differences of P allow."""
+        """As large as the cancellation in the update of P allows."""
         return 1e6
 
     @property
     def forgets(self) -> bool:
-        """Where anything walks."""
+        """True if any parameter has a random walk."""
         return bool(np.any(self.R1))
 
-    def enter(self, P: FloatArray) -> FloatArray:
-        """P itself."""
-        return P.copy()
-
-    def leave(self, memory: FloatArray) -> FloatArray:
-        """P itself."""
-        return memory
-
-    def prior(self, covariance: FloatArray, variance: float) -> FloatArray:
-        """P is the covariance itself."""
-        return covariance
-
-    def decay(self, steps: int) -> float:
-        """Errors are all averaged to find their variance."""
-        return 1.0
-
     def check(self, parameters: int) -> None:
-        """R1 must have one entry, or one per parameter.
-
-        Raises:
-            SysidError: It has another shape.
-        """
+        """Refuse an R1 of another shape than a number, (p,) or (p, p)."""
         shape = np.shape(self.R1)
         if any(n != parameters for n in shape):
             raise SysidError(f"R1: expected a number, ({parameters},) or {(parameters,) * 2}, got shape {shape}")
@@ -216,15 +200,15 @@ class Kalman(Locked):
 
 
 @dataclass(frozen=True)
-class Gradient:
+class Gradient(Adaptation):
     """Steps along the gradient: L = gain psi, or gain psi / (psi' psi) when normalised [Ljung1999, sec. 11.2].
 
     Attributes:
-        gain: Step size. Normalised: of no unit, between 0 and 2. Else in one over the square of the signals' units.
+        gain: Step size. Normalised: without unit, between 0 and 2. Otherwise in 1 / (unit of the signals)^2.
         normalised: Whether the step is divided by the squared length of the regressor.
 
     Raises:
-        SysidError: A gain that is not positive, or 2 and more when normalised.
+        SysidError: A gain that is not positive, or a normalised one of 2 or more.
     """
 
     gain: float
@@ -239,41 +223,22 @@ class Gradient:
 
     @property
     def diffuse(self) -> float:
-        """P is not used."""
+        """Unused: the gain does not depend on P."""
         return 1e6
 
     @property
     def forgets(self) -> bool:
-        """Steps do not shrink."""
+        """Always True: the steps do not shrink."""
         return True
 
-    def enter(self, P: FloatArray) -> FloatArray:
-        """P itself."""
-        return P.copy()
-
-    def leave(self, memory: FloatArray) -> FloatArray:
-        """P itself."""
-        return memory
-
-    def prior(self, covariance: FloatArray, variance: float) -> FloatArray:
-        """P is the covariance itself."""
-        return covariance
-
-    def decay(self, steps: int) -> float:
-        """Errors are all averaged to find their variance."""
-        return 1.0
-
-    def check(self, parameters: int) -> None:
-        """Any number of parameters will do."""
-
     def step(self, memory: FloatArray, psi: FloatArray, steps: int) -> tuple[FloatArray, FloatArray]:
-        """See `Adaptation`; the memory is not used."""
+        """See `Adaptation`; the memory is unused."""
         if not self.normalised:
             return self.gain * psi, memory
         length = float(psi @ psi)
         return (self.gain / length if length > 0.0 else 0.0) * psi, memory
 
     def covariance(self, P: FloatArray, energy: float, variance: float, samples: int) -> FloatArray:
-        """What small steps settle to: half the gain times the variance of the errors."""
+        """Stationary covariance for small steps: half the gain times the variance of the errors."""
         gain = self.gain / energy if self.normalised and energy > 0.0 else self.gain
         return 0.5 * gain * variance * np.eye(len(P))

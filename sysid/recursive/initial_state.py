@@ -1,4 +1,4 @@
-"""Regressors of recursive estimators, and the state that a recursion begins with."""
+"""Regressors of recursive estimators, and the initial state of a recursion."""
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
@@ -20,15 +20,15 @@ Denominator = tuple[int, int]
 
 @dataclass(frozen=True, eq=False)
 class Channel:
-    """A signal whose lags stand among the regressors.
+    """A signal whose lags are regressors.
 
     Attributes:
-        place: Where its lags stand.
-        sign: With which they enter the prediction.
-        denominator: Where the coefficients of the filter stand that makes gradients of it; an empty range for none.
-        signal: Its samples (N,); None when the model makes them.
-        delay: Samples by which it enters late.
-        paths: Places whose sum is the simulated output; none for the errors.
+        place: Indices of its lags among the regressors.
+        sign: Sign of the lags in the prediction.
+        denominator: Range of the parameters of the filter that turns regressors into gradients; empty for none.
+        signal: Its samples (N,); None if the model generates them.
+        delay: Delay in samples.
+        paths: Places whose sum is the simulated output; empty for the errors.
     """
 
     place: slice
@@ -40,12 +40,7 @@ class Channel:
 
 
 def regressed_channels(data: IOData, orders: Orders) -> list[Channel]:
-    """Layout of the regressors of an ARX, ARMAX or OE model.
-
-    Args:
-        data: One record with one output.
-        orders: The structure.
-    """
+    """Layout of the regressors of an ARX, ARMAX or OE model."""
     sizes = [orders.na, *orders.nb, orders.nc, *orders.nf]
     edges = [0, *np.cumsum(sizes).tolist()]
     places = [slice(a, b) for a, b in pairwise(edges)]
@@ -63,7 +58,7 @@ def regressed_channels(data: IOData, orders: Orders) -> list[Channel]:
 
 
 def stable(theta: FloatArray, denominators: Iterable[Denominator]) -> bool:
-    """Whether all reflection coefficients of every denominator are below one (the step-down recursion of Schur)."""
+    """Whether every denominator is stable: reflection coefficients below one in Schur's step-down recursion."""
     for begin, end in denominators:
         row = theta[begin:end].tolist()
         while row:
@@ -75,7 +70,7 @@ def stable(theta: FloatArray, denominators: Iterable[Denominator]) -> bool:
 
 
 CAUTIOUS = 1e2
-"""Initial variance where regressors depend on parameters: the first steps would be wild ones."""
+"""Initial variance if regressors depend on parameters: a larger one makes the first steps erratic."""
 
 Start = ArrayLike | Estimate | RecursiveEstimate | RecursiveState | None
 
@@ -88,19 +83,7 @@ def begin(
     start: Start,
     P0: ArrayLike | None,
 ) -> RecursiveState:
-    """State before the first sample.
-
-    Args:
-        data: The record.
-        orders: The structure.
-        channels: What is regressed on.
-        adaptation: Rule of the gain.
-        start: Parameters (p,), an estimate of the same structure, or what to go on from; zero when None.
-        P0: Initial P: a number, one per parameter, or a matrix.
-
-    Raises:
-        SysidError: A start or a P0 that does not fit, or a start that is not stable.
-    """
+    """State before the first sample: from zero, parameters, an estimate of the same structure, or a recursion."""
     p = orders.count
     adaptation.check(p)
     if isinstance(start, RecursiveEstimate):
@@ -112,7 +95,7 @@ def begin(
         _check_structure(orders, start)
         theta = np.array(start.parameters)
         variance = float(start.noise_variance[0, 0])
-        # errors that the estimate has seen count as if the recursion had
+        # the samples of the estimate count as samples of the recursion
         weight = float(len(start.residuals))
         squares = variance * max(weight - p, 1.0)
     else:
@@ -136,7 +119,7 @@ def begin(
         phi=np.zeros(p),
         psi=np.zeros(p),
         filters=tuple(np.zeros(c.denominator[1] - c.denominator[0]) for c in channels),
-        made=(0.0,) * len(channels),
+        generated=(0.0,) * len(channels),
         tails=tuple(np.zeros(c.delay) for c in channels),
         dt=data.dt,
         squares=squares,
@@ -170,17 +153,17 @@ def _check_structure(orders: Orders, start: Estimate) -> None:
 
 
 def _matrix(name: str, value: ArrayLike, p: int) -> FloatArray:
-    given = real_array(name, value)
-    P = np.diag(np.broadcast_to(given, p)) if given.ndim < 2 and given.shape in ((), (p,)) else given
+    array = real_array(name, value)
+    P = np.diag(np.broadcast_to(array, p)) if array.ndim < 2 and array.shape in ((), (p,)) else array
     if P.shape != (p, p):
-        raise SysidError(f"{name}: expected a number, ({p},) or {(p, p)}, got shape {given.shape}")
+        raise SysidError(f"{name}: expected a number, ({p},) or {(p, p)}, got shape {array.shape}")
     if not np.allclose(P, P.T, rtol=1e-9) or not (np.diag(P) > 0.0).all():
         raise SysidError(f"{name} must be symmetric with variances above 0, got {value!r}")
     return np.array(P, dtype=float)
 
 
 def _mean_squares(data: IOData, channels: Sequence[Channel], p: int) -> FloatArray:
-    """Mean square of each regressor (p,); what the model makes is as large as the output, at most."""
+    """Mean square of each regressor (p,); signals of the model are at most as large as the output."""
     out = np.ones(p)
     for c in channels:
         signal = data.y[:, 0] if c.signal is None else c.signal

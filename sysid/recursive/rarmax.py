@@ -11,7 +11,7 @@ from sysid.recursive.initial_state import Start
 from sysid.recursive.recursion import recurse
 from sysid.recursive.recursive_estimate import RecursiveEstimate
 
-ALL_BUT_THE_FIRST = Forgetting(1.0, initial=0.95)
+DEFAULT = Forgetting(1.0, initial=0.95)
 
 
 def rarmax(
@@ -27,11 +27,11 @@ def rarmax(
 ) -> RecursiveEstimate:
     """Fit A(q) y = B(q) u + C(q) e sample by sample [Ljung1999, sec. 11.4].
 
-    Recursive maximum likelihood: C stays stable. Where nothing is forgotten in the end the parameters tend to those of
-    `armax`, at a rate that near the minimum is as good as can be. From zero, and for a model that is poorly determined,
-    they get there far too late: one pass is about one Gauss-Newton step. Then begin with an estimate from the first
-    samples, `rarmax(data[600:], ..., start=armax(data[:600], ...))`, which uses its covariance too. The diagnostic
-    `left` is N dV/V that one more step on the whole record promises; where it is large a warning says so.
+    Recursive maximum likelihood; C stays stable. Without forgetting, the parameters converge to those of `armax`, near
+    the minimum at the optimal rate. From zero, or with a poorly determined model, one pass is too short: it is about
+    one Gauss-Newton step. Start then from an estimate of the first samples with its covariance,
+    `rarmax(data[600:], ..., start=armax(data[:600], ...))`. The diagnostic `left` is the N dV/V of a further
+    Gauss-Newton step on the whole record; a warning is given if it is large.
 
     Args:
         data: One experiment.
@@ -39,27 +39,33 @@ def rarmax(
         nb: Number of coefficients of B, one for all inputs or one per input.
         nc: Degree of C.
         nk: Delay in samples, likewise; nk = 1 means y(t) depends on u(t-1) first, nk = 0 gives a direct term.
-        adaptation: `Forgetting(factor, initial, settling)`, `Kalman(R1, R2)` or `Gradient(gain, normalised)`. None
-            takes that of the recursion that is gone on with, else `Forgetting(1.0, 0.95)`, from an estimate
-            `Forgetting(1.0)`.
-        start: Where to begin: parameters (p,), a1.., b1.., c1...; an estimate by `armax` from earlier samples, with
-            its covariance; or the result of a recursion, which goes on as if both records were one. Zero when None.
-        P0: Initial P in place of that of `start`: a number for all parameters, one per parameter, or a matrix (p, p).
-            For `Forgetting` the covariance of the start over the variance of the errors, for `Kalman` the covariance.
-            By default that of the estimate; else 100 over the mean square
-            of each regressor's signal in this record. Pieces of a record give what the whole gives where both begin
-            with the same P0.
+        adaptation: `Forgetting`, `Kalman` or `Gradient` of `sysid.recursive`. By default that of the continued
+            recursion, else `Forgetting(1.0, 0.95)`, from an estimate `Forgetting(1.0)`.
+        start: Initial parameters (p,), a1.., b1.., c1...; an `armax` estimate from earlier samples, with its
+            covariance; or the result of a recursion, which is continued as if both records were one. Zero by default.
+        P0: Initial P instead of that of `start`: a number, one per parameter, or a matrix (p, p). For `Forgetting` the
+            covariance of the start over the variance of the errors, for `Kalman` the covariance. By default that of
+            the estimate; else 100 over the mean square of each regressor's signal in this record, so that parts
+            of a record reproduce the whole only with a common P0.
 
     Returns:
         Parameters sample by sample, prediction errors, and the last model.
 
     Raises:
         SysidError: Several experiments or outputs, a constant input, orders negative or too many for the data, a start
-            or an adaptation that does not fit, a start that is not stable.
+            or an adaptation that does not fit, an unstable start.
 
     Warns:
-        SysidWarning: Poor excitation, an unstable model, parameters that have not come near the minimum.
+        SysidWarning: Poor excitation, an unstable model, parameters far from the minimum.
     """
     orders = make_orders(data.nu if isinstance(data, IOData) else 1, na=na, nb=nb, nc=nc, nk=nk)
-    asked = {"na": orders.na, "nb": orders.nb, "nc": orders.nc, "nk": orders.nk}
-    return recurse("rarmax", data, orders, asked, ALL_BUT_THE_FIRST, adaptation=adaptation, start=start, P0=P0)
+    return recurse(
+        "rarmax",
+        data,
+        orders,
+        orders.select("na", "nb", "nc", "nk"),
+        DEFAULT,
+        adaptation=adaptation,
+        start=start,
+        P0=P0,
+    )

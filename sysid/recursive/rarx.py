@@ -11,7 +11,7 @@ from sysid.recursive.initial_state import Start
 from sysid.recursive.recursion import recurse
 from sysid.recursive.recursive_estimate import RecursiveEstimate
 
-ALL_EQUAL = Forgetting(1.0)
+DEFAULT = Forgetting(1.0)
 
 
 def rarx(
@@ -26,22 +26,21 @@ def rarx(
 ) -> RecursiveEstimate:
     """Fit A(q) y = B(q) u + e sample by sample, by recursive least squares [Ljung1999, sec. 11.2].
 
-    With `Forgetting(1.0)` the last parameters are those of `arx`, but for the vanishing weight of the start.
+    With `Forgetting(1.0)` the last parameters are those of `arx`, except for the vanishing weight of the start.
 
     Args:
         data: One experiment.
         na: Degree of A.
         nb: Number of coefficients of B, one for all inputs or one per input.
         nk: Delay in samples, likewise; nk = 1 means y(t) depends on u(t-1) first, nk = 0 gives a direct term.
-        adaptation: `Forgetting(factor, initial, settling)`, `Kalman(R1, R2)` or `Gradient(gain, normalised)`. None
-            takes that of the recursion that is gone on with, else `Forgetting(1.0)`.
-        start: Where to begin: parameters (p,), a1.., b1...; an estimate by `arx` from earlier samples, with
-            its covariance; or the result of a recursion, which goes on as if both records were one. Zero when None.
-        P0: Initial P in place of that of `start`: a number for all parameters, one per parameter, or a matrix (p, p).
-            For `Forgetting` the covariance of the start over the variance of the errors, for `Kalman` the covariance.
-            By default that of the estimate; else 1e12 (`Forgetting`) or 1e6 (`Kalman`) over the mean square
-            of each regressor's signal in this record. Pieces of a record give what the whole gives where both begin
-            with the same P0.
+        adaptation: `Forgetting`, `Kalman` or `Gradient` of `sysid.recursive`. By default that of the continued
+            recursion, else `Forgetting(1.0)`.
+        start: Initial parameters (p,), a1.., b1...; an `arx` estimate from earlier samples, with its covariance; or the
+            result of a recursion, which is continued as if both records were one. Zero by default.
+        P0: Initial P instead of that of `start`: a number, one per parameter, or a matrix (p, p). For `Forgetting` the
+            covariance of the start over the variance of the errors, for `Kalman` the covariance. By default that of the
+            estimate; else 1e12 (`Forgetting`) or 1e6 (`Kalman`) over the mean square of each regressor's signal in this
+            record, so that parts of a record reproduce the whole only with a common P0.
 
     Returns:
         Parameters sample by sample, prediction errors, and the last model.
@@ -54,5 +53,6 @@ def rarx(
         SysidWarning: Poor excitation, an unstable model.
     """
     orders = make_orders(data.nu if isinstance(data, IOData) else 1, na=na, nb=nb, nk=nk)
-    asked = {"na": orders.na, "nb": orders.nb, "nk": orders.nk}
-    return recurse("rarx", data, orders, asked, ALL_EQUAL, adaptation=adaptation, start=start, P0=P0)
+    return recurse(
+        "rarx", data, orders, orders.select("na", "nb", "nk"), DEFAULT, adaptation=adaptation, start=start, P0=P0
+    )

@@ -1,7 +1,8 @@
 """The recursion behind `rarx`, `rarmax` and `roe`: prediction errors, sample by sample.
 
-Regressors are lags of outputs and inputs, and of what the model itself makes: its errors (ARMAX) or its simulated
-outputs (OE). The gradient is the same regressors filtered by 1/C or 1/F of the moment [Ljung1999, sec. 11.4].
+Regressors are lags of outputs and inputs, and of signals that the model generates: its errors (ARMAX) or its
+simulated outputs (OE). The gradient consists of the same regressors, filtered by the present 1/C or 1/F [Ljung1999,
+sec. 11.4].
 """
 
 import warnings
@@ -24,85 +25,71 @@ from sysid.recursive.adaptation import Adaptation, Forgetting, Gradient
 from sysid.recursive.initial_state import Channel, Start, begin, regressed_channels, stable
 from sysid.recursive.recursive_estimate import RecursiveEstimate, RecursiveState
 
-HALVINGS = 12
-OFF = 20.0  # N dV / V, beside one per parameter, above which a recursion is said to be away from the minimum
-FAR = 1e12  # prediction error, in units of the loudest output, at which a recursion has gone astray
-WOUND_UP = 1e50  # growth of what the rule carries on; a root of P for least squares
-LOOK = 16  # samples between two looks at it
-QUIET = 1e-20  # sum of squares, as a part of that of the output, below which no minimum is asked for
+HALVINGS = 12  # limit on the halvings of a step that would make the predictor unstable
+OFF = 20.0  # N dV / V, beyond one per parameter, above which a recursion is reported as far from the minimum
+FAR = 1e12  # prediction error, relative to the largest output, at which the recursion is stopped as divergent
+WOUND_UP = 1e50  # growth of the memory of the rule (a square root of P for least squares) at which it is stopped
+LOOK = 16  # samples between two checks of the memory, which cost as much as a step
+QUIET = 1e-20  # sum of squares, relative to that of the output, below which the fit is exact
 
 
 def recurse(
     method: str,
     data: IOData,
     orders: Orders,
-    asked: Mapping[str, Any],
+    order_values: Mapping[str, Any],
     default: Adaptation,
     *,
     adaptation: Adaptation | None,
     start: Start,
     P0: ArrayLike | None,
 ) -> RecursiveEstimate:
-    """Run along a record. A step that would make C or an F unstable is halved until it does not.
+    """Estimate ARX, ARMAX or OE parameters along a record of one output.
 
-    Args:
-        method: Name of the estimator.
-        data: One experiment with one output.
-        orders: ARX, ARMAX or OE structure.
-        asked: Orders as the user knows them.
-        default: Rule of the gain from zero or from parameters, where none is given.
-        adaptation: Rule of the gain.
-        start: Where to begin; see `begin`.
-        P0: Initial P.
-
-    Raises:
-        SysidError: Several experiments or outputs, missing samples, a constant input, too many orders, a start that
-            does not fit, parameters or P beyond the range of numbers.
-
-    Warns:
-        SysidWarning: Poor excitation, an unstable model, parameters that have not come near the minimum.
+    A step that would make C or an F unstable is halved until it does not. `default` is the rule of a recursion from
+    zero or from parameters; see `rarx` for the other arguments.
     """
     if not isinstance(data, IOData):
-        raise SysidError(f"recursive estimators run along one IOData record, got {type(data).__name__}")
+        raise SysidError(f"recursive estimators take one IOData record, got {type(data).__name__}")
     as_experiments(data)
     check_single_output([data])
-    before = start.state if isinstance(start, RecursiveEstimate) else start
-    resumes = isinstance(before, RecursiveState)
-    texts: list[str] = []
+    origin = start.state if isinstance(start, RecursiveEstimate) else start
+    resumes = isinstance(origin, RecursiveState)
+    messages: list[str] = []
     if not resumes:
-        # a piece of a record may be of any length and its input may rest
-        texts += check_excitation([data], orders.nb)
+        # a further part of a record may be short and its input constant: no checks there
+        messages += check_excitation([data], orders.nb)
         check_enough_data([data], orders, transients=0)
-        texts += check_means([data], max(orders.na, *orders.nf))
-        for text in texts:
-            warnings.warn(text, SysidWarning, stacklevel=3)
-    rule = adaptation if adaptation is not None else _rule(before, default)
-    if isinstance(rule, type) or not isinstance(rule, Adaptation):
+        messages += check_means([data], max(orders.na, *orders.nf))
+        for message in messages:
+            warnings.warn(message, SysidWarning, stacklevel=3)
+    rule = adaptation if adaptation is not None else _rule(origin, default)
+    if not isinstance(rule, Adaptation):
         raise SysidError(
             f"adaptation must be a rule such as Forgetting(0.99), Kalman(1e-4) or Gradient(0.1), got {shown(rule)}"
         )
     channels = regressed_channels(data, orders)
-    state = begin(data, orders, channels, rule, before, P0)
+    state = begin(data, orders, channels, rule, origin, P0)
 
     y, samples = data.y[:, 0], len(data)
     first = max(data.window, orders.first_row(0) - state.samples)
     denominators = {c.denominator for c in channels}
     entering, tails = [], []
     for c, tail in zip(channels, state.tails, strict=True):
-        late = np.concatenate((tail, c.signal)) if c.signal is not None else np.zeros(samples)
-        entering.append(late[:samples].tolist())
-        tails.append(late[samples:])
+        delayed = np.concatenate((tail, c.signal)) if c.signal is not None else np.zeros(samples)
+        entering.append(delayed[:samples].tolist())
+        tails.append(delayed[samples:])
     theta, memory, phi, psi = (np.array(part) for part in (state.theta, state.memory, state.phi, state.psi))
     filters = [part.tolist() for part in state.filters]
-    made = list(state.made)
+    generated = list(state.generated)
     squares, weight, energy = state.squares, state.weight, state.energy
     steps, shortened = state.steps, state.shortened
     trajectory = np.empty((samples, orders.count))
     predicted, residuals = np.full((samples, 1), np.nan), np.zeros((samples, 1))
-    loudest, unit = float(np.abs(y).max()) or 1.0, float(np.abs(memory).max()) or 1.0
+    largest, unit = float(np.abs(y).max()) or 1.0, float(np.abs(memory).max()) or 1.0
     for t in range(samples):
         phi[1:], psi[1:] = phi[:-1].copy(), psi[:-1].copy()
-        for c, own, past, known in zip(channels, made, filters, entering, strict=True):
+        for c, own, past, known in zip(channels, generated, filters, entering, strict=True):
             value = filtered = own if c.signal is None else known[t]
             if past:
                 coefficients = theta[c.denominator[0] : c.denominator[1]].tolist()
@@ -116,8 +103,8 @@ def recurse(
             error = float(y[t] - predicted[t, 0])
             gain, memory = rule.step(memory, psi, steps)
             wound_up = t % LOOK == 0 and not float(np.abs(memory).max()) < WOUND_UP * unit
-            if wound_up or not abs(error) < FAR * loudest:
-                raise _beyond_numbers(method, rule, t, error)
+            if wound_up or not abs(error) < FAR * largest:
+                raise _divergence(method, rule, t, error)
             step = gain * error
             halvings = 0
             while halvings < HALVINGS and not stable(theta + step, denominators):
@@ -128,16 +115,16 @@ def recurse(
                 theta = theta + step
             residuals[t] = error
             after = float(y[t] - phi @ theta)
-            # for least squares the sum of prior times posterior errors is the sum of squares of the whole fit
+            # for least squares, the sum of prior times posterior errors is the sum of squares of the whole fit
             decay = rule.decay(steps)
             squares = decay * squares + error * after
             weight = decay * weight + 1.0
             energy += float(psi @ psi)
             steps += 1
         trajectory[t] = theta
-        # where one path makes all of the output, its past is measured: nearer than zero
+        # with a single path, its output before the first prediction is measured: a better start than zero
         output = float(y[t]) if t < first and len(orders.nb) == 1 else None
-        made = [_simulated(phi, theta, c, output) if c.paths else after for c in channels]
+        generated = [_simulated(phi, theta, c, output) if c.paths else after for c in channels]
     end = RecursiveState(
         orders=orders,
         adaptation=rule,
@@ -146,7 +133,7 @@ def recurse(
         phi=phi,
         psi=psi,
         filters=tuple(np.array(part) for part in filters),
-        made=tuple(made),
+        generated=tuple(generated),
         tails=tuple(tails),
         dt=data.dt,
         samples=state.samples + samples,
@@ -158,35 +145,35 @@ def recurse(
     )
     variance = max(squares, 0.0) / max(weight - orders.count, 1.0)
     nonlinear = orders.nc > 0 or any(orders.nf)
-    left = _left([data], orders, theta) if nonlinear and not resumes else np.nan
+    left = _promised_decrease([data], orders, theta) if nonlinear and not resumes else np.nan
     if left > OFF + orders.count and not rule.forgets:
-        texts.append(
-            f"after {steps} steps {method} is still away from the minimum: one Gauss-Newton step on the whole record "
-            f"promises N dV/V = {left:.3g}; begin with start={method[1:]}(data[:n], ...), an estimate from the "
-            "first samples, or give it a longer record"
+        messages.append(
+            f"after {steps} steps {method} is still far from the minimum: one Gauss-Newton step on the whole record "
+            f"promises N dV/V = {left:.3g}; use start={method[1:]}(data[:n], ...), an estimate from the first "
+            "samples, or a longer record"
         )
-        warnings.warn(texts[-1], SysidWarning, stacklevel=3)
+        warnings.warn(messages[-1], SysidWarning, stacklevel=3)
     P = end.scaled_covariance
     final = make_estimate(
         method,
         [data],
         orders,
-        asked,
+        order_values,
         theta=theta,
         covariance=rule.covariance(P, energy / max(steps, 1), variance, steps),
         variance=variance,
         diagnostics={"adaptation": rule, "shortened": shortened, "steps": steps, "left": left},
-        texts=texts,
+        messages=messages,
     )
     return RecursiveEstimate(trajectory, orders.names, predicted, residuals, P, final, end, shortened)
 
 
-def _beyond_numbers(method: str, rule: Adaptation, t: int, error: float) -> SysidError:
+def _divergence(method: str, rule: Adaptation, t: int, error: float) -> SysidError:
     if rule.forgets and not isinstance(rule, Gradient):
-        remedy = "what is not excited is forgotten until P winds up: take a larger forgetting factor, or smaller R1"
+        remedy = "P winds up without excitation: use a larger forgetting factor, or a smaller R1"
     else:
-        remedy = "the steps are too long: take a smaller gain, or a smaller P0"
-    return SysidError(f"{method} leaves the range of numbers at sample {t} (prediction error {error:.3g}): {remedy}")
+        remedy = "the steps are too long: use a smaller gain, or a smaller P0"
+    return SysidError(f"{method} diverges at sample {t} (prediction error {error:.3g}): {remedy}")
 
 
 def _simulated(phi: FloatArray, theta: FloatArray, channel: Channel, output: float | None) -> float:
@@ -194,14 +181,14 @@ def _simulated(phi: FloatArray, theta: FloatArray, channel: Channel, output: flo
 
 
 def _rule(start: Start, default: Adaptation) -> Adaptation:
-    """What an estimate knows is not to be forgotten with the first steps."""
+    """Rule of a continued recursion; no initial forgetting after an estimate, whose covariance is valid."""
     if isinstance(start, RecursiveState):
         return start.adaptation
     return Forgetting(1.0) if isinstance(start, Estimate) else default
 
 
-def _left(experiments: list[IOData], orders: Orders, theta: FloatArray) -> float:
-    """N dV / V that one Gauss-Newton step on the whole record promises."""
+def _promised_decrease(experiments: list[IOData], orders: Orders, theta: FloatArray) -> float:
+    """N dV / V of one Gauss-Newton step on the whole record."""
     at = linearise(experiments, orders, theta)
     directions, values, _ = np.linalg.svd(at.triangle)
     g = directions.T @ at.target

@@ -1,36 +1,34 @@
-"""What `rarx`, `rarmax` and `roe` return, and what they need to go on."""
+"""The result of `rarx`, `rarmax` and `roe`, and the state from which they continue."""
 
 from dataclasses import dataclass
 
-import numpy as np
-
 from sysid.models.estimate import Estimate
 from sysid.polynomial.orders import Orders
-from sysid.records.arrays import FloatArray, Locked, lock
+from sysid.records.arrays import FloatArray, Locked
 from sysid.recursive.adaptation import Adaptation
 
 
 @dataclass(frozen=True, eq=False, repr=False)
 class RecursiveState(Locked):
-    """All that a recursion knows between two samples; a later piece of the record goes on from it.
+    """Complete state of a recursion between two samples: a later part of the record continues from it.
 
     Attributes:
         orders: The structure.
         adaptation: Rule of the gain.
         theta: Parameters (p,).
-        memory: What the rule carries on (p, p).
+        memory: Memory of the rule, P or its square root (p, p).
         phi: Regressors of the last sample (p,).
         psi: Their gradients (p,).
-        filters: Per regressed signal, the past of the filter that makes gradients of it.
-        made: Per regressed signal, what the model made of the last sample; zero for measured ones.
-        tails: Per regressed signal, the last samples that have not entered yet, the latest at the end.
+        filters: Per regressed signal, the past outputs of its gradient filter.
+        generated: Per regressed signal, its last sample if the model generates it; zero for measured signals.
+        tails: Per regressed signal, the delayed samples that have not entered yet, the latest at the end.
         dt: Sampling interval in s.
-        samples: Seen so far.
-        steps: Predictions made so far.
-        squares: Sum of squared errors, weighted as the rule forgets.
+        samples: Number of samples so far.
+        steps: Number of predictions so far.
+        squares: Sum of squared errors, with the weights of the rule.
         weight: Sum of these weights.
         energy: Sum of squared lengths of psi.
-        shortened: Number of steps that had to be shortened to keep the predictor stable.
+        shortened: Number of steps shortened to keep the predictor stable.
     """
 
     orders: Orders
@@ -40,7 +38,7 @@ class RecursiveState(Locked):
     phi: FloatArray
     psi: FloatArray
     filters: tuple[FloatArray, ...]
-    made: tuple[float, ...]
+    generated: tuple[float, ...]
     tails: tuple[FloatArray, ...]
     dt: float
     samples: int = 0
@@ -50,13 +48,6 @@ class RecursiveState(Locked):
     energy: float = 0.0
     shortened: int = 0
 
-    def __post_init__(self) -> None:
-        """Lock."""
-        for name in ("theta", "memory", "phi", "psi"):
-            object.__setattr__(self, name, lock(getattr(self, name)))
-        for name in ("filters", "tails"):
-            object.__setattr__(self, name, tuple(lock(np.asarray(part, dtype=float)) for part in getattr(self, name)))
-
     @property
     def scaled_covariance(self) -> FloatArray:
         """P (p, p): covariance over variance of the errors (`Forgetting`), or covariance (`Kalman`)."""
@@ -65,18 +56,18 @@ class RecursiveState(Locked):
 
 @dataclass(frozen=True, eq=False, repr=False)
 class RecursiveEstimate(Locked):
-    """Parameters as they were known sample by sample.
+    """Parameters sample by sample, and the last model.
 
     Attributes:
-        parameters: Estimate from the data up to each sample (N, p).
+        parameters: Estimates from the data up to each sample (N, p).
         parameter_names: One name per parameter.
-        predicted: Each output as the parameters known before it predict it (N, 1); NaN before the first prediction.
-        residuals: Each output less that (N, 1); zero before the first prediction.
-        P: The matrix P in the end (p, p): covariance of the parameters over variance of the errors (`Forgetting`), or
+        predicted: Prediction of each output by the parameters before it (N, 1); NaN before the first prediction.
+        residuals: Output minus prediction (N, 1); zero before the first prediction.
+        P: The final matrix P (p, p): covariance of the parameters over variance of the errors (`Forgetting`), or
             covariance (`Kalman`).
         final: The last parameters as an estimate, with their covariance: a model like any other.
-        state: From which the recursion goes on: given as `start`, this whole record continues with the next samples.
-        shortened: Number of steps, from the very beginning, that had to be shortened to keep the predictor stable.
+        state: Final state; this record as `start` continues the recursion with the next samples.
+        shortened: Number of steps, since the first start, shortened to keep the predictor stable.
     """
 
     parameters: FloatArray
@@ -87,8 +78,3 @@ class RecursiveEstimate(Locked):
     final: Estimate
     state: RecursiveState
     shortened: int
-
-    def __post_init__(self) -> None:
-        """Lock."""
-        for name in ("parameters", "predicted", "residuals", "P"):
-            object.__setattr__(self, name, lock(getattr(self, name)))

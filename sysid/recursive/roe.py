@@ -11,7 +11,7 @@ from sysid.recursive.initial_state import Start
 from sysid.recursive.recursion import recurse
 from sysid.recursive.recursive_estimate import RecursiveEstimate
 
-ALL_BUT_THE_FIRST = Forgetting(1.0, initial=0.95)
+DEFAULT = Forgetting(1.0, initial=0.95)
 
 
 def roe(
@@ -26,24 +26,22 @@ def roe(
 ) -> RecursiveEstimate:
     """Fit y = B(q)/F(q) u + e sample by sample [Ljung1999, sec. 11.4].
 
-    Recursive prediction-error method: F stays stable. Where nothing is forgotten in the end the parameters tend to
-    those of `oe`; for what may keep them from there, see `rarmax`.
+    Recursive prediction-error method; F stays stable. Without forgetting, the parameters converge to those of `oe`; see
+    `rarmax` for the conditions.
 
     Args:
         data: One experiment.
         nb: Number of coefficients of B, one for all inputs or one per input.
         nf: Degree of F, one for all inputs or one per input.
         nk: Delay in samples, likewise; nk = 1 means y(t) depends on u(t-1) first, nk = 0 gives a direct term.
-        adaptation: `Forgetting(factor, initial, settling)`, `Kalman(R1, R2)` or `Gradient(gain, normalised)`. None
-            takes that of the recursion that is gone on with, else `Forgetting(1.0, 0.95)`, from an estimate
-            `Forgetting(1.0)`.
-        start: Where to begin: parameters (p,), b1.., f1...; an estimate by `oe` from earlier samples, with
-            its covariance; or the result of a recursion, which goes on as if both records were one. Zero when None.
-        P0: Initial P in place of that of `start`: a number for all parameters, one per parameter, or a matrix (p, p).
-            For `Forgetting` the covariance of the start over the variance of the errors, for `Kalman` the covariance.
-            By default that of the estimate; else 100 over the mean square
-            of each regressor's signal in this record. Pieces of a record give what the whole gives where both begin
-            with the same P0.
+        adaptation: `Forgetting`, `Kalman` or `Gradient` of `sysid.recursive`. By default that of the continued
+            recursion, else `Forgetting(1.0, 0.95)`, from an estimate `Forgetting(1.0)`.
+        start: Initial parameters (p,), b1.., f1...; an `oe` estimate from earlier samples, with its covariance; or the
+            result of a recursion, which is continued as if both records were one. Zero by default.
+        P0: Initial P instead of that of `start`: a number, one per parameter, or a matrix (p, p). For `Forgetting` the
+            covariance of the start over the variance of the errors, for `Kalman` the covariance. By default that of
+            the estimate; else 100 over the mean square of each regressor's signal in this record, so that parts
+            of a record reproduce the whole only with a common P0.
 
     Returns:
         Parameters sample by sample, prediction errors, and the last model.
@@ -53,8 +51,9 @@ def roe(
             or an adaptation that does not fit, a start that is not stable.
 
     Warns:
-        SysidWarning: Poor excitation, an unstable model, parameters that have not come near the minimum.
+        SysidWarning: Poor excitation, an unstable model, parameters far from the minimum.
     """
     orders = make_orders(data.nu if isinstance(data, IOData) else 1, nb=nb, nf=nf, nk=nk)
-    asked = {"nb": orders.nb, "nf": orders.nf, "nk": orders.nk}
-    return recurse("roe", data, orders, asked, ALL_BUT_THE_FIRST, adaptation=adaptation, start=start, P0=P0)
+    return recurse(
+        "roe", data, orders, orders.select("nb", "nf", "nk"), DEFAULT, adaptation=adaptation, start=start, P0=P0
+    )

@@ -8,7 +8,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from sysid.models.state_space import StateSpace
 from sysid.records.arguments import whole_number
-from sysid.records.arrays import FloatArray, Locked, lock, real_array
+from sysid.records.arrays import FloatArray, Locked, real_array
 from sysid.records.errors import SysidError, SysidWarning
 
 NUMERICAL_RANK = 1e-13
@@ -32,11 +32,6 @@ class Realisation(Locked):
     percent_described: float
     percent_described_unsquared: float
     modal_singular_values: FloatArray
-
-    def __post_init__(self) -> None:
-        """Lock."""
-        object.__setattr__(self, "hankel_singular_values", lock(self.hankel_singular_values))
-        object.__setattr__(self, "modal_singular_values", lock(self.modal_singular_values))
 
 
 def era(
@@ -96,11 +91,7 @@ def realisation(
 
 
 def markov_array(markov: ArrayLike) -> FloatArray:
-    """Markov parameters as (K, ny, nu).
-
-    Raises:
-        SysidError: Another number of dimensions, fewer than three parameters, NaN.
-    """
+    """Markov parameters as (K, ny, nu)."""
     y = real_array("markov", markov)
     y = y[:, None, None] if y.ndim == 1 else y
     if y.ndim != 3 or len(y) < 3:
@@ -109,11 +100,7 @@ def markov_array(markov: ArrayLike) -> FloatArray:
 
 
 def hankel_shape(y: FloatArray, block_rows: int | None, block_columns: int | None, reserve: int) -> tuple[int, int]:
-    """Block rows and columns, such that H(0) and H(1 + reserve) fit into the Markov parameters.
-
-    Raises:
-        SysidError: They do not.
-    """
+    """Block rows and columns, such that H(0) and H(1 + reserve) fit into the Markov parameters."""
     # H(1 + reserve) ends with Y index rows + columns + reserve
     available = len(y) - 1 - reserve
     if available < 2:
@@ -139,14 +126,7 @@ def block_hankel(y: FloatArray, rows: int, columns: int) -> FloatArray:
 
 
 def checked_order(order: int, xi: FloatArray) -> int:
-    """The order, reduced to the numerical rank of the Hankel matrix.
-
-    Raises:
-        SysidError: Not a whole number between 1 and the smaller side of the Hankel matrix, or a matrix of zeros.
-
-    Warns:
-        SysidWarning: It was reduced.
-    """
+    """The order, reduced to the numerical rank of the Hankel matrix."""
     order = whole_number("order", order, 1, len(xi))
     if xi[0] == 0.0:
         raise SysidError("the Markov parameters behind the first are all zero: there are no dynamics to realise")

@@ -142,14 +142,7 @@ def _regression(
 
 
 def kalman_gain(A: FloatArray, C: FloatArray, noise: FloatArray, total: FloatArray) -> FloatArray:
-    """Gain of the stationary Kalman filter (n, ny); zero where there is no noise and A is stable.
-
-    Args:
-        A: State matrix (n, n).
-        C: Output matrix (ny, n).
-        noise: Covariance of process and measurement noise (n + ny, n + ny), up to a factor.
-        total: That of next state and output (n + ny, n + ny), likewise.
-    """
+    """Gain of the stationary Kalman filter (n, ny); zero where there is no noise and A is stable."""
     n, ny = len(A), len(C)
     size = float(np.trace(total[n:, n:]))
     if not size > 0.0:

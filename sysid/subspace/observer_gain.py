@@ -12,15 +12,6 @@ def stable_gain(A: FloatArray, C: FloatArray, K: FloatArray, covariance: FloatAr
     """Keep K where A - K C is stable, else replace it by the gain of the same disturbance spectrum whose predictor is.
 
     The Riccati equation with noise K e in the state and e in the output gives the minimum-phase spectral factor.
-
-    Args:
-        A: State matrix (n, n).
-        C: Output matrix (ny, n).
-        K: Innovation gain (n, ny).
-        covariance: Of the innovation (ny, ny).
-
-    Returns:
-        Gain (n, ny); K itself where there is no such factor.
     """
     if spectral_radius(A - K @ C) < 1.0:
         return K
@@ -44,13 +35,6 @@ def deadbeat_gain(A: FloatArray, C: FloatArray) -> FloatArray:
 
     For the transposed pair: the states that some input leads to zero in one step, in two, ... form subspaces that grow
     until they hold every state; K' is the least input that leads from each to the one before.
-
-    Args:
-        A: State matrix (n, n).
-        C: Output matrix (ny, n).
-
-    Returns:
-        Gain (n, ny). Modes that no output sees keep their poles.
     """
     n, ny = len(A), len(C)
     out = np.zeros((ny, n))

@@ -129,10 +129,7 @@ class Realise:
             K,
             self.data.dt,
             self.covariance,
-            input_names=self.data.input_names,
-            output_names=self.data.output_names,
-            input_units=self.data.input_units,
-            output_units=self.data.output_units,
+            **self.data.labels,
         )
 
     def observer_gain(self, found: Realisation, markov: ObserverParameters) -> FloatArray:

@@ -27,15 +27,7 @@ OBSERVERS = (5, 10)  # samples of past for OKID
 
 
 def other_starts(experiments: Sequence[IOData], order: int) -> Iterator[tuple[str, StateSpace]]:
-    """Models by subspaces of several horizons and by OKID; what the data do not allow is left out.
-
-    Args:
-        experiments: The data set, nothing missing.
-        order: Number of states.
-
-    Yields:
-        What it is, and the model.
-    """
+    """Models by subspaces of several horizons and by OKID; what the data do not allow is left out."""
     ny = experiments[0].ny
     for rows in sorted({order // ny + 2, *HORIZONS}):
         yield from _tried(
@@ -258,9 +250,6 @@ def _starts(model: StateSpace, scales: Scales, direct: bool, gain: bool) -> list
     """Predictors to begin from: with the gain of the start, made stable where it is not, and without any.
 
     A gain found together with a poorer model may be far off; then it is better to begin without one.
-
-    Raises:
-        SysidError: None is stable.
     """
     A, C = model.A, model.C
     D = model.D if direct else np.zeros_like(model.D)

@@ -142,10 +142,7 @@ class Scales:
             K,
             data.dt,
             covariance,
-            input_names=data.input_names,
-            output_names=data.output_names,
-            input_units=data.input_units,
-            output_units=data.output_units,
+            **data.labels,
         )
 
 

@@ -76,14 +76,7 @@ class Likelihood:
 def greatest_likelihood(
     records: Sequence[Record], predictor: Predictor, weight: FloatArray, rounds: int = 1
 ) -> Likelihood:
-    """Evaluate the likelihood of what is known.
-
-    Args:
-        records: Experiments, of which some lack outputs.
-        predictor: The predictor.
-        weight: Inverse of the errors' covariance to begin with, up to a factor where there is one output (ny, ny).
-        rounds: Improvements of that covariance.
-    """
+    """Evaluate the likelihood of what is known."""
     covariance = np.asarray(np.linalg.inv(weight), dtype=np.float64)
     samples, ny = sum(len(r.y) for r in records), len(weight)
     parts = [eliminate(record, predictor, covariance) for record in records]
@@ -104,15 +97,7 @@ def gapped_normal(
     covariance: FloatArray,
     basis: FloatArray,
 ) -> tuple[FloatArray, FloatArray]:
-    """Information (q, q) and descent direction (q,) in the directions of `basis`; see `predictor_fit.linearise`.
-
-    Args:
-        predictor: Where.
-        parts: What was eliminated there.
-        states: Initial state of each part (n,).
-        covariance: Of the errors (ny, ny).
-        basis: Directions (all entries of A, M, C, D, q).
-    """
+    """Information (q, q) and descent direction (q,) in the directions of `basis`; see `predictor_fit.linearise`."""
     sensitivities = Sensitivities.of(predictor)
     root = np.linalg.cholesky(np.linalg.inv(covariance))
     q = basis.shape[1]
@@ -139,18 +124,7 @@ def gapped_normal(
 def gapped_covariance(
     records: Sequence[Record], predictor: Predictor, weight: FloatArray, information: FloatArray, basis: FloatArray
 ) -> FloatArray:
-    """Covariance of local coordinates by the curvature of the likelihood (q, q): the observed information's inverse.
-
-    Args:
-        records: Experiments.
-        predictor: Where the likelihood is greatest.
-        weight: Inverse of the errors' covariance there (ny, ny).
-        information: About what it is (q, q).
-        basis: The directions (all entries of A, M, C, D, q).
-
-    Returns:
-        Covariance; the inverse of the information given where the curvature is that of no maximum.
-    """
+    """Covariance of local coordinates by the curvature of the likelihood (q, q): the observed information's inverse."""
     covariance = np.asarray(np.linalg.pinv(information, hermitian=True), dtype=np.float64)
     directions = standard_directions(covariance)
 

@@ -43,16 +43,7 @@ class RealiseLocally:
 
 
 def check_enough_samples(experiments: Sequence[IOData], order: int, count: int) -> int:
-    """Number of samples behind the initialisation windows.
-
-    Args:
-        experiments: The data set.
-        order: Number of states, that is of initial conditions per experiment.
-        count: Number of parameters.
-
-    Raises:
-        SysidError: Not more equations than unknowns, or outputs that are zero.
-    """
+    """Number of samples behind the initialisation windows."""
     samples = int(usable_samples(experiments))
     unknown = count + order * len(experiments)
     short = [len(e) for e in experiments if len(e) - e.window <= order]

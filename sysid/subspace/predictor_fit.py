@@ -22,12 +22,7 @@ def stability_limit(samples: int) -> float:
 
 
 def pulled_in(predictor: Predictor, limit: float) -> Predictor:
-    """The predictor with the poles beyond the limit moved on to it, along their radius.
-
-    Args:
-        predictor: Finite entries.
-        limit: Largest modulus of a pole.
-    """
+    """The predictor with the poles beyond the limit moved on to it, along their radius."""
     poles, vectors = np.linalg.eig(predictor.A)
     modulus = np.abs(poles)
     if modulus.max(initial=0.0) <= limit:
@@ -45,16 +40,7 @@ def pulled_in(predictor: Predictor, limit: float) -> Predictor:
 
 
 def outward(predictor: Predictor, basis: FloatArray, limit: float) -> FloatArray:
-    """Derivatives of the moduli of the poles at the limit, by coordinate; a pair of conjugate poles counts once.
-
-    Args:
-        predictor: Where.
-        basis: Directions (all entries of A, M, C, D, q).
-        limit: Largest modulus of a pole.
-
-    Returns:
-        Rows (poles at the limit, q).
-    """
+    """Derivatives of the moduli of the poles at the limit, by coordinate; a pair of conjugate poles counts once."""
     n = len(predictor.A)
     poles, right = np.linalg.eig(predictor.A)
     at = np.flatnonzero((1.0 - np.abs(poles) < 2.0 * (1.0 - limit)) & (poles.imag >= 0.0))
@@ -70,13 +56,7 @@ def outward(predictor: Predictor, basis: FloatArray, limit: float) -> FloatArray
 
 
 def constrained_step(values: FloatArray, g: FloatArray, rows: FloatArray) -> FloatArray:
-    """Minimise s' diag(values) s / 2 - g' s where no row grows: rows @ s <= 0.
-
-    Args:
-        values: Above 0 (q,).
-        g: Right-hand side (q,).
-        rows: Constraints (m, q).
-    """
+    """Minimise s' diag(values) s / 2 - g' s where no row grows: rows @ s <= 0."""
     free = g / values
     if not (rows @ free > 0.0).any():
         return free
@@ -137,14 +117,7 @@ class Minimum:
 
 
 def minimise(records: Sequence[Record], start: Predictor, directions: Directions, max_iterations: int) -> Minimum:
-    """Levenberg-Marquardt on log det of the errors' covariance; the predictor stays stable [Ljung1999, ch. 7].
-
-    Args:
-        records: Experiments.
-        start: A stable predictor.
-        directions: Which changes of the entries are looked at, as columns, at a given predictor.
-        max_iterations: Accepted steps at most.
-    """
+    """Levenberg-Marquardt on log det of the errors' covariance; the predictor stays stable [Ljung1999, ch. 7]."""
     power = float(np.mean([np.mean(r.y**2) for r in records]))
     samples = sum(len(r.y) for r in records)
     limit = stability_limit(max(len(r.y) for r in records))
@@ -192,13 +165,7 @@ def minimise(records: Sequence[Record], start: Predictor, directions: Directions
 
 
 def least_squares_fit(records: Sequence[Record], start: Predictor, directions: Directions) -> Predictor:
-    """Solve for entries in which the prediction is linear, where a single step is exact.
-
-    Args:
-        records: Experiments.
-        start: A stable predictor, the other entries final.
-        directions: The entries.
-    """
+    """Solve for entries in which the prediction is linear, where a single step is exact."""
     point = Point.at(records, start.balanced(), np.eye(start.C.shape[0]))
     power = float(np.mean([np.mean(r.y**2) for r in records]))
     # further steps repair what rounding and the first weights left, where the errors are so small that it shows
@@ -218,13 +185,7 @@ def least_squares_fit(records: Sequence[Record], start: Predictor, directions: D
 
 
 def linearise(records: Sequence[Record], point: Point, basis: FloatArray) -> Normal:
-    """Normal equations in the directions of `basis`, each experiment's initial state eliminated [GolubPereyra2003].
-
-    Args:
-        records: Experiments.
-        point: Where.
-        basis: Directions (all entries of A, M, C, D, q).
-    """
+    """Normal equations in the directions of `basis`, each experiment's initial state eliminated [GolubPereyra2003]."""
     if point.gaps:
         return Normal(*gapped_normal(point.predictor, point.gaps, point.states, point.covariance, basis), basis)
     sensitivities = Sensitivities.of(point.predictor, bool(basis[: point.predictor.A.size].any()))
@@ -252,15 +213,6 @@ def coloured_information(records: Sequence[Record], point: Point, basis: FloatAr
     Errors are made uncorrelated by the root of W; each component then stands for an autoregressive model of its own, by
     whose inverse J is filtered [Ljung1999, ch. 9]. Correlation between components at lags other than zero is left
     out.
-
-    Args:
-        records: Experiments, predictors without innovation gain.
-        point: Where.
-        basis: Directions (all entries of A, M, C, D, q).
-        order: Coefficients of the autoregressive models.
-
-    Returns:
-        Matrix (q, q).
     """
     sensitivities = Sensitivities.of(point.predictor)
     root = np.linalg.cholesky(point.weight)

@@ -31,12 +31,7 @@ class Sensitivities:
 
     @staticmethod
     def of(predictor: Predictor, by_dynamics: bool = True) -> "Sensitivities":
-        """Solve for the coefficients, which depend on no data.
-
-        Args:
-            predictor: Where.
-            by_dynamics: Whether derivatives by A are asked for.
-        """
+        """Solve for the coefficients, which depend on no data."""
         n = len(predictor.A)
         once = all_pass(np.linalg.eigvals(predictor.A).astype(complex))
         basis = once.then(once)

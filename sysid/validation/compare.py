@@ -10,7 +10,7 @@ from sysid.models.estimate import Estimate
 from sysid.models.predict import predict
 from sysid.models.state_space import StateSpace
 from sysid.records.arguments import whole_number
-from sysid.records.arrays import FloatArray, Locked, lock
+from sysid.records.arrays import FloatArray, Locked
 from sysid.records.data import IOData, as_experiments
 from sysid.records.errors import SysidError
 
@@ -46,11 +46,6 @@ class ModelFit(Locked):
     predicted_ahead: FloatArray = field(kw_only=True)
     by_experiment: tuple["ModelFit", ...] = field(default=(), kw_only=True)
     output_names: tuple[str, ...] = field(default=(), kw_only=True)
-
-    def __post_init__(self) -> None:
-        """Lock."""
-        for attribute in ("simulation", "one_step", "simulated", "predicted", "ahead", "predicted_ahead"):
-            object.__setattr__(self, attribute, lock(getattr(self, attribute)))
 
     def __str__(self) -> str:
         """One line: all fits, per output where there are several, and a line per experiment where there are several."""

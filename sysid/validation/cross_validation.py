@@ -9,7 +9,7 @@ import numpy as np
 
 from sysid.models.estimate import Estimate
 from sysid.records.arguments import whole_number
-from sysid.records.arrays import FloatArray, Locked, lock
+from sysid.records.arrays import FloatArray, Locked
 from sysid.records.data import IOData, as_experiments
 from sysid.records.errors import SysidWarning
 from sysid.validation.compare import ModelFit, compare
@@ -34,11 +34,6 @@ class CrossValidation(Locked):
     one_step: FloatArray
     simulation_deviation: FloatArray
     one_step_deviation: FloatArray
-
-    def __post_init__(self) -> None:
-        """Lock."""
-        for attribute in ("simulation", "one_step", "simulation_deviation", "one_step_deviation"):
-            object.__setattr__(self, attribute, lock(getattr(self, attribute)))
 
 
 def cross_validate(

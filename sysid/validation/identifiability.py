@@ -7,7 +7,7 @@ import numpy as np
 from sysid.models.delta_method import spread
 from sysid.models.estimate import Estimate, as_estimate
 from sysid.polynomial.orders import Orders, make_orders
-from sysid.records.arrays import ComplexArray, FloatArray, Locked, lock
+from sysid.records.arrays import ComplexArray, FloatArray, Locked
 from sysid.records.errors import SysidError
 
 POORLY_KNOWN = 1e3  # condition of the parameters' correlation matrix, square root, worth a word
@@ -53,11 +53,6 @@ class Identifiability(Locked):
     weakest: FloatArray
     cancellations: tuple[Cancellation, ...]
     texts: tuple[str, ...]
-
-    def __post_init__(self) -> None:
-        """Lock."""
-        object.__setattr__(self, "relative_deviation", lock(self.relative_deviation))
-        object.__setattr__(self, "weakest", lock(self.weakest))
 
 
 def identifiability(estimate: Estimate) -> Identifiability:

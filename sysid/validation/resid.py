@@ -16,7 +16,7 @@ from sysid.polynomial.correlation import autoregression, covariance_function
 from sysid.polynomial.least_squares import solve
 from sysid.polynomial.regressors import lagged
 from sysid.records.arguments import confidence_level, whole_number
-from sysid.records.arrays import FloatArray, Locked, lock
+from sysid.records.arrays import FloatArray, Locked
 from sysid.records.data import ROUNDING, IOData, as_experiments
 from sysid.records.errors import SysidError
 
@@ -129,12 +129,6 @@ class ResidualTest(Locked):
     outside_independence: NDArray[np.int_]
     output_names: tuple[str, ...] = field(default=(), kw_only=True)
     input_names: tuple[str, ...] = field(default=(), kw_only=True)
-
-    def __post_init__(self) -> None:
-        """Lock."""
-        for attribute, value in list(self.__dict__.items()):
-            if isinstance(value, np.ndarray):
-                object.__setattr__(self, attribute, lock(value))
 
     def __str__(self) -> str:
         """A line per output for whiteness, a line per pair for independence of past inputs."""

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from sysid.models.estimate import Estimate
 from sysid.models.predict import predict
-from sysid.records.arrays import FloatArray, Locked, lock
+from sysid.records.arrays import FloatArray, Locked
 from sysid.records.data import IOData, as_experiments
 from sysid.records.errors import SysidError, SysidWarning
 
@@ -54,12 +54,6 @@ class StructureTable(Locked):
     validation: FloatArray
     samples: int
     failed: tuple[tuple[tuple[Order, ...], str], ...] = ()
-
-    def __post_init__(self) -> None:
-        """Lock."""
-        for attribute, value in list(self.__dict__.items()):
-            if isinstance(value, np.ndarray):
-                object.__setattr__(self, attribute, lock(value))
 
     def __len__(self) -> int:
         """Number of candidates."""
@@ -115,21 +109,7 @@ def make_table(
     power: float,
     failed: tuple[tuple[tuple[Order, ...], str], ...] = (),
 ) -> StructureTable:
-    """Work out the criteria and sort: by validation error where there is one, else by `bic`; ties to fewer parameters.
-
-    Args:
-        names: Names of the orders.
-        orders: Candidates.
-        parameters: Number of parameters of each.
-        loss: Loss of each.
-        validation: Validation error of each, NaN where there is none.
-        samples: Number of samples.
-        power: Mean square output, against which a loss counts as zero.
-        failed: What was left out.
-
-    Raises:
-        SysidError: No candidate is left.
-    """
+    """Compute the criteria and sort by validation error, else by `bic`; ties go to fewer parameters."""
     if not orders:
         reasons = "; ".join(f"{candidate}: {why}" for candidate, why in failed[:3])
         raise SysidError(f"no candidate could be fitted ({reasons})" if failed else "expected at least one candidate")

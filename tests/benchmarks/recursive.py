@@ -54,7 +54,7 @@ def main() -> None:
                     begin = time.perf_counter()
                     found = recursive(data[first:], *orders, start=start)
                     seconds += time.perf_counter() - begin
-                    warned += any("still away from the minimum" in str(w.message) for w in caught)
+                    warned += any("still far from the minimum" in str(w.message) for w in caught)
                 distances.append(distance(found.final.model, whole.model, data))
                 ratios.append(np.median(np.sqrt(np.diag(found.final.covariance) / np.diag(whole.covariance))))
             where = f"an estimate from {first} samples" if first else "zero"

@@ -73,7 +73,7 @@ def test_a_record_shorter_than_a_period_of_the_bandwidth_does_not_tell_it(
             assert found["bandwidth_hz"] == pytest.approx(0.839, rel=0.01)
             continue
         refused(found)
-        said = f"the record of {samples * DT:.3g} s holds no whole period of anything below {1 / samples / DT:.2g} Hz"
+        said = f"the record of {samples * DT:.3g} s holds no full period of frequencies below {1 / samples / DT:.2g} Hz"
         assert any(said in text for text in found["warnings"])
 
 

@@ -121,7 +121,7 @@ def test_whole_numbers_of_any_kind(whole):
 )
 def test_inputs_that_are_equal(whole, call):
     both = IOData(np.column_stack((whole.u, whole.u)), whole.y, 0.1)
-    with pytest.warns(SysidWarning, match=r"have rank \d+ together and \d+ on their own"):
+    with pytest.warns(SysidWarning, match=r"have rank \d+ together and \d+ one by one"):
         call(both)
 
 

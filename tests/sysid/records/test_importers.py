@@ -68,7 +68,7 @@ def test_netcdf(tmp_path: Path) -> None:
     assert data.dt == pytest.approx(0.02)
     assert (data.input_names, data.input_units, data.output_units) == (("command1", "command2"), ("rad",) * 2, ("rad",))
     np.testing.assert_array_equal(data.u[:, 1], -U)
-    with pytest.raises(SysidError, match=r"dt as given says a sampling interval of 0\.1 s"):
+    with pytest.raises(SysidError, match=r"sampling interval 0\.1 s by dt as given"):
         read_netcdf(path, inputs=("command",), outputs=("angle",), dt=0.1)
 
 
@@ -82,7 +82,7 @@ def test_netcdf(tmp_path: Path) -> None:
         ("t,u,y\n0,1,2\n1,1,2\n5,3,4\n6,1,1", {}, "not uniform: steps from 1 to 4"),
         ("t (weeks),u,y\n0,1,2\n1,1,2", {}, "expected a time in s, ms or us"),
         ("u,y\n1,2\n2,2\n3,2", {}, "no sampling interval"),
-        ("u,y,dt\n1,2,0.1\n2,2,0.1\n3,2,0.1", {"dt": 0.2}, "leave the wrong one out"),
+        ("u,y,dt\n1,2,0.1\n2,2,0.1\n3,2,0.1", {"dt": 0.2}, "omit the wrong one"),
         ("u,angle\n1,2\n2,2", {"dt": 0.2, "outputs": ("angel",)}, "did you mean 'angle'"),
         ("u,y\n1,2\n2,2", {"dt": 0.2, "outputs": ("u",)}, "different columns"),
         ("u,y\n1,2\n2,2", {"dt": -1.0}, "dt must be above 0"),

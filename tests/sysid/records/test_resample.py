@@ -34,7 +34,7 @@ def test_refusals() -> None:
     assert resample(data, 3, 3) is data
     with pytest.raises(SysidError, match="down must be"):
         resample(data, 1, 0)
-    with pytest.raises(SysidError, match="of 1200 samples 1 would be left"):
+    with pytest.raises(SysidError, match="of 1200 samples only 1 would remain"):
         resample(data, 1, 1200)
     with pytest.raises(SysidError, match="complete_parts"):
         resample(IOData([1.0, 2.0, 3.0], [1.0, np.nan, 2.0], 0.1, missing=True), 2)

@@ -69,7 +69,7 @@ def test_a_poorly_determined_model_begins_with_an_estimate(p1: Any) -> None:
         assert found.final.diagnostics["adaptation"] == Forgetting(1.0)
     assert np.median(distances) < 5.0
     assert np.max(distances) < 33.0
-    with pytest.warns(SysidWarning, match=r"rarmax is still away from the minimum.*start=armax\(data\[:n\]"):
+    with pytest.warns(SysidWarning, match=r"rarmax is still far from the minimum.*start=armax\(data\[:n\]"):
         poor = rarmax(data, *orders)
     assert above_batch(poor.final.model, batch.model, data) > 100.0
     assert poor.final.diagnostics["left"] > 33.0
