@@ -174,19 +174,19 @@ def _waveform(kind: str, options: Mapping[str, float | int | bool | None], path:
     from inspect import Parameter, signature
 
     from scenarios.experiments.excitation import KINDS
-    from scenarios.experiments.excitation_computer import Excitation
-    from scenarios.experiments.waveform import KIND, read_points
+    from scenarios.experiments.excitation_computer import FILE, Excitation
+    from scenarios.experiments.waveform import read_points
     from scenarios.files.errors import ScenarioError, unknown
 
     given = {name: value for name, value in options.items() if value is not None}
-    if kind in (KIND, "points"):
-        if kind != KIND or path is None or given:
-            raise ScenarioError(f"points of one's own come from a file: hmtb waveform {KIND} --path FILE, nothing else")
+    if kind in (FILE, "points"):
+        if kind != FILE or path is None or given:
+            raise ScenarioError(f"custom points come from a file: hmtb waveform {FILE} --path FILE, nothing else")
         return Excitation("points", {"points": read_points(path)}).waveform()
     if kind not in KINDS:
-        raise ScenarioError(unknown("excitation", kind, [KIND, *(name for name in KINDS if name != "points")]))
+        raise ScenarioError(unknown("excitation", kind, [FILE, *(name for name in KINDS if name != "points")]))
     if path is not None:
-        raise ScenarioError(f"{kind} has no --path; a file of one's own is shown by: hmtb waveform {KIND} --path FILE")
+        raise ScenarioError(f"{kind} has no --path; a custom file is shown by: hmtb waveform {FILE} --path FILE")
     taken = signature(KINDS[kind]).parameters
     takes = ", ".join(f"--{_flag(name)}" for name in taken)
     for name in given:

@@ -1,4 +1,4 @@
-"""A campaign: the tests of the thesis played on one arm, and the records that came of them."""
+"""Campaigns: the tests of the thesis played on one arm, and their records."""
 
 from collections import Counter
 from collections.abc import Mapping, Sequence
@@ -24,26 +24,21 @@ RPCM = "rpcm"
 """Name of the exchange of the replacement unit."""
 
 SAME_SEQUENCE = (5, 6)
-"""Numbers of the single-joint tests that play one and the same binary sequence.
+"""Numbers of the single-joint tests that play the same binary sequence.
 
-The velocity limit turns the larger amplitude into much the same command: to a model of one, the other is no new record.
+The velocity limit turns the larger amplitude into nearly the same command: neither can validate a model of the other.
 """
 
 OTHER_WAVEFORMS = tuple(number for number in SINGLE_JOINT if number not in SAME_SEQUENCE)
-"""Numbers of the single-joint tests of other waveforms: what a model of a binary sequence has not seen."""
+"""Numbers of the single-joint tests of other waveforms, which validate models of a binary sequence."""
 
 REGISTER = 20
-"""Bits of the register that other binary sequences are drawn from: a million starts, far apart as a rule."""
+"""Bits of the register that other binary sequences are drawn from: a million start states, mostly far apart."""
 
 
 @dataclass(frozen=True)
 class Condition:
-    """On which arm a campaign is played.
-
-    Attributes:
-        variant: Arm variant.
-        friction: Whether its joints have dry friction.
-    """
+    """Arm of a campaign: its variant, and whether its joints have dry friction."""
 
     variant: str = "nominal"
     friction: bool = True
@@ -52,39 +47,39 @@ class Condition:
         return f"{self.variant}, {'with' if self.friction else 'without'} friction"
 
     def arm(self) -> Arm:
-        """The arm with its payload, away from the worksite."""
+        """Return the arm with its payload, in free space."""
         return load_arm(self.variant, friction=self.friction)
 
     def applied(self, scenario: Scenario) -> Scenario:
-        """The same experiment on this arm."""
+        """Return the same experiment on this arm."""
         return replace(scenario, variant=self.variant, chain=replace(scenario.chain, friction=self.friction))
 
 
 NOMINAL = Condition()
 
 CONDITIONS = (NOMINAL, Condition(friction=False), Condition("published"), Condition("published", friction=False))
-"""The arms that the study lays side by side; the first is the one that it is about."""
+"""The arms that the study compares; the first is its subject."""
 
 EVERY_TEST = (*names("thesis"), *names("mimo"), RPCM)
 """Every record of the thesis: both tables, the independent waveforms and the exchange of the replacement unit."""
 
 FAIRNESS_TESTS = (*names("thesis"), "mimo-10", "mimo-12", RPCM)
-"""What is played on the other arms: table 1, the slow and the fast chirp of table 2 and the exchange."""
+"""Tests played on the other arms: table 1, the slow and the fast chirp of table 2 and the exchange."""
 
 
 @dataclass(frozen=True, eq=False)
 class Campaign:
-    """What was played on one arm, and what is known of the arm.
+    """Logs of the tests on one arm, and the truth about the arm.
 
     Attributes:
         condition: The arm.
-        truth: Its small-signal truth at the operating point, payload in hand.
-        logs: Logs by name of the scenario, in the order in which they were asked for.
+        truth: Its small-signal truth at the operating point, with its payload.
+        logs: Logs by name of the scenario, in the requested order.
         failed: Names of those that failed, with the reason.
-        seed: What other noise and binary sequences were drawn from; None for the scenarios' own.
-        duration: Length of the tests where it was shortened, s; None for the thesis' 240 s.
+        seed: Seed of other noise and binary sequences; None for the scenarios' own.
+        duration: Shortened length of the tests, s; None for the thesis' 240 s.
         physics_s: Wall time inside the physics engine, s.
-        simulation_s: Wall time of the simulation as a whole, s.
+        simulation_s: Wall time of the whole simulation, s.
     """
 
     condition: Condition
@@ -97,22 +92,18 @@ class Campaign:
     simulation_s: float = 0.0
 
     def log(self, name: str) -> JointLog:
-        """The log of a scenario.
-
-        Raises:
-            MissingRecordError: It failed, or was not asked for.
-        """
+        """Return the log of a scenario; raises `MissingRecordError` if it failed or was not played."""
         if name not in self.logs:
-            why = self.failed.get(name, "it was not played in this campaign")
-            raise MissingRecordError(f"there is no record of {name}: {why}")
+            reason = self.failed.get(name, "it was not played in this campaign")
+            raise MissingRecordError(f"there is no record of {name}: {reason}")
         return self.logs[name]
 
     def single(self, number: int, joint: str) -> IOData:
-        """Settled record of a single-joint test without its means, rad; see `prepared`.
+        """Return the `prepared` record of a single-joint test, rad.
 
         Args:
-            number: Of the test, 1 to 8.
-            joint: The joint excited.
+            number: Number of the test, 1 to 8.
+            joint: The excited joint.
 
         Raises:
             MissingRecordError: There is no such record.
@@ -124,32 +115,17 @@ class Campaign:
         return prepared(self.log(single_joint_test(number, joint)), joint)
 
     def singles(self, joint: str) -> dict[int, IOData]:
-        """Records of all single-joint tests of a joint that did not fail, by number.
-
-        Args:
-            joint: The joint excited.
-
-        Raises:
-            ScenarioError: The thesis excites no such joint.
-        """
+        """Return the `prepared` records of all single-joint tests of a joint that did not fail, by number."""
         _check_joint(joint)
         return {n: self.single(n, joint) for n in SINGLE_JOINT if single_joint_test(n, joint) in self.logs}
 
     def several(self, name: str, joints: Sequence[str] = STUDIED_JOINTS) -> IOData:
-        """Settled record of several joints without its means: commands in, measurements out, rad.
-
-        Args:
-            name: Of the scenario: `mimo-1` to `mimo-13`, `mimo-7-independent`, `rpcm`.
-            joints: The joints, of which there is one input and one output each.
-
-        Raises:
-            MissingRecordError: There is no such record.
-        """
+        """Return the `prepared` record of several joints, one input and one output each, rad; see `log`."""
         return prepared(self.log(name), joints)
 
 
 def single_joint_test(number: int, joint: str) -> str:
-    """Name of the scenario of a single-joint test."""
+    """Return the name of the scenario of a single-joint test."""
     return f"siso-{number}-{joint}"
 
 
@@ -159,46 +135,31 @@ def _check_joint(joint: str) -> None:
 
 
 def plays_identified_sequence(name: str) -> bool:
-    """Whether a test plays the binary sequence that models are identified from, on one of its axes at least.
+    """Return whether a registered test plays, on any axis, the binary sequence that models are identified from.
 
-    Such a record is not held out from those models, whatever its amplitude and however many axes it moves.
-
-    Args:
-        name: Of the scenario, as registered.
-
-    Returns:
-        True for single-joint tests 5 and 6 and for tests 7 and 8 of several joints, independent axes included.
+    Such a record does not validate those models, whatever its amplitude and number of axes: single-joint tests 5 and 6
+    and tests 7 and 8 of several joints, independent axes included.
     """
     return any(entry.kind == "prbs" for entry in load(name).excitation)
 
 
 def tests_of_same_sequence(number: int) -> tuple[int, ...]:
-    """Numbers of the single-joint tests that are no new records to a model of one of them.
-
-    Args:
-        number: Of the test that it was identified from, 1 to 8.
-
-    Returns:
-        Its own, and the other that plays the same sequence where there is one.
-    """
+    """Return the numbers of the single-joint tests that play the waveform of a test, its own included."""
     return SAME_SEQUENCE if number in SAME_SEQUENCE else (number,)
 
 
 def campaign_scenario(name: str, *, seed: int | None = None, duration: float | None = None) -> Scenario:
-    """A registered scenario as a campaign plays it.
+    """Return a registered scenario as a campaign plays it.
 
     Args:
         name: Its name.
-        seed: Draws other noise, and another binary sequence where the waveform file holds one, of a longer register:
-            nothing is known of the thesis' own sequence. All tests of one campaign have the same sequence, as the
-            scenarios' own have. Sequences of several axes at once keep their seeds, which keep them apart.
+        seed: Draws other noise, and another binary sequence, from a longer register, where the waveform is one: the
+            thesis' own sequence is unknown. All tests of one campaign have the same sequence, as the registered ones
+            do. Different sequences on several axes keep their seeds, which keep them different.
         duration: Length, s; the exchange of the replacement unit keeps its own.
 
-    Returns:
-        The scenario.
-
     Raises:
-        ScenarioError: No such scenario, or a seed or a duration that none can have.
+        ScenarioError: No such scenario, or an invalid seed or duration.
     """
     if seed is not None and (isinstance(seed, bool) or not isinstance(seed, int) or seed < 0):
         raise ScenarioError(f"seed = {seed!r} given, expected a whole number of 0 or more")
@@ -207,8 +168,8 @@ def campaign_scenario(name: str, *, seed: int | None = None, duration: float | N
         scenario = scenario.reseeded(seed)
         if len(scenario.excitation) == 1 and scenario.excitation[0].kind == "prbs":
             (entry,) = scenario.excitation
-            other = {**entry.parameters, "seed": seed, "register": REGISTER}
-            scenario = replace(scenario, excitation=(replace(entry, parameters=other),))
+            parameters = {**entry.parameters, "seed": seed, "register": REGISTER}
+            scenario = replace(scenario, excitation=(replace(entry, parameters=parameters),))
     return scenario if duration is None or name == RPCM else replace(scenario, duration=duration)
 
 
@@ -231,7 +192,7 @@ def run_campaign(
         seed: See `planned`.
         duration: See `planned`.
         threads: Threads for the physics.
-        progress: Told of the ticks done and of those there are.
+        progress: Called with the completed ticks and the total.
 
     Returns:
         The records, in the order of the tests.
@@ -247,7 +208,7 @@ def run_campaign(
         raise ScenarioError(f"given more than once: {', '.join(twice)}; a campaign has one record of each name")
     started = perf_counter()
     result = simulate([condition.applied(entry) for entry in scenarios], threads=threads, progress=progress)
-    taken = perf_counter() - started
+    simulation_s = perf_counter() - started
     return Campaign(
         condition=condition,
         truth=linearize(condition.arm()),
@@ -256,5 +217,5 @@ def run_campaign(
         seed=seed,
         duration=duration,
         physics_s=result.physics_seconds,
-        simulation_s=taken,
+        simulation_s=simulation_s,
     )

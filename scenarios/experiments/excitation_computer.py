@@ -12,24 +12,25 @@ import numpy as np
 from hmtb_twin.control.data_acquisition import BOARD
 from hmtb_twin.parameters.values import SAMPLE_RATE
 from scenarios.experiments.excitation import KINDS
-from scenarios.experiments.waveform import KIND as FILE
 from scenarios.experiments.waveform import POINTS, Parameter, Waveform, read_points
 from scenarios.files import codec
 from scenarios.files.errors import ScenarioError, unknown
 
+FILE = "file"
+"""Kind of an excitation whose points lie in a file of their own; reading it makes the kind `points`."""
+
 FASTEST = 1000.0
 """Most repetitions of a file per second, Hz: the board converts a hundred thousand points per second."""
-
 
 MISSES_POINTS = (
     f"a file is played faster than {SAMPLE_RATE:g} points per second: the position loop misses points, and tones alias"
 )
-"""What to say of an excitation that `Excitation.misses_points`."""
+"""Warning about an excitation that `Excitation.misses_points`."""
 
 
 @dataclass(frozen=True)
 class Excitation:
-    """What the excitation computer plays on an axis.
+    """An excitation of one axis: a waveform, and how the excitation computer plays it.
 
     Attributes:
         kind: Name of the excitation, one of `KINDS`.
@@ -55,7 +56,7 @@ class Excitation:
             )
         if self.iterations is not None and not 1 <= self.iterations < 2**31:
             raise ScenarioError(f"excitation {self.kind!r}: iterations must be 1 or more, given {self.iterations}")
-        self.waveform()  # a bad value speaks here, not in the middle of a campaign
+        self.waveform()  # raises here, not in the middle of a campaign, where a value is bad
 
     def __hash__(self) -> int:
         return hash((self.kind, tuple(sorted(self.parameters.items())), self.repeat_frequency, self.iterations))
@@ -65,11 +66,13 @@ class Excitation:
 
     def waveform(self) -> Waveform:
         """The 100-point file, with the update rate at which it is played."""
-        made = KINDS[self.kind](**self.parameters)
-        return made if self.repeat_frequency is None else replace(made, update_rate=POINTS * self.repeat_frequency)
+        waveform = KINDS[self.kind](**self.parameters)
+        if self.repeat_frequency is None:
+            return waveform
+        return replace(waveform, update_rate=POINTS * self.repeat_frequency)
 
     def requested_volts(self, duration: float) -> np.ndarray:
-        """What the file asks of the converter `(N, 1)`, V, at 50 Hz."""
+        """Voltage that the file requests of the converter `(N, 1)`, V, at 50 Hz."""
         return self.waveform().play(duration, iterations=self.iterations)
 
     @property
@@ -84,11 +87,11 @@ class Excitation:
 
     @classmethod
     def from_table(cls, table: object, folder: Path = Path()) -> "Excitation":
-        """Build an excitation from parsed TOML; the points of a file that it names are taken over.
+        """Build an excitation from parsed TOML, reading the waveform file that it may name.
 
         Args:
             table: The parsed table.
-            folder: Where the path of a waveform file starts.
+            folder: Folder that relative paths of waveform files start from.
 
         Raises:
             ScenarioError: No table, no kind, or anything wrong in it.
@@ -96,21 +99,19 @@ class Excitation:
         if not isinstance(table, Mapping) or not isinstance(table.get("kind"), str):
             kinds = ", ".join((*KINDS, FILE))
             raise ScenarioError(f"excitation must be a table with a kind, given {table!r}; kinds: {kinds}")
-        kind = str(table["kind"])
-        types: Mapping[str, Any] = {"repeat_frequency": float, "iterations": int}
-        settings = {name: codec.structure(types[name], table[name], name) for name in SETTINGS if name in table}
+        settings = {name: codec.structure(kind, table[name], name) for name, kind in SETTINGS.items() if name in table}
         parameters = {key: entry for key, entry in table.items() if key != "kind" and key not in SETTINGS}
-        if kind == FILE:
+        if table["kind"] == FILE:
             if set(parameters) != {"path"} or not isinstance(parameters["path"], str):
                 raise ScenarioError(
                     f"excitation {FILE!r} takes a path and {', '.join(SETTINGS)}; "
                     f"given {', '.join(parameters) or 'none of them'}"
                 )
-            kind, parameters = "points", {"points": read_points(folder / parameters["path"])}
-        return cls(kind, parameters, **settings)
+            return cls("points", {"points": read_points(folder / parameters["path"])}, **settings)
+        return cls(table["kind"], parameters, **settings)
 
 
-SETTINGS = ("repeat_frequency", "iterations")
+SETTINGS: Mapping[str, Any] = {"repeat_frequency": float, "iterations": int}
 """Settings of the excitation computer; all other keys are parameters of the waveform."""
 
 codec.register(Excitation, Excitation.from_table, Excitation.to_table)
@@ -133,11 +134,7 @@ def play(excitations: Sequence[Excitation], axes: int, duration: float, *, round
 
 
 def check_outputs(excitations: Sequence[Excitation], axes: Sequence[str], independent_channels: bool) -> None:
-    """Refuse what the board cannot play.
-
-    Raises:
-        ScenarioError: Neither one excitation for all axes nor one per axis, or more different ones than outputs.
-    """
+    """Raise `ScenarioError` unless there is one excitation for all axes or one per axis, and outputs enough."""
     if len(excitations) not in (1, len(axes)):
         raise ScenarioError(
             f"{len(excitations)} excitations for {len(axes)} axes; expected one for all, or one per axis"
@@ -151,7 +148,7 @@ def check_outputs(excitations: Sequence[Excitation], axes: Sequence[str], indepe
 
 
 def _checked(kind: str, parameters: Mapping[str, object]) -> dict[str, Parameter]:
-    """All arguments of an excitation, defaults filled in, of the right types."""
+    """Return all parameters of an excitation, defaults filled in, of the right types."""
     signature: Mapping[str, inspect.Parameter] = inspect.signature(KINDS[kind]).parameters
     for key in parameters:
         if key not in signature:

@@ -12,12 +12,10 @@ from scenarios.files.atomic_write import replacing
 from scenarios.files.errors import ScenarioError
 
 ENDINGS = (".mp4", ".gif", ".png")
-"""Files that can be written: a film, an animated picture, one picture."""
+"""Endings of the files that can be written: a film, an animated picture, one picture."""
 
 MOST_FRAMES = 1_000_000
-"""More frames than that are a slip of the keyboard."""
-
-NO_ENCODER = "an .mp4 needs the encoder: pip install 'hmtb-twin[video]'; a .gif or .png does without"
+"""Largest number of frames: more are a typing error."""
 
 
 def frames(
@@ -32,7 +30,7 @@ def frames(
     """Render a log frame by frame.
 
     Args:
-        log: What happened.
+        log: The log.
         cameras: Views, side by side; four of them as two rows of two.
         size: Width and height of each view, pixels.
         rate: Frames per second of film.
@@ -47,7 +45,7 @@ def frames(
     count = int((last - first) / speed * rate + 1e-9) + 1
     if count > MOST_FRAMES:
         raise ScenarioError(
-            f"{count} frames asked for, expected at most {MOST_FRAMES}; play it faster, or show less of it"
+            f"{count} frames requested, expected at most {MOST_FRAMES}; play it faster, or show less of it"
         )
     with Stage(arm, *size, draft=count > 1) as stage:
         for number in range(count):
@@ -55,15 +53,16 @@ def frames(
             tick = min(round(time / log.dt), len(log) - 1)
             unit = None if log.unit_pose is None else log.unit_pose[tick]
             views = [stage.picture(camera, log.true_angles[tick], unit) for camera in cameras]
-            yield _labelled(_tiled(views), f"{log.name}   {tick * log.dt:6.2f} s   {_force(log, tick)}")
+            force = f"wrist {np.linalg.norm(log.wrench[tick, :3]):5.1f} N"
+            yield _labelled(_tiled(views), f"{log.name}   {tick * log.dt:6.2f} s   {force}")
 
 
 def write_film(pictures: Iterator[np.ndarray], path: Path, *, rate: float) -> Path:
-    """Write frames as a film, under a temporary name first.
+    """Write frames of one size as a film: `.mp4` in H.264, `.gif` animated, `.png` the first frame.
 
     Args:
-        pictures: The frames, one size.
-        path: File; `.mp4` is a film in H.264, `.gif` an animated picture, `.png` the first frame.
+        pictures: The frames.
+        path: File to write.
         rate: Frames per second.
 
     Returns:
@@ -73,9 +72,8 @@ def write_film(pictures: Iterator[np.ndarray], path: Path, *, rate: float) -> Pa
         ScenarioError: Another ending, or no encoder for `.mp4`.
     """
     if path.suffix not in ENDINGS:
-        raise ScenarioError(
-            f"cannot write a film as {path.suffix or 'a file without ending'!r}; there are: {', '.join(ENDINGS)}"
-        )
+        ending = path.suffix or "a file without ending"
+        raise ScenarioError(f"cannot write a film as {ending!r}; there are: {', '.join(ENDINGS)}")
     with replacing(path) as partial:
         if path.suffix == ".mp4":
             _write_mp4(pictures, partial, rate)
@@ -88,7 +86,9 @@ def _write_mp4(pictures: Iterator[np.ndarray], path: Path, rate: float) -> None:
     try:
         import av
     except ImportError as error:
-        raise ScenarioError(NO_ENCODER) from error
+        raise ScenarioError(
+            "an .mp4 needs the encoder: pip install 'hmtb-twin[video]'; a .gif or .png does without"
+        ) from error
     from fractions import Fraction
 
     with av.open(str(path), "w", format="mp4") as container:
@@ -98,7 +98,7 @@ def _write_mp4(pictures: Iterator[np.ndarray], path: Path, rate: float) -> None:
                 stream = container.add_stream("libx264", rate=Fraction(rate).limit_denominator(1001))
                 stream.height, stream.width = picture.shape[0] // 2 * 2, picture.shape[1] // 2 * 2
                 stream.pix_fmt, stream.options = "yuv420p", {"crf": "20"}
-            # The encoder takes even sizes only.
+            # The encoder takes even sizes only: the last odd row or column is cut off.
             even = np.ascontiguousarray(picture[: stream.height, : stream.width])
             container.mux(stream.encode(av.VideoFrame.from_ndarray(even, format="rgb24")))
         if stream is not None:
@@ -118,7 +118,7 @@ def _write_picture(pictures: Iterator[np.ndarray], path: Path, rate: float, endi
 
 
 def _tiled(views: Sequence[np.ndarray]) -> np.ndarray:
-    """Views side by side, four or more in two rows."""
+    """Return views side by side, four or more in two rows."""
     if len(views) < 4:
         return np.hstack(views)
     half = -(-len(views) // 2)
@@ -135,7 +135,3 @@ def _labelled(picture: np.ndarray, text: str) -> np.ndarray:
     draw.rectangle((0, 0, draw.textlength(text, font=font) + height, 1.6 * height), fill=(0, 0, 0))
     draw.text((height / 2, height / 4), text, fill=(255, 255, 255), font=font)
     return np.asarray(image)
-
-
-def _force(log: JointLog, tick: int) -> str:
-    return f"wrist {np.linalg.norm(log.wrench[tick, :3]):5.1f} N"

@@ -1,7 +1,7 @@
-"""Whether the commands of several joints move independently enough to tell which of them moved what.
+"""Independence of the commands of several joints: whether a model of each response to each command is identifiable.
 
-A shared waveform in Cartesian mode turns one signal into the commands of several joints. They are then nearly multiples
-of each other: what one of them does to a joint cannot be told from what another does.
+A common waveform in Cartesian mode turns one signal into the commands of several joints. They are then nearly multiples
+of each other, and their effects on a joint cannot be separated.
 """
 
 from dataclasses import dataclass
@@ -13,7 +13,7 @@ from scenarios.experiments.log_review import SETTLING
 from sysid import IOData, order_of_excitation
 
 LAGS = 8
-"""Samples of the past that models of the study look back, na + nb of the largest."""
+"""Past samples that enter the models of the study: na + nb of the largest."""
 
 LIMIT = 30.0
 """Condition index from which regressors count as too dependent [Belsley1980, sec. 3.2].
@@ -24,7 +24,7 @@ side, as docs/tests.md shows: above 100 where the axes share a waveform, 3 where
 """
 
 STILL = 1e-9
-"""A joint whose command moves by no more than this stands still, rad: rounding of the kinematics."""
+"""Motion of a command up to which its joint stands still, rad: rounding of the kinematics."""
 
 NUMERICAL_RANK = 1e-6
 """Singular values below it, relative to the largest, count as zero, as in `sysid`."""
@@ -32,17 +32,17 @@ NUMERICAL_RANK = 1e-6
 
 @dataclass(frozen=True)
 class JointInputs:
-    """How independently the commands of several joints move.
+    """Measures of how independently the commands of several joints move.
 
     Attributes:
         joints: The joints.
-        lags: Samples of each command that are compared, the present one included.
+        lags: Number of compared samples of each command, the present one included.
         condition: Condition index between the joints: ratio of the extreme singular values of the lagged commands,
-            those of each joint made orthonormal first, so that the colour of a single command does not count. The best
-            is 1.
+            those of each joint made orthonormal first, so that the spectrum of a single command does not count; 1 is
+            best.
         covariance_condition: Condition number of the block-Toeplitz covariance matrix of the commands, each of unit
-            variance, the colour of each included.
-        orders: Order of persistent excitation of each joint's command, `lags` meaning at least that.
+            variance, the spectrum of each included.
+        orders: Order of persistent excitation of each joint's command, at most `lags`.
     """
 
     joints: tuple[str, ...]
@@ -58,11 +58,11 @@ class JointInputs:
 
     @property
     def block_diagonal(self) -> bool:
-        """Whether models of each joint's response to its own command can be."""
+        """Whether a model of each joint's response to its own command can be identified."""
         return min(self.orders) >= self.lags
 
     def summary(self) -> dict[str, object]:
-        """All of it by name, for JSON."""
+        """Return all measures by name, for JSON."""
         return {
             "joints": self.joints,
             "lags": self.lags,
@@ -75,7 +75,7 @@ class JointInputs:
         }
 
     def warning(self) -> str | None:
-        """One line where a full model cannot be identified, else None."""
+        """Return one line if a full model cannot be identified, else None."""
         if self.full:
             return None
         which = f"the commands of {', '.join(self.joints)}"
@@ -89,50 +89,42 @@ class JointInputs:
 
 
 def moved_joints(experiment: Experiment) -> tuple[str, ...]:
-    """Joints whose model an experiment is for: those that the stick moves; in Cartesian mode the three of the thesis.
+    """Return the joints that an experiment can identify: its axes, or in Cartesian mode the three of the thesis.
 
-    The wrist then moves too, to hold the orientation, but three translations cannot move more than three joints
-    independently.
+    The wrist moves too, to hold the orientation, but three translations move at most three joints independently.
     """
     return STUDIED_JOINTS if experiment.mode.startswith("cartesian") else tuple(experiment.axes)
 
 
 def joint_inputs(commands: np.ndarray, joints: tuple[str, ...], *, lags: int = LAGS) -> JointInputs | None:
-    """Look at the commands of several joints.
+    """Measure how independently the commands of several joints move.
 
     Args:
         commands: Commanded angles (N, 7), rad.
         joints: The joints.
-        lags: Samples of each command that are compared.
+        lags: Number of compared samples of each command.
 
     Returns:
-        What was found of those that move; None where fewer than two do, or the record is too short for so many lags.
+        The measures of those that move; None if fewer than two do, or the record is too short for so many lags.
     """
     joints = tuple(joint for joint in joints if np.ptp(commands[:, JOINTS.index(joint)]) > STILL)
-    return _compared(joints, [commands[:, JOINTS.index(joint)] for joint in joints], lags)
+    return _measure(joints, [commands[:, JOINTS.index(joint)] for joint in joints], lags)
 
 
 def dependence_warning(record: IOData) -> str | None:
-    """Say that the inputs of a record of any robot move together.
-
-    Args:
-        record: The record.
-
-    Returns:
-        One line, or None where they are independent enough, or the record is too short to tell.
-    """
+    """Return one line if the inputs of a record, of any robot, move together; else None, as for short records."""
     names = record.input_names or tuple(f"u{k}" for k in range(1, record.nu + 1))
     u = record.scored.u
-    found = _compared(tuple(names), [u[:, k] for k in range(record.nu)], LAGS)
-    if found is None or found.condition <= LIMIT:
+    inputs = _measure(tuple(names), [u[:, k] for k in range(record.nu)], LAGS)
+    if inputs is None or inputs.condition <= LIMIT:
         return None
     return (
-        f"the inputs {', '.join(names)} move together (condition {found.condition:.3g} between them, limit {LIMIT:g}): "
-        "what one of them does to an output cannot be told from what another does"
+        f"the inputs {', '.join(names)} move together (condition {inputs.condition:.3g} between them, limit {LIMIT:g})"
+        ": their effects on the outputs cannot be separated"
     )
 
 
-def _compared(joints: tuple[str, ...], signals: list[np.ndarray], lags: int) -> JointInputs | None:
+def _measure(joints: tuple[str, ...], signals: list[np.ndarray], lags: int) -> JointInputs | None:
     if len(joints) < 2:
         return None
     signals = [signal - signal.mean() for signal in signals]
@@ -157,15 +149,7 @@ def _compared(joints: tuple[str, ...], signals: list[np.ndarray], lags: int) -> 
 
 
 def logged_inputs(log: JointLog, experiment: Experiment) -> JointInputs | None:
-    """Look at the settled part of an experiment's log.
-
-    Args:
-        log: The log.
-        experiment: The experiment.
-
-    Returns:
-        As `joint_inputs`; None also where it is for one joint only, or an operator moves the stick.
-    """
+    """Return `joint_inputs` of the settled part of a log; None also for one joint, or with an operator."""
     joints = moved_joints(experiment)
     if len(joints) == 1 or experiment.operator() is not None:
         return None

@@ -13,23 +13,23 @@ from scenarios.files.errors import ScenarioError
 from sysid import IOData
 
 SETTLING = 4.0
-"""What is cut off at the start, s: every waveform file repeats in it, and the arm has settled into its periodic answer.
+"""Length cut off at the start, s: every waveform file repeats in it, and the arm settles to its periodic response.
 
-Detrending a record with its start takes different constants off input and output, because the output lags; a constant
-of a hundredth of a milliradian is enough to make an output-error model of high order invent a pole at 0.002 Hz. The
-thesis too let each excitation reach steady state [Morris1996, sec. II.2B].
+Detrending a record with its start removes different constants from input and output, because the output lags; a
+constant of a hundredth of a milliradian is enough to make an output-error model of high order invent a pole at 0.002
+Hz. The thesis too let each excitation reach steady state [Morris1996, sec. II.2B].
 """
 
 
 def settled(log: JointLog, joints: str | Sequence[str]) -> IOData:
-    """Cut off the start; the means stay.
+    """Return commanded and measured angles of joints without the start of the log; the means stay.
 
     Args:
         log: The log of an experiment.
-        joints: The joint to look at, or several.
+        joints: The joint, or several.
 
     Returns:
-        Commanded and measured angle of each joint, rad, named after the experiment.
+        Record in rad, named after the experiment.
 
     Raises:
         ScenarioError: The log is so short that no more would be left than is cut off.
@@ -45,28 +45,12 @@ def settled(log: JointLog, joints: str | Sequence[str]) -> IOData:
 
 
 def prepared(log: JointLog, joints: str | Sequence[str]) -> IOData:
-    """Cut off the start, then remove the means.
-
-    Args:
-        log: The log of an experiment.
-        joints: The joint to look at, or several.
-
-    Returns:
-        Commanded and measured angle of each joint, rad, named after the experiment.
-
-    Raises:
-        ScenarioError: The log is so short that no more would be left than is cut off.
-    """
+    """Return the `settled` part of a log without its means, which is what estimators get."""
     return settled(log, joints).detrend()
 
 
 def clipped_share(log: JointLog, scenario: Scenario) -> float:
-    """Share of the samples in which a converter clips, between 0 and 1.
-
-    Args:
-        log: The log of an experiment: counts of the hand controller at an end of its converter.
-        scenario: The experiment: files that ask for more than the excitation computer's converter gives.
-    """
+    """Return the fraction of samples at which the converter of the hand controller or the excitation computer clips."""
     clipped = (log.status & Status.CONVERTER_SATURATED) != 0
     for entry in scenario.excitation:
         clipped |= BOARD.exceeds_range(entry.requested_volts(scenario.duration)[:, 0])
@@ -74,29 +58,25 @@ def clipped_share(log: JointLog, scenario: Scenario) -> float:
 
 
 def velocity_limited_share(log: JointLog) -> float:
-    """Share of the samples in which a joint's command moves as fast as its limit allows, between 0 and 1."""
-    return _share(log, Status.VELOCITY_LIMITED)
-
-
-def _share(log: JointLog, flag: Status) -> float:
-    return float(np.mean((log.status & flag) != 0))
+    """Return the fraction of samples at which a joint's command moves at its velocity limit."""
+    return float(np.mean((log.status & Status.VELOCITY_LIMITED) != 0))
 
 
 def swing(log: JointLog, joint: str) -> float:
-    """Half of the distance between the largest and the smallest command over the settled part, rad."""
+    """Return half of the distance between the largest and the smallest command over the settled part, rad."""
     return float(np.ptp(settled(log, joint).u[:, 0]) / 2)
 
 
 @dataclass(frozen=True)
 class ShutdownInterval:
-    """One stretch without power.
+    """One interval without servo power.
 
     Attributes:
         start: First time without power, s.
         end: First time with power again, or the end of the record, s.
         ends: Whether power came back in the record.
-        joint: Which joint moved furthest from where it stood.
-        sank: How far, rad.
+        joint: Joint that moved furthest from its angle at the start.
+        sank: Distance that it moved, rad.
     """
 
     start: float
@@ -113,25 +93,18 @@ class ShutdownInterval:
         )
 
     def summary(self) -> dict[str, object]:
-        """What JSON holds of it."""
+        """Return plain values for JSON."""
         return {"start_s": self.start, "end_s": self.end, "ends": self.ends, "joint": self.joint, "sank_rad": self.sank}
 
 
 def shutdown_intervals(log: JointLog) -> tuple[ShutdownInterval, ...]:
-    """Find the stretches without power in a log.
-
-    Args:
-        log: The log of an experiment.
-
-    Returns:
-        Each of them in turn; none where the servos had power throughout.
-    """
+    """Return the intervals without servo power in a log, in order."""
     off = np.concatenate(([0], (log.status & Status.SHUT_DOWN) != 0, [0])).astype(int)
     edges = np.diff(off)
-    found = []
+    intervals = []
     for first, last in zip(np.flatnonzero(edges == 1), np.flatnonzero(edges == -1), strict=True):
-        way = np.abs(log.true_angles[first : last + 1] - log.true_angles[first]).max(axis=0)
-        joint = int(way.argmax())
+        distance = np.abs(log.true_angles[first : last + 1] - log.true_angles[first]).max(axis=0)
+        joint = int(distance.argmax())
         ends = bool(last < len(log))
-        found.append(ShutdownInterval(first * log.dt, last * log.dt, ends, JOINTS[joint], float(way[joint])))
-    return tuple(found)
+        intervals.append(ShutdownInterval(first * log.dt, last * log.dt, ends, JOINTS[joint], float(distance[joint])))
+    return tuple(intervals)

@@ -1,28 +1,30 @@
 """The arm of an experiment, and the arm that a log was recorded from."""
 
+from collections.abc import Callable
 from dataclasses import fields, replace
-from json import JSONDecodeError, loads
+from json import loads
 from typing import Any, get_type_hints
 
 import numpy as np
 
-from hmtb_twin import Arm, Experiment, JointLog, Plant, Specimen, Truth, TwinError, load_arm
+from hmtb_twin import Arm, Experiment, JointLog, Plant, Specimen, Truth, load_arm
 from scenarios.files.errors import ScenarioError
 
-NEEDED = ("variant", "payload", "pose", "friction")
+REQUIRED = ("variant", "payload", "pose", "friction")
+"""Provenance that every log of the twin has."""
 
 
 def logged_arm(log: JointLog) -> Arm:
-    """Return the arm in free space, under the conditions of the record.
+    """Return the arm of a log, in free space and under the logged conditions.
 
     Args:
-        log: A log of the twin, of this version or an older one: what an older one does not tell is nominal.
+        log: A log of the twin, of this version or an older one; conditions that it does not hold are nominal.
 
     Raises:
-        ScenarioError: The log does not tell, or holds an emergency shutdown or work in contact.
-        TwinError: It tells of something that the laboratory does not have.
+        ScenarioError: The provenance of the log is incomplete or damaged.
+        TwinError: The laboratory has no such arm.
     """
-    missing = [key for key in NEEDED if key not in log.provenance]
+    missing = [key for key in REQUIRED if key not in log.provenance]
     if missing:
         raise ScenarioError(
             f"{log.name}: its provenance lacks {', '.join(missing)}; expected a log of the twin, which knows the "
@@ -38,7 +40,7 @@ def logged_arm(log: JointLog) -> Arm:
 
 
 def pictured_arm(log: JointLog) -> Arm:
-    """Return an arm that looks like that of a log; what moved it does not matter, nor whether the log tells of it."""
+    """Return an arm that looks like that of a log, whatever its drives; nominal where the log has no provenance."""
     return load_arm(
         log.provenance.get("variant", "nominal"),
         log.provenance.get("payload", "rpcm"),
@@ -47,45 +49,41 @@ def pictured_arm(log: JointLog) -> Arm:
 
 
 def logged_plant(log: JointLog) -> Plant:
-    """Return the conditions of the record.
-
-    Raises:
-        ScenarioError: A condition is no number where one is expected.
-    """
-    hints = get_type_hints(Plant)
-    values: dict[str, Any] = {}
-    for entry in fields(Plant):
-        text = log.provenance.get(f"plant_{entry.name}")
-        if text is None:
-            continue
-        try:
-            values[entry.name] = hints[entry.name](text)
-        except ValueError as error:
-            raise ScenarioError(
-                f"{log.name}: plant_{entry.name} = {text!r} in its provenance, expected a number"
-            ) from error
-    return Plant(**values)
+    """Return the plant of a log; raises `ScenarioError` where its provenance is damaged."""
+    types = get_type_hints(Plant)
+    return Plant(**_logged(log, "plant", types, lambda name, text: types[name](text)))
 
 
 def logged_specimen(log: JointLog) -> Specimen:
-    """Return how the arm of the record deviates from its variant: what the log does not tell of does not.
-
-    Raises:
-        ScenarioError: What it tells is nothing that an arm could be.
-    """
-    known = {f"specimen_{entry.name}": entry.name for entry in fields(Specimen)}
-    told = {key: text for key, text in log.provenance.items() if key.startswith("specimen_")}
-    unknown = sorted(told.keys() - known.keys())
+    """Return the deviations of a log's arm from its variant; raises `ScenarioError` where the provenance is damaged."""
+    names = {entry.name: entry.type for entry in fields(Specimen)}
+    unknown = [
+        key for key in log.provenance if key.startswith("specimen_") and key.removeprefix("specimen_") not in names
+    ]
     if unknown:
-        raise ScenarioError(f"{log.name}: {unknown[0]} in its provenance, expected one of {', '.join(known)}")
+        expected = ", ".join(f"specimen_{name}" for name in names)
+        raise ScenarioError(f"{log.name}: {unknown[0]} in its provenance, expected one of {expected}")
+    values = _logged(log, "specimen", names, lambda _, text: loads(text))
     try:
-        return Specimen(**{known[key]: loads(text) for key, text in told.items()})
-    except (JSONDecodeError, TwinError) as error:
-        raise ScenarioError(f"{log.name}: its provenance tells of no specimen of the arm: {error}") from error
+        return Specimen(**values)
+    except ValueError as error:
+        raise ScenarioError(f"{log.name}: its provenance describes no specimen of the arm: {error}") from error
+
+
+def _logged(log: JointLog, kind: str, names: dict[str, Any], read: Callable[[str, str], object]) -> dict[str, Any]:
+    """Return the values that the provenance holds under `kind_name`, by name."""
+    values: dict[str, Any] = {}
+    for name in names:
+        text = log.provenance.get(f"{kind}_{name}")
+        try:
+            values |= {} if text is None else {name: read(name, text)}
+        except ValueError as error:
+            raise ScenarioError(f"{log.name}: {kind}_{name} = {text!r} in its provenance, expected numbers") from error
+    return values
 
 
 def check_truth(log: JointLog, arm: Arm, truth: Truth) -> None:
-    """Refuse a truth that is not of a log's arm, conditions and pose; dry friction, which no truth knows, may differ.
+    """Check that a truth belongs to the arm, conditions and pose of a log; dry friction, absent there, may differ.
 
     Args:
         log: The log.
@@ -93,37 +91,33 @@ def check_truth(log: JointLog, arm: Arm, truth: Truth) -> None:
         truth: The truth.
 
     Raises:
-        ScenarioError: It is of another arm, of other conditions, or of another pose.
+        ScenarioError: The truth is of another arm, of other conditions, or of another pose.
     """
-    given, logged = (vars(replace(plant.sliding, friction_level=1.0)) for plant in (truth.plant, arm.plant))
+    truth_plant, log_plant = (vars(replace(plant.sliding, friction_level=1.0)) for plant in (truth.plant, arm.plant))
     pairs = {
         "variant": (truth.variant, arm.variant),
         "payload": (truth.payload, arm.payload),
-        **{name: (given[name], logged[name]) for name in given},
+        **{name: (truth_plant[name], log_plant[name]) for name in truth_plant},
         **{
             f"specimen_{entry.name}": (getattr(truth.specimen, entry.name), getattr(arm.specimen, entry.name))
             for entry in fields(Specimen)
             if entry.name != "dry_friction"
         },
     }
-    wrong = [f"{name} = {of_truth}, not {of_log}" for name, (of_truth, of_log) in pairs.items() if of_truth != of_log]
+    differences = [
+        f"{name} = {of_truth}, not {of_log}" for name, (of_truth, of_log) in pairs.items() if of_truth != of_log
+    ]
     pose = log.provenance["pose"]
     if not np.allclose(truth.angles, arm.pose(pose), rtol=0.0, atol=1e-9):
-        wrong.append(f"pose = {truth.pose}, not {pose}")
-    if wrong:
-        raise ScenarioError(f"{log.name}: a truth given of {'; '.join(wrong)}; expected that of the log's own arm")
+        differences.append(f"pose = {truth.pose}, not {pose}")
+    if differences:
+        raise ScenarioError(
+            f"{log.name}: a truth given of {'; '.join(differences)}; expected that of the log's own arm"
+        )
 
 
 def experiment_arm(experiment: Experiment, *, worksite: bool = False) -> Arm:
-    """Return the arm of an experiment: its variant and payload, conditions, specimen and friction.
-
-    Args:
-        experiment: The experiment.
-        worksite: Whether the arm stands at its worksite where the experiment says so; otherwise it is in free space.
-
-    Raises:
-        TwinError: The experiment asks for an arm that the laboratory does not have.
-    """
+    """Return the arm of an experiment; at its worksite only if both the experiment and `worksite` say so."""
     return load_arm(
         experiment.variant,
         experiment.payload,

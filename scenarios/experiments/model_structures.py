@@ -14,7 +14,7 @@ class Structure:
         method: Key of the method in tables and figures.
         estimator: Name of the estimator.
         orders: Its orders.
-        chosen: Whether the thesis takes it into a three-joint model.
+        chosen: Whether the thesis uses it in a three-joint model.
         label: Text for tables and legends.
     """
 
@@ -33,50 +33,41 @@ with seeds that nothing else here uses, nb up to 6, nf up to 5, nk as published;
 chooses again.
 """
 
-
-def _sufficient(joint: str) -> "Structure":
-    nb, nf, nk = SUFFICIENT[joint]
-    return Structure("oe_high", "oe", (nb, nf, nk), False, f"OE {nb}/{nf}, delay {nk}, sufficient without friction")
-
-
 _OKID = Structure("okid", "okid", (2, 5), True, "OKID order 2, p = 5")
 
+
+def _structures(joint: str, armax: tuple[int, int, int, int], chosen: str) -> tuple[Structure, ...]:
+    na, nb, nc, nk = armax
+    sufficient_nb, sufficient_nf, sufficient_nk = SUFFICIENT[joint]
+    sufficient = f"OE {sufficient_nb}/{sufficient_nf}, delay {sufficient_nk}, sufficient without friction"
+    return (
+        Structure("armax", "armax", armax, chosen == "armax", f"ARMAX {na}/{nb}/{nc}, delay {nk}"),
+        Structure("oe", "oe", (2, 2, nk), chosen == "oe", f"OE 2/2, delay {nk}"),
+        _OKID,
+        Structure("oe_high", "oe", SUFFICIENT[joint], False, sufficient),
+    )
+
+
 STRUCTURES: Mapping[str, tuple[Structure, ...]] = {
-    "shoulder_yaw": (
-        Structure("armax", "armax", (5, 3, 5, 2), True, "ARMAX 5/3/5, delay 2"),
-        Structure("oe", "oe", (2, 2, 2), False, "OE 2/2, delay 2"),
-        _OKID,
-        _sufficient("shoulder_yaw"),
-    ),
-    "shoulder_pitch": (
-        Structure("armax", "armax", (2, 2, 2, 1), False, "ARMAX 2/2/2, delay 1"),
-        Structure("oe", "oe", (2, 2, 1), True, "OE 2/2, delay 1"),
-        _OKID,
-        _sufficient("shoulder_pitch"),
-    ),
-    "elbow_pitch": (
-        Structure("armax", "armax", (2, 2, 2, 2), True, "ARMAX 2/2/2, delay 2"),
-        Structure("oe", "oe", (2, 2, 2), False, "OE 2/2, delay 2"),
-        _OKID,
-        _sufficient("elbow_pitch"),
-    ),
+    "shoulder_yaw": _structures("shoulder_yaw", (5, 3, 5, 2), "armax"),
+    "shoulder_pitch": _structures("shoulder_pitch", (2, 2, 2, 1), "oe"),
+    "elbow_pitch": _structures("elbow_pitch", (2, 2, 2, 2), "armax"),
 }
-"""What is identified: the thesis' structures, those it does not use filled in so that the table is complete, and one
-of sufficient order beside them."""
+"""Structures by joint: those of the thesis, further ones so that every joint has all methods, and one of sufficient
+order."""
 
 
 def every_structure(joint: str) -> tuple[Structure, ...]:
-    """ARX, ARMAX, IV4 and OE with the thesis' orders of a joint, and OKID beside them [Morris1996, ch. IV and V].
+    """Return ARX, ARMAX, IV4 and OE with the thesis' orders of a joint, and OKID [Morris1996, ch. IV and V].
 
     The thesis gives no orders for ARX and IV4: they get those that they share with its ARMAX.
     """
     own = {entry.method: entry for entry in STRUCTURES[joint]}
     na, nb, _, nk = own["armax"].orders
-    equation_error = {
-        name: Structure(name, name, (na, nb, nk), False, f"{name.upper()} {na}/{nb}, delay {nk}")
-        for name in ("arx", "iv4")
-    }
-    return equation_error["arx"], own["armax"], equation_error["iv4"], own["oe"], own["okid"]
+    arx, iv4 = (
+        Structure(name, name, (na, nb, nk), False, f"{name.upper()} {na}/{nb}, delay {nk}") for name in ("arx", "iv4")
+    )
+    return arx, own["armax"], iv4, own["oe"], own["okid"]
 
 
 NEEDED: Mapping[str, Callable[[tuple[int, ...]], int]] = MappingProxyType(
@@ -92,37 +83,28 @@ NEEDED: Mapping[str, Callable[[tuple[int, ...]], int]] = MappingProxyType(
 
 @cache
 def needed_orders() -> Mapping[str, int]:
-    """Order of excitation that each model of the study needs, by estimator and orders, the undemanding first."""
-    entries = {entry for structures in STRUCTURES.values() for entry in structures}
+    """Return the order of excitation that each model of the study needs, by estimator and orders, lowest first."""
     needed = {
         f"{entry.estimator} {' '.join(map(str, entry.orders))}": NEEDED[entry.estimator](entry.orders)
-        for entry in entries
+        for structures in STRUCTURES.values()
+        for entry in structures
     }
     return MappingProxyType(dict(sorted(needed.items(), key=lambda item: (item[1], item[0]))))
 
 
 def excitation_order_warning(order: int) -> str | None:
-    """Say for which models of the study an order of excitation is too low.
-
-    Args:
-        order: Order of persistent excitation.
-
-    Returns:
-        One line, which takes the models of an estimator together, or None if it is enough for all.
-    """
-    missed = {label: needed for label, needed in needed_orders().items() if needed > order}
-    if not missed:
-        return None
+    """Return one line that names the models of the study for which an order of excitation is too low, or None."""
     every = len(needed_orders())
-    if len(missed) == every:
-        return (
-            f"order of excitation {order} is too low for every model of the study: they need {_span(missed.values())}"
-        )
+    unmet = {label: needed for label, needed in needed_orders().items() if needed > order}
+    if not unmet:
+        return None
+    if len(unmet) == every:
+        return f"order of excitation {order} is too low for every model of the study: they need {_span(unmet.values())}"
     by_estimator: dict[str, list[int]] = {}
-    for label, needed in missed.items():
+    for label, needed in unmet.items():
         by_estimator.setdefault(label.split()[0], []).append(needed)
     models = ", ".join(f"{name} ({_span(needed)})" for name, needed in by_estimator.items())
-    return f"order of excitation {order} is too low for {len(missed)} of the {every} models of the study: {models}"
+    return f"order of excitation {order} is too low for {len(unmet)} of the {every} models of the study: {models}"
 
 
 def _span(values: Iterable[int]) -> str:

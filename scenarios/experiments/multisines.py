@@ -1,6 +1,7 @@
-"""Random-phase multisines and the experiment that plays one realisation."""
+"""Random-phase multisines, and the experiments that play their realisations."""
 
 from dataclasses import dataclass, replace
+from typing import Any, get_type_hints
 
 import numpy as np
 
@@ -8,10 +9,11 @@ from hmtb_twin import NOMINAL_PLANT, NOMINAL_SPECIMEN, Chain, Experiment, HandCo
 from hmtb_twin.control.data_acquisition import BOARD
 from hmtb_twin.parameters.values import HAND_CONTROLLER, OPERATING_POSE, SAMPLE_RATE, SAMPLE_TIME
 from scenarios.experiments.waveform import LONGEST, check_seed
+from scenarios.files import codec
 from scenarios.files.errors import ScenarioError
 
 GROUP = 4
-"""Of so many consecutive odd lines one, drawn at random, stays silent in an odd-random grid."""
+"""Size of the groups of odd lines of which one, drawn at random, stays silent in an odd-random grid."""
 
 
 @dataclass(frozen=True)
@@ -28,11 +30,11 @@ class Multisines:
         f_min: Lowest line, Hz.
         f_max: Highest line, Hz.
         period: Length of a period, s.
-        odd: Excite odd lines only and leave one of every four of those silent too: even and odd nonlinear distortion
-            then show apart, at the silent even and at the silent odd lines.
-        realisations: R; two at least, for the nonlinear distortion is the scatter between them.
-        periods: Steady periods of each record; two at least, for the noise is the scatter between them.
-        settling: Periods played before them, in which the transient dies out.
+        odd: Excite odd lines only and leave one of every four of those silent: even and odd nonlinear distortion then
+            show separately, at the silent even and at the silent odd lines.
+        realisations: R; at least two, because their scatter is the nonlinear distortion.
+        periods: Steady periods of each record; at least two, because their scatter is the noise.
+        settling: Periods before them in which the transient decays.
         seed: Draws the phases.
     """
 
@@ -48,9 +50,10 @@ class Multisines:
 
     def __post_init__(self) -> None:
         check_seed(self.seed)
-        self._check_types()
+        for name, kind in get_type_hints(type(self)).items():
+            codec.structure(kind, getattr(self, name), f"multisines: {name}")
         ticks = self.period * SAMPLE_RATE
-        wanted = {
+        checks = {
             "rms": (0.0 < self.rms <= 1.0, "above 0 and up to 1 rad"),
             "period": (8 <= ticks <= 10**6 and abs(ticks - round(ticks)) < 1e-6, "a multiple of 0.02 s from 0.16 s on"),
             "realisations": (2 <= self.realisations <= 10**4, "2 or more"),
@@ -58,27 +61,15 @@ class Multisines:
             "settling": (1 <= self.settling <= 10**4, "1 or more: records start at rest"),
             "f_max": (0.0 <= self.f_min <= self.f_max < SAMPLE_RATE / 2, f"f_min to below {SAMPLE_RATE / 2:g} Hz"),
         }
-        for name, (passes, expected) in wanted.items():
+        for name, (passes, expected) in checks.items():
             if not passes:
                 raise ScenarioError(f"multisines: {name} = {getattr(self, name)} given, expected {expected}")
         if self.duration > LONGEST:
-            raise ScenarioError(f"multisines: records of {self.duration:g} s asked for, expected up to {LONGEST:g} s")
+            raise ScenarioError(f"multisines: records of {self.duration:g} s requested, expected up to {LONGEST:g} s")
         if not len(self.lines):
             raise ScenarioError(
                 f"multisines: no line in {self.f_min:g} to {self.f_max:g} Hz; lines are {1 / self.period:g} Hz apart"
             )
-
-    def _check_types(self) -> None:
-        kinds = {
-            "a number": (int | float | np.integer | np.floating, ("rms", "f_min", "f_max", "period")),
-            "a whole number": (int | np.integer, ("realisations", "periods", "settling")),
-            "True or False": (bool | np.bool_, ("odd",)),
-        }
-        for expected, (kind, names) in kinds.items():
-            for name in names:
-                value = getattr(self, name)
-                if not isinstance(value, kind) or (name != "odd" and isinstance(value, bool)):
-                    raise ScenarioError(f"multisines: {name} = {value!r} given, expected {expected}")
 
     @property
     def samples(self) -> int:
@@ -121,44 +112,32 @@ class Multisines:
         """
         lines = self.lines
         rng = np.random.default_rng([self.seed, 0, realisation])
-        of_axes = rng.random((axes, len(lines)))
-        of_records = rng.random((axes, len(lines)))
-        turns = of_axes + of_records[record] + (record * np.arange(axes)[:, None]) / axes
+        axis_phases = rng.random((axes, len(lines)))
+        record_phases = rng.random((axes, len(lines)))
+        turns = axis_phases + record_phases[record] + (record * np.arange(axes)[:, None]) / axes
         spectrum = np.zeros((self.samples // 2 + 1, axes), dtype=complex)
         # Every line carries an equal part of the mean square: |X_k|^2 = rms^2 N^2 / (2 L) in numpy's scaling.
         spectrum[lines] = (self.rms * self.samples / np.sqrt(2.0 * len(lines))) * np.exp(2j * np.pi * turns).T
-        one = np.fft.irfft(spectrum, self.samples, axis=0)
-        return np.tile(one, (self.settling + self.periods, 1))
+        return np.tile(np.fft.irfft(spectrum, self.samples, axis=0), (self.settling + self.periods, 1))
 
 
 MODE = "single_joint"
-"""The control mode in which the stick's offset is a joint's offset."""
+"""Control mode in which an offset of the stick is an offset of a joint."""
 
 
 @dataclass(frozen=True)
 class MultisineExperiment:
     """One record of one realisation of a multisine, played on the joints of an arm.
 
-    The excitation computer's files of 100 points last two seconds; this one plays from a longer memory, through the
-    same converters, wires and hand controller.
+    The excitation computer's files of 100 points last two seconds; this experiment plays from a longer memory, through
+    the same converters, wires and hand controller. The attributes not named here are those of every `Experiment`.
 
     Attributes:
-        name: Its name in messages and logs.
-        axes: The joints excited.
+        axes: The excited joints.
         multisines: The excitation class.
-        realisation: Which realisation this is.
-        record: Which of its records.
-        variant: Arm variant.
-        payload: What the end effector holds.
-        plant: What the drives run on and rub with.
-        specimen: How this one arm deviates from its variant.
-        pose: Keyframe about which the joints are excited.
-        worksite: Whether the arm stands at its worksite.
-        chain: Which links of the chain act.
-        hand_controller: The hand-controller interface.
-        seed: Of the laboratory's noise in this record.
-        mode: Control mode.
-        shutdown: No emergency shutdowns.
+        realisation: Number of the realisation.
+        record: Number of the record in its realisation.
+        seed: Seed of the laboratory's noise in this record.
     """
 
     name: str
@@ -191,7 +170,7 @@ class MultisineExperiment:
         """Return the excitation computer's output (N, n_axes), V.
 
         Raises:
-            ScenarioError: The multisine asks for more than the converter gives.
+            ScenarioError: The multisine exceeds the range of the converter.
         """
         volts = self.offsets() / self.hand_controller.gain
         if BOARD.exceeds_range(volts).any():
@@ -202,25 +181,25 @@ class MultisineExperiment:
         return BOARD.convert(volts, rounds=self.chain.dac)
 
     def operator(self) -> Operator | None:
-        """Nobody: the excitation computer moves the stick."""
+        """Return None: the excitation computer moves the stick."""
         return None
 
 
 def multisine_experiments(setting: Experiment, multisines: Multisines) -> tuple[MultisineExperiment, ...]:
-    """Return the records of a measurement: R realisations of as many records as axes, in this order.
+    """Return the experiments of a measurement: R realisations of as many records as axes, in this order.
 
     Args:
-        setting: Any experiment in single-joint mode: its arm, payload, plant, specimen, pose, axes, chain and hand
-            controller are taken, its seed draws those of the records; its excitation and length are not.
+        setting: Any experiment in single-joint mode; only its excitation and its length are not used. Its seed draws
+            the seeds of the records.
         multisines: The excitation class.
 
     Raises:
-        ScenarioError: Another mode, a sample and hold that no period is a multiple of, a shutdown, or an amplitude that
+        ScenarioError: Another mode, a sample and hold that does not divide the period, a shutdown, or an amplitude that
             the converters do not resolve.
     """
     hold = setting.hand_controller.hold if setting.chain.hold else 1
-    least = _resolved(setting)
-    wrong = [
+    least = _resolution(setting)
+    problems = [
         (setting.mode != MODE, f"mode {setting.mode} given, expected {MODE}"),
         (bool(setting.shutdown), "an emergency shutdown given, expected none: the record must be periodic"),
         (
@@ -234,22 +213,12 @@ def multisine_experiments(setting: Experiment, multisines: Multisines) -> tuple[
             "the converters the noise of the wires, not the multisine, moves the command",
         ),
     ]
-    for fails, message in wrong:
+    for fails, message in problems:
         if fails:
             raise ScenarioError(f"{setting.name}, best linear approximation: {message}")
-    first = MultisineExperiment(
-        name=setting.name,
-        axes=tuple(setting.axes),
-        multisines=multisines,
-        variant=setting.variant,
-        payload=setting.payload,
-        plant=setting.plant,
-        specimen=setting.specimen,
-        pose=setting.pose,
-        worksite=setting.worksite,
-        chain=setting.chain,
-        hand_controller=setting.hand_controller,
-    )
+    shared = ("name", "variant", "payload", "plant", "specimen", "pose", "worksite", "chain", "hand_controller")
+    values: dict[str, Any] = {name: getattr(setting, name) for name in shared}
+    first = MultisineExperiment(axes=tuple(setting.axes), multisines=multisines, **values)
     records = [(r, e) for r in range(multisines.realisations) for e in range(len(first.axes))]
     # 63 bits: what a record's file can hold.
     seeds = np.random.SeedSequence([setting.seed, 5]).generate_state(len(records), np.uint64) >> np.uint64(1)
@@ -259,7 +228,7 @@ def multisine_experiments(setting: Experiment, multisines: Multisines) -> tuple[
     )
 
 
-def _resolved(setting: Experiment) -> float:
-    """The angle that half a count of the coarsest converter that rounds stands for, rad: less is rounded to nothing."""
+def _resolution(setting: Experiment) -> float:
+    """Return half a count of the coarsest converter that rounds, as an angle, rad: smaller ones are rounded to zero."""
     converters = ((setting.chain.dac, BOARD.dac_step), (setting.chain.adc, setting.hand_controller.adc_step))
     return 0.5 * setting.hand_controller.gain * max((step for rounds, step in converters if rounds), default=0.0)

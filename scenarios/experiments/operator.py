@@ -1,4 +1,4 @@
-"""A scripted operator at the hand controller, who moves the stick in discrete movements and watches the forces."""
+"""Scripted operator at the hand controller: moves the stick in discrete movements and watches the forces."""
 
 from collections import deque
 from dataclasses import dataclass
@@ -17,12 +17,12 @@ PEAK = 1.875
 
 @dataclass(frozen=True)
 class Submovement:
-    """A minimum-jerk movement, `v(t) = d / T 30 s^2 (1 - s)^2` with `s = t / T` [FlashHogan1985, eq. 5].
+    """Minimum-jerk movement, `v(t) = d / T 30 s^2 (1 - s)^2` with `s = t / T` [FlashHogan1985, eq. 5].
 
     Attributes:
-        distance: How far it goes along each direction (n,), m or rad.
-        start: When it starts, s.
-        duration: How long it takes, s.
+        distance: Distance along each direction (n,), m or rad.
+        start: Start time, s.
+        duration: Duration, s.
     """
 
     distance: np.ndarray
@@ -36,7 +36,7 @@ class Submovement:
 
     @property
     def end(self) -> float:
-        """When it ends, s."""
+        """End time, s."""
         return self.start + self.duration
 
 
@@ -52,18 +52,18 @@ class Step:
     """One step of a script.
 
     Attributes:
-        name: Of the phase it belongs to.
-        target: Where to bring the tool, or the unit where it is carried; None: onto the unit, wherever it is.
-        carry: Whether the unit is watched instead of the tool.
+        name: Name of its phase.
+        target: Target pose of the tool, or of the unit where it is carried; None for the unit, wherever it is.
+        carry: Whether the operator watches the unit instead of the tool.
         near: Distance at which the target counts as reached, m.
-        aside: Distance across the tool's axis at which it does, m; as `near` where none is given.
-        turn: Angle at which it does, rad.
+        aside: The same across the tool's axis, m; `near` by default.
+        turn: Angle at which the target counts as reached, rad.
         speed: Peak speed, m/s.
         stride: Longest submovement, m.
-        touching: Whether contact is expected: the force display is watched, the stick gives way sideways and backs off
-            from too much, and resistance near the target is taken for the target.
-        closed: Whether the end effector is to be closed.
-        pause: How long to wait once the target is reached, s.
+        touching: Whether contact is expected: the operator watches the force display, yields sideways, backs off from
+            large forces, and takes resistance near the target for the target.
+        closed: Whether the end effector closes at the target.
+        pause: Waiting time at the target, s.
     """
 
     name: str
@@ -81,21 +81,21 @@ class Step:
 
 @dataclass(frozen=True)
 class Skill:
-    """How well the operator sees and moves; assumed, within what is measured of people.
+    """Perception and movement of the operator; assumed, within what is measured of people.
 
     Attributes:
         reaction: Time from seeing to moving, s.
         blur: Standard deviation of a seen distance close up, m.
         tilt: Standard deviation of a seen angle, rad.
-        weber: Further standard deviation, part of what is seen.
-        spread: Standard deviation of a movement's length, part of its length.
-        stray: Standard deviation of its sideways miss, part of its length.
+        weber: Further standard deviation, as a fraction of the seen distance or angle.
+        spread: Standard deviation of a movement's length, as a fraction of it.
+        stray: Standard deviation of its sideways error, as a fraction of its length.
         quickest: Shortest movement, s.
         turning: Peak angular speed, rad/s.
         yields_at: Force beyond which the operator stops and backs off, N.
-        resistance: Force that tells, near the target, that something stands in its seat, N.
-        stiffness: What the operator takes for the arm's stiffness, N/m: so far the stick gives way to a force.
-        recoil: How far beyond that it backs off along the tool, m.
+        resistance: Force near the target that shows that the unit stands in its seat, N.
+        stiffness: The operator's estimate of the arm's stiffness, N/m: the stick yields by force over stiffness.
+        recoil: Additional distance of backing off along the tool, m.
     """
 
     reaction: float = 0.25
@@ -118,8 +118,8 @@ class ScriptedOperator:
     Args:
         script: The steps, in order.
         gains: Velocity per volt of the six axes, m/(s V) and rad/(s V).
-        seed: Of blur and misses.
-        skill: How well the operator sees and moves.
+        seed: Seed of the operator's errors.
+        skill: Perception and movement.
     """
 
     def __init__(self, script: tuple[Step, ...], gains: np.ndarray, seed: int, skill: Skill | None = None) -> None:
@@ -137,11 +137,11 @@ class ScriptedOperator:
 
     @property
     def phase(self) -> str:
-        """Name of the step at hand."""
+        """Name of the current step."""
         return self._script[min(self._index, len(self._script) - 1)].name
 
     def move(self, view: View) -> Motion:
-        """Look, and move the stick; called once per tick."""
+        """Return the stick motion of a tick from what the operator sees; called once per tick."""
         self._seen.append(view)
         seen, time = self._seen[0], view.time
         if self._index >= len(self._script):
@@ -162,7 +162,7 @@ class ScriptedOperator:
         skill = self._skill
         if self._reached is not None:
             if step.closed and seen.unit is not None and not seen.unit.held:
-                # The fingers closed about nothing: open, look again.
+                # The fingers missed the unit: open them and look again.
                 self._grip, self._reached, self._look_at = False, None, time + 2.0 * skill.reaction
             elif time >= self._reached + step.pause:
                 self._index, self._reached = self._index + 1, None
@@ -172,20 +172,22 @@ class ScriptedOperator:
         aside = step.near if step.aside is None else step.aside
         stands = abs(offset[0]) < 2.0 * step.near and np.linalg.norm(force) > skill.resistance
         if stands and not self._eased:
-            # Against its stop: first the load is taken off.
+            # The unit stands on its seat: take the load off before releasing it.
             self._eased = True
             self._start(force / skill.stiffness, np.zeros(3), step, time)
             self._yielding = True
             return
-        there = abs(offset[0]) <= step.near and np.abs(offset[1:]).max() <= aside and np.abs(turn).max() <= step.turn
-        if self._eased or there:
+        at_target = (
+            abs(offset[0]) <= step.near and np.abs(offset[1:]).max() <= aside and np.abs(turn).max() <= step.turn
+        )
+        if self._eased or at_target:
             self._reached, self._grip, self._eased = time, step.closed, False
-            # The eyes must have seen what the fingers did.
+            # The operator sees the result of a grip only after the reaction time.
             self._look_at = time + 1.5 * skill.reaction
             return
         turn = np.where(np.abs(turn) > 0.5 * step.turn, turn, 0.0)
         if step.touching:
-            # Sideways the stick gives way to what pushes, and leaves a little to the guides.
+            # Sideways the stick yields to contact forces and leaves small offsets to the guides.
             seen_aside = np.where(np.abs(offset[1:]) > 0.5 * aside, offset[1:], 0.0)
             pushed = np.abs(force[1:]) > 0.3 * skill.resistance
             offset[1:] = np.where(pushed, force[1:] / skill.stiffness, seen_aside)
@@ -205,19 +207,19 @@ class ScriptedOperator:
         self._yielding = False
 
     def _back_off(self, step: Step, seen: View, time: float) -> None:
-        """Give way to what pushes, whichever way, and a little more along the tool."""
+        """Yield to the contact force in every direction, and a little more along the tool."""
         away = self._force(seen) / self._skill.stiffness
         away[0] += np.copysign(self._skill.recoil, away[0])
         self._start(away, np.zeros(3), step, time)
         self._yielding = True
 
     def _force(self, seen: View) -> np.ndarray:
-        """What pushes against the tool, in its frame (3,), N: the display leaves out the weight that it knows."""
+        """Return the contact force on the tool, in its frame (3,), N: the wrist force less the known weight."""
         mass = LINKS["end_effector"].mass + (UNIT.mass if seen.unit and seen.unit.held else 0.0)
         return np.asarray(mass * GRAVITY * seen.tool_rotation[2] - seen.wrench[:3])
 
     def _error(self, step: Step, seen: View) -> tuple[np.ndarray, np.ndarray]:
-        """Way and turn that seem to be left, in the tool frame (3,), m, and (3,), rad."""
+        """Return offset (3,), m, and rotation (3,), rad, to the target as the operator sees them, in the tool frame."""
         unit = seen.unit
         place, frame = (
             (unit.position, unit.rotation) if step.carry and unit else (seen.tool_position, seen.tool_rotation)

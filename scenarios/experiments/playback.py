@@ -1,4 +1,4 @@
-"""Replay of logs: from a file or simulated now, in MuJoCo's viewer."""
+"""Replay of logs, from a file or simulated on the spot, in MuJoCo's viewer."""
 
 import os
 import sys
@@ -10,12 +10,15 @@ from typing import Any
 import mujoco
 import numpy as np
 
-from hmtb_twin import JointLog, load_arm, simulate
+from hmtb_twin import JOINTS, JointLog, load_arm, simulate
 from hmtb_twin.arm.rendering import scene_model
-from hmtb_twin.parameters.values import JOINTS, OPERATING_POSE
+from hmtb_twin.parameters.values import OPERATING_POSE
 from scenarios.experiments.logged_arm import pictured_arm
 from scenarios.experiments.registry import load
 from scenarios.files.errors import ScenarioError
+
+REFRESH = 1.0 / 60.0
+"""Shortest time between two pictures, s."""
 
 
 def load_or_simulate(name: str, *, seed: int | None = None, duration: float | None = None) -> JointLog:
@@ -25,9 +28,6 @@ def load_or_simulate(name: str, *, seed: int | None = None, duration: float | No
         name: A file that ends in `.nc`, else a registered scenario or a TOML file, which is simulated.
         seed: Draws other noise, for a scenario.
         duration: Length instead of the scenario's own, s.
-
-    Returns:
-        The log.
 
     Raises:
         ScenarioError: There is no such scenario, a seed for a file, or the simulation failed.
@@ -43,13 +43,9 @@ def load_or_simulate(name: str, *, seed: int | None = None, duration: float | No
     if seed is not None:
         scenario = scenario.reseeded(seed)
     result = simulate([scenario])
-    for failed, why in result.failed.items():
-        raise ScenarioError(f"{failed}: {why}")
+    for label, reason in result.failed.items():
+        raise ScenarioError(f"{label}: {reason}")
     return result.logs[0]
-
-
-REFRESH = 1.0 / 60.0
-"""Shortest time between two pictures, s."""
 
 
 def show(payload: str) -> None:
@@ -66,30 +62,29 @@ def show(payload: str) -> None:
 
 
 def play(log: JointLog, *, speed: float = 1.0, loop: bool = False) -> None:
-    """Play a log back in the viewer; returns at its end, or when the window is closed.
+    """Play a log in the viewer; returns at its end, or when the window is closed.
 
     Args:
-        log: What happened.
+        log: The log.
         speed: Seconds of the experiment per second.
-        loop: Whether to begin again at the end.
+        loop: Whether to start again at the end.
 
     Raises:
         ScenarioError: No display.
     """
     viewer = _viewer()
-    arm = pictured_arm(log)
-    model = scene_model(arm)
+    model = scene_model(pictured_arm(log))
     data = mujoco.MjData(model)
     with viewer.launch_passive(model, data, show_left_ui=False, show_right_ui=False) as window:
         with window.lock():
             mujoco.mjv_defaultFreeCamera(model, window.cam)
-        begun = perf_counter()
+        start = perf_counter()
         while window.is_running():
-            time = (perf_counter() - begun) * speed
+            time = (perf_counter() - start) * speed
             if time > len(log) * log.dt:
                 if not loop:
                     return
-                begun, time = perf_counter(), 0.0
+                start, time = perf_counter(), 0.0
             _pose(model, data, log, min(int(time / log.dt), len(log) - 1))
             window.sync()
             sleep(REFRESH)
@@ -104,21 +99,12 @@ def _pose(model: mujoco.MjModel, data: mujoco.MjData, log: JointLog, tick: int) 
 
 
 def check_display() -> None:
-    """Refuse before the work for a window that cannot open.
-
-    Raises:
-        ScenarioError: There is no display to open a window on.
-    """
+    """Raise `ScenarioError` where there is no display to open a window on, before any work is done for it."""
     if sys.platform == "linux" and not (os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY")):
-        raise ScenarioError("no display here, so no window for the viewer; hmtb video films without one")
+        raise ScenarioError("no display here, so no window for the viewer; hmtb video makes films without one")
 
 
 def _viewer() -> Any:
-    """MuJoCo's viewer module.
-
-    Raises:
-        ScenarioError: There is no display to open a window on.
-    """
     check_display()
     import mujoco.viewer
 

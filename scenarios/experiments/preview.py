@@ -1,4 +1,4 @@
-"""Preview of the commands of an experiment before anything moves [Morris1996, sec. II.3]."""
+"""Preview of the commands of an experiment before the arm moves [Morris1996, sec. II.3]."""
 
 from dataclasses import dataclass, replace
 
@@ -17,45 +17,38 @@ from scenarios.files.errors import ScenarioError
 
 
 def deadband_warning(scenario: Scenario) -> str | None:
-    """Say that an excitation is too small to command anything, noise and bias of the wires apart.
-
-    Args:
-        scenario: The experiment.
-
-    Returns:
-        One line, or None where the stick moves, or an operator moves it.
-    """
+    """Return one line if the excitation stays within the deadband or one count, so that nothing moves; else None."""
     if not scenario.excitation or scenario.has_own_operator:
         return None
     reach, interface = float(np.abs(scenario.volts()).max()), scenario.hand_controller
     if interface.deadband > 0.0 and reach <= interface.deadband:
-        passes = f"within the deadband of {interface.deadband:g} V"
+        extent = f"within the deadband of {interface.deadband:g} V"
     elif scenario.chain.adc and reach <= interface.adc_step:
-        passes = f"by no more than one count of {1e3 * interface.adc_step:.3g} mV"
+        extent = f"by no more than one count of {1e3 * interface.adc_step:.3g} mV"
     else:
         return None
-    return f"the excitation moves the stick {passes}: no joint is commanded to move, but for noise and bias"
+    return f"the excitation moves the stick {extent}: no joint is commanded to move, but for noise and bias"
 
 
 @dataclass(frozen=True, eq=False)
 class Preview:
-    """What an experiment will command.
+    """Commands that an experiment will give.
 
     Attributes:
-        scenario: The experiment; N is its length, or where an emergency shutdown ends what can be foreseen.
-        asked: What the files ask of the excitation computer's converter (N, n_axes), V.
+        scenario: The experiment; N is its length, or that up to its first emergency shutdown.
+        requested: Voltages that the files request of the excitation computer's converter (N, n_axes), V.
         volts: Voltage at the hand-controller converter, with bias and noise (N, n_axes), V.
         commands: Joint commands (N, 7), rad, as a simulation of the experiment logs them.
-        tool: Where the commands take the tool, from where it stands, in its frame there (N, 3), m.
-        turn: Largest angle by which they turn the tool, rad.
+        tool: Commanded displacement of the tool from its start, in its frame there (N, 3), m.
+        turn: Largest commanded rotation of the tool, rad.
         status: What was limited at each tick, bits of `Status` (N,).
         velocity_limits: Velocity limit of each joint's command (7,), rad/s.
-        inputs: How independently several joints move; None where the experiment is for one, or moves one.
-        power_off: When the servos first lose power, s; None where they never do.
+        inputs: Independence of the commands of several joints; None if the experiment moves only one.
+        power_off: First emergency shutdown, s; None without one.
     """
 
     scenario: Scenario
-    asked: np.ndarray
+    requested: np.ndarray
     volts: np.ndarray
     commands: np.ndarray
     tool: np.ndarray
@@ -67,7 +60,7 @@ class Preview:
 
     @property
     def duration(self) -> float:
-        """How much of the experiment is previewed, s."""
+        """Length of the preview, s."""
         return len(self.commands) * SAMPLE_TIME
 
     @property
@@ -81,31 +74,31 @@ class Preview:
         return tuple(name for name, reach in zip(JOINTS, np.ptp(self.commands, axis=0), strict=True) if reach > STILL)
 
     def peak_rate(self, joint: str) -> float:
-        """Largest rate of a joint's command, rad/s."""
+        """Return the largest rate of a joint's command, rad/s."""
         return float(np.abs(self.rates[:, JOINTS.index(joint)]).max(initial=0.0))
 
     def margin(self, joint: str) -> float:
-        """Least distance of a joint's command from the ends of its range, rad."""
+        """Return the smallest distance of a joint's command from the ends of its range, rad."""
         command, motion = self.commands[:, JOINTS.index(joint)], MOTIONS[joint]
         return float(min(command.min() - motion.lower, motion.upper - command.max()))
 
     def share(self, flag: Status) -> float:
-        """Share of the ticks with a flag, between 0 and 1."""
+        """Return the fraction of ticks with a flag."""
         return float(np.mean((self.status & flag) != 0))
 
     @property
     def velocity_limited(self) -> float:
-        """Share of the ticks in which a joint's command moves as fast as its limit allows."""
+        """Fraction of ticks at which a joint's command moves at its velocity limit."""
         return self.share(Status.VELOCITY_LIMITED)
 
     @property
     def dac_clipped(self) -> float:
-        """Share of the samples that ask for more than the excitation computer's converter gives."""
-        return float(np.mean(BOARD.exceeds_range(self.asked)))
+        """Fraction of samples beyond the range of the excitation computer's converter."""
+        return float(np.mean(BOARD.exceeds_range(self.requested)))
 
     @property
     def deflection(self) -> float:
-        """Largest distance of the tool from where it stands, m."""
+        """Largest distance of the tool from its start, m."""
         return float(np.linalg.norm(self.tool, axis=1).max())
 
     @property
@@ -114,7 +107,7 @@ class Preview:
         return tuple(entry.waveform().order_of_excitation() for entry in self.scenario.excitation)
 
     def warnings(self) -> tuple[str, ...]:
-        """What somebody should know before the arm moves, one line each."""
+        """Return what the operator should know before the arm moves, one line each."""
         texts = []
         if self.power_off is not None:
             texts.append(
@@ -122,14 +115,14 @@ class Preview:
             )
         if (text := deadband_warning(self.scenario)) is not None:
             texts.append(text)
-        for flag, what in (
+        for flag, meaning in (
             (Status.JOINT_LIMITED, "of the ticks a joint stands at an end of its range"),
             (Status.SINGULAR, "of the ticks the tool lags because the pose is near singular"),
             (Status.CONVERTER_SATURATED, "of the ticks the hand controller's converter stands at an end of its range"),
             (Status.VELOCITY_LIMITED, "of the ticks a joint moves at its velocity limit, slower than asked"),
         ):
             if share := self.share(flag):
-                texts.append(f"{100 * share:.3g} % {what}")
+                texts.append(f"{100 * share:.3g} % {meaning}")
         if self.dac_clipped:
             texts.append(
                 f"{100 * self.dac_clipped:.3g} % of the samples ask for more than the ±{BOARD.dac_range:g} V of the "
@@ -144,50 +137,47 @@ class Preview:
 
 
 def preview(scenario: Scenario) -> Preview:
-    """Compute what an experiment will command, up to the first emergency shutdown in it.
+    """Compute the commands of an experiment without physics, equal to the bit, up to its first emergency shutdown.
 
     Args:
         scenario: The experiment.
 
-    Returns:
-        Its commands to the bit, without physics.
-
     Raises:
-        ScenarioError: An operator moves the stick: he looks at the arm, so there is nothing to know beforehand.
-        TwinError: The experiment asks for something that the laboratory does not have.
+        ScenarioError: An operator moves the stick: the commands depend on the arm and cannot be known beforehand.
+        TwinError: The laboratory lacks something that the experiment needs.
     """
     if scenario.operator() is not None:
         raise ScenarioError(
-            f"{scenario.name}: an operator who looks at the arm moves the stick; expected an excitation: what he does "
-            f"shows in: hmtb simulate {scenario.name}"
+            f"{scenario.name}: an operator who looks at the arm moves the stick; expected an excitation; to see what "
+            f"the operator does: hmtb simulate {scenario.name}"
         )
     arm = load_arm(scenario.variant, scenario.payload, worksite=scenario.worksite)
-    # The draws of a simulation: bias and noise are those that it will have.
-    wires = np.random.default_rng(scenario.seed).spawn(2)[0]
-    station = ControlStation(scenario, arm, wires)
-    power_off = scenario.shutdown[0] if scenario.shutdown else None
-    if power_off is not None:
-        # After the check of its times; commands before the first of them are those without it.
-        wires = np.random.default_rng(scenario.seed).spawn(2)[0]
-        ticks = max(1, int(station.powered.argmin()))
-        station = ControlStation(replace(scenario, shutdown=()), arm, wires)
-    else:
-        ticks = station.ticks
+
+    def control_station(experiment: Scenario) -> ControlStation:
+        # The generator of a simulation, so that bias and noise are those that it will have.
+        return ControlStation(experiment, arm, np.random.default_rng(scenario.seed).spawn(2)[0])
+
+    station = control_station(scenario)
+    ticks, power_off = station.ticks, None
+    if scenario.shutdown:
+        # Before the first shutdown the commands are those without it; its times were checked above.
+        ticks, power_off = max(1, int(station.powered.argmin())), scenario.shutdown[0]
+        station = control_station(replace(scenario, shutdown=()))
     commands = station.commands[:ticks]
-    places, rotations = arm.controller.tool_path(commands)
+    positions, rotations = arm.controller.tool_path(commands)
     home, frame = arm.controller.tool_pose(arm.pose(scenario.pose))
     # Trace of a rotation by an angle: 1 + 2 cos; small angles need the sine, |R - R0| = 2 sqrt(2) sin(angle / 2).
     turned = np.linalg.norm(rotations - frame, axis=(1, 2)).max() / np.sqrt(8.0)
-    asked = [entry.requested_volts(scenario.duration)[:ticks] for entry in scenario.excitation]
+    requested = [entry.requested_volts(scenario.duration)[:ticks] for entry in scenario.excitation]
     joints = moved_joints(scenario)
     start = round(SETTLING / SAMPLE_TIME)
     settled = commands[start if ticks > 2 * start else 0 :]
     return Preview(
         scenario=scenario,
-        asked=np.hstack(asked * len(scenario.axes) if len(asked) == 1 else asked),
+        requested=np.hstack(requested * len(scenario.axes) if len(requested) == 1 else requested),
         volts=station.volts[:ticks],
         commands=commands,
-        tool=(places - home) @ frame,
+        tool=(positions - home) @ frame,
         turn=float(2.0 * np.arcsin(min(turned, 1.0))),
         status=station.status[:ticks],
         velocity_limits=arm.velocity_limits,

@@ -12,56 +12,37 @@ from sysid.plots.palette import BOUND, GRID, INK, PALETTE
 
 
 def waveform_figure(waveform: Waveform) -> Figure:
-    """The 100 points over time and the power of each spectral line [Morris1996, fig. 11 to 16].
-
-    Args:
-        waveform: The file.
-
-    Returns:
-        The figure.
-    """
+    """Draw the 100 points over time and the power of each spectral line [Morris1996, fig. 11 to 16]."""
     figure = Figure(figsize=(7.0, 4.6), layout="constrained")
     upper, lower = figure.subplots(2, 1)
     time = np.arange(len(waveform.points) + 1) / waveform.update_rate
     colour = PALETTE["armax"].colour
     upper.step(time, np.append(waveform.points, waveform.points[0]), where="post", color=colour, lw=1.2)
     upper.set(xlabel="time / s", ylabel="voltage / V", xlim=(0, waveform.period))
-    psd = waveform.psd()
-    shown = psd.density > 1e-12 * psd.density.max()
-    floor = 0.3 * psd.density[shown].min()
-    lower.vlines(psd.frequency[shown], floor, psd.density[shown], color=colour, lw=1.6)
-    lower.plot(psd.frequency[shown], psd.density[shown], "o", ms=3, color=colour)
+    frequency, density = waveform.psd()
+    lines = density > 1e-12 * density.max()
+    lower.vlines(frequency[lines], 0.3 * density[lines].min(), density[lines], color=colour, lw=1.6)
+    lower.plot(frequency[lines], density[lines], "o", ms=3, color=colour)
     lower.set(yscale="log", xlabel="frequency / Hz", ylabel="density / (V²/Hz)")
     lower.set_xlim(-0.01 * waveform.update_rate, 0.51 * waveform.update_rate)
-    for axes in (upper, lower):
-        axes.grid(True, color=GRID, lw=0.6)
-        axes.set_axisbelow(True)
-        for side in ("top", "right"):
-            axes.spines[side].set_visible(False)
+    _style(upper, lower)
     title = f"{waveform.kind.replace('_', ' ')}: one period, order of excitation {waveform.order_of_excitation()}"
     figure.suptitle(title, x=0.01, ha="left", fontsize=11)
     return figure
 
 
 COLOURS = ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e69f00", "#56b4e9", "#000000")
-"""Okabe and Ito's palette, one for each joint or axis."""
+"""Okabe and Ito's palette, one colour for each joint or axis."""
 
 LINES = ("-", "--", "-.", ":", (0, (3, 1, 1, 1)), (0, (1, 1)), "-")
-"""So that a print in grey tells the lines apart."""
+"""Line styles, which keep the lines distinct in a grey print."""
 
 WINDOW = 8.0
-"""What the screen shows, s: four repetitions of a file."""
+"""Length drawn, s: four repetitions of a file."""
 
 
 def preview_figure(preview: Preview) -> Figure:
-    """Draw the first seconds of what an experiment will command.
-
-    Args:
-        preview: The preview.
-
-    Returns:
-        The figure.
-    """
+    """Draw the first seconds of the commands of an experiment: volts, angles, rates and tool."""
     count = min(len(preview.commands), round(WINDOW / SAMPLE_TIME))
     time = np.arange(count) * SAMPLE_TIME
     moving = preview.moving
@@ -84,24 +65,27 @@ def preview_figure(preview: Preview) -> Figure:
     for number, axis in enumerate("xyz"):
         _line(tool, time, 1000.0 * preview.tool[:count, number], number, axis)
     tool.set(ylabel="tool, own frame / mm", xlabel="time / s", xlim=(0.0, max(time[-1], SAMPLE_TIME)))
+    _style(volts, angles, rates, tool)
     for axes in (volts, angles, rates, tool):
-        axes.grid(True, color=GRID, lw=0.6)
-        axes.set_axisbelow(True)
         axes.tick_params(labelsize=8, colors=INK)
-        for side in ("top", "right"):
-            axes.spines[side].set_visible(False)
         if axes.get_legend_handles_labels()[0] and axes is not rates:
             axes.legend(loc="center left", bbox_to_anchor=(1.0, 0.5), fontsize=8, frameon=False)
     rates.annotate("dashed: limit", (1.01, 0.5), xycoords="axes fraction", fontsize=8, color=BOUND.colour, va="center")
     limited = 100.0 * preview.velocity_limited
     figure.suptitle(
-        f"{preview.scenario.name}: what will be commanded, first {count * SAMPLE_TIME:g} s; {limited:.3g} % at the "
-        "velocity limit",
+        f"{preview.scenario.name}: commands, first {count * SAMPLE_TIME:g} s; {limited:.3g} % at the velocity limit",
         x=0.01,
         ha="left",
         fontsize=11,
     )
     return figure
+
+
+def _style(*panels: Axes) -> None:
+    for axes in panels:
+        axes.grid(True, color=GRID, lw=0.6)
+        axes.set_axisbelow(True)
+        axes.spines[["top", "right"]].set_visible(False)
 
 
 def _line(axes: Axes, time: np.ndarray, values: np.ndarray, number: int, label: str) -> None:

@@ -1,7 +1,7 @@
 """Exchange of the replacement unit (RPCM): the operator's scripts, the tasks, and the outcome from the log."""
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cache
 from math import acos, radians
 from types import MappingProxyType
@@ -9,7 +9,7 @@ from types import MappingProxyType
 import mujoco
 import numpy as np
 
-from hmtb_twin import HandController, JointLog, Operator, Status, load_arm
+from hmtb_twin import Experiment, HandController, JointLog, Operator, Status, load_arm
 from hmtb_twin.control.modes import TOOL_AXES, axis_gains
 from hmtb_twin.parameters.payloads import SEATS, UNIT, Seat
 from hmtb_twin.parameters.values import OPERATING_POSE
@@ -28,19 +28,20 @@ def approach_point() -> Pose:
 
 
 def rpcm_script() -> tuple[Step, ...]:
-    """Return the steps of the whole task.
+    """Return the steps of the whole exchange.
 
-    The operator takes hold of the unit in its holster, draws it out to the approach point, holds there, brings it to
-    the receptacle, aligns and inserts it and lets it go; then takes hold of it again, extracts it and returns.
+    The operator grips the unit in its holster, draws it out to the approach point, holds there, brings it to the
+    receptacle, aligns, inserts and releases it; then grips it again, extracts it and returns.
     """
     approach = approach_point()
     holster, receptacle = SEATS["holster"], SEATS["receptacle"]
     over = _over(receptacle)
+    grip = Step(
+        "grip", None, near=0.0025, turn=radians(3.0), speed=0.03, stride=0.04, touching=True, closed=True, pause=0.8
+    )
     return (
         Step("approach", _above(holster, CLEAR)),
-        Step(
-            "grip", None, near=0.0025, turn=radians(3.0), speed=0.03, stride=0.04, touching=True, closed=True, pause=0.8
-        ),
+        grip,
         Step("draw out", approach, closed=True, speed=0.06, stride=0.06, near=0.008, touching=True),
         Step("hold", approach, closed=True, near=0.006, pause=5.0),
         Step("transfer", over, carry=True, closed=True, near=0.008, speed=0.08, pause=1.5),
@@ -67,24 +68,14 @@ def rpcm_script() -> tuple[Step, ...]:
         ),
         Step("release", None, near=0.01, touching=True, pause=1.0),
         Step("withdraw", _above(receptacle, CLEAR), near=0.006, speed=0.05, pause=5.0),
-        Step(
-            "grip again",
-            None,
-            near=0.0025,
-            turn=radians(3.0),
-            speed=0.03,
-            stride=0.04,
-            touching=True,
-            closed=True,
-            pause=0.8,
-        ),
+        replace(grip, name="grip again"),
         Step("extract", over, carry=True, closed=True, speed=0.05, stride=0.06, near=0.01, touching=True),
         Step("return", approach, closed=True, near=0.006, speed=0.08),
     )
 
 
 def unloaded_script() -> tuple[Step, ...]:
-    """Return the same way with the empty end effector: the unit stays in its holster."""
+    """Return the steps of the same motion with an empty end effector: the unit stays in its holster."""
     receptacle = SEATS["receptacle"]
     approach, over = approach_point(), _over(receptacle)
     return (
@@ -111,16 +102,16 @@ def _over(seat: Seat) -> Pose:
 HOLSTER, RECEPTACLE = SEATS["holster"], SEATS["receptacle"]
 
 DEPTH = 0.002
-"""A unit that stands no further than this above the floor of its seat is inserted, m."""
+"""Largest height of an inserted unit above the floor of its seat, m."""
 
 TILT = 0.04
-"""And leans or is turned by no more than this, rad: a little over what the clearance allows."""
+"""Largest tilt or turn of an inserted unit, rad: a little more than the clearance allows."""
 
 HARD = 200.0
-"""A contact force above it is worth a word wherever it arises, N."""
+"""Contact force above which a warning is given wherever it arises, N."""
 
 ASIDE = 0.02
-"""Over a seat, or at the approach point: no further from it than this, m."""
+"""Largest distance of a unit that counts as over a seat, or at the approach point, m."""
 
 PHASES = ("approach", "draw out", "hold", "transfer", "align", "insert", "release", "extract", "return")
 """The phases of the exchange, in order."""
@@ -131,15 +122,15 @@ class RpcmOutcome:
     """Outcome of one exchange.
 
     Attributes:
-        inserted: Whether the unit stood in the receptacle, released, until the end effector took hold of it again.
+        inserted: Whether the released unit stood in the receptacle until it was gripped again.
         returned: Whether the end effector brought it back to the holster-out approach point.
-        phases: Start and end of every phase that came to its end, s.
+        phases: Start and end of every completed phase, s.
         height: Of the released unit above the floor of its seat, m; NaN if it was never released.
         aside: Its distance from the middle of the seat, m.
         tilt: Its angle to the seat, rad.
         peak_contact_force: Largest sum of normal forces between unit and worksite from its entry between the
             receptacle's guides to its release, N.
-        largest_contact_force: The largest of the whole record, taking hold and letting go included, N.
+        largest_contact_force: The largest of the whole record, gripping and releasing included, N.
     """
 
     inserted: bool
@@ -153,7 +144,7 @@ class RpcmOutcome:
 
     def __str__(self) -> str:
         if "insert" not in self.phases:
-            return f"not inserted, the unit was not released; {', '.join(self.phases) or 'nothing'} done"
+            return f"not inserted, the unit was not released; completed: {', '.join(self.phases) or 'nothing'}"
         verdict = "inserted" if self.inserted else "not inserted"
         stands = f"{_millimetres(self.height)} mm above its seat, {_millimetres(self.aside)} mm aside"
         back = f"back at {self.phases['return'][1]:.1f} s" if self.returned else "not brought back"
@@ -164,26 +155,26 @@ class RpcmOutcome:
         )
 
     def warning(self) -> str | None:
-        """One line where a large contact force arose elsewhere than at the insertion, else None."""
+        """Return one line if a large contact force arose outside the insertion, else None."""
         if self.largest_contact_force <= max(HARD, self.peak_contact_force):
             return None
         return (
             f"the largest contact force, {self.largest_contact_force:.0f} N, arose outside the insertion: "
-            "taking hold, drawing out, letting go or a collision"
+            "gripping, drawing out, releasing or a collision"
         )
 
     def summary(self) -> dict[str, object]:
-        """Return the outcome as what JSON holds."""
+        """Return the outcome as plain values for JSON."""
         return {**vars(self), "phases": {name: list(times) for name, times in self.phases.items()}}
 
 
 def rpcm_outcome(log: JointLog) -> RpcmOutcome:
-    """Judge an exchange of the replacement unit.
+    """Evaluate an exchange of the replacement unit.
 
-    A phase ends where the log shows it: *approach* when the end effector takes hold of the unit, *draw out* when the
-    unit is clear of the holster, *hold* when it leaves the approach point, *transfer* over the receptacle, *align*
-    between its guides, *insert* at its release, *release* when it is taken hold of again, *extract* when it is clear of
-    the guides, *return* at the approach point.
+    A phase ends where the log shows it: *approach* when the end effector grips the unit, *draw out* when the unit is
+    clear of the holster, *hold* when it leaves the approach point, *transfer* over the receptacle, *align* between its
+    guides, *insert* at its release, *release* when it is gripped again, *extract* when it is clear of the guides,
+    *return* at the approach point.
 
     Args:
         log: A record at the worksite.
@@ -197,21 +188,21 @@ def rpcm_outcome(log: JointLog) -> RpcmOutcome:
     if log.unit_pose is None or log.contact_force is None:
         raise ScenarioError(f"{log.name}: no replacement unit in this log; expected an experiment at the worksite")
     position, force = log.unit_pose[:, :3], log.contact_force
-    ends = _in_turn(*_events(log, position))
+    ends = _first_ticks(*_phase_ends(log, position))
     times = [0.0, *(end * log.dt for end in ends)]
     height, aside, tilt, peak = np.nan, np.nan, np.nan, 0.0
     if len(ends) >= PHASES.index("insert"):
         entered, released = ends[PHASES.index("align")], ends[PHASES.index("insert") :][:1]
-        # The force of a tick is that since the tick before: at the release it is still that of the insertion.
+        # A tick holds the largest force since the tick before: at the release it still belongs to the insertion.
         peak = float(force[entered : released[0] + 1 if released else None].max())
     if len(ends) > PHASES.index("insert"):
-        taken = ends[PHASES.index("release") :][:1]
-        last = taken[0] - 1 if taken else len(log) - 1
+        gripped = ends[PHASES.index("release") :][:1]
+        last = gripped[0] - 1 if gripped else len(log) - 1
         height, tilt = (
-            float(_above_rpcm_outcome(position, RECEPTACLE)[last]),
+            float(_height(position, RECEPTACLE)[last]),
             _angle(log.unit_pose[last, 3:], RECEPTACLE),
         )
-        aside = float(_away(position, RECEPTACLE)[last])
+        aside = float(_offset(position, RECEPTACLE)[last])
     return RpcmOutcome(
         inserted=bool(height <= DEPTH and aside <= 2.0 * RECEPTACLE.clearance and tilt <= TILT),
         returned=len(ends) == len(PHASES),
@@ -225,19 +216,19 @@ def rpcm_outcome(log: JointLog) -> RpcmOutcome:
 
 
 def _millimetres(value: float) -> str:
-    """A length in m as mm with one digit, without the sign of a zero."""
+    """Return a length in m as mm with one digit, without the sign of a zero."""
     return f"{round(1e3 * value, 1) + 0.0:.1f}"
 
 
-def _events(log: JointLog, position: np.ndarray) -> tuple[np.ndarray, ...]:
-    """Whether each phase's end can be seen at each tick, phase by phase, (N,) each."""
+def _phase_ends(log: JointLog, position: np.ndarray) -> tuple[np.ndarray, ...]:
+    """Return for each phase the ticks at which its end condition holds, (N,) each."""
     held = (log.status & Status.UNIT_HELD) > 0
     beside = np.linalg.norm(position - approach_point()[0], axis=1) > ASIDE
-    over = _away(position, RECEPTACLE) <= ASIDE
-    above = _above_rpcm_outcome(position, RECEPTACLE)
+    over = _offset(position, RECEPTACLE) <= ASIDE
+    above = _height(position, RECEPTACLE)
     return (
         held,
-        held & (_above_rpcm_outcome(position, HOLSTER) > HOLSTER.mouth),
+        held & (_height(position, HOLSTER) > HOLSTER.mouth),
         held & beside & (np.cumsum(held & ~beside) > 0),
         held & over,
         held & over & (above < RECEPTACLE.mouth),
@@ -248,30 +239,30 @@ def _events(log: JointLog, position: np.ndarray) -> tuple[np.ndarray, ...]:
     )
 
 
-def _away(position: np.ndarray, seat: Seat) -> np.ndarray:
-    """Distance of the unit from the middle of a seat, across it (N,), m."""
+def _offset(position: np.ndarray, seat: Seat) -> np.ndarray:
+    """Return the horizontal distance of the unit from the middle of a seat (N,), m."""
     return np.linalg.norm((position - seat.seated[0])[:, :2], axis=1)
 
 
-def _above_rpcm_outcome(position: np.ndarray, seat: Seat) -> np.ndarray:
-    """Height of the unit's lower end above the floor of a seat (N,), m."""
+def _height(position: np.ndarray, seat: Seat) -> np.ndarray:
+    """Return the height of the unit's lower end above the floor of a seat (N,), m."""
     return np.asarray(position[:, 2] - UNIT.size[0] - seat.position[2])
 
 
-def _in_turn(*events: np.ndarray) -> list[int]:
-    """First ticks at which conditions (N,) hold one after the other, as far as they do."""
+def _first_ticks(*conditions: np.ndarray) -> list[int]:
+    """Return the first tick at which each condition (N,) holds, from that of the one before, up to one that fails."""
     ticks: list[int] = []
-    for event in events:
+    for condition in conditions:
         start = ticks[-1] if ticks else 0
-        found = np.flatnonzero(event[start:])
-        if not len(found):
+        later = np.flatnonzero(condition[start:])
+        if not len(later):
             break
-        ticks.append(start + int(found[0]))
+        ticks.append(start + int(later[0]))
     return ticks
 
 
 def _angle(quaternion: np.ndarray, seat: Seat) -> float:
-    """Angle between the unit and a seat, rad."""
+    """Return the angle between the unit and a seat, rad."""
     wanted = np.empty(4)
     mujoco.mju_mat2Quat(wanted, seat.seated[1].ravel())
     return 2.0 * acos(min(1.0, abs(float(wanted @ quaternion))))
@@ -281,37 +272,34 @@ TASKS: dict[str, Callable[[], tuple[Step, ...]]] = {"rpcm": rpcm_script, "rpcm-u
 """The script of each task."""
 
 MODE = "cartesian_rate"
-"""The mode in which the operator works."""
+"""Control mode of all tasks."""
 
 
 def task_outcome(log: JointLog, task: str) -> RpcmOutcome | None:
-    """Return what became of the unit where a task was to insert it."""
+    """Return the outcome of a task that inserts the unit, else None."""
     return rpcm_outcome(log) if task == "rpcm" else None
 
 
-def check_task(task: str, *, mode: str, axes: tuple[str, ...], worksite: bool, payload: str, excited: bool) -> None:
-    """Raise unless a scenario gives its operator what the task needs.
+def check_task(task: str, experiment: Experiment, *, excited: bool) -> None:
+    """Check that an experiment has the mode, axes and worksite that a task needs.
 
     Args:
         task: The task.
-        mode: Control mode.
-        axes: Axes of the stick.
-        worksite: Whether the arm is at the worksite.
-        payload: What the end effector holds at first.
-        excited: Whether the excitation computer is to play something.
+        experiment: The experiment.
+        excited: Whether it has an excitation.
 
     Raises:
-        ScenarioError: Unknown task, or something else than what it needs.
+        ScenarioError: Unknown task, or an experiment that does not suit it.
     """
     if task not in TASKS:
         raise ScenarioError(unknown("task", task, TASKS))
     wrong = [
         text
         for fails, text in (
-            (mode != MODE, f'mode = "{MODE}"'),
-            (axes != TOOL_AXES, f"axes = {', '.join(TOOL_AXES)}"),
-            (not worksite, "worksite = true"),
-            (payload != "none", 'payload = "none", the unit in its holster'),
+            (experiment.mode != MODE, f'mode = "{MODE}"'),
+            (experiment.axes != TOOL_AXES, f"axes = {', '.join(TOOL_AXES)}"),
+            (not experiment.worksite, "worksite = true"),
+            (experiment.payload != "none", 'payload = "none", the unit in its holster'),
             (excited, "no excitation"),
         )
         if fails
@@ -321,11 +309,5 @@ def check_task(task: str, *, mode: str, axes: tuple[str, ...], worksite: bool, p
 
 
 def task_operator(task: str, seed: int, hand_controller: HandController) -> Operator:
-    """Return an operator for a task.
-
-    Args:
-        task: One of `TASKS`.
-        seed: Of what the operator misses and misjudges.
-        hand_controller: The interface whose gains the operator is used to.
-    """
+    """Return an operator for one of `TASKS`; the seed draws the operator's errors."""
     return ScriptedOperator(TASKS[task](), axis_gains(MODE, TOOL_AXES, hand_controller), seed)

@@ -1,7 +1,7 @@
 """One experiment: a frozen record that is a TOML file."""
 
 import re
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -33,7 +33,7 @@ from scenarios.files import codec
 from scenarios.files.errors import ScenarioError, unknown
 
 NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9._+-]{0,99}")
-"""What a scenario may be called."""
+"""Valid scenario names."""
 
 NOMINAL: Mapping[str, object] = {
     "plant": NOMINAL_PLANT,
@@ -41,30 +41,33 @@ NOMINAL: Mapping[str, object] = {
     "chain": Chain(),
     "hand_controller": HAND_CONTROLLER,
 }
-"""Tables of a scenario, of which files hold only what differs from these."""
+"""Nominal records of a scenario; files hold only what differs from them."""
+
+CHOICES: Mapping[str, Iterable[str]] = {"variant": VARIANTS, "payload": PAYLOADS, "pose": POSES, "mode": MODES}
+"""Names that the laboratory knows, by field."""
 
 
 @dataclass(frozen=True)
 class Scenario:
-    """Everything one experiment needs.
+    """Complete description of one experiment: arm, operating point, control mode, excitation, chain and seeds.
 
     Attributes:
         name: Unique name.
-        axes: What the stick moves: joints, or directions of the tool in the Cartesian modes; all else is held.
-        excitation: One entry, played on every axis, or one per axis; none where an operator has a task.
+        axes: Axes that the stick moves: joints, or directions of the tool in the Cartesian modes; the rest is held.
+        excitation: One entry, played on every axis, or one per axis; none if an operator has a task.
         duration: Length of the record, s.
         seed: Draws the noise of the hand controller and of the sensors.
-        variant: Which arm, e.g. ``"nominal"``.
-        payload: What the end effector holds, e.g. ``"rpcm"``.
+        variant: Variant of the arm, e.g. ``"nominal"``.
+        payload: Payload of the end effector, e.g. ``"rpcm"``.
         pose: Keyframe of the operating point.
         mode: Control mode, e.g. ``"single_joint"``.
-        worksite: At the worksite, with contact, instead of in free space.
-        task: What an operator does in place of the excitation computer, e.g. ``"rpcm"``; empty: no operator.
-        shutdown: Emergency shutdowns: times of power off and of power on again in turn, s.
-        independent_channels: As many different excitations as axes, beyond the two outputs of the excitation computer.
-        plant: What the drives run on and rub with; a TOML table of what differs from the nominal plant.
-        specimen: How this one arm deviates from its variant; a TOML table of what does.
-        chain: Which links of the chain act; a TOML table of truth values.
+        worksite: Whether the arm stands at the worksite, with contact, instead of in free space.
+        task: Task of an operator in place of the excitation computer, e.g. ``"rpcm"``; empty without an operator.
+        shutdown: Emergency shutdowns: times of power off and power on, alternating, s.
+        independent_channels: Whether there may be more different excitations than outputs of the excitation computer.
+        plant: Supply, oil, friction and noise of the drives; a TOML table of what differs from the nominal plant.
+        specimen: Deviations of this arm from its variant; a TOML table.
+        chain: Imperfections of the laboratory that are switched on; a TOML table of truth values.
         hand_controller: The hand-controller interface; a TOML table of what differs from the nominal one.
         description: One line for the list.
         tags: Words to find it by.
@@ -96,7 +99,7 @@ class Scenario:
                 f"scenario name {self.name!r}: expected 1 to 100 letters, digits, '.', '_', '-' or '+', the first a "
                 "letter or digit, because files are named after it"
             )
-        for attribute, known in _choices().items():
+        for attribute, known in CHOICES.items():
             if getattr(self, attribute) not in known:
                 raise ScenarioError(f"scenario {self.name!r}: {unknown(attribute, getattr(self, attribute), known)}")
         known = axis_names(self.mode)
@@ -109,19 +112,12 @@ class Scenario:
             )
         try:
             if self.task:
-                check_task(
-                    self.task,
-                    mode=self.mode,
-                    axes=self.axes,
-                    worksite=self.worksite,
-                    payload=self.payload,
-                    excited=bool(self.excitation),
-                )
+                check_task(self.task, self, excited=bool(self.excitation))
             elif self.excitation or not self.has_own_operator:
                 check_outputs(self.excitation, self.axes, self.independent_channels)
         except ScenarioError as error:
             raise ScenarioError(f"scenario {self.name!r}: {error}") from error
-        if not 1.0 / SAMPLE_RATE <= self.duration <= LONGEST:
+        if not SAMPLE_TIME <= self.duration <= LONGEST:
             raise ScenarioError(
                 f"scenario {self.name!r}: expected a duration of {SAMPLE_TIME} to {LONGEST:g} s, given {self.duration}"
             )
@@ -143,23 +139,23 @@ class Scenario:
         return play(self.excitation, len(self.axes), self.duration, rounds=self.chain.dac)
 
     def operator(self) -> Operator | None:
-        """A new operator for the task; none where the excitation computer moves the stick."""
+        """Return a new operator for the task, or None if the excitation computer moves the stick."""
         return task_operator(self.task, self.seed, self.hand_controller) if self.task else None
 
     @property
     def has_own_operator(self) -> bool:
-        """Whether a subclass brings an operator of its own, which no TOML file tells of."""
+        """Whether a subclass has an operator of its own, which no TOML file describes."""
         return type(self).operator is not Scenario.operator
 
     def reseeded(self, seed: int) -> "Scenario":
-        """The same experiment with other noise: a seed of its own, drawn from `seed` and the name.
+        """Return the same experiment with other noise: its seed is drawn from `seed` and the name.
 
-        The excitation keeps its own seed: one replays the same file.
+        The excitation keeps its own seed: the same file is played again.
         """
         if seed < 0:
             raise ScenarioError(f"expected a seed of 0 or more, given {seed}")
-        drawn = np.random.SeedSequence([seed, crc32(self.name.encode())]).generate_state(1)
-        return replace(self, seed=int(drawn[0]))
+        own_seed = np.random.SeedSequence([seed, crc32(self.name.encode())]).generate_state(1)[0]
+        return replace(self, seed=int(own_seed))
 
     def to_toml(self) -> str:
         """Write every field as TOML, such that `from_toml` gives an equal scenario back."""
@@ -175,7 +171,7 @@ class Scenario:
         Args:
             text: The TOML text.
             source: Where it came from, for messages.
-            folder: Where the paths of waveform files start.
+            folder: Folder that relative paths of waveform files start from.
 
         Returns:
             The scenario.
@@ -209,8 +205,3 @@ class Scenario:
         except (OSError, UnicodeDecodeError) as error:
             raise ScenarioError(f"cannot read scenario file {str(path)!r}: {error}") from error
         return cls.from_toml(text, source=str(path), folder=Path(path).parent)
-
-
-def _choices() -> dict[str, tuple[str, ...]]:
-    """What the laboratory offers, by field."""
-    return {"variant": tuple(VARIANTS), "payload": tuple(PAYLOADS), "pose": tuple(POSES), "mode": MODES}

@@ -1,17 +1,19 @@
-"""One period of an excitation as 100 points, V: as a record and as a file."""
+"""Waveform: one period of an excitation as 100 points in V, as a record and as a file."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from math import isfinite, nan
 from pathlib import Path
 from types import MappingProxyType
+from typing import NamedTuple
 
 import numpy as np
 
-from hmtb_twin.parameters.values import SAMPLE_RATE
+from hmtb_twin.parameters.values import SAMPLE_RATE, SAMPLE_TIME
 from scenarios.files.errors import ScenarioError
 
 Parameter = float | int | bool | tuple[float, ...]
-"""What an excitation is made from."""
+"""A parameter of an excitation."""
 
 POINTS = 100
 """Points in one file; they hold one period [Morris1996, sec. II.2B]."""
@@ -26,14 +28,8 @@ WINDOW = POINTS / SAMPLE_RATE
 """Length of one period at the default update rate, s."""
 
 
-@dataclass(frozen=True)
-class PowerSpectrum:
-    """One-sided power spectral density of a periodic waveform.
-
-    Attributes:
-        frequency: Frequencies `(n,)`, Hz.
-        density: Power spectral density `(n,)`, V^2/Hz.
-    """
+class PowerSpectrum(NamedTuple):
+    """One-sided power spectral density of a periodic waveform: frequencies (n,), Hz, and density (n,), V^2/Hz."""
 
     frequency: np.ndarray
     density: np.ndarray
@@ -46,7 +42,7 @@ class Waveform:
     Attributes:
         points: Samples of one period `(100,)`, V.
         kind: Name of the excitation, e.g. ``"prbs"``.
-        parameters: What it was made from, by name (amplitude in V, frequencies in Hz, times in s).
+        parameters: Its parameters by name (amplitude in V, frequencies in Hz, times in s).
         update_rate: Rate at which the converter steps through the points, Hz.
     """
 
@@ -58,7 +54,7 @@ class Waveform:
     def __post_init__(self) -> None:
         points = np.array(self.points, dtype=float)
         if points.shape != (POINTS,) or not np.all(np.isfinite(points)):
-            raise ScenarioError(f"a waveform file holds {POINTS} finite points; given an array of shape {points.shape}")
+            raise ScenarioError(f"a waveform file holds {POINTS} finite numbers, one period; given {points.size}")
         if np.abs(points).max() > LOUDEST:
             raise ScenarioError(
                 f"{self.kind}: points up to {np.abs(points).max():g} V given, expected at most {LOUDEST:g} V"
@@ -75,7 +71,7 @@ class Waveform:
         return POINTS / self.update_rate
 
     def play(self, duration: float, *, iterations: int | None = None) -> np.ndarray:
-        """Repeat the file for a time, holding each point until the next.
+        """Repeat the file, holding each point until the next.
 
         At an update rate above 50 Hz the position loop, which reads 50 times per second, misses points.
 
@@ -89,10 +85,8 @@ class Waveform:
         Raises:
             ScenarioError: The duration is shorter than a sample or longer than `LONGEST`.
         """
-        if not 1.0 / SAMPLE_RATE <= duration <= LONGEST:
-            raise ScenarioError(
-                f"duration must be {1 / SAMPLE_RATE} s (one sample) to {LONGEST:g} s, given {duration} s"
-            )
+        if not SAMPLE_TIME <= duration <= LONGEST:
+            raise ScenarioError(f"duration must be {SAMPLE_TIME} s (one sample) to {LONGEST:g} s, given {duration} s")
         count = round(SAMPLE_RATE * duration)
         # The small shift keeps k * update_rate / SAMPLE_RATE from rounding down onto the point before.
         passed = np.floor(np.arange(count) * (self.update_rate / SAMPLE_RATE) + 1e-9).astype(np.int64)
@@ -104,23 +98,22 @@ class Waveform:
     def order_of_excitation(self) -> int:
         """Count the lines of the two-sided spectrum that are not zero [Soderstrom1989, sec. 5.4].
 
-        A sum of m sinusoids has order 2m; a file of 100 points at most 100. Lines of a millionth of the strongest are
-        none: a file written with nine digits has them everywhere.
+        A sum of m sinusoids has order 2m; a file of 100 points at most 100.
         """
+        # Lines of a millionth of the strongest are none: a file written with nine digits has them everywhere.
         power = np.abs(np.fft.fft(self.points)) ** 2
-        # Rounding of the parts that cancel, not of what is left, is a floor: a sine sampled at its zeros has order 0.
+        # A sine sampled at its zeros has order 0: the floor is the rounding of the parts that cancel.
         amplitude = self.parameters.get("amplitude", 0.0)
         cancelled = POINTS * amplitude if isinstance(amplitude, float | int) else 0.0
         floor = max(1e-12 * float(power.max()), 1e-20 * cancelled**2)
         return int(np.count_nonzero(power > floor))
 
     def psd(self) -> PowerSpectrum:
-        """Power spectral density of one period, mean included; its integral is the mean square."""
+        """Return the power spectral density of one period, mean included; its integral is the mean square."""
         lines = np.fft.rfft(self.points) / POINTS
         power = np.abs(lines) ** 2
         power[1:-1] *= 2.0  # the mirror images; zero and the Nyquist frequency have none
-        frequency = np.fft.rfftfreq(POINTS, 1.0 / self.update_rate)
-        return PowerSpectrum(frequency, power * self.period)
+        return PowerSpectrum(np.fft.rfftfreq(POINTS, 1.0 / self.update_rate), power * self.period)
 
 
 def check_seed(seed: int) -> None:
@@ -133,29 +126,20 @@ def check_seed(seed: int) -> None:
         raise ScenarioError(f"a seed is a whole number from 0 to 2^63 - 1, given {seed}")
 
 
-KIND = "file"
-"""What a scenario file calls an excitation that stands in a file of its own."""
-
-
 def points(*, points: tuple[float, ...]) -> Waveform:
-    """A waveform of one's own, point by point.
+    """A custom waveform, point by point.
 
     Args:
         points: One period (100,), V.
 
-    Returns:
-        The 100-point file.
-
     Raises:
-        ScenarioError: Not 100 finite points, or one beyond reason.
+        ScenarioError: Not 100 finite points, or one above `LOUDEST`.
     """
-    if len(points) != POINTS:
-        raise ScenarioError(f"a waveform file holds {POINTS} points, one period; given {len(points)}")
-    return Waveform(np.array(points, dtype=float), "points", {"points": tuple(float(value) for value in points)})
+    return Waveform(np.array(points, dtype=float), "points", {"points": tuple(map(float, points))})
 
 
 def read_points(path: str | Path) -> tuple[float, ...]:
-    """Read a 100-point file: numbers apart by spaces, commas or lines; what follows a # is a remark.
+    """Read a 100-point file: numbers separated by spaces, commas or lines; comments begin with #.
 
     Args:
         path: The file.
@@ -164,44 +148,35 @@ def read_points(path: str | Path) -> tuple[float, ...]:
         Its points (100,), V.
 
     Raises:
-        ScenarioError: The file cannot be read, holds something else than numbers, or another number of them.
+        ScenarioError: The file cannot be read, or does not hold 100 numbers.
     """
     path = Path(path)
     try:
         lines = path.read_text(encoding="utf-8-sig").splitlines()
     except (OSError, ValueError) as error:
-        why = error.strerror if isinstance(error, OSError) else "it is no text, or no path"
+        reason = error.strerror if isinstance(error, OSError) else "it is no text, or no path"
         raise ScenarioError(
-            f"cannot read waveform file {str(path)!r}: {why}; expected {POINTS} numbers in V, one per line"
+            f"cannot read waveform file {str(path)!r}: {reason}; expected {POINTS} numbers in V, one per line"
         ) from error
     values: list[float] = []
     for number, line in enumerate(lines, start=1):
         for word in line.partition("#")[0].replace(",", " ").split():
             try:
-                values.append(float(word))
+                value = float(word)
             except ValueError:
-                raise ScenarioError(
-                    f"waveform file {str(path)!r}, line {number}: expected a number in V, given {word!r}"
-                ) from None
-            if not np.isfinite(values[-1]):
+                value = nan
+            if not isfinite(value):
                 raise ScenarioError(
                     f"waveform file {str(path)!r}, line {number}: expected a finite number in V, given {word!r}"
                 )
+            values.append(value)
     try:
-        return tuple(float(value) for value in points(points=tuple(values)).points)
+        return tuple(points(points=tuple(values)).points.tolist())
     except ScenarioError as error:
         raise ScenarioError(f"waveform file {str(path)!r}: {error}") from error
 
 
 def write_points(values: Sequence[float], path: Path) -> Path:
-    """Write a 100-point file that reads back equal to the last bit.
-
-    Args:
-        values: The points (100,), V.
-        path: The file.
-
-    Returns:
-        The path.
-    """
+    """Write points in V as a file that `read_points` reads back equal to the last bit; return its path."""
     path.write_text("".join(f"{float(value)!r}\n" for value in values), encoding="utf-8")
     return path

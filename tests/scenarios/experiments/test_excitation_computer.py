@@ -121,8 +121,8 @@ def test_a_scenario_takes_over_the_points_of_a_file_beside_it(folder: Path) -> N
 @pytest.mark.parametrize(
     ("text", "says"),
     [
-        ("1.0\n" * 99, "holds 100 points, one period; given 99"),
-        ("1.0\n" * 50 + "two\n", "line 51: expected a number in V, given 'two'"),
+        ("1.0\n" * 99, "holds 100 finite numbers, one period; given 99"),
+        ("1.0\n" * 50 + "two\n", "line 51: expected a finite number in V, given 'two'"),
         ("nan\n" * 100, "finite"),
         ("1e9\n" * 100, "at most 1000 V"),
         ("", "given 0"),

@@ -111,7 +111,7 @@ def test_the_viewer_needs_a_display(capsys: pytest.CaptureFixture[str], monkeypa
         monkeypatch.delenv(variable, raising=False)
     monkeypatch.setattr("sys.platform", "linux")
     assert main(["view"]) == 2
-    assert "hmtb video films without one" in capsys.readouterr().err
+    assert "hmtb video makes films without one" in capsys.readouterr().err
 
 
 def test_a_log_plays_back_tick_by_tick(log: Path, monkeypatch: pytest.MonkeyPatch) -> None:
