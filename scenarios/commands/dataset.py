@@ -241,8 +241,7 @@ def baselines(
     """
     from dataclasses import replace
 
-    from scenarios.datasets.baseline_table import differences, read_table, report
-    from scenarios.datasets.baselines import BaselineData
+    from scenarios.datasets.baselines import BaselineData, differences, read_table, report
     from scenarios.datasets.data_set import open_data_set
     from scenarios.datasets.layout import BASELINES
     from scenarios.datasets.spec_tables import Method

@@ -14,7 +14,7 @@ from scipy.stats import chi2
 
 from hmtb_twin import JointLog, TwinError
 from scenarios.datasets.arm_truth import arm_truth
-from scenarios.datasets.baseline_table import software
+from scenarios.datasets.baselines import software
 from scenarios.datasets.best_linear_truth import excitation_class
 from scenarios.datasets.data_set import open_data_set
 from scenarios.datasets.experiment_file import stored_log

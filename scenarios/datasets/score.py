@@ -1,154 +1,24 @@
-"""Scores of predictions and models on the test part of a data set, and the predictors that give a model's outputs."""
+"""Scores of predictions and models on the test part of a data set, and files of predictions."""
 
-import warnings
+import csv
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Protocol
 
 import numpy as np
-from scipy.linalg import block_diag
 
 from scenarios.datasets.data_set import DataRecord, DataSet, open_data_set
-from scenarios.datasets.predictions import checked, read_predictions
+from scenarios.datasets.predictors import Predictor, as_predictor
 from scenarios.datasets.spec_tables import UNITS, Scoring
-from scenarios.files.errors import ScenarioError
-from sysid import Estimate, IOData, StateSpace, SysidWarning, predict
-from sysid.records.arrays import FloatArray
+from scenarios.files.errors import ScenarioError, unknown
+from scenarios.files.mat_numbers import read_mat_numbers
+from scenarios.files.netcdf import read_netcdf
+from sysid import Estimate, StateSpace
 
+ENDINGS = (".nc", ".csv", ".mat")
+"""Endings of files of predictions; other files in their folder are ignored."""
 
-class Predictor(Protocol):
-    """Predicts the outputs of a record."""
-
-    def predicted(self, record: IOData, steps: int) -> FloatArray:
-        """Return the outputs (N, ny).
-
-        Args:
-            record: Inputs, outputs and the window.
-            steps: How far ahead: the output at t may use those up to t - steps; 0: those of the window alone.
-        """
-        ...
-
-
-@dataclass(frozen=True, eq=False)
-class ModelPredictor:
-    """A linear model about an operating point.
-
-    Attributes:
-        model: The model.
-        inputs: Inputs of the operating point (nu,), rad; None with `outputs`.
-        outputs: Outputs of it (ny,), rad. None: a constant on every output is found from the window, together with the
-            initial state.
-    """
-
-    model: StateSpace
-    inputs: FloatArray | None = None
-    outputs: FloatArray | None = None
-
-    def __post_init__(self) -> None:
-        if (self.inputs is None) != (self.outputs is None):
-            raise ScenarioError("an operating point has inputs and outputs; one of them given")
-
-    def predicted(self, record: IOData, steps: int) -> FloatArray:
-        """Return the outputs (N, ny); the initial state is fitted by least squares to the window alone.
-
-        Without a window the model starts at rest at its operating point.
-
-        Raises:
-            ScenarioError: Neither a window nor an operating point: nothing tells the outputs' level.
-            SysidError: The channels are not those of the model.
-        """
-        ahead = steps or None
-        with warnings.catch_warnings(), np.errstate(all="ignore"):
-            # An unstable predictor shows in its score.
-            warnings.simplefilter("ignore", SysidWarning)
-            if self.inputs is not None and self.outputs is not None:
-                about = record.subtract(u=self.inputs, y=self.outputs)
-                start = None if record.window else np.zeros(self.model.order)
-                return predict(self.model, about, steps=ahead, x0=start) + self.outputs
-            if not record.window:
-                raise ScenarioError(
-                    f"{record.name or 'the record'} has no initialisation window: expected a model with its operating "
-                    "point, because nothing else tells the level of the outputs"
-                )
-            about = record.subtract(u=record.u[: record.window].mean(axis=0))
-            return predict(_with_constant(self.model), about, steps=ahead)
-
-
-@dataclass(frozen=True, eq=False)
-class StackedPredictor:
-    """A predictor of its own for every output.
-
-    Attributes:
-        rows: One per output, each of all inputs.
-    """
-
-    rows: tuple[Predictor, ...]
-
-    def predicted(self, record: IOData, steps: int) -> FloatArray:
-        """Return the outputs (N, ny)."""
-        parts = (row.predicted(record.select(outputs=[i]), steps) for i, row in enumerate(self.rows))
-        return np.hstack(tuple(parts))
-
-
-@dataclass(frozen=True, eq=False)
-class Hold:
-    """The last output that is known, for as long as none follows.
-
-    Attributes:
-        level: Outputs where none is known (ny,), rad.
-    """
-
-    level: FloatArray
-
-    def predicted(self, record: IOData, steps: int) -> FloatArray:
-        """Return the outputs (N, ny)."""
-        last = np.arange(len(record)) - steps if steps else np.full(len(record), record.window - 1)
-        return np.where((last >= 0)[:, None], record.y[np.maximum(last, 0)], self.level)
-
-
-@dataclass(frozen=True, eq=False)
-class StaticGain:
-    """Outputs that follow the inputs at once.
-
-    Attributes:
-        gain: (ny, nu).
-        level: (ny,), rad.
-    """
-
-    gain: FloatArray
-    level: FloatArray
-
-    def predicted(self, record: IOData, steps: int) -> FloatArray:
-        """Return the outputs (N, ny)."""
-        return np.asarray(record.u @ self.gain.T + self.level)
-
-    @classmethod
-    def fitted(cls, parts: Sequence[IOData]) -> "StaticGain":
-        """The one that fits records best, by least squares."""
-        u, y = (np.concatenate([getattr(part, name) for part in parts]) for name in "uy")
-        solution, *_ = np.linalg.lstsq(np.column_stack([u, np.ones(len(u))]), y, rcond=None)
-        return cls(solution[:-1].T, solution[-1])
-
-
-def as_predictor(model: Predictor | StateSpace | Estimate) -> Predictor:
-    """A model as a predictor; a bare one finds its operating point in each window."""
-    if isinstance(model, Estimate):
-        return ModelPredictor(model.model)
-    return ModelPredictor(model) if isinstance(model, StateSpace) else model
-
-
-def _with_constant(model: StateSpace) -> StateSpace:
-    """The model with one more state per output, a constant that adds to it."""
-    ny = model.ny
-    return replace(
-        model,
-        A=block_diag(model.A, np.eye(ny)),
-        B=np.vstack([model.B, np.zeros((ny, model.nu))]),
-        C=np.hstack([model.C, np.eye(ny)]),
-        K=np.vstack([model.gain, np.zeros((ny, ny))]),
-    )
-
+EXPECTED = "a folder, or files EXPERIMENT.csv, .nc or .mat, one for each record of the test part"
 
 Model = Predictor | StateSpace | Estimate
 """What can be scored besides predictions."""
@@ -183,30 +53,27 @@ class Scores:
 
     @property
     def mean(self) -> float:
-        """The arithmetic mean over all records and outputs, each pair counted once: the primary score."""
-        return _mean(self.scores)
+        """The primary score: the mean over all records and outputs, each pair counted once."""
+        return float(np.mean([score.value for score in self.scores]))
 
     @property
     def by_joint(self) -> Mapping[str, float]:
-        """For each output the arithmetic mean over the records that have it."""
+        """Mean score of each output over the records that have it."""
         joints = dict.fromkeys(score.joint for score in self.scores)
-        return {joint: _mean([s for s in self.scores if s.joint == joint]) for joint in joints}
+        return {joint: float(np.mean([s.value for s in self.scores if s.joint == joint])) for joint in joints}
 
     @property
     def unit(self) -> str:
-        """Of the scores: that of the angle for a root mean square error, else percent."""
+        """Unit of the scores: that of the angle for a root mean square error, else percent."""
         return self.scoring.unit
 
 
 def score(predictions: Path | Sequence[Path] | Mapping[str, np.ndarray], data_set: DataSet | Path | str) -> Scores:
-    """Score predicted outputs of the test part.
+    """Score predicted outputs of the test part, behind the window, in the metric of the data set.
 
     Args:
-        predictions: A folder or files (see `predictions.FORMATS`), or outputs (N, ny), rad, by experiment.
+        predictions: A folder or files (see `read_predictions`), or outputs (N, ny), rad, by experiment.
         data_set: The data set or its folder.
-
-    Returns:
-        The scores, behind the initialisation window, in the metric that the data set states.
 
     Raises:
         ScenarioError: Predictions are missing or do not fit their record.
@@ -214,16 +81,14 @@ def score(predictions: Path | Sequence[Path] | Mapping[str, np.ndarray], data_se
     opened = _opened(data_set)
     records = opened.test
     if not isinstance(predictions, Mapping):
-        return scored(opened.spec.scoring, records, read_predictions(predictions, records).__getitem__)
+        return score_outputs(opened.spec.scoring, records, read_predictions(predictions, records).__getitem__)
     strange = sorted(predictions.keys() - {record.name for record in records})
     missing = [record.name for record in records if record.name not in predictions]
     if strange or missing:
-        what = (
-            f"no predictions of {', '.join(missing[:5])}" if missing else f"{strange[0]} is no record of the test part"
-        )
+        what = f"no predictions of {', '.join(missing[:5])}" if missing else f"no test record {strange[0]}"
         raise ScenarioError(f"{opened.label}: {what}; {len(predictions)} given, expected {len(records)}")
-    fitting = {record.name: checked(record, predictions[record.name], record.name) for record in records}
-    return scored(opened.spec.scoring, records, fitting.__getitem__)
+    outputs = {record.name: _fitting(record, predictions[record.name], record.name) for record in records}
+    return score_outputs(opened.spec.scoring, records, outputs.__getitem__)
 
 
 def score_model(
@@ -233,10 +98,10 @@ def score_model(
     records: Sequence[DataRecord] | None = None,
     scoring: Scoring | None = None,
 ) -> Scores:
-    """Score a model by the same rules: its initial state is found from the window alone.
+    """Score a model by the same rules: its initial state is estimated from the window alone.
 
     Args:
-        model: A model, or for each record the one that predicts it.
+        model: A model, or a function that returns the model of each record.
         data_set: The data set or its folder.
         records: Records to score on; the test part by default.
         scoring: Metric, unit and horizon; those of the data set by default.
@@ -247,57 +112,53 @@ def score_model(
     """
     opened = _opened(data_set)
     rule = scoring or opened.spec.scoring
-    chosen = {record.name: record for record in (opened.test if records is None else records)}
+    by_name = {record.name: record for record in (opened.test if records is None else records)}
 
-    def hat(name: str) -> np.ndarray:
-        record = chosen[name]
-        found = model if isinstance(model, StateSpace | Estimate) or hasattr(model, "predicted") else model(record)
+    def outputs(name: str) -> np.ndarray:
+        record = by_name[name]
+        one = model if isinstance(model, StateSpace | Estimate) or hasattr(model, "predicted") else model(record)
         window = opened.spec.window if record.part == "train" else record.state_initialization_window_length
-        return as_predictor(found).predicted(replace(record.iodata(), window=window or 0), rule.steps)
+        return as_predictor(one).predicted(replace(record.iodata(), window=window or 0), rule.steps)
 
-    return scored(rule, tuple(chosen.values()), hat)
+    return score_outputs(rule, tuple(by_name.values()), outputs)
 
 
-def scored(scoring: Scoring, records: Iterable[DataRecord], hat: Callable[[str], np.ndarray]) -> Scores:
-    """Score outputs of some records.
+def score_outputs(scoring: Scoring, records: Iterable[DataRecord], outputs: Callable[[str], np.ndarray]) -> Scores:
+    """Score predicted outputs of records.
 
     Args:
         scoring: Metric, unit and horizon.
         records: The records.
-        hat: Predicted outputs (N, ny), rad, by experiment; infinite and NaN from a model that grows beyond all numbers.
+        outputs: Returns the predicted outputs (N, ny), rad, of an experiment; not finite where a model diverges.
 
     Raises:
-        ScenarioError: No records.
+        ScenarioError: No records, or withheld outputs.
     """
-    found: list[Score] = []
+    scores: list[Score] = []
     for record in records:
         if record.signals.withheld:
             raise ScenarioError(
                 f"the outputs of {record.name} behind the window are withheld; whoever has the complete data set "
                 "scores it, by hmtb dataset grade"
             )
-        data, predicted = record.iodata(), hat(record.name)
-        window = data.window
-        values = metric(scoring, data.y[window:], predicted[window:])
-        found += [Score(record.name, joint, float(v)) for joint, v in zip(record.joints, values, strict=True)]
-    if not found:
+        data, predicted = record.iodata(), outputs(record.name)
+        values = metric(scoring, data.y[data.window :], predicted[data.window :])
+        scores += [Score(record.name, joint, float(value)) for joint, value in zip(record.joints, values, strict=True)]
+    if not scores:
         raise ScenarioError("no records to score on")
-    return Scores(scoring, tuple(found))
+    return Scores(scoring, tuple(scores))
 
 
 def metric(scoring: Scoring, measured: np.ndarray, predicted: np.ndarray) -> np.ndarray:
-    """The metric of each output (ny,).
+    """Return the metric of each output (ny,): `rmse` in the unit, `nrmse` and `fit` in percent.
 
     Args:
         scoring: Metric and unit.
-        measured: Outputs (N, ny), rad, window cut off.
-        predicted: Likewise; not finite: an infinite error.
-
-    Returns:
-        `rmse` in the unit, `nrmse` and `fit` in percent.
+        measured: Outputs (N, ny), rad, without the window.
+        predicted: Likewise; values that are not finite give an infinite error.
 
     Raises:
-        ScenarioError: Measured outputs are missing, or one does not move, of which only `rmse` is defined.
+        ScenarioError: Measured outputs are missing, or one does not move, for which only `rmse` is defined.
     """
     if not np.isfinite(measured).all():
         raise ScenarioError("measured outputs are missing: there is no score of such a record")
@@ -308,7 +169,7 @@ def metric(scoring: Scoring, measured: np.ndarray, predicted: np.ndarray) -> np.
 
 
 def in_metric(scoring: Scoring, rmse: np.ndarray, spread: np.ndarray) -> np.ndarray:
-    """Root mean square errors in the metric of a data set.
+    """Convert root mean square errors to the metric of a data set.
 
     Args:
         scoring: Metric and unit.
@@ -316,7 +177,7 @@ def in_metric(scoring: Scoring, rmse: np.ndarray, spread: np.ndarray) -> np.ndar
         spread: Standard deviations of the outputs, rad.
 
     Raises:
-        ScenarioError: An output that does not move, of which only `rmse` is defined.
+        ScenarioError: An output that does not move, for which only `rmse` is defined.
     """
     if scoring.metric == "rmse":
         return UNITS[scoring.unit] * rmse
@@ -326,9 +187,122 @@ def in_metric(scoring: Scoring, rmse: np.ndarray, spread: np.ndarray) -> np.ndar
     return relative if scoring.metric == "nrmse" else 100.0 - relative
 
 
+def read_predictions(paths: Path | Sequence[Path], records: Sequence[DataRecord]) -> Mapping[str, np.ndarray]:
+    """Read predictions: one file for each record, named after the experiment.
+
+    EXPERIMENT.csv has the names of the outputs in its first row, then a row per sample; EXPERIMENT.nc a variable y
+    (sample, output) and the names in a variable output; EXPERIMENT.mat (version 7 or older) a matrix y, outputs in
+    columns in the order of the index. All samples are there, rad; those of the window are ignored and may be NaN.
+
+    Args:
+        paths: A folder, or files.
+        records: The records that are to be predicted.
+
+    Returns:
+        Outputs (N, ny), rad, by experiment.
+
+    Raises:
+        ScenarioError: A record without predictions or with two files of them, a file of no such record, or one that is
+            damaged or has other channels, another length, or values behind the window that are not finite.
+    """
+    known = {record.name: record for record in records}
+    files: dict[str, Path] = {}
+    for path in _files(paths):
+        if path.stem not in known:
+            raise ScenarioError(f"{path} is of no record to predict: {unknown('experiment', path.stem, known)}")
+        if path.stem in files:
+            raise ScenarioError(f"{path.stem} has two files of predictions: {files[path.stem]} and {path}")
+        files[path.stem] = path
+    missing = [name for name in known if name not in files]
+    if missing:
+        more = " and others" if len(missing) > 5 else ""
+        raise ScenarioError(
+            f"no predictions of {', '.join(missing[:5])}{more}: {len(files)} of {len(known)} files there; "
+            f"expected {EXPECTED}"
+        )
+    return {
+        name: _fitting(record, _read(files[name], record.joints), str(files[name])) for name, record in known.items()
+    }
+
+
+def _fitting(record: DataRecord, values: np.ndarray, source: str) -> np.ndarray:
+    """Predicted outputs as (N, ny); refused where they do not fit the record."""
+    values = np.asarray(values)
+    if values.dtype.kind not in "iuf":
+        raise ScenarioError(f"{source}: values of type {values.dtype} given, expected real numbers")
+    table = values[:, None] if values.ndim == 1 else values
+    shape = (len(record), len(record.joints))
+    if table.shape != shape:
+        hint = "; time runs along the first axis" if table.shape == shape[::-1] else ""
+        raise ScenarioError(
+            f"{source}: predictions of shape {values.shape} given, expected {shape}: {shape[0]} samples of "
+            f"{', '.join(record.joints)}{hint}"
+        )
+    window = record.state_initialization_window_length or 0
+    wrong = np.argwhere(~np.isfinite(table[window:]))
+    if len(wrong):
+        sample, output = wrong[0]
+        raise ScenarioError(
+            f"{source}: {len(wrong)} numbers behind the window are not finite, the first at sample {window + sample} "
+            f"of {record.joints[output]}"
+        )
+    return table.astype(float)
+
+
+def _files(paths: Path | Sequence[Path]) -> Iterable[Path]:
+    for path in (paths,) if isinstance(paths, Path) else paths:
+        if path.is_dir():
+            yield from sorted(entry for entry in path.iterdir() if entry.suffix in ENDINGS and entry.is_file())
+        elif not path.exists():
+            raise ScenarioError(f"no predictions at {path}: expected {EXPECTED}")
+        elif path.suffix not in ENDINGS or not path.is_file():
+            raise ScenarioError(f"{path} given as predictions, expected {EXPECTED}")
+        else:
+            yield path
+
+
+def _read(path: Path, outputs: tuple[str, ...]) -> np.ndarray:
+    if path.suffix == ".mat":
+        matrices = read_mat_numbers(path, ("y",))
+        if "y" not in matrices:
+            raise ScenarioError(f"{path} has no matrix y")
+        return matrices["y"]
+    if path.suffix == ".csv":
+        return _read_csv(path, outputs)
+    variables = read_netcdf(path).variables
+    for name in ("y", "output"):
+        if name not in variables:
+            raise ScenarioError(f"{path} has no variable {name}, but {', '.join(variables) or 'none'}")
+    _check_names(path, tuple(map(str, variables["output"].values.ravel())), outputs)
+    return variables["y"].values
+
+
+def _read_csv(path: Path, outputs: tuple[str, ...]) -> np.ndarray:
+    try:
+        with path.open(newline="", encoding="utf-8-sig") as stream:
+            rows = [row for row in csv.reader(stream) if row]
+    except (OSError, UnicodeDecodeError, csv.Error) as error:
+        raise ScenarioError(f"cannot read {path}: {error}") from error
+    _check_names(path, tuple(word.strip() for word in rows[0]) if rows else (), outputs)
+    values = []
+    for number, row in enumerate(rows[1:], start=2):
+        try:
+            # Python reads 1_0 as 10; in a table of numbers it is a slip.
+            numbers = [float(word) for word in row if "_" not in word]
+        except ValueError:
+            numbers = []
+        if len(numbers) != len(outputs) or len(row) != len(outputs):
+            raise ScenarioError(f"{path}, row {number}: {','.join(row)[:60]!r} given, expected {len(outputs)} numbers")
+        values.append(numbers)
+    return np.array(values, dtype=float)
+
+
+def _check_names(path: Path, names: tuple[str, ...], outputs: tuple[str, ...]) -> None:
+    if names != outputs:
+        raise ScenarioError(
+            f"{path}: outputs {', '.join(names) or 'without names'} given, expected {', '.join(outputs)} in this order"
+        )
+
+
 def _opened(data_set: DataSet | Path | str) -> DataSet:
     return data_set if isinstance(data_set, DataSet) else open_data_set(data_set)
-
-
-def _mean(scores: Sequence[Score]) -> float:
-    return float(np.mean([score.value for score in scores]))

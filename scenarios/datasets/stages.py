@@ -6,7 +6,7 @@ from typing import Any
 
 from scenarios.datasets.arm_truth import arm_files
 from scenarios.datasets.attainable_scores import AttainableStage
-from scenarios.datasets.baseline_table import BaselineStage
+from scenarios.datasets.baselines import BaselineStage
 from scenarios.datasets.best_linear_truth import BestLinearStage
 from scenarios.datasets.metadata import metadata_files
 from scenarios.datasets.plan import DataSetPlan, PlannedExperiment

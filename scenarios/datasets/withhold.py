@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from scenarios.datasets.baseline_table import read_table
+from scenarios.datasets.baselines import read_table
 from scenarios.datasets.build import build
 from scenarios.datasets.build_progress import Told
 from scenarios.datasets.chunk import MOST_ROWS, about

@@ -12,8 +12,7 @@ import pytest
 from hmtb_twin.control.modes import joint_index
 from hmtb_twin.truth.linearization import simulated
 from scenarios.commands.cli import main
-from scenarios.datasets.baseline_table import BaselineStage, differences, read_table, report, row, table
-from scenarios.datasets.baselines import BaselineData, baseline
+from scenarios.datasets.baselines import BaselineData, BaselineStage, baseline, differences, read_table, report, table
 from scenarios.datasets.build import build
 from scenarios.datasets.data_set import DataRecord, DataSet, open_data_set
 from scenarios.datasets.experiment_file import stored_log
@@ -169,7 +168,7 @@ def test_models_come_from_the_training_part_of_their_own_arm(small: DataSet) -> 
     found = baseline(bench, Method("gain"))
     assert set(found.trained) == {"prbs-viscous", "prbs-lugre"}
     assert found.validation is None
-    assert row(bench, found)["validation"] == ""
+    assert report(bench, Method("gain"))["row"]["validation"] == ""
     # Of another arm where there is none of its own.
     other = replace(bench, data_set=replace(small, index=tuple(x for x in small.index if x.name != "prbs-lugre")))
     assert [one.name for one in other.training(small.record("noise-lugre"))] == ["prbs-viscous"]

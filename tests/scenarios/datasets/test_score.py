@@ -9,18 +9,8 @@ import pytest
 from scipy.io import savemat
 
 from scenarios.datasets.data_set import DataRecord, DataSet, open_data_set
-from scenarios.datasets.predictions import read_predictions
-from scenarios.datasets.score import (
-    Hold,
-    ModelPredictor,
-    Score,
-    Scores,
-    StackedPredictor,
-    StaticGain,
-    metric,
-    score,
-    score_model,
-)
+from scenarios.datasets.predictors import Hold, ModelPredictor, StackedPredictor, StaticGain
+from scenarios.datasets.score import Score, Scores, metric, read_predictions, score, score_model
 from scenarios.datasets.spec_tables import Scoring
 from scenarios.files.errors import ScenarioError
 from scenarios.files.netcdf import Contents, Variable
@@ -195,11 +185,11 @@ def test_predictions_that_do_not_fit_are_refused(opened: DataSet, record: DataRe
     as_csv(tmp_path / "binary-elbow_pitch.csv", record.y)
     refused("binary-elbow_pitch.csv is of no record to predict")
     (tmp_path / "notes.md").write_text("x")
-    with pytest.raises(ScenarioError, match="expected a folder or files"):
+    with pytest.raises(ScenarioError, match="expected a folder, or files"):
         score(tmp_path / "notes.md", opened)
     with pytest.raises(ScenarioError, match="no predictions at"):
         score(tmp_path / "absent", opened)
-    with pytest.raises(ScenarioError, match="other is no record of the test part"):
+    with pytest.raises(ScenarioError, match="no test record other"):
         score({record.name: record.y, "other": record.y}, opened)
     with pytest.raises(ScenarioError, match="expected real numbers"):
         score({record.name: record.y.astype(complex)}, opened)
