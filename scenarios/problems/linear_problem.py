@@ -6,13 +6,12 @@ from functools import cached_property
 import numpy as np
 from scipy.signal import lfilter
 
+from scenarios.estimators.claims import parameters
 from scenarios.estimators.task import Task
 from scenarios.files.errors import ScenarioError
-from scenarios.problems.bound import polynomial_bound
-from scenarios.problems.comparison import comparison_frequencies
-from scenarios.problems.embedding import Embedding, embedding, layout, own_structure, parameters, underfit
-from scenarios.problems.problem import Bound
-from scenarios.problems.regressors import Signals, regressors
+from scenarios.problems.bound import Signals, polynomial_bound, regressors
+from scenarios.problems.embedding import Embedding, embedding, layout, own_structure, underfit
+from scenarios.problems.problem import Bound, comparison_frequencies
 from sysid import IOData, Polynomials, StateSpace
 from sysid.models import innovations_form
 from sysid.records.arrays import FloatArray, Locked, lock

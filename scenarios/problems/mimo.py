@@ -10,8 +10,7 @@ from scipy.signal import max_len_seq
 from hmtb_twin.parameters.values import SAMPLE_TIME
 from scenarios.estimators.task import Task
 from scenarios.files.errors import ScenarioError
-from scenarios.problems.comparison import comparison_frequencies
-from scenarios.problems.problem import Bound
+from scenarios.problems.problem import Bound, comparison_frequencies
 from scenarios.problems.state_space_bound import Coordinates, coordinates, state_space_bound
 from scenarios.problems.textbook import BITS
 from sysid import IOData, StateSpace

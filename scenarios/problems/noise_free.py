@@ -1,4 +1,4 @@
-"""Random stable systems without noise, of given order and delay: what is left of an error is the estimator's own."""
+"""Random stable systems without noise, by order and delay: any error is the estimator's own."""
 
 from dataclasses import dataclass
 from functools import cached_property
@@ -8,10 +8,8 @@ from scipy.signal import lfilter
 
 from hmtb_twin.parameters.values import SAMPLE_TIME
 from scenarios.estimators.task import Task
-from scenarios.problems.comparison import comparison_frequencies
 from scenarios.problems.embedding import Embedding, embedding, underfit
-from scenarios.problems.problem import Bound
-from scenarios.problems.seeding import chance
+from scenarios.problems.problem import Bound, comparison_frequencies, generator_of
 from sysid import IOData, Polynomials, StateSpace
 from sysid.models import hankel_singular_values, innovations_form
 from sysid.records.arrays import FloatArray, Locked
@@ -28,7 +26,7 @@ order would do, and digits are lost to the condition instead of to the estimator
 
 
 @dataclass(frozen=True, eq=False)
-class QuietProblem(Locked):
+class NoiseFreeProblem(Locked):
     """A y = B u under white noise as the input, another one in each record.
 
     Attributes:
@@ -52,7 +50,7 @@ class QuietProblem(Locked):
         return comparison_frequencies(self.truth)
 
     def draw(self, seed: int) -> IOData:
-        """One record, in the middle of what goes on: the input depends on the seed."""
+        """One record from the middle of a longer one, since records do not start at rest; the seed draws the input."""
         u = np.random.default_rng(seed).standard_normal(self.samples + BURN_IN)
         y = lfilter(self.polynomials.B, self.polynomials.A, u)
         return IOData(u[BURN_IN:], y[BURN_IN:], SAMPLE_TIME)
@@ -79,7 +77,7 @@ class QuietProblem(Locked):
         return None
 
 
-def quiet(order: int, delay: int, name: str, samples: int | None) -> QuietProblem:
+def noise_free(order: int, delay: int, name: str, samples: int | None) -> NoiseFreeProblem:
     """The system of an order and a delay.
 
     Poles are real or in pairs, of modulus up to 0.95; B is random.
@@ -90,7 +88,7 @@ def quiet(order: int, delay: int, name: str, samples: int | None) -> QuietProble
         name: The problem's name.
         samples: Of a record; None: `SAMPLES`.
     """
-    rng = chance(f"quiet-{order}-{delay}")
+    rng = generator_of(f"quiet-{order}-{delay}")
     while True:
         poles: list[complex] = []
         while len(poles) < order:
@@ -104,4 +102,4 @@ def quiet(order: int, delay: int, name: str, samples: int | None) -> QuietProble
         bare = innovations_form(Polynomials(a, np.concatenate(([0.0], b))), SAMPLE_TIME).input_path()
         values = hankel_singular_values(bare)
         if len(values) == order and values[-1] >= WEAKEST * values[0]:
-            return QuietProblem(name, Polynomials(a, np.concatenate((np.zeros(delay), b))), samples or SAMPLES)
+            return NoiseFreeProblem(name, Polynomials(a, np.concatenate((np.zeros(delay), b))), samples or SAMPLES)

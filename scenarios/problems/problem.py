@@ -1,11 +1,24 @@
-"""What the test bench knows of a problem: records, the truth behind them, and how well it can be known."""
+"""What the test bench knows of a problem: its records, the truth behind them, and the accuracy that one allows."""
 
+import hashlib
 from dataclasses import dataclass
 from typing import Protocol, runtime_checkable
+
+import numpy as np
 
 from scenarios.estimators.task import Task
 from sysid import IOData, Polynomials, StateSpace
 from sysid.records.arrays import ComplexArray, FloatArray, Locked
+
+COUNT = 16
+"""Frequencies at which estimates are compared with the truth."""
+
+LOWEST = 0.05
+"""Of the lowest bandwidth. Below it the response is the static gain again, its imaginary part all but zero and known
+all but exactly: ratios to its deviation would be ratios of rounding errors."""
+
+HIGHEST = 0.6
+"""Of the Nyquist frequency. Above it hardly a system here responds any more."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -39,11 +52,11 @@ class Problem(Protocol):
 
     @property
     def name(self) -> str:
-        """By which `problem` finds it again, in any process."""
+        """Name by which `scenarios.problems.registry.problem` finds it, in any process."""
 
     @property
     def truth(self) -> StateSpace:
-        """What an estimate is compared with, the model of the noise included where there is one."""
+        """True model, with its noise model where there is one."""
 
     @property
     def frequencies(self) -> FloatArray:
@@ -53,10 +66,10 @@ class Problem(Protocol):
         """One record; the same for the same seed, in any process."""
 
     def task(self, structure: str | None, ask: str = "fit") -> Task | None:
-        """What is asked of an estimator of a structure, None: of one that takes what is asked.
+        """The task for an estimator.
 
         Args:
-            structure: One of `STRUCTURES`, or None.
+            structure: That of the estimator, one of `STRUCTURES`; None: the estimator takes any.
             ask: `fit` with orders that hold the truth, of its dynamics at least; `underfit` with orders too low by one;
                 `select`: the estimator chooses.
 
@@ -65,7 +78,7 @@ class Problem(Protocol):
         """
 
     def bound(self, structure: str | None) -> Bound | None:
-        """The bound with the orders of the task; None where no model of the structure is the truth, noise included."""
+        """The bound with the orders of the task; None where the structure cannot hold the truth with its noise."""
 
 
 @runtime_checkable
@@ -78,3 +91,25 @@ class Periodic(Protocol):
         Args:
             record: One that was drawn from this problem.
         """
+
+
+def comparison_frequencies(truth: StateSpace) -> FloatArray:
+    """Frequencies on a logarithmic grid over all that matters of a system (16,), Hz.
+
+    Where there is no bandwidth they begin below the slowest pole.
+    """
+    nyquist = 0.5 / truth.dt
+    bandwidths = truth.bandwidth()
+    known = bandwidths[np.isfinite(bandwidths)]
+    if len(known):
+        corner = float(known.min())
+    else:
+        poles = truth.input_path().poles()
+        speeds = np.abs(np.log(poles[np.abs(poles) > 1e-6])) / (2.0 * np.pi * truth.dt)
+        corner = float(speeds.min(initial=HIGHEST * nyquist))
+    return np.geomspace(LOWEST * min(corner, nyquist), HIGHEST * nyquist, COUNT)
+
+
+def generator_of(name: str) -> np.random.Generator:
+    """A random number generator that is the same for a name in any process and on any machine."""
+    return np.random.default_rng(int.from_bytes(hashlib.sha256(name.encode()).digest()[:8], "big"))

@@ -1,4 +1,4 @@
-"""Random systems by difficulty, each with its own noise: what no estimator has been tuned to."""
+"""Random systems by difficulty, each with its own noise: no estimator has been tuned to them."""
 
 from dataclasses import dataclass
 
@@ -6,11 +6,10 @@ import numpy as np
 
 from hmtb_twin.parameters.values import SAMPLE_TIME
 from scenarios.files.errors import ScenarioError
+from scenarios.problems.bound import response_derivatives
 from scenarios.problems.embedding import layout
 from scenarios.problems.linear_problem import BURN_IN, LinearProblem
-from scenarios.problems.problem import Bound
-from scenarios.problems.regressors import response_derivatives
-from scenarios.problems.seeding import chance
+from scenarios.problems.problem import Bound, generator_of
 from scenarios.problems.textbook import binary_sequence, noise_variance
 from sysid import Polynomials
 from sysid.models.delta_method import standard_directions
@@ -23,7 +22,7 @@ STRUCTURES = ("bj", "oe", "armax")
 
 @dataclass(frozen=True)
 class Difficulty:
-    """What makes systems hard.
+    """Ranges from which the systems of a difficulty are drawn.
 
     Attributes:
         poles: Least and greatest number.
@@ -78,7 +77,7 @@ def random_problem(difficulty: str, number: int, name: str, samples: int | None)
         ScenarioError: No system was found.
     """
     wanted = DIFFICULTIES[difficulty]
-    rng = chance(f"random-{difficulty}-{number}")
+    rng = generator_of(f"random-{difficulty}-{number}")
     order = int(rng.integers(wanted.poles[0], wanted.poles[1] + 1))
     full = binary_sequence(wanted.samples + BURN_IN, wanted.hold)[:, None]
     for _ in range(CANDIDATES):

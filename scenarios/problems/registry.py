@@ -5,13 +5,12 @@ from functools import lru_cache
 
 from scenarios.files.errors import ScenarioError, unknown
 from scenarios.problems.common_waveform import SHARED, shared
-from scenarios.problems.feedback import FEEDBACK, feedback
 from scenarios.problems.mimo import MIMO, mimo
-from scenarios.problems.noise_free import DELAYS, ORDERS, quiet
+from scenarios.problems.noise_free import DELAYS, ORDERS, noise_free
 from scenarios.problems.problem import Problem
 from scenarios.problems.published_problems import SINGLE, published_problem
 from scenarios.problems.random_problems import DIFFICULTIES, random_problem
-from scenarios.problems.textbook import TEXTBOOK, textbook
+from scenarios.problems.textbook import FEEDBACK, TEXTBOOK, feedback, textbook
 
 FEWEST = 200
 """Samples that a record has at least."""
@@ -51,7 +50,7 @@ def problem(name: str) -> Problem:
     if found := re.fullmatch(r"quiet-(\d)-(\d)", plain):
         order, delay = int(found[1]), int(found[2])
         if order in ORDERS and delay in DELAYS:
-            return quiet(order, delay, name, samples)
+            return noise_free(order, delay, name, samples)
     if found := re.fullmatch(rf"random-({'|'.join(DIFFICULTIES)})-([1-9]\d{{0,3}})", plain):
         return random_problem(found[1], int(found[2]), name, samples)
     raise ScenarioError(unknown("problem", plain, [entry for family in names().values() for entry in family]))

@@ -1,10 +1,10 @@
-"""Five systems of identification: two published, three made up, each with another structure or difficulty."""
+"""Textbook systems: five open-loop ones, each with another structure or difficulty, and a plant in closed loop."""
 
 import numpy as np
 from scipy.signal import lfilter, max_len_seq
 
 from hmtb_twin.parameters.values import SAMPLE_TIME
-from scenarios.problems.linear_problem import BURN_IN, LinearProblem
+from scenarios.problems.linear_problem import BURN_IN, Controller, LinearProblem
 from sysid import Polynomials
 from sysid.records.arrays import FloatArray
 
@@ -18,7 +18,16 @@ TEXTBOOK = {
     "p4": "the plant of p2 under a resonant disturbance: a Box-Jenkins system",
     "p5": "an ARX system of third order with a delay of two, N = 2000",
 }
-"""Names, with what they are."""
+"""Open-loop systems by name."""
+
+FEEDBACK = {
+    "feedback": "a plant of second order with ARMAX noise under proportional feedback",
+    "feedback-arx": "the same with equation noise, of which least squares are unbiased",
+}
+"""Closed-loop systems by name."""
+
+FEEDBACK_DEVIATION = 0.3
+"""Of the innovation, for a reference of +-1: noise is 5 % of the power of the input, which biases open-loop methods."""
 
 
 def binary_sequence(samples: int, hold: int, bits: int = BITS) -> FloatArray:
@@ -77,3 +86,22 @@ def noise_variance(truth: Polynomials, inputs: FloatArray, signal_to_noise_db: f
     gain = float(np.sum(lfilter(truth.C, np.convolve(truth.A, truth.D), pulse) ** 2))
     power = float(np.var(np.sum(parts, axis=0)[BURN_IN:]))
     return power / 10.0 ** (signal_to_noise_db / 10.0) / gain
+
+
+def feedback(plain: str, name: str, samples: int | None) -> LinearProblem:
+    """Input u = r - 0.4 y with a binary r, every bit held for two samples.
+
+    Which estimators are biased: all that take the input as independent of the noise (output error, instruments of the
+    input, spectra, open-loop subspace methods), and those whose noise model is wrong. Which are not: prediction-error
+    methods in a structure that holds the noise [Ljung1999, sec. 13.4].
+
+    Args:
+        plain: One of `FEEDBACK`.
+        name: The problem's name.
+        samples: Of a record; None: 1000.
+    """
+    c: FloatArray = np.array([1.0, 0.6, 0.3]) if plain == "feedback" else np.ones(1)
+    truth = Polynomials(A=np.array([1.0, -1.5, 0.7]), B=np.array([0.0, 1.0, 0.5]), C=c)
+    reference = binary_sequence((samples or 1000) + BURN_IN, hold=2)
+    controller = Controller(np.array([0.4]), np.ones(1))
+    return LinearProblem(name, truth, reference[:, None], FEEDBACK_DEVIATION**2, SAMPLE_TIME, controller)

@@ -1,15 +1,18 @@
-"""Best linear truth of the twin's problems: what linear models of their records tend to, from a table or measured."""
+"""Best linear truth of the arm's problems: what linear models of their records tend to, from a table or measured.
+
+`python -m scenarios.problems.twin_best_linear` makes the table anew.
+"""
 
 import json
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from functools import lru_cache
 from hashlib import sha256
-from importlib import resources
 from pathlib import Path
 from typing import Any
 
 import mujoco
 import numpy as np
+from scipy.linalg import block_diag
 
 from hmtb_twin.control.control_station import ControlStation
 from hmtb_twin.control.modes import joint_index
@@ -17,22 +20,37 @@ from hmtb_twin.parameters.values import SAMPLE_TIME
 from scenarios.experiments.logged_arm import experiment_arm
 from scenarios.experiments.multisines import MultisineExperiment, Multisines
 from scenarios.files.atomic_write import write_whole
-from scenarios.problems.twin_experiment import multisines, twin_experiment
 from scenarios.problems.twin_name import TwinName, twin_name
-from scenarios.problems.twin_records import RECORDS, arm_hash
+from scenarios.problems.twin_records import arm_hash, records_folder
 from scenarios.truth.best_linear import best_linear
 from scenarios.truth.bla_of_record import multisine_like
-from sysid import IOData
+from sysid import IOData, StateSpace
 from sysid.records.arrays import ComplexArray, FloatArray, Locked
 
-TABLE = "twin_best_linear.json"
-"""File of those that are known beforehand; made by `python -m scenarios.problems.twin_best_linear_table`."""
+TABLE = Path(__file__).with_name("twin_best_linear.json")
+
+TABLE_REALISATIONS = 24
+"""Waveforms behind each entry of the table: a fifth of the scatter of one waveform is left."""
 
 REALISATIONS = 8
-"""Waveforms from which one is measured that the table does not hold: about a second of two cores."""
+"""Waveforms behind a truth that the table does not hold: about a second of two cores."""
 
 SEED = 20260
 """Of phases and noise, none of which a record of a problem shares."""
+
+TABLE_CLASSES = tuple(
+    f"twin-nominal-{joint}-{excitation}-{mrad}mrad"
+    for joint in ("shoulder_yaw", "shoulder_pitch", "elbow_pitch")
+    # Binary sequences as the thesis' test 5 has them.
+    for excitation, mrad in (("multisine", 5), ("multisine", 10), ("multisine", 40), ("prbs", 67))
+)
+"""Excitation classes of the table: those that the quick bench compares with."""
+
+FUNCTIONS = 8
+"""Laguerre functions that are added to the small-signal truth for a scattered estimate."""
+
+POLE = 0.85
+"""Their pole: a time constant of 0.12 s, a bandwidth of about 1 Hz."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -45,10 +63,10 @@ class BestLinear(Locked):
         variance: Of the response, by noise and by the scatter over waveforms (nf,).
         distortion_variance: Of the response in one waveform, by nonlinear distortion (nf,).
         noise_variance: Of the response in one period, by noise (nf,).
-        realisations: Waveforms that it rests on.
+        realisations: Number of waveforms.
         bandwidth_hz: Half-power bandwidth, Hz; NaN where the lines show none.
         bandwidth_ci95: Its 95 % interval, Hz.
-        command_rms: Root mean square of the command, rad: behind the velocity limit.
+        command_rms: Root mean square of the command behind the velocity limit, rad.
         slewing: Share of the time at the velocity limit.
     """
 
@@ -64,38 +82,31 @@ class BestLinear(Locked):
     slewing: float
 
     def to_table(self) -> dict[str, Any]:
-        """For a file; six digits are a hundredth of its own uncertainty."""
-        return {
-            "frequencies": self.frequencies.tolist(),
-            "real": _digits(self.response.real),
-            "imaginary": _digits(self.response.imag),
-            **{name: _digits(getattr(self, name)) for name in ("variance", "distortion_variance", "noise_variance")},
-            "realisations": self.realisations,
-            "bandwidth_hz": self.bandwidth_hz,
-            "bandwidth_ci95": list(self.bandwidth_ci95),
-            "command_rms": self.command_rms,
-            "slewing": self.slewing,
-        }
+        """For a file; six digits are a hundredth of the response's own uncertainty."""
+        table = {one.name: getattr(self, one.name) for one in fields(self)}
+        response = table.pop("response")
+        table |= {"real": response.real, "imaginary": response.imag}
+        for name in ("real", "imaginary", "variance", "distortion_variance", "noise_variance"):
+            table[name] = [float(f"{value:.6g}") for value in table[name]]
+        return {**table, "frequencies": self.frequencies.tolist()}
 
     @classmethod
     def from_table(cls, table: dict[str, Any]) -> "BestLinear":
         """Read `to_table`.
 
         Raises:
-            KeyError, TypeError, ValueError: It is none.
+            KeyError, TypeError, ValueError: It is no such table.
         """
+        arrays = {one.name: np.array(table[one.name]) for one in fields(cls) if one.type == FloatArray}
         low, high = table["bandwidth_ci95"]
         return cls(
-            frequencies=np.array(table["frequencies"], dtype=float),
-            response=np.array(table["real"], dtype=float) + 1j * np.array(table["imaginary"], dtype=float),
-            variance=np.array(table["variance"], dtype=float),
-            distortion_variance=np.array(table["distortion_variance"], dtype=float),
-            noise_variance=np.array(table["noise_variance"], dtype=float),
-            realisations=int(table["realisations"]),
-            bandwidth_hz=float(table["bandwidth_hz"]),
-            bandwidth_ci95=(float(low), float(high)),
-            command_rms=float(table["command_rms"]),
-            slewing=float(table["slewing"]),
+            **arrays,
+            response=np.array(table["real"]) + 1j * np.array(table["imaginary"]),
+            realisations=table["realisations"],
+            bandwidth_hz=table["bandwidth_hz"],
+            bandwidth_ci95=(low, high),
+            command_rms=table["command_rms"],
+            slewing=table["slewing"],
         )
 
 
@@ -109,31 +120,30 @@ def twin_best_linear(name: TwinName) -> BestLinear:
         That of its excitation class. For a multisine these are its own lines; for a binary sequence or a chirp those of
         a multisine whose command has the same strength and band, see `scenarios.truth.bla_of_record`.
     """
-    return _of_class(twin_name(name.excitation_class), RECORDS.folder)
+    return _of_class(twin_name(name.excitation_class), records_folder())
 
 
 @lru_cache(maxsize=256)
 def _of_class(name: TwinName, folder: Path | None) -> BestLinear:
-    known = _table().get(str(name))
-    key = class_key(name)
-    if known is not None and known["key"] == key:
-        return BestLinear.from_table(known)
+    entry, key = _table().get(str(name)), class_key(name)
+    if entry is not None and entry["key"] == key:
+        return BestLinear.from_table(entry)
     path = None if folder is None else folder / f"best-linear-{key}.json"
     if path is not None:
         try:
             return BestLinear.from_table(json.loads(path.read_text(encoding="utf-8")))
         except (OSError, ValueError, KeyError, TypeError):
             pass  # none there, or a damaged one: it is measured
-    found = measured_best_linear(name)
+    best = measured_best_linear(name)
     if path is not None:
         path.parent.mkdir(parents=True, exist_ok=True)
-        write_whole(path, json.dumps(found.to_table()))
-    return found
+        write_whole(path, json.dumps(best.to_table()))
+    return best
 
 
 def class_key(name: TwinName) -> str:
     """Hash of what a best linear truth is made from: excitation, laboratory, arm, version of MuJoCo, machine type."""
-    experiment = twin_experiment(name, 0)
+    experiment = name.experiment(0)
     text = f"{experiment!r}|{arm_hash(experiment_arm(experiment))}|{mujoco.__version__}"
     return sha256(text.encode()).hexdigest()
 
@@ -147,8 +157,8 @@ def measured_best_linear(name: TwinName, *, realisations: int = REALISATIONS, th
         threads: Threads for the physics; the bits do not depend on it.
     """
     setting, excitation = _measurement(name, realisations)
-    found = best_linear(setting, excitation, threads=threads)
-    servo, (low, high) = found.servo, found.bandwidth.ci95
+    truth = best_linear(setting, excitation, threads=threads)
+    servo, (low, high) = truth.servo, truth.bandwidth.ci95
     return BestLinear(
         frequencies=servo.response.frequencies,
         response=servo.response.response[:, 0, 0],
@@ -156,20 +166,55 @@ def measured_best_linear(name: TwinName, *, realisations: int = REALISATIONS, th
         distortion_variance=servo.distortion_variance[:, 0, 0],
         noise_variance=servo.noise_variance[:, 0, 0] * servo.realisations * excitation.periods,
         realisations=servo.realisations,
-        bandwidth_hz=float(found.bandwidth.hz[0, 0]),
+        bandwidth_hz=float(truth.bandwidth.hz[0, 0]),
         bandwidth_ci95=(float(low[0, 0]), float(high[0, 0])),
-        command_rms=float(found.command_rms[0]),
-        slewing=found.slewing,
+        command_rms=float(truth.command_rms[0]),
+        slewing=truth.slewing,
+    )
+
+
+def scattered_model(name: TwinName, truth: StateSpace, best: BestLinear, seed: int) -> StateSpace:
+    """Draw an estimate as good as any: the small-signal truth and a sum of Laguerre functions [Ljung1999, sec. 4.4].
+
+    The sum is the least-squares fit to the difference of a response that is drawn line by line: the best linear truth,
+    with nonlinear distortion that belongs to the waveform and noise that belongs to the record, as large as a response
+    without a model has them at this length. Smoothing by the fit is made up for: the scatter has the power of what was
+    drawn, though in fewer directions.
+
+    Args:
+        name: The problem.
+        truth: Its small-signal truth.
+        best: Its best linear truth.
+        seed: Of the draw.
+    """
+    network, path = _laguerre(truth.dt), truth.input_path()
+    columns = network.frequency_response(best.frequencies)[:, :, 0]
+    basis = np.vstack([columns.real, columns.imag])
+    periods = name.samples * truth.dt * (best.frequencies[1] - best.frequencies[0])
+    errors = _normal_errors(name.waveform_seed(seed), best.distortion_variance)
+    errors = errors + _normal_errors(seed, best.noise_variance / periods)
+    missing = best.response - path.frequency_response(best.frequencies)[:, 0, 0]
+    inverse = np.linalg.pinv(basis)
+    # A projection of equal, independent errors onto few directions keeps only their share of the power.
+    factor = np.sqrt(len(basis) / FUNCTIONS)
+    weights = inverse @ _parts(missing) + factor * (inverse @ _parts(errors))
+    return StateSpace(
+        block_diag(path.A, network.A),
+        np.vstack([path.B, network.B]),
+        np.hstack([path.C, weights[None, :]]),
+        path.D,
+        None,
+        truth.dt,
     )
 
 
 def _measurement(name: TwinName, realisations: int) -> tuple[MultisineExperiment, Multisines]:
     setting = MultisineExperiment(str(name), (name.joint,), variant=name.variant, seed=SEED)
     if name.excitation == "multisine":
-        return setting, multisines(name, SEED, realisations=realisations)
-    experiment = twin_experiment(name, SEED)
+        return setting, name.multisines(SEED, realisations=realisations)
+    experiment = name.experiment(SEED)
     arm = experiment_arm(experiment)
-    # The command is known without the physics.
+    # The command follows without simulating the physics.
     station = ControlStation(experiment, arm, np.random.default_rng(SEED).spawn(2)[0])
     command = station.commands[:, joint_index(name.joint)]
     record = IOData(command - command.mean(), command - command.mean(), SAMPLE_TIME)
@@ -179,12 +224,38 @@ def _measurement(name: TwinName, realisations: int) -> tuple[MultisineExperiment
 
 @lru_cache(maxsize=1)
 def _table() -> dict[str, Any]:
-    file = resources.files("scenarios.problems") / TABLE
-    if not file.is_file():
-        return {}
-    table: dict[str, Any] = json.loads(file.read_text(encoding="utf-8"))
-    return table
+    return dict(json.loads(TABLE.read_text(encoding="utf-8"))) if TABLE.is_file() else {}
 
 
-def _digits(values: FloatArray) -> list[float]:
-    return [float(f"{value:.6g}") for value in values]
+def _laguerre(dt: float) -> StateSpace:
+    """Laguerre functions of one input, an output each."""
+    step = np.arange(FUNCTIONS)
+    lag = step[:, None] - step[None, :]
+    below = (1.0 - POLE**2) * (-POLE) ** np.maximum(lag - 1, 0)
+    A = np.where(lag > 0, below, np.where(lag == 0, POLE, 0.0))
+    B = np.sqrt(1.0 - POLE**2) * (-POLE) ** step
+    return StateSpace(A, B[:, None], np.eye(FUNCTIONS), np.zeros((FUNCTIONS, 1)), None, dt)
+
+
+def _normal_errors(seed: int, variance: FloatArray) -> ComplexArray:
+    """Circular normal errors of these variances, line by line."""
+    real, imaginary = np.random.default_rng(seed).standard_normal((2, len(variance)))
+    return np.asarray(np.sqrt(0.5 * variance) * (real + 1j * imaginary))
+
+
+def _parts(values: ComplexArray) -> FloatArray:
+    return np.concatenate([values.real, values.imag])
+
+
+def main() -> None:
+    """Measure all classes of the table and write it."""
+    lines = []
+    for text in TABLE_CLASSES:
+        name = twin_name(text)
+        entry = measured_best_linear(name, realisations=TABLE_REALISATIONS).to_table()
+        lines.append(f"{json.dumps(text)}: {json.dumps({'key': class_key(name), **entry})}")
+    write_whole(TABLE, "{\n" + ",\n".join(lines) + "\n}\n")
+
+
+if __name__ == "__main__":
+    main()

@@ -1,49 +1,67 @@
-"""Names of the twin's problems, which say all of them."""
+"""Problems of the arm: their names, and the experiment and record of each draw."""
 
 import re
 from dataclasses import dataclass
 from hashlib import sha256
 
-from hmtb_twin import JOINTS, VARIANTS
-from hmtb_twin.parameters.values import INDEXED_JOINTS
+import numpy as np
+
+from hmtb_twin import JOINTS, VARIANTS, Experiment, JointLog
+from hmtb_twin.parameters.values import HAND_CONTROLLER, INDEXED_JOINTS, SAMPLE_RATE, SAMPLE_TIME
+from scenarios.experiments.campaign import REGISTER
+from scenarios.experiments.excitation_computer import Excitation
+from scenarios.experiments.multisines import MultisineExperiment, Multisines
+from scenarios.experiments.scenario import Scenario
 from scenarios.files.errors import ScenarioError, unknown
+from sysid import IOData
+from sysid.records.arrays import FloatArray
 
 PERIODS = {"multisine": 256, "prbs": 100, "chirp": 100}
 """Excitations, with the length of their period, samples."""
 
 STEADY = {"multisine": 512, "prbs": 600, "chirp": 600}
-"""How much of a record counts, samples, where the name does not say it."""
+"""Scored samples of a record where the name does not state them."""
+
+SETTLING = 256
+"""Samples in which the arm, which starts at rest, comes into its periodic answer: they are not scored."""
+
+F_MAX = 5.0
+"""Highest line of the multisines, Hz: above it a record shows little of the response."""
+
+CLOCK = 2
+"""Samples per bit of the binary sequences, as in the thesis' tests 5 and 6."""
+
+SWEEP = (0.5, 4.5)
+"""Band of the chirp, Hz: whole cycles in its window of 2 s, and the bandwidths of the joints inside."""
 
 NAME = re.compile(
     r"twin-(?P<variant>[a-z_]+)-(?P<joint>[a-z_]+)-(?P<excitation>[a-z]+)-(?P<mrad>\d+(\.\d+)?)mrad"
     r"(-w(?P<waveform>\d{1,6}))?(@(?P<samples>\d{1,7}))?"
 )
-"""Form of a name."""
-
 FORM = "twin-VARIANT-JOINT-EXCITATION-AMPLITUDEmrad, then -wNUMBER and @SAMPLES where wanted"
-"""The form in words."""
+"""Form of a name."""
 
 
 @dataclass(frozen=True)
 class TwinName:
-    """A problem of the twin.
+    """A problem of the arm, fully described by its name.
 
     Attributes:
         variant: Arm variant.
         joint: The joint that is excited and measured, any that a pin does not hold.
-        excitation: One of `PERIODS`. `multisine`: phases at random, equal lines up to 5 Hz. `prbs`: binary sequences of
+        excitation: One of `PERIODS`. `multisine`: random phases, equal lines up to 5 Hz. `prbs`: binary sequences of
             the thesis' clock. `chirp`: a sweep from 0.5 to 4.5 Hz.
-        mrad: Root mean square of the angle that is asked for at the stick, mrad.
+        mrad: Root mean square of the angle commanded at the stick, mrad.
         waveform: Which realisation of the excitation; None: each draw has its own.
-        samples: How much of a record counts, samples, a whole number of periods.
+        samples: Scored samples of a record, a whole number of periods.
     """
 
     variant: str
     joint: str
     excitation: str
     mrad: float
-    waveform: int | None = None
-    samples: int = 0
+    waveform: int | None
+    samples: int
 
     def __post_init__(self) -> None:
         known = {
@@ -51,16 +69,14 @@ class TwinName:
             "joint": tuple(joint for joint in JOINTS if joint not in INDEXED_JOINTS),
             "excitation": tuple(PERIODS),
         }
-        for what, names in known.items():
-            if getattr(self, what) not in names:
-                raise ScenarioError(unknown(what, getattr(self, what), names))
+        for field, names in known.items():
+            if getattr(self, field) not in names:
+                raise ScenarioError(unknown(field, getattr(self, field), names))
         if not 0.0 < self.mrad <= 1000.0:
             raise ScenarioError(f"an amplitude of {self.mrad:g} mrad given, expected above 0 and up to 1000 mrad")
-        period = PERIODS[self.excitation]
-        object.__setattr__(self, "samples", self.samples or STEADY[self.excitation])
-        if self.samples % period or self.samples < 2 * period:
+        if self.samples % self.period or self.samples < 2 * self.period:
             raise ScenarioError(
-                f"a record of {self.samples} samples given, expected two or more periods of {period} of a "
+                f"a record of {self.samples} samples given, expected two or more periods of {self.period} of a "
                 f"{self.excitation}"
             )
 
@@ -71,8 +87,14 @@ class TwinName:
 
     @property
     def excitation_class(self) -> str:
-        """What all realisations have in common: arm, joint, excitation and amplitude."""
+        """Name of what all realisations have in common: arm, joint, excitation and amplitude."""
         return f"twin-{self.variant}-{self.joint}-{self.excitation}-{self.mrad:g}mrad"
+
+    @property
+    def frequencies(self) -> FloatArray:
+        """Lines of the excitation up to `F_MAX` (nf,), Hz: multiples of one over the period."""
+        count = int(np.floor(F_MAX * self.period / SAMPLE_RATE + 1e-9))
+        return np.asarray(np.arange(1, count + 1) * (SAMPLE_RATE / self.period))
 
     def __str__(self) -> str:
         waveform = "" if self.waveform is None else f"-w{self.waveform}"
@@ -80,9 +102,68 @@ class TwinName:
         return f"{self.excitation_class}{waveform}{samples}"
 
     def waveform_seed(self, seed: int) -> int:
-        """Seed of the waveform of a draw: of the class and the number of the waveform, else of the draw's own seed."""
+        """Seed of the waveform: from the class and the number of the waveform, else from the seed of the draw."""
         which = f"draw {seed}" if self.waveform is None else f"waveform {self.waveform}"
         return int.from_bytes(sha256(f"{self.excitation_class}|{which}".encode()).digest()[:8], "big") >> 1
+
+    def multisines(self, seed: int, *, realisations: int = 2) -> Multisines:
+        """The excitation class of a multisine problem.
+
+        Args:
+            seed: Draws the phases.
+            realisations: Number of waveforms.
+        """
+        period = self.period * SAMPLE_TIME
+        return Multisines(
+            rms=self.mrad / 1000.0,
+            f_min=1.0 / period,
+            f_max=F_MAX,
+            period=period,
+            realisations=realisations,
+            periods=self.samples // self.period,
+            settling=SETTLING // self.period,
+            seed=seed,
+        )
+
+    def experiment(self, seed: int) -> Experiment:
+        """The experiment of a draw.
+
+        Args:
+            seed: Of the laboratory's noise, and of the waveform where the name does not state which.
+
+        Raises:
+            ScenarioError: The converters cannot play the amplitude.
+        """
+        waveform = self.waveform_seed(seed)
+        if self.excitation == "multisine":
+            experiment = MultisineExperiment(
+                str(self), (self.joint,), self.multisines(waveform), variant=self.variant, seed=seed
+            )
+            experiment.volts()  # raises before a batch begins where the converter cannot play it
+            return experiment
+        volts = self.mrad / 1000.0 / HAND_CONTROLLER.gain
+        if self.excitation == "prbs":
+            settings = {"amplitude": volts, "clock": CLOCK, "seed": waveform, "register": REGISTER}
+        else:
+            settings = {"f_start": SWEEP[0], "f_end": SWEEP[1], "amplitude": float(np.sqrt(2.0)) * volts}
+        return Scenario(
+            name=str(self).replace("@", "+"),
+            axes=(self.joint,),
+            excitation=(Excitation(self.excitation, settings),),
+            duration=(SETTLING + self.samples) * SAMPLE_TIME,
+            seed=seed,
+            variant=self.variant,
+        )
+
+    def record(self, log: JointLog) -> IOData:
+        """The record of a log: commanded and measured angle about the operating point, rad.
+
+        The operating point is the mean over the steady, whole periods, so that it takes nothing from the answer to the
+        excitation. The settling stays as an initialisation window: the arm starts at rest there.
+        """
+        record = log.iodata(self.joint)
+        u, y = (part - part[SETTLING:].mean(axis=0) for part in (record.u, record.y))
+        return IOData(u, y, SAMPLE_TIME, window=SETTLING)
 
 
 def twin_name(text: str) -> TwinName:
@@ -93,26 +174,17 @@ def twin_name(text: str) -> TwinName:
             `twin-nominal-elbow_pitch-prbs-67mrad@1200`.
 
     Raises:
-        ScenarioError: It is none.
+        ScenarioError: It is no such name.
     """
-    found = NAME.fullmatch(text)
-    if found is None:
+    match = NAME.fullmatch(text)
+    if match is None:
         raise ScenarioError(f"{text!r} given, expected a problem of the twin: {FORM}")
-    waveform, samples = found["waveform"], found["samples"]
+    waveform, samples = match["waveform"], match["samples"]
     return TwinName(
-        variant=found["variant"],
-        joint=found["joint"],
-        excitation=found["excitation"],
-        mrad=float(found["mrad"]),
+        variant=match["variant"],
+        joint=match["joint"],
+        excitation=match["excitation"],
+        mrad=float(match["mrad"]),
         waveform=None if waveform is None else int(waveform),
-        samples=_length(found["excitation"], samples),
+        samples=STEADY.get(match["excitation"], 0) if samples is None else int(samples),
     )
-
-
-def _length(excitation: str, samples: str | None) -> int:
-    """0 where the name says nothing; an explicit 0 is refused like any other length that is too short."""
-    if samples is None:
-        return STEADY.get(excitation, 0)
-    if int(samples) == 0:
-        raise ScenarioError("a record of 0 samples given, expected two or more periods")
-    return int(samples)

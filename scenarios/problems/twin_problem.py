@@ -10,16 +10,14 @@ from hmtb_twin.parameters.values import OPERATING_POSE
 from scenarios.datasets.arm_truth import arm_truth
 from scenarios.estimators.task import STRUCTURES, Task
 from scenarios.problems.problem import Bound
-from scenarios.problems.twin_best_linear import BestLinear, twin_best_linear
-from scenarios.problems.twin_experiment import frequencies
+from scenarios.problems.twin_best_linear import BestLinear, scattered_model, twin_best_linear
 from scenarios.problems.twin_name import TwinName, twin_name
-from scenarios.problems.twin_records import RECORDS
-from scenarios.problems.twin_scatter import scattered_model
+from scenarios.problems.twin_records import draw_record
 from sysid import IOData, StateSpace
 from sysid.records.arrays import ComplexArray, FloatArray
 
 ORDER = 3
-"""Order that is asked for.
+"""Order of a `fit` task.
 
 The commanded joint's true small-signal model has seven or eight states, of which three or four, with real poles in 0.57
 to 0.89, carry its gain. Three follow it up to 5 Hz to a fraction of a percent; four or more meet the edge of stability
@@ -36,13 +34,12 @@ MOST_ORDER = 10
 class TwinProblem:
     """One joint of the arm under one excitation: commanded to measured angle about the operating point, 50 Hz.
 
-    A draw is another record: noise anew, and another waveform unless the name says which (`-w3`). Draws of one name
-    with a waveform are repeats of it: their scatter is noise alone, the scatter of names noise and nonlinear
-    distortion. Records begin at rest, with an initialisation window, and go on for whole periods.
+    A draw has new noise, and another waveform unless the name states one (`-w3`). Draws of one waveform scatter by
+    noise alone, those of different waveforms by noise and nonlinear distortion. Records begin at rest, with an
+    initialisation window, and then have whole periods.
 
     Two truths: `truth` is that of small signals, exact and without friction; `best_linear` is the linear system nearest
-    to the arm under this excitation at this amplitude, measured, which estimates tend to. Many records cost a tenth
-    when `twin_records.prepare` simulates them side by side before.
+    to the arm under this excitation at this amplitude, measured, which estimates tend to.
 
     Attributes:
         parsed: The name, read.
@@ -73,18 +70,17 @@ class TwinProblem:
     @property
     def frequencies(self) -> FloatArray:
         """Lines of the excitation up to 5 Hz (nf,), Hz."""
-        return frequencies(self.parsed)
+        return self.parsed.frequencies
 
     def draw(self, seed: int) -> IOData:
-        """One record; see `twin_records.prepare` for how to have many at once."""
-        return RECORDS.draw(self.parsed, seed)
+        """One record; `twin_records.prepare` simulates many at once."""
+        return draw_record(self.parsed, seed)
 
     def task(self, structure: str | None, ask: str = "fit") -> Task | None:
         """See `Problem.task`.
 
-        None becomes `armax`: friction and the torques of the drives disturb the joint where the command does, so that
-        input and disturbance have their poles in common; the residuals of `armax` are white where those of `oe` are
-        far from it. For the orders see `ORDER`.
+        None becomes `armax`: friction and drive torques enter the joint where the command does, so that input and
+        disturbance share their poles; the residuals of `armax` are white where those of `oe` are far from it.
         """
         structure = structure or "armax"
         delay = self.joint_truth.delay_samples

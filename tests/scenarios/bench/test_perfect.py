@@ -5,8 +5,9 @@ import pytest
 from scipy.stats import chi2, kstest
 
 from scenarios.bench.perfect import perfect
+from scenarios.estimators.claims import parameters
 from scenarios.estimators.outcome import MODEL
-from scenarios.problems.embedding import layout, parameters
+from scenarios.problems.embedding import layout
 from scenarios.problems.registry import problem
 from sysid import armax
 

@@ -3,8 +3,9 @@
 import numpy as np
 import pytest
 
+from scenarios.estimators.claims import parameters
 from scenarios.files.errors import ScenarioError
-from scenarios.problems.embedding import embedding, layout, own_structure, parameters, underfit
+from scenarios.problems.embedding import embedding, layout, own_structure, underfit
 from scenarios.problems.registry import problem
 from sysid import Polynomials
 from sysid.models import innovations_form

@@ -4,8 +4,13 @@ from scipy.stats import f
 from scenarios.bench.amplitude_split import AMPLITUDES, JOINTS, multisine_class
 from scenarios.bench.bandwidth import sequence_class
 from scenarios.problems import twin_best_linear as module
-from scenarios.problems.twin_best_linear import BestLinear, class_key, measured_best_linear, twin_best_linear
-from scenarios.problems.twin_best_linear_table import classes
+from scenarios.problems.twin_best_linear import (
+    TABLE_CLASSES,
+    BestLinear,
+    class_key,
+    measured_best_linear,
+    twin_best_linear,
+)
 from scenarios.problems.twin_name import twin_name
 from scenarios.problems.twin_records import FOLDER
 
@@ -14,7 +19,7 @@ ELBOW = "twin-nominal-elbow_pitch-multisine-40mrad"
 
 def test_the_table_holds_all_that_the_quick_figures_compare_with():
     quick = {multisine_class(joint, mrad) for joint in JOINTS for mrad in AMPLITUDES["quick"]}
-    assert set(classes()) == quick | {sequence_class(joint) for joint in JOINTS} == set(module._table())
+    assert set(TABLE_CLASSES) == quick | {sequence_class(joint) for joint in JOINTS} == set(module._table())
 
 
 def test_a_measurement_of_today_agrees_with_the_table(monkeypatch):

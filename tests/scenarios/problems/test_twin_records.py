@@ -1,11 +1,10 @@
 import numpy as np
 import pytest
 
-from scenarios.problems import twin_problem as problems
 from scenarios.problems import twin_records
 from scenarios.problems.registry import problem
 from scenarios.problems.trial import Trial
-from scenarios.problems.twin_records import FOLDER, TwinRecords, prepare, record_key
+from scenarios.problems.twin_records import FOLDER, prepare, record_key
 
 ELBOW = "twin-nominal-elbow_pitch-multisine-10mrad"
 TRIALS = (
@@ -21,12 +20,8 @@ def fresh(monkeypatch):
     """Records of nobody else, and a way to forget those that there are."""
     monkeypatch.delenv(FOLDER, raising=False)
 
-    def forget():
-        monkeypatch.setattr(twin_records, "RECORDS", TwinRecords())
-        monkeypatch.setattr(problems, "RECORDS", twin_records.RECORDS)
-
-    forget()
-    return forget
+    twin_records._KEPT.clear()
+    return twin_records._KEPT.clear
 
 
 def drawn(trials):
