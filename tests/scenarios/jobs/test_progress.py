@@ -1,4 +1,4 @@
-"""How far a build is: a bar on a terminal, lines now and then elsewhere."""
+"""Progress: a bar on a terminal, lines now and then elsewhere."""
 
 import io
 import re
@@ -7,20 +7,25 @@ from time import sleep
 
 import pytest
 
-from scenarios.commands.build_progress import build_progress
-from scenarios.datasets.build_progress import Progress
+from scenarios.jobs.progress import Progress, show_progress
 
 
 def test_lines_come_now_and_then(capsys: pytest.CaptureFixture[str]) -> None:
     time = 0.0
-    with build_progress("tiny-v1", clock=lambda: time) as told:
+    with show_progress("tiny-v1", clock=lambda: time) as report:
         for time in range(0, 65, 5):
             # The first 100 s of records are those of an earlier run.
-            told(Progress("records", time // 10, 30, 100.0 + 40.0 * time, 12_700.0))
+            report(Progress("records", time // 10, 30, "experiments", 100.0 + 40.0 * time, 12_700.0))
         time = 90
-        told(Progress("baselines", 3, 4))
+        report(Progress("baselines", 3, 4))
         time = 130
-        told(Progress("baselines", 4, 4))
+        report(Progress("baselines", 4, 4))
+        time = 170
+        report(Progress("trials", 3, 90, "requests", left=6000.0))
+        time = 210
+        report(Progress("trials", 4, 90, "requests", note="the first of each kind"))
+        time = 250
+        report(Progress("files", 4, None, "files"))
     out, err = capsys.readouterr()
     assert out == ""
     assert err.splitlines() == [
@@ -28,20 +33,23 @@ def test_lines_come_now_and_then(capsys: pytest.CaptureFixture[str]) -> None:
         "tiny-v1: 4 of 30 experiments, 40 x real time, 5 min left",
         "tiny-v1: baselines 3 of 4",
         "tiny-v1: baselines 4 of 4, 0.025 a second, 0 s left",
+        "tiny-v1: 3 of 90 requests, 1.7 h left",
+        "tiny-v1: 4 of 90 requests, the first of each kind",
+        "tiny-v1: 4 files",
     ]
 
 
 def test_what_is_over_soon_says_nothing(capsys: pytest.CaptureFixture[str]) -> None:
-    with build_progress("tiny-v1", "lines") as told:
-        told(Progress("records", 3, 3, 12.0, 12.0))
+    with show_progress("tiny-v1", "lines") as report:
+        report(Progress("records", 3, 3, "experiments", 12.0, 12.0))
     assert capsys.readouterr() == ("", "")
 
 
 def test_nothing_is_said_where_nothing_is_asked_for(capsys: pytest.CaptureFixture[str]) -> None:
     time = 0.0
-    with build_progress("tiny-v1", "none", clock=lambda: time) as told:
+    with show_progress("tiny-v1", "none", clock=lambda: time) as report:
         for time in (0.0, 1000.0):
-            told(Progress("records", 0, 3, time, 1e4))
+            report(Progress("records", 0, 3, "experiments", time, 1e4))
     assert capsys.readouterr() == ("", "")
 
 
@@ -55,12 +63,12 @@ def test_a_terminal_has_a_bar(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(sys, "stderr", terminal)
     monkeypatch.setenv("TERM", "xterm")
     monkeypatch.setenv("COLUMNS", "80")
-    with build_progress("tiny-v1") as told:
+    with show_progress("tiny-v1") as report:
         for done in range(4):
-            told(Progress("records", done, 3, 4.0 * done, 12.0))
+            report(Progress("records", done, 3, "experiments", 4.0 * done, 12.0))
         sleep(0.3)  # it is drawn ten times a second
-        told(Progress("baselines", 0, 2))
+        report(Progress("baselines", 0, 2))
     said = re.sub(r"\x1b\[[0-9;?]*[A-Za-z]", "", terminal.getvalue())
-    assert re.search(r"3 of 3 experiments \S+ x real time", said)
+    assert re.search(r"3 of 3 experiments, \S+ x real time", said)
     assert "baselines 0 of 2" in said
     assert all(len(line) <= 80 for line in re.split(r"[\r\n]", said))
