@@ -24,7 +24,7 @@ from scenarios.datasets.build import build
 from scenarios.datasets.layout import PARTS, arm_file
 from scenarios.datasets.spec import DataSetSpec, shipped
 from scenarios.datasets.spec_tables import BaselineSpec, TruthSpec
-from scenarios.report.drawing import save_figure
+from scenarios.report.figures import save_figure
 from sysid.plots.palette import GRID, PALETTE
 
 FOLDER = Path(__file__).parent / "datasets"

@@ -1,84 +1,65 @@
 """The leaderboard as one HTML file that needs nothing else, and as Markdown."""
 
-import math
 import re
 from base64 import b64encode
 from collections.abc import Sequence
 from dataclasses import dataclass
 from hashlib import sha256
 from importlib import resources
+from math import inf
 from pathlib import Path
 
 import matplotlib
 from jinja2 import Environment, PackageLoader, StrictUndefined
 from markupsafe import Markup
 
-from scenarios.bench.leaderboard_comparable import notes, runs
-from scenarios.bench.leaderboard_drawings import overview
-from scenarios.bench.leaderboard_entry import Entry
-from scenarios.bench.leaderboard_figure_sections import FigureSection, figure_sections
-from scenarios.bench.leaderboard_profile import Profile, profile
-from scenarios.bench.leaderboard_ranking import RULE
-from scenarios.bench.leaderboard_table import Table
-from scenarios.bench.leaderboard_tables import failures, standing, verdicts
-from scenarios.bench.leaderboard_verdict import ORDER
+from scenarios.bench.leaderboard_drawings import drawing, overview
+from scenarios.bench.leaderboard_notes import notes, runs
+from scenarios.bench.leaderboard_rows import RULE, LeaderboardRow
+from scenarios.bench.leaderboard_tables import (
+    Table,
+    by_problem,
+    failures,
+    metric_names,
+    profile,
+    standing,
+    title,
+    verdicts,
+)
+from scenarios.bench.leaderboard_verdict import GUIDE, MetricGuide, Verdict
 from scenarios.files.atomic_write import write_whole
-from scenarios.report.drawing import SETTINGS
-from scenarios.report.figures import Gallery, Picture
-from scenarios.report.page_text import contents, numbered, signed
+from scenarios.report.figures import SETTINGS, Gallery, Picture
+from scenarios.report.page import Page
 
-PAGE = "leaderboard.html"
-TEXT = "leaderboard.md"
+UNKNOWN_METRIC = MetricGuide("", "This version of the page does not know this figure.", "")
 
 
 @dataclass(frozen=True)
-class Shown:
-    """What the page shows.
+class MetricSection:
+    """A metric of the bench on the page.
 
     Attributes:
-        entries: Estimators in their order.
-        notes: Where rows are not comparable.
-        together: How many runs the rows are of.
-        standing: The first table.
-        verdicts: Verdicts by figure.
-        failures: Failures by kind.
-        overview: Accuracy against speed, or None.
-        sections: The figures.
-        profiles: The estimators.
+        mark: Anchor.
+        title: Heading.
+        guide: How to read it.
+        false_alarm: The largest probability with which a perfect estimator fails it in one of these runs.
+        table: Its numbers by problem, or None.
+        picture: Its drawing, or None.
     """
 
-    entries: tuple[Entry, ...]
-    notes: tuple[str, ...]
-    together: int
-    standing: Table
-    verdicts: Table
-    failures: Table
-    overview: Picture | None
-    sections: tuple[FigureSection, ...]
-    profiles: tuple[Profile, ...]
+    mark: str
+    title: str
+    guide: MetricGuide
+    false_alarm: float
+    table: Table | None
+    picture: Picture | None
 
 
-def gather(entries: Sequence[Entry], gallery: Gallery) -> Shown:
-    """Make tables and draw figures."""
-    with matplotlib.rc_context(SETTINGS):
-        return Shown(
-            entries=tuple(entries),
-            notes=tuple(notes(entries)),
-            together=len(runs(entries)),
-            standing=standing(entries),
-            verdicts=verdicts(entries),
-            failures=failures(entries),
-            overview=overview(entries, gallery),
-            sections=tuple(figure_sections(entries, gallery)),
-            profiles=tuple(map(profile, entries)),
-        )
-
-
-def write_leaderboard(entries: Sequence[Entry], folder: Path) -> tuple[Path, Path]:
+def write_leaderboard(rows: Sequence[LeaderboardRow], folder: Path) -> tuple[Path, Path]:
     """Write both pages; files of these names are replaced.
 
     Args:
-        entries: Estimators in their order, at least one.
+        rows: Estimators in their order, at least one.
         folder: Where; it exists.
 
     Returns:
@@ -87,34 +68,69 @@ def write_leaderboard(entries: Sequence[Entry], folder: Path) -> tuple[Path, Pat
     Raises:
         OSError: One cannot be written.
     """
-    found = gather(entries, Gallery())
-    page, text = folder / PAGE, folder / TEXT
-    write_whole(page, html(found))
-    write_whole(text, markdown(found))
+    shown = context(rows)
+    page, text = folder / "leaderboard.html", folder / "leaderboard.md"
+    write_whole(page, html(shown))
+    write_whole(text, markdown(shown))
     return page, text
 
 
-def html(found: Shown) -> str:
+def context(rows: Sequence[LeaderboardRow]) -> dict[str, object]:
+    """The variables of the templates: tables, drawings, notes and profiles."""
+    gallery = Gallery()
+    with matplotlib.rc_context(SETTINGS):
+        return {
+            "rule": RULE,
+            "verdicts": list(Verdict),
+            "infinity": inf,
+            "rows": rows,
+            "notes": notes(rows),
+            "together": len(runs(rows)),
+            "standing": standing(rows),
+            "table_of_verdicts": verdicts(rows),
+            "failures": failures(rows),
+            "overview": overview(rows, gallery),
+            "sections": [
+                MetricSection(
+                    mark=f"figure-of-bench-{number}",
+                    title=title(rows, name),
+                    guide=GUIDE.get(name, UNKNOWN_METRIC),
+                    false_alarm=max((m.false_alarm for row in rows if (m := row.metric(name))), default=0.0),
+                    table=by_problem(rows, name),
+                    picture=drawing(rows, name, gallery),
+                )
+                for number, name in enumerate(metric_names(rows), 1)
+            ],
+            "profiles": [profile(row) for row in rows],
+        }
+
+
+def html(shown: dict[str, object]) -> str:
     """The HTML page."""
+    page = Page()
+    body = page.render("leaderboard_body.html.j2", shown)
     script = resources.files("scenarios").joinpath("templates/leaderboard.js").read_text(encoding="utf-8")
-    environment = _environment(autoescape=True)
-    shared = {"shown": found, "rule": RULE, "verdicts": ORDER}
-    body = signed(numbered(environment.get_template("leaderboard_body.html.j2").render(shared)))
-    # No other script runs on the page, whatever stands in a result.
+    # No other script runs on the page, whatever a result file holds.
     digest = b64encode(sha256(script.encode()).digest()).decode("ascii")
-    return environment.get_template("leaderboard.html.j2").render(
-        shared, body=Markup(body), contents=contents(body), script=Markup(script), digest=digest
-    )
+    return page.render("leaderboard.html.j2", {**shown, "body": body, "script": Markup(script), "digest": digest})
 
 
-def markdown(found: Shown) -> str:
+def markdown(shown: dict[str, object]) -> str:
     """The Markdown page: tables and words, no drawings."""
-    environment = _environment(autoescape=False)
-    return environment.get_template("leaderboard.md.j2").render(shown=found, rule=RULE, verdicts=ORDER)
+    environment = Environment(
+        loader=PackageLoader("scenarios"),
+        undefined=StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+        keep_trailing_newline=True,
+    )
+    environment.filters["plain"] = plain_markdown
+    environment.filters["fenced"] = fenced
+    return environment.get_template("leaderboard.md.j2").render(shown)
 
 
 def plain_markdown(text: str) -> str:
-    """Text in which Markdown, and HTML inside it, see no signs of theirs."""
+    """Text without the signs of Markdown, nor of HTML inside it."""
     text = text.replace("&", "&amp;").replace("<", "&lt;").replace(">", "&gt;")
     return re.sub(r"([\\`*_{}\[\]()#+!|~$])", r"\\\1", text)
 
@@ -124,18 +140,3 @@ def fenced(text: str) -> str:
     longest = max((len(run) for run in re.findall(r"`+", text)), default=0)
     fence = "`" * max(3, longest + 1)
     return f"{fence}sh\n{text}\n{fence}"
-
-
-def _environment(*, autoescape: bool) -> Environment:
-    environment = Environment(
-        loader=PackageLoader("scenarios"),
-        autoescape=autoescape,
-        undefined=StrictUndefined,
-        trim_blocks=True,
-        lstrip_blocks=True,
-        keep_trailing_newline=True,
-    )
-    environment.globals["infinity"] = math.inf
-    environment.filters["plain"] = plain_markdown
-    environment.filters["fenced"] = fenced
-    return environment

@@ -170,7 +170,7 @@ def _write(study: "BandwidthStudy", folder: Path) -> list[Path]:
     from scenarios.commands.output import plain
     from scenarios.files.atomic_write import write_whole
     from scenarios.identification.bandwidth_figure import bandwidth_figure
-    from scenarios.report.drawing import SETTINGS, save_figure
+    from scenarios.report.figures import SETTINGS, save_figure
 
     table, picture, drawing = (folder / name for name in FILES)
     records = []

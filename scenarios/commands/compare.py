@@ -262,7 +262,7 @@ def _draw(found: "ComparedModels", data: Path, out: Path, piece: tuple[float, fl
     import matplotlib
 
     from scenarios.files.errors import ScenarioError
-    from scenarios.report.drawing import SETTINGS, save_figure
+    from scenarios.report.figures import SETTINGS, save_figure
     from sysid.plots import PALETTE, Trace, output_comparison
 
     longest = max(range(len(found.parts)), key=lambda k: len(found.parts[k]))

@@ -95,7 +95,7 @@ def identify(
     pictures: list[Path] = []
     if out is not None:
         from scenarios.identification.identification import figures
-        from scenarios.report.drawing import save_figure
+        from scenarios.report.figures import save_figure
 
         with output_folder(out) as folder:
             for name, figure in figures(result).items():

@@ -1,4 +1,4 @@
-"""`hmtb leaderboard`: results of the test bench side by side."""
+"""`hmtb leaderboard`: results of several estimators on the test bench, compared."""
 
 from pathlib import Path
 from typing import Annotated
@@ -15,14 +15,14 @@ def leaderboard(
     out: Path = Path("."),
     json: bool = False,
 ) -> int:
-    """Lay results of estimators on the test bench side by side.
+    """Compare the results of several estimators on the test bench, on a page and in tables.
 
     hmtb leaderboard results/*.json
 
     Results are the files that hmtb verify writes, or folders of them. The page leaderboard.html needs no network; the
     same tables stand in leaderboard.md. Rows are ordered by the number of figures that fail where theory expects
     them to pass, the fewest first, then by figures without a verdict, then by figures passed, then by efficiency; no
-    score is made of several figures. The response error is the median over the problems that all rows were asked; a
+    score is made of several figures. The response error is the median over the problems that were asked of all rows; a
     row that did not answer them all has none. Where rows are not comparable, because seed, effort, limits, protocol or
     machine differ, or an estimator refused requests, the page says so.
 
@@ -31,45 +31,38 @@ def leaderboard(
         out: Folder for both pages.
         json: Print JSON.
     """
-    from scenarios.bench.leaderboard_comparable import notes
+    from scenarios.bench.leaderboard_notes import notes
     from scenarios.bench.leaderboard_page import write_leaderboard
-    from scenarios.bench.leaderboard_ranking import RULE, ranked
-    from scenarios.bench.leaderboard_response_error import compared, median_error
+    from scenarios.bench.leaderboard_rows import RULE, common_problems, ranked
     from scenarios.bench.leaderboard_tables import standing
-    from scenarios.bench.leaderboard_verdict import count, judged_figures, verdict
+    from scenarios.bench.leaderboard_verdict import count, judged_metrics, verdict
 
-    entries = ranked(results)
+    rows = ranked(results)
     with output_folder(out):
-        page, text = write_leaderboard(entries, out)
+        page, text = write_leaderboard(rows, out)
     if json:
-        judged, problems = judged_figures(entry.result for entry in entries), compared(entries)
-        print_json(
+        judged, problems = judged_metrics(row.result for row in rows), common_problems(rows)
+        entries = [
             {
-                "page": page,
-                "markdown": text,
-                "rows": [
-                    {
-                        "number": entry.number,
-                        "name": entry.name,
-                        "file": entry.path,
-                        "passed": entry.result.passed,
-                        "counts": {v.word: n for v, n in count(map(entry.figure, judged)).items()},
-                        "response_error_percent": median_error(entry, problems),
-                        "verdicts": {name: verdict(f).word for name, f in entry.result.figures.items()},
-                        "values": {name: f.value for name, f in entry.result.figures.items()},
-                        "failures": entry.result.outcomes,
-                        "refused": entry.result.refused,
-                    }
-                    for entry in entries
-                ],
-                "notes": notes(entries),
+                "number": row.number,
+                "name": row.name,
+                "file": row.path,
+                "passed": row.result.passed,
+                "counts": {word.word: times for word, times in count(map(row.metric, judged)).items()},
+                "response_error_percent": row.median_error(problems),
+                "verdicts": {name: verdict(metric).word for name, metric in row.result.figures.items()},
+                "values": {name: metric.value for name, metric in row.result.figures.items()},
+                "failures": row.result.outcomes,
+                "refused": row.result.refused,
             }
-        )
+            for row in rows
+        ]
+        print_json({"page": page, "markdown": text, "rows": entries, "notes": notes(rows)})
         return 0
-    table = standing(entries)
-    rows = [tuple(f"{c.text} {c.verdict.sign}" if c.verdict else c.text for c in row) for row in table.rows]
-    print_table(table.caption, table.columns, rows)
-    for note in notes(entries):
+    table = standing(rows)
+    cells = [tuple(f"{c.text} {c.verdict.sign}" if c.verdict else c.text for c in line) for line in table.rows]
+    print_table(table.caption, table.columns, cells)
+    for note in notes(rows):
         say(f"note: {note}")
     say(RULE)
     say(f"{page} and {text} written")

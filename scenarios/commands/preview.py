@@ -37,7 +37,7 @@ def preview(
     from scenarios.experiments.preview import preview as computed
     from scenarios.experiments.preview_figure import preview_figure
     from scenarios.experiments.registry import selected
-    from scenarios.report.drawing import save_figure
+    from scenarios.report.figures import save_figure
 
     chosen = list(dict.fromkeys(selected(names)))
     if duration is not None:

@@ -216,7 +216,7 @@ def _figure(summary: "TruthSummary", out: Path | None) -> list[Path]:
         return []
     import matplotlib
 
-    from scenarios.report.drawing import SETTINGS, save_figure
+    from scenarios.report.figures import SETTINGS, save_figure
     from scenarios.truth.truth_figure import truth_figure
 
     with output_folder(out.parent), matplotlib.rc_context(SETTINGS):

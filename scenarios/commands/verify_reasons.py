@@ -6,8 +6,7 @@ import textwrap
 from collections.abc import Iterable, Sequence
 
 from scenarios.bench.consistency import WHERE_IT_FAILS
-from scenarios.bench.leaderboard_reading import TOLD
-from scenarios.bench.leaderboard_verdict import Verdict, part_verdict, verdict
+from scenarios.bench.leaderboard_verdict import INFORMATIVE, Verdict, part_verdict, verdict
 from scenarios.bench.metric import Metric, Part, excess
 from scenarios.commands.output import say
 from scenarios.commands.verify_numbers import limits, number
@@ -33,7 +32,7 @@ def show_reasons(figures: Iterable[Metric], *, verbose: bool) -> None:
             failed = [part for part in figure.parts if part.passed is False]
             _block(figure, [figure.why], failed, most=len(failed))
             continue
-        if found is Verdict.NONE and figure.name not in TOLD:
+        if found is Verdict.NONE and figure.name not in INFORMATIVE:
             say(wrapped(f"{found.sign} {figure.title}: {figure.why.rpartition('; ')[2]}", INDENT))
         parts = [part for part in figure.parts if part_verdict(part) is found] if _fails(found) else []
         if found is Verdict.FAILS:

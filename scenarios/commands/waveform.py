@@ -109,7 +109,7 @@ def waveform(
     from scenarios.experiments.model_structures import excitation_order_warning, needed_orders
     from scenarios.experiments.preview_figure import waveform_figure
     from scenarios.experiments.waveform import write_points
-    from scenarios.report.drawing import save_figure
+    from scenarios.report.figures import save_figure
 
     with output_folder(out) as folder:
         name = kind if path is None else path.stem

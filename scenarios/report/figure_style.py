@@ -4,7 +4,9 @@ from collections.abc import Iterable, Sequence
 
 import numpy as np
 from matplotlib.axes import Axes
+from matplotlib.axis import Axis
 from matplotlib.figure import Figure
+from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 
 from hmtb_twin.parameters.values import SAMPLE_RATE
 from scenarios.experiments.waveform import POINTS
@@ -92,3 +94,16 @@ def dress(panels: Iterable[Axes]) -> None:
         axes.tick_params(labelsize=8, colors=INK)
         for side in ("top", "right"):
             axes.spines[side].set_visible(False)
+
+
+def plain_marks(axis: Axis, ends: tuple[float, float]) -> None:
+    """Mark a logarithmic axis with plain numbers that do not meet: powers of ten alone beyond two decades.
+
+    Args:
+        axis: The axis.
+        ends: Its limits.
+    """
+    wide = ends[1] > 100.0 * ends[0]
+    axis.set_major_locator(LogLocator(subs=(1.0,) if wide else (1.0, 2.0, 5.0), numticks=6))
+    axis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
+    axis.set_minor_formatter(NullFormatter())

@@ -7,12 +7,12 @@ import numpy as np
 from scenarios.experiments.campaign import single_joint_test, tests_of_same_sequence
 from scenarios.report.figure_style import short
 from scenarios.report.figures import Gallery, Picture
-from scenarios.report.probability import p_value
 from scenarios.thesis import figures_chapter_4 as draw
 from scenarios.thesis import figures_data_sets as draw_sets
 from scenarios.thesis.comparison import Comparison, JointResult
 from scenarios.thesis.every_data_set import AUDIBLE, DataSets, distances
 from scenarios.thesis.order_search import IMPROVES, Searches
+from scenarios.thesis.wording import p_value
 from sysid import StateSpace
 
 FIGURES = {"shoulder_yaw": ("", 39), "shoulder_pitch": ("A", 30), "elbow_pitch": ("A", 41)}

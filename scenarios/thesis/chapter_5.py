@@ -7,10 +7,10 @@ import numpy as np
 
 from scenarios.report.figure_style import short
 from scenarios.report.figures import Gallery
-from scenarios.report.probability import p_value
 from scenarios.thesis import figures_chapter_5 as draw
 from scenarios.thesis.comparison import Comparison, JointResult
 from scenarios.thesis.observer_analysis import LIVE, JointObserver, P, described
+from scenarios.thesis.wording import p_value
 from scenarios.truth.published import PERCENT_DESCRIBED, PublishedModel
 from sysid import StateSpace
 

@@ -4,7 +4,6 @@ import numpy as np
 
 from scenarios.experiments.campaign import single_joint_test
 from scenarios.files.errors import MissingRecordError
-from scenarios.report.probability import p_value
 from scenarios.thesis.comparison import Comparison, ModelResult
 from scenarios.thesis.every_data_set import DataSetModel, DataSets, distances
 from scenarios.thesis.finding import Finding, decided, verdict
@@ -12,6 +11,7 @@ from scenarios.thesis.flexibility import COMPARED, DISMISSED, flexibility
 from scenarios.thesis.held_out import held_out_one_step
 from scenarios.thesis.margin import MARGIN
 from scenarios.thesis.more_poles import EDGE
+from scenarios.thesis.wording import p_value
 from scenarios.truth.published import YAW_ARMAX
 from sysid import StateSpace
 

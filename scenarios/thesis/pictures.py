@@ -8,7 +8,7 @@ from hmtb_twin.arm.rendering import Stage
 from scenarios.experiments.campaign import RPCM
 from scenarios.experiments.logged_arm import pictured_arm
 from scenarios.experiments.rpcm import rpcm_outcome
-from scenarios.report.drawing import photograph
+from scenarios.report.figures import photograph
 from scenarios.thesis.comparison import Comparison
 
 PHASES = ("approach", "draw out", "transfer", "insert")

@@ -7,20 +7,17 @@ from time import perf_counter
 
 import matplotlib
 import numpy as np
-from jinja2 import Environment, PackageLoader, StrictUndefined
-from markupsafe import Markup
 
 from scenarios.files.atomic_write import check_place, write_whole
 from scenarios.files.errors import ScenarioError
 from scenarios.identification.recovered_bandwidth import near_1_hz
-from scenarios.report.drawing import SETTINGS
-from scenarios.report.figures import Gallery
-from scenarios.report.page_text import contents, numbered, signed
+from scenarios.report.figures import SETTINGS, Gallery
+from scenarios.report.page import Page
 from scenarios.thesis.comparison import Comparison
 from scenarios.thesis.finding import Finding
 from scenarios.thesis.report_context import context
 from scenarios.thesis.tally import Tally
-from scenarios.thesis.wording import limits, minus, parts, root
+from scenarios.thesis.wording import limits, parts, root
 from sysid.models.bandwidth import half_power_hz
 
 
@@ -57,41 +54,30 @@ def write_report(
         shown = context(study, findings, Gallery(figures, drawn), tally)
     shown["study"] = replace(study, cost=study.cost.later(perf_counter() - begin, report=True))
     try:
-        write_whole(path, page(shown))
+        write_whole(path, html(shown))
     except OSError as error:
         raise ScenarioError(f"cannot write the report {str(path)!r}: {error.strerror}") from error
     return path
 
 
-def page(shown: Mapping[str, object]) -> str:
+def html(shown: Mapping[str, object]) -> str:
     """The page as text.
 
     Args:
-        shown: What the templates show, see `context`.
+        shown: Variables of the templates, see `context`.
     """
-    environment = _environment()
-    body = signed(numbered(environment.get_template("body.html.j2").render(shown)))
-    # On paper the answer comes first and then what else there is.
-    opening, end, rest = body.partition("</section>")
-    return environment.get_template("report.html.j2").render(
-        shown, opening=Markup(opening + end), rest=Markup(rest), contents=contents(body)
+    page = Page(
+        {
+            "si": lambda value, digits=4: "–" if not np.isfinite(value) else f"{value:.{digits}g}",
+            "parts": parts,
+            "limits": limits,
+            "near": near_1_hz,
+            "level": half_power_hz,
+            "root": root,
+            "words": lambda name: name.replace("_", " "),
+        }
     )
-
-
-def _environment() -> Environment:
-    environment = Environment(
-        loader=PackageLoader("scenarios"),
-        autoescape=True,
-        undefined=StrictUndefined,
-        trim_blocks=True,
-        lstrip_blocks=True,
-    )
-    environment.filters["si"] = lambda value, digits=4: "–" if not np.isfinite(value) else f"{value:.{digits}g}"
-    environment.filters["parts"] = parts
-    environment.filters["limits"] = limits
-    environment.filters["minus"] = minus
-    environment.filters["near"] = near_1_hz
-    environment.filters["level"] = half_power_hz
-    environment.filters["root"] = root
-    environment.filters["words"] = lambda name: name.replace("_", " ")
-    return environment
+    # On paper the answer comes first and then the contents, which are known once all sections are rendered.
+    answer = page.render("answer.html.j2", shown)
+    body = page.render("body.html.j2", shown)
+    return page.render("report.html.j2", {**shown, "answer": answer, "body": body})

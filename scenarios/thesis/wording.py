@@ -4,9 +4,11 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from scenarios.report.probability import TINY
 from scenarios.thesis.finding import Finding
 from scenarios.thesis.tally import Spread
+
+TINY = 1e-300
+"""Probabilities below this are printed as such: the tail of the distribution is not computed further."""
 
 
 def minus(text: str) -> str:
@@ -21,6 +23,11 @@ def number(value: float, digits: int = 4) -> str:
     if value == 0.0 or (float(value).is_integer() and abs(value) < 1000):
         return minus(f"{value:.0f}")
     return minus(f"{value:#.{digits}g}".rstrip("."))
+
+
+def p_value(p: float) -> str:
+    """A probability as text."""
+    return f"p < {TINY:g}" if p < TINY else f"p = {p:.2g}"
 
 
 def measure(value: float, finding: Finding) -> str:

@@ -16,8 +16,8 @@ from matplotlib.figure import Figure
 from hmtb_twin import JOINTS, STUDIED_JOINTS
 from scenarios.experiments.preview_figure import COLOURS, LINES
 from scenarios.files.atomic_write import write_whole
-from scenarios.report.drawing import SETTINGS, save_figure, svg
 from scenarios.report.figure_style import dress
+from scenarios.report.figures import SETTINGS, save_figure, svg
 from scenarios.truth.map_findings import STUDIED, TOLERANCE, findings, words
 from scenarios.truth.map_table import MOVING, UNITS, MapTable
 from scenarios.truth.maps import PLANE, Maps

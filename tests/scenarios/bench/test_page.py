@@ -12,11 +12,9 @@ from typing import Any
 
 import pytest
 
-from scenarios.bench.leaderboard_entry import Entry
-from scenarios.bench.leaderboard_page import gather, html, markdown
-from scenarios.bench.leaderboard_ranking import RULE, ranked
+from scenarios.bench.leaderboard_page import context, html, markdown
+from scenarios.bench.leaderboard_rows import RULE, LeaderboardRow, ranked
 from scenarios.bench.result import Result
-from scenarios.report.figures import Gallery
 
 VOID = ("meta", "br", "img", "link", "input", "hr")
 
@@ -79,17 +77,19 @@ def test_numbers_that_no_axis_can_hold_are_left_out_of_drawings(
         place[keys[-1]] = value
     path = tmp_path / "odd.json"
     path.write_text(json.dumps(table), encoding="utf-8")
-    read(html(gather(ranked([path]), Gallery())))
+    read(html(context(ranked([path]))))
 
 
 @pytest.fixture(scope="module")
-def pages(results: tuple[Result, ...], tmp_path_factory: pytest.TempPathFactory) -> tuple[str, str, Sequence[Entry]]:
+def pages(
+    results: tuple[Result, ...], tmp_path_factory: pytest.TempPathFactory
+) -> tuple[str, str, Sequence[LeaderboardRow]]:
     folder = tmp_path_factory.mktemp("results")
     for number, made in enumerate(one for one in results if one.contestant.name not in ("okid", "n4sid", "armax")):
         (folder / f"{number}.json").write_text(made.to_json(), encoding="utf-8")
     entries = ranked([folder])
-    found = gather(entries, Gallery())
-    return html(found), markdown(found), entries
+    shown = context(entries)
+    return html(shown), markdown(shown), entries
 
 
 def read(page: str) -> Reader:
@@ -99,7 +99,7 @@ def read(page: str) -> Reader:
     return reader
 
 
-def test_the_page_is_well_formed_and_loads_nothing(pages: tuple[str, str, Sequence[Entry]]) -> None:
+def test_the_page_is_well_formed_and_loads_nothing(pages: tuple[str, str, Sequence[LeaderboardRow]]) -> None:
     reader = read(pages[0])
     marks = [value for _, name, value in reader.attributes if name == "id"]
     assert len(marks) == len(set(marks))
@@ -110,7 +110,7 @@ def test_the_page_is_well_formed_and_loads_nothing(pages: tuple[str, str, Sequen
     assert "://" not in re.sub(r'xmlns(:\w+)?="[^"]*"', "", pages[0])
 
 
-def test_no_script_but_its_own_can_run(pages: tuple[str, str, Sequence[Entry]]) -> None:
+def test_no_script_but_its_own_can_run(pages: tuple[str, str, Sequence[LeaderboardRow]]) -> None:
     reader = read(pages[0])
     (script,) = reader.texts["script"]
     digest = b64encode(sha256(script.encode()).digest()).decode()
@@ -122,7 +122,7 @@ def test_no_script_but_its_own_can_run(pages: tuple[str, str, Sequence[Entry]]) 
     assert "&lt;script&gt;alert(" in pages[0]
 
 
-def test_what_results_say_is_text_in_markdown(pages: tuple[str, str, Sequence[Entry]]) -> None:
+def test_what_results_say_is_text_in_markdown(pages: tuple[str, str, Sequence[LeaderboardRow]]) -> None:
     text = pages[1]
     # In a block of code nothing but its fence means anything.
     words = re.sub(r"^(```+)sh\n.*\n\1$", "", text, flags=re.M)
@@ -143,7 +143,7 @@ def _tables(text: str) -> list[list[str]]:
     return [block.splitlines() for block in re.findall(r"(?:^\|.*\n)+", text, re.M)]
 
 
-def test_rows_stand_in_order_and_the_page_says_by_what(pages: tuple[str, str, Sequence[Entry]]) -> None:
+def test_rows_stand_in_order_and_the_page_says_by_what(pages: tuple[str, str, Sequence[LeaderboardRow]]) -> None:
     page, text, entries = pages
     names = [entry.name for entry in entries]
     assert names[1] == "oe"
@@ -153,7 +153,9 @@ def test_rows_stand_in_order_and_the_page_says_by_what(pages: tuple[str, str, Se
     assert re.findall(r'href="#estimator-(\d+)"', first) == [str(n) for n in range(1, 5)]
 
 
-def test_the_rule_of_the_response_error_and_who_has_none_are_told(pages: tuple[str, str, Sequence[Entry]]) -> None:
+def test_the_rule_of_the_response_error_and_who_has_none_are_told(
+    pages: tuple[str, str, Sequence[LeaderboardRow]],
+) -> None:
     for page in (pages[0], pages[1].replace("\\", "")):
         assert "median over the problems that were asked of all rows (p2, p3, p4, p5); “–” where an estimator" in page
         assert "answered too few records of p2, p3, p4, p5 for a verdict: no response error" in page
@@ -162,14 +164,14 @@ def test_the_rule_of_the_response_error_and_who_has_none_are_told(pages: tuple[s
     assert "Not drawn, since a number of theirs is missing: &lt;script&gt;" in caption
 
 
-def test_verdicts_are_told_by_sign_and_word(pages: tuple[str, str, Sequence[Entry]]) -> None:
+def test_verdicts_are_told_by_sign_and_word(pages: tuple[str, str, Sequence[LeaderboardRow]]) -> None:
     page = pages[0]
     for sign, word in (("✓", "passes"), ("✗", "fails"), ("△", "fails as theory says"), ("–", "no verdict")):
         assert f'<span aria-hidden="true">{sign}</span><span class="unseen">{word}</span>' in page
         assert f"{sign} {word}" in pages[1]
 
 
-def test_every_estimator_has_its_command_and_reasons(pages: tuple[str, str, Sequence[Entry]]) -> None:
+def test_every_estimator_has_its_command_and_reasons(pages: tuple[str, str, Sequence[LeaderboardRow]]) -> None:
     page, text, _ = pages
     assert page.count('<pre class="command">') == 4
     assert "hmtb verify my_module:oe --name &#39;oe&#39; --seed 7" in page
@@ -180,7 +182,7 @@ def test_every_estimator_has_its_command_and_reasons(pages: tuple[str, str, Sequ
     assert "nan" not in re.sub(r"<svg.*?</svg>|<style>.*?</style>", "", page, flags=re.S).lower().replace("nano", "")
 
 
-def test_drawings_stand_with_their_figures(pages: tuple[str, str, Sequence[Entry]], tmp_path: Path) -> None:
+def test_drawings_stand_with_their_figures(pages: tuple[str, str, Sequence[LeaderboardRow]], tmp_path: Path) -> None:
     page = pages[0]
     captions = re.findall(r"<figcaption>Figure (\d+)\. (.{40})", page)
     assert [int(number) for number, _ in captions] == list(range(1, len(captions) + 1))

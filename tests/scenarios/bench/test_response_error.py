@@ -7,12 +7,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from scenarios.bench.leaderboard_comparable import notes
-from scenarios.bench.leaderboard_entry import Entry
-from scenarios.bench.leaderboard_ranking import ranked
-from scenarios.bench.leaderboard_response_error import compared, median_error
+from scenarios.bench.leaderboard_drawings import work_precision
+from scenarios.bench.leaderboard_notes import notes
+from scenarios.bench.leaderboard_rows import LeaderboardRow, common_problems, ranked
 from scenarios.bench.leaderboard_tables import standing
-from scenarios.bench.leaderboard_work_precision import work_precision
 from scenarios.bench.result import Result
 
 Save = Callable[[Path, Result], Path]
@@ -29,22 +27,22 @@ def errors(made: Result, found: dict[str, float], *, asked: Sequence[str] = ()) 
 
 
 @pytest.fixture
-def board(written: list[Path], results: tuple[Result, ...], saved: Save) -> Callable[..., dict[str, Entry]]:
-    def make(armax: Result, oe: Result | None = None) -> dict[str, Entry]:
+def board(written: list[Path], results: tuple[Result, ...], saved: Save) -> Callable[..., dict[str, LeaderboardRow]]:
+    def make(armax: Result, oe: Result | None = None) -> dict[str, LeaderboardRow]:
         paths = [saved(written[1], armax), saved(written[2], oe or errors(results[2], ERRORS))]
         return {entry.name: entry for entry in ranked(paths)}
 
     return make
 
 
-def cells(entries: dict[str, Entry]) -> dict[str, str]:
+def cells(entries: dict[str, LeaderboardRow]) -> dict[str, str]:
     table = standing(list(entries.values()))
     column = table.columns.index("Response error / %")
     return {name: row[column].text for name, row in zip(entries, table.rows, strict=True)}
 
 
 def test_what_was_not_answered_is_no_advantage(
-    board: Callable[..., dict[str, Entry]], results: tuple[Result, ...]
+    board: Callable[..., dict[str, LeaderboardRow]], results: tuple[Result, ...]
 ) -> None:
     easy = {name: value for name, value in ERRORS.items() if name != "p3"}
     entries = board(errors(results[1], easy, asked=tuple(ERRORS)))
@@ -60,7 +58,7 @@ def test_what_was_not_answered_is_no_advantage(
 
 
 def test_what_too_few_records_answer_is_not_answered(
-    board: Callable[..., dict[str, Entry]], results: tuple[Result, ...]
+    board: Callable[..., dict[str, LeaderboardRow]], results: tuple[Result, ...]
 ) -> None:
     whole = errors(results[1], ERRORS)
     figure = whole.figures["efficiency"]
@@ -71,20 +69,20 @@ def test_what_too_few_records_answer_is_not_answered(
 
 
 def test_what_was_not_asked_of_all_does_not_count(
-    board: Callable[..., dict[str, Entry]], results: tuple[Result, ...]
+    board: Callable[..., dict[str, LeaderboardRow]], results: tuple[Result, ...]
 ) -> None:
     """Another effort, or a structure that cannot hold a system, asks other problems."""
     entries = board(errors(results[1], {**ERRORS, "mimo": 70.0, "random-easy-1": 50.0}))
     both = list(entries.values())
-    assert compared(both) == tuple(ERRORS)
+    assert common_problems(both) == tuple(ERRORS)
     assert cells(entries) == {"armax": "0.6", "oe": "0.6"}
     assert notes(both) == []
-    assert median_error(entries["armax"], ("p2", "mimo", "p3")) == 8.0
-    assert np.isnan(median_error(entries["oe"], ("p2", "mimo", "p3")))
+    assert entries["armax"].median_error(("p2", "mimo", "p3")) == 8.0
+    assert np.isnan(entries["oe"].median_error(("p2", "mimo", "p3")))
 
 
 def test_rows_that_were_asked_nothing_in_common_have_none(
-    board: Callable[..., dict[str, Entry]], results: tuple[Result, ...]
+    board: Callable[..., dict[str, LeaderboardRow]], results: tuple[Result, ...]
 ) -> None:
     entries = board(errors(results[1], {"p2": 0.1}), errors(results[2], {"p3": 0.1}))
     assert cells(entries) == {"armax": "–", "oe": "–"}

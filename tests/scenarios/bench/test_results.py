@@ -9,8 +9,8 @@ from typing import Any
 
 import pytest
 
-from scenarios.bench.leaderboard_comparable import notes
-from scenarios.bench.leaderboard_ranking import ranked
+from scenarios.bench.leaderboard_notes import notes
+from scenarios.bench.leaderboard_rows import ranked
 from scenarios.bench.leaderboard_tables import standing
 from scenarios.bench.leaderboard_verdict import Verdict, count, verdict
 from scenarios.bench.result import Result

@@ -10,7 +10,7 @@ from matplotlib.figure import Figure
 from scenarios import ScenarioError
 from scenarios.files import atomic_write
 from scenarios.files.atomic_write import check_place, remove_partial, replacing, sync_folder, write_files, write_whole
-from scenarios.report.drawing import save_figure
+from scenarios.report.figures import save_figure
 
 
 @pytest.mark.parametrize("durable", [False, True])

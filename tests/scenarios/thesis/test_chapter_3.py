@@ -6,8 +6,7 @@ import matplotlib
 import numpy as np
 import pytest
 
-from scenarios.report.drawing import SETTINGS
-from scenarios.report.figures import Gallery
+from scenarios.report.figures import SETTINGS, Gallery
 from scenarios.thesis import figures_chapter_3 as draw
 from scenarios.thesis.chapter_3 import THESIS, chapter_3
 from scenarios.thesis.comparison import Comparison

@@ -3,8 +3,7 @@
 import matplotlib
 import pytest
 
-from scenarios.report.drawing import SETTINGS
-from scenarios.report.figures import Gallery
+from scenarios.report.figures import SETTINGS, Gallery
 from scenarios.thesis.chapter_5 import chapter_5, realisation
 from scenarios.thesis.comparison import Comparison
 from scenarios.thesis.published_section import PrintedFit, printed_row, several_records

@@ -12,15 +12,13 @@ import pytest
 from matplotlib.figure import Figure
 
 from scenarios.files.errors import ScenarioError
-from scenarios.report.drawing import SETTINGS, photograph, png, svg
-from scenarios.report.figures import Gallery
-from scenarios.report.page_text import contents, numbered, signed
+from scenarios.report.figures import SETTINGS, Gallery, photograph, png, svg
 from scenarios.thesis.comparison import Comparison
 from scenarios.thesis.finding import Verdict
 from scenarios.thesis.findings import findings
 from scenarios.thesis.frequencies import ORDER, chance
 from scenarios.thesis.outcome import outcome
-from scenarios.thesis.report import page, write_report
+from scenarios.thesis.report import html, write_report
 from scenarios.thesis.report_context import context
 from scenarios.thesis.results import answers, headline
 from scenarios.thesis.tally import Tally
@@ -64,7 +62,7 @@ def shown(study: Comparison) -> dict[str, object]:
 
 @pytest.fixture(scope="module")
 def text(shown: dict[str, object]) -> str:
-    return page(shown)
+    return html(shown)
 
 
 def test_nothing_is_loaded_from_anywhere(text: str) -> None:
@@ -118,36 +116,6 @@ def test_headings_leave_no_level_out(text: str) -> None:
     assert all(later - earlier <= 1 for earlier, later in pairwise(levels))
 
 
-def test_the_contents_are_read_from_the_page() -> None:
-    body = (
-        '<section id="a">\n<h2>First</h2></section>'
-        '<p class="part">Chapter &amp; verse</p><section id="b"><h2>B</h2></section>'
-        '<section id="c"><h2>C</h2></section>'
-        '<p class="part">Nothing in it</p>'
-    )
-    assert contents(body) == (("", (("a", "First"),)), ("Chapter &amp; verse", (("b", "B"), ("c", "C"))))
-
-
-def test_figures_are_numbered_as_they_stand_on_the_page() -> None:
-    body = (
-        '<figure id="figure-7"><figcaption>Figure 7. Ten of 7.</figcaption></figure><figure id="figure-2">'
-        "<figcaption>Figure 2. b</figcaption></figure>"
-        '<a href="#figure-7">figure 7</a>, <a href="#figure-2">figure 2</a>'
-    )
-    assert numbered(body) == (
-        '<figure id="figure-1"><figcaption>Figure 1. Ten of 7.</figcaption></figure><figure id="figure-2">'
-        "<figcaption>Figure 2. b</figcaption></figure>"
-        '<a href="#figure-1">figure 1</a>, <a href="#figure-2">figure 2</a>'
-    )
-
-
-def test_numbers_have_true_minus_signs_but_for_code_and_drawings() -> None:
-    kept = "<pre>a -1</pre><code>-2</code><svg><a>-3</a></svg>"
-    assert signed(f'<p class="a -1">-13, (-1.5) to 5-10 Hz, siso-5, 1e-05</p>{kept}') == (
-        f'<p class="a -1">−13, (−1.5) to 5-10 Hz, siso-5, 1e-05</p>{kept}'
-    )
-
-
 def test_every_table_has_a_caption_and_cells_have_headers(text: str) -> None:
     tables = re.findall(r"<table>.*?</table>", text, flags=re.S)
     assert len(tables) > 8
@@ -199,7 +167,7 @@ def test_frequencies_and_ranges_stand_beside_the_findings(
         numbers={**here.numbers, first.key: moved},
     )
     both = Tally((here, other), {})
-    many = page({**shown, "chance": chance(found, both, study.seed)})
+    many = html({**shown, "chance": chance(found, both, study.seed)})
     Page(many)
     rows = dict(re.findall(r'<tr id="(F\d+)">(.*?)</tr>', many, flags=re.S))
     assert '<span class="note">2 of 2 seeds</span>' in rows[first.key]
@@ -260,7 +228,7 @@ def test_an_unwritable_report_is_refused_before_it_is_drawn(study: Comparison, t
 def test_whole_records_are_not_marked(study: Comparison, shown: dict[str, object]) -> None:
     main, *rest = study.campaigns
     whole = replace(study, campaigns=(replace(main, duration=None), *rest))
-    text = page({**shown, "study": whole, "headline": headline(whole), "answers": answers(whole)})
+    text = html({**shown, "study": whole, "headline": headline(whole), "answers": answers(whole)})
     Page(text)
     assert "quick run" not in text.lower()
     assert "Interval holds the truth:" in text
