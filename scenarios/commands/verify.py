@@ -100,7 +100,7 @@ def verify(
     from scenarios.bench.estimator_arguments import estimators as found
     from scenarios.bench.metrics import metrics_named
     from scenarios.bench.verify import Plan
-    from scenarios.commands.verify_tables import record, show
+    from scenarios.commands.verify_output import record, show
     from scenarios.estimators.contestant import Limits
     from scenarios.estimators.referee import REFEREE
     from scenarios.files.errors import ScenarioError

@@ -19,7 +19,7 @@ from scipy.stats import binomtest
 from scenarios.bench.local import Local
 from scenarios.bench.metric import Part
 from scenarios.bench.verify import RECORDS, Plan, verify
-from scenarios.commands.verify_numbers import limits, number
+from scenarios.commands.verify_output import limits, number
 from scenarios.estimators.known_estimators import contestant
 
 MOST = 0.01

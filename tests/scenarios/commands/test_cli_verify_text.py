@@ -11,10 +11,8 @@ from scenarios.bench.measurement import Measurement
 from scenarios.bench.metric import Metric, Part
 from scenarios.bench.result import Result
 from scenarios.bench.work import Done, Piece, spread
-from scenarios.commands.verify_bandwidths import answer, bandwidth_rows, show_bandwidths
+from scenarios.commands.verify_output import answer, bandwidth_rows, show, show_bandwidths, show_reasons
 from scenarios.commands.verify_progress import verify_progress
-from scenarios.commands.verify_reasons import show_reasons
-from scenarios.commands.verify_tables import show
 from scenarios.estimators.contestant import Contestant, Limits
 from scenarios.problems.trial import Trial
 
