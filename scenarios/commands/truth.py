@@ -1,4 +1,4 @@
-"""`hmtb truth`: what an estimator should have found, in every sense there is."""
+"""`hmtb truth`: the true poles, zeros, bandwidths, gains and delays of the joints."""
 
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -13,7 +13,6 @@ if TYPE_CHECKING:
     import numpy as np
 
     from hmtb_twin import Arm, JointLog
-    from scenarios.truth.maps import Density
     from scenarios.truth.truth_summary import TruthSummary
 
 FIGURES = (".svg", ".png", ".pdf")
@@ -43,24 +42,23 @@ def truth(
     out: Path | None = None,
     json: bool = False,
 ) -> int:
-    """Poles, zeros, bandwidth, gain and delay of each joint: what an estimator should have found.
+    """Print the true poles, zeros, bandwidth, gain and delay of each joint, which an estimator should recover.
 
-    What is printed first is the small-signal truth: the physics linearised at the pose, sampled at 50 Hz, dry friction
-    off. It is exact as the amplitude goes to nothing; a line below the table says how wrong it is at others. A joint
-    that does not follow its command is locked: it has no bandwidth. Gains are measured over commanded angle, rad/rad. A
+    The table shows the small-signal truth: the physics linearised at the pose, sampled at 50 Hz, without dry friction.
+    It is exact as the amplitude goes to zero; a line below the table gives its error at other amplitudes. A joint that
+    does not follow its command is locked: it has no bandwidth. Gains are measured over commanded angle, rad/rad. A
     pole is dominant where its mode carries more than 5 % of the gain at 0 Hz; the slowest four of them are shown. The
     hydraulic resonance is that of the oil's spring with the inertia that the joint sees, the other joints held; valve
     and leakage damp it (linear actuators only).
 
-    Two more truths on request. With --bla 0.01 also the best linear approximation, what linear models of records at
-    that amplitude tend to, friction, velocity limit and all, with its 95 % interval (some seconds); a remark says where
-    it is worth little. With --data LOG also what models could attain on that record of hmtb simulate: beyond chance no
-    model that knows only commands and measurements has a smaller error. How far chance goes stands below the table.
+    Two more truths on request. --bla 0.01 adds the best linear approximation, which linear models of records at that
+    amplitude tend to, with friction and velocity limit, and its 95 % interval (some seconds). A remark says where it is
+    worth little. --data LOG adds the errors that models can attain on that log of hmtb simulate: no model that knows
+    only commands and measurements has a smaller error, except by chance; a line below the table says by how much.
 
-    How far all this reaches is what --maps answers: over the workspace, over payload, supply pressure, oil temperature,
-    amplitude and friction. It writes a page, figures and tables into a folder, in about a minute and a half of one
-    core for the nominal arm with linear actuators, several times that for others. Both --bla and --maps need a pose by
-    name.
+    --maps shows how the truth varies over the workspace, payload, supply pressure, oil temperature, amplitude and
+    friction. It writes a page, figures and tables into a folder, in about a minute and a half of one core for the
+    nominal arm with linear actuators, several times that for others. Both --bla and --maps need a pose by name.
 
       hmtb truth --out truth.svg
       hmtb truth --pose 0,20,50,30,-50,0,0 --oil-temperature 15
@@ -72,20 +70,20 @@ def truth(
         pose: Operating point: rpcm_holster_out_approach (when not given) or home, or the seven joint angles in degrees,
             with commas.
         actuator: A linear load-flow law (when not given), or servo valves with square-root orifices (needs numba).
-        friction: What the joints rub with, lugre when not given; the small-signal truth keeps the oil's drag (viscous)
-            alone.
+        friction: Friction of the joints, lugre when not given; of it the small-signal truth keeps only the oil's drag
+            (viscous).
         friction_level: Dry friction, in multiples of the variant's; 1 when not given.
         supply_pressure: Pressure of the supply, MPa; 20.7 when not given.
         oil_temperature: Temperature of the oil, degrees Celsius; 40 when not given.
-        process_noise: Noise in the valve drives, a part of each joint's rated torque, 0 when not given; the true noise
-            model with it.
+        process_noise: Noise in the valve drives, a part of each joint's rated torque, 0 when not given; with it the
+            true noise model is computed too.
         bla: Amplitude of the best linear approximation, rad, root mean square; of the studied joints.
-        data: A log of hmtb simulate (.nc); its arm, conditions and pose are taken, and no option may contradict them.
+        data: A log of hmtb simulate (.nc); it defines arm, conditions and pose, and no option may contradict them.
         maps: Make the maps.
         density: Poses of the maps, in multiples of the default grid (1); 0.1 is a preview in half a minute.
         seed: Of the phases and noise of --bla, and of the random poses of --maps.
         threads: Threads for the physics of --bla and --maps; all processors when not given.
-        out: One figure of all this (.svg, .png or .pdf); with --maps the folder, "maps" when not given.
+        out: One figure (.svg, .png or .pdf); with --maps the folder, "maps" when not given.
         json: Print JSON.
     """
     from dataclasses import replace
@@ -103,7 +101,7 @@ def truth(
     if density is not None and not maps:
         raise ScenarioError(f"--density {density:g} given without --maps, whose poses it counts")
     grid = Density.scaled(1.0 if density is None else density)
-    conditions = {
+    conditions: dict[str, object] = {
         "actuator": actuator,
         "friction": friction,
         "friction_level": friction_level,
@@ -111,41 +109,50 @@ def truth(
         "oil_temperature": oil_temperature,
         "process_noise": process_noise,
     }
-    said_of_plant = {name: value for name, value in conditions.items() if value is not None}
-    plant = replace(NOMINAL_PLANT, **said_of_plant)  # type: ignore[arg-type]
+    conditions = {name: value for name, value in conditions.items() if value is not None}
+    plant = replace(NOMINAL_PLANT, **conditions)  # type: ignore[arg-type]
     point = _point(pose or OPERATING_POSE)
     log = None
-    if data is not None:
-        arm, point, log = _logged(data, {"variant": variant, "payload": payload, "pose": pose, **said_of_plant})
-    else:
+    if data is None:
         arm = load_arm(variant or "nominal", payload or "rpcm", plant=plant)
+    else:
+        arm, point, log = _logged(data, {"variant": variant, "payload": payload, "pose": pose, **conditions})
     if (bla is not None or maps) and not isinstance(point, str):
         raise ScenarioError("--bla and --maps start from a pose of the model; give --pose a name, not angles")
-    if out is not None and maps and out.suffix in FIGURES:
-        raise ScenarioError(
-            f"--out {out} given with --maps, expected a folder: maps are several figures, tables and a page"
+    if out is not None and maps == (out.suffix in FIGURES):
+        expected = (
+            "a folder: maps are several figures, tables and a page"
+            if maps
+            else f"a figure: {', '.join(FIGURES)} (a folder goes with --maps)"
         )
-    if out is not None and not maps and out.suffix not in FIGURES:
-        raise ScenarioError(f"--out {out} given, expected a figure: {', '.join(FIGURES)} (a folder goes with --maps)")
+        raise ScenarioError(f"--out {out} given{' with --maps' if maps else ''}, expected {expected}")
     if out is not None and not maps:
         check_place(out)
     summary = truth_summary(arm, linearize(arm, point))
     if bla is not None and isinstance(point, str):
-        with progress("best linear approximation") as step:
-            found = measured_best_linear(arm, point, bla, seed=seed, threads=threads, progress=step)
-        summary = replace(summary, best_linear=found)
+        with progress("best linear approximation") as bar:
+            best_linear = measured_best_linear(arm, point, bla, seed=seed, threads=threads, progress=bar)
+        summary = replace(summary, best_linear=best_linear)
     if log is not None:
         summary = replace(summary, attainable=attainable_on(log, summary.truth))
-    said: tuple[str, ...] = ()
+    sentences: tuple[str, ...] = ()
+    files: list[Path] = []
     if maps:
-        files, said = _maps(arm, summary, grid, seed, threads, out)
-    else:
-        files = _figure(summary, out)
+        from scenarios.truth.map_figures import write_maps
+        from scenarios.truth.map_findings import findings
+        from scenarios.truth.maps import maps as computed_maps
+
+        with output_folder(out or PLACE) as folder:
+            table = computed_maps(arm, summary.truth.pose, grid, seed=seed, threads=threads, stage=progress)
+            files = [*write_maps(table, folder), _figure(summary, folder / "truth.svg")]
+            sentences = findings(table)
+    elif out is not None:
+        files = [_figure(summary, out)]
     if json:
-        print_json({**summary.record(), "maps": said, "files": files} if maps else {**summary.record(), "files": files})
+        print_json({**summary.record(), **({"maps": sentences} if maps else {}), "files": files})
         return 0
     _print(summary)
-    for text in said:
+    for text in sentences:
         say(f"- {text}")
     for path in files[:1]:
         say(f"{'maps' if maps else 'figure'}: {path}")
@@ -175,19 +182,16 @@ def _point(pose: str) -> "str | np.ndarray":
 
 
 def _check_threads(threads: int | None, *, used: bool) -> None:
-    """Refuse before any work a number of threads that nothing would use, or that no machine has."""
     from hmtb_twin.run.simulation import MOST_THREADS
     from scenarios.files.errors import ScenarioError
 
-    if threads is None:
-        return
-    if not 1 <= threads <= MOST_THREADS:
+    if threads is not None and not 1 <= threads <= MOST_THREADS:
         raise ScenarioError(f"threads = {threads} given, expected a whole number from 1 to {MOST_THREADS}")
-    if not used:
+    if threads is not None and not used:
         raise ScenarioError(f"--threads {threads} given without --bla or --maps, which alone use threads")
 
 
-def _logged(data: Path, given: "Mapping[str, object]") -> "tuple[Arm, str, JointLog]":
+def _logged(data: Path, options: "Mapping[str, object]") -> "tuple[Arm, str, JointLog]":
     """The arm and pose of a log, which the other options must not contradict."""
     from hmtb_twin import JointLog
     from scenarios.experiments.logged_arm import logged_arm
@@ -200,40 +204,26 @@ def _logged(data: Path, given: "Mapping[str, object]") -> "tuple[Arm, str, Joint
     log = JointLog.load(data)
     arm, pose = logged_arm(log), log.provenance["pose"]
     of_log = {"variant": arm.variant, "payload": arm.payload, "pose": pose, **vars(arm.plant)}
-    others = [name for name, value in given.items() if value is not None and value != of_log[name]]
+    others = [name for name, value in options.items() if value is not None and value != of_log[name]]
     if others:
-        options = ", ".join(f"--{name.replace('_', '-')} {given[name]}" for name in others)
+        contradicting = ", ".join(f"--{name.replace('_', '-')} {options[name]}" for name in others)
         has = ", ".join(f"{name} = {of_log[name]}" for name in others)
         raise ScenarioError(
-            f"--data takes arm, conditions and pose from the log: leave out the options that say otherwise: {options} "
-            f"given, the log has {has}"
+            "--data takes arm, conditions and pose from the log: leave out the options that say otherwise: "
+            f"{contradicting} given, the log has {has}"
         )
     return arm, pose, log
 
 
-def _figure(summary: "TruthSummary", out: Path | None) -> list[Path]:
-    if out is None:
-        return []
+def _figure(summary: "TruthSummary", path: Path) -> Path:
     import matplotlib
 
     from scenarios.report.figures import SETTINGS, save_figure
     from scenarios.truth.truth_figure import truth_figure
 
-    with output_folder(out.parent), matplotlib.rc_context(SETTINGS):
-        save_figure(truth_figure(summary), out, dpi=150)
-    return [out]
-
-
-def _maps(
-    arm: "Arm", summary: "TruthSummary", grid: "Density", seed: int, threads: int | None, out: Path | None
-) -> tuple[list[Path], tuple[str, ...]]:
-    from scenarios.truth.map_figures import write_maps
-    from scenarios.truth.map_findings import findings
-    from scenarios.truth.maps import maps as made
-
-    with output_folder(out or PLACE) as folder:
-        found = made(arm, summary.truth.pose, grid, seed=seed, threads=threads, stage=progress)
-        return [*write_maps(found, folder), *_figure(summary, folder / "truth.svg")], findings(found)
+    with output_folder(path.parent), matplotlib.rc_context(SETTINGS):
+        save_figure(truth_figure(summary), path, dpi=150)
+    return path
 
 
 def _print(summary: "TruthSummary") -> None:
@@ -242,86 +232,70 @@ def _print(summary: "TruthSummary") -> None:
     from scenarios.truth.best_linear import cautions
     from scenarios.truth.truth_summary import LOCKED_NOTE, conditions_in_words, pose_in_words
 
-    truth, bla = summary.truth, summary.best_linear
+    truth, best_linear = summary.truth, summary.best_linear
     columns = ["joint", "bandwidth\n/ Hz", "gain at 0 Hz\n/ (rad/rad)", "delay\n/ samples", "dominant poles\n/ (rad/s)"]
     columns += ["largest zeros\n(z plane)"]
     columns += ["hydraulic resonance\n/ Hz"] if summary.hydraulics else []
-    columns += ["best linear\n/ Hz (95 %)", "distortion\n/ %"] if bla else []
+    columns += ["best linear\n/ Hz (95 %)", "distortion\n/ %"] if best_linear else []
     rows = []
-    for name, entry in summary.joints.items():
+    for name, joint in summary.joints.items():
         if name in summary.locked:
             rows.append([name, "locked", *["—"] * (len(columns) - 2)])
             continue
-        row = [name, f"{entry.bandwidth_hz:.3f}", f"{entry.dc_gain:.4f}", str(entry.delay_samples)]
-        row += [_poles(entry.dominant_poles, np.pi / truth.dt), _zeros(np.asarray(entry.zeros, dtype=complex))]
+        row = [name, f"{joint.bandwidth_hz:.3f}", f"{joint.dc_gain:.4f}", str(joint.delay_samples)]
+        row += [_poles(joint.dominant_poles, np.pi / truth.dt), _zeros(np.asarray(joint.zeros, dtype=complex))]
         if summary.hydraulics:
-            alone = summary.hydraulics[name]
-            row.append(f"{alone.natural_frequency / (2 * np.pi):.1f} (ζ {alone.damping_ratio:.2g})")
-        if bla:
-            row += _best_linear(summary, name)
-        rows.append(row)
+            oil = summary.hydraulics[name]
+            row.append(f"{oil.natural_frequency / (2 * np.pi):.1f} (ζ {oil.damping_ratio:.2g})")
+        if name in best_linear:
+            hz, low, high = (
+                float(p[0, 0]) for p in (best_linear[name].bandwidth.hz, *best_linear[name].bandwidth.ci95)
+            )
+            row.append(f"{hz:.3f} ({low:.3f}..{high:.3f})" if np.isfinite(hz) else "none shows")
+            row.append(f"{best_linear[name].distortion_percent[0]:.1f}")
+        rows.append(row + [""] * (len(columns) - len(row)))
     title = f"Linearised truth of the arm '{truth.variant}' with payload '{truth.payload}', pose {pose_in_words(truth)}"
     print_table(title, columns, rows)
     for name in sorted(summary.locked):
         say(f"{name}: {LOCKED_NOTE}")
     say(f"Conditions: {conditions_in_words(summary.arm)}")
     if summary.arm.friction:
-        say(f"Dry friction is not in these numbers{' but for the best linear ones' if bla else '; see --bla 0.01'}")
+        exception = " but for the best linear ones" if best_linear else "; see --bla 0.01"
+        say(f"Dry friction is not in these numbers{exception}")
     errors = ", ".join(f"{error:.1e} at {amplitude:g} rad" for amplitude, error in truth.small_signal_error.items())
     say(f"Relative error of the linear model against the simulated arm (friction off): {errors}")
     if truth.plant.process_noise:
-        _print_noise(summary)
-    if bla:
-        first = next(iter(bla.values())).multisines
+        innovations = ", ".join(
+            f"{name} {1e3 * float(np.sqrt(joint.model.innovation_covariance[0, 0])):.4f}"
+            for name, joint in summary.joints.items()
+            if name not in summary.locked and joint.model.innovation_covariance is not None
+        )
+        say(f"Standard deviation of each joint's innovations / mrad: {innovations} (K and covariance: --json)")
+    if best_linear:
+        first = next(iter(best_linear.values())).multisines
         say(
             f"Best linear: {first.rms:g} rad rms, {first.f_min:g} to {first.f_max:g} Hz, each joint alone, "
             f"{first.realisations} realisations; friction, velocity limit and noise on"
         )
-        for name, found in bla.items():
-            if against := cautions(found, truth):
-                say(f"{name}: its best linear bandwidth says little: {'; '.join(against)}")
+    for name, approximation in best_linear.items():
+        if remarks := cautions(approximation, truth):
+            say(f"{name}: its best linear bandwidth says little: {'; '.join(remarks)}")
     if summary.attainable:
         _print_attainable(summary)
     say("All poles and zeros in the z plane: --json; as a figure: --out truth.svg; over the workspace: --maps")
 
 
-def _best_linear(summary: "TruthSummary", name: str) -> list[str]:
-    import numpy as np
-
-    if name not in summary.best_linear:
-        return ["", ""]
-    found = summary.best_linear[name]
-    hz, low, high = (float(part[0, 0]) for part in (found.bandwidth.hz, *found.bandwidth.ci95))
-    shown = f"{hz:.3f} ({low:.3f}..{high:.3f})" if np.isfinite(hz) else "none shows"
-    return [shown, f"{found.distortion_percent[0]:.1f}"]
-
-
-def _print_noise(summary: "TruthSummary") -> None:
-    import numpy as np
-
-    parts = []
-    for name, entry in summary.joints.items():
-        covariance = entry.model.innovation_covariance
-        if name not in summary.locked and covariance is not None:
-            parts.append(f"{name} {1e3 * float(np.sqrt(covariance[0, 0])):.4f}")
-    say(
-        f"Innovations of each joint seen alone, standard deviation / mrad: {', '.join(parts)} (K and "
-        "covariance: --json)"
-    )
-
-
 def _print_attainable(summary: "TruthSummary") -> None:
     rows = []
-    for name, found in summary.attainable.items():
-        for label, horizon in (("simulation", found.simulation), ("one step", found.one_step)):
-            of_order = found.right_order if label == "simulation" else None
+    for name, limit in summary.attainable.items():
+        for label, horizon in (("simulation", limit.simulation), ("one step", limit.one_step)):
+            of_order = limit.right_order if label == "simulation" else None
             floors = (horizon.any_model, horizon.best_linear, of_order, horizon.small_signal)
             cells = [f"{one.fit:.2f} % ({1e3 * one.rmse:.3f})" if one else "—" for one in floors]
             rows.append([name, label, *cells])
-    columns = ("joint", "horizon", "any model", "best linear", "of the truth's order", "small-signal truth")
-    title = f"Attainable on {next(iter(summary.attainable.values())).provenance['record']}: fit (RMSE / mrad)"
-    print_table(title, columns, rows)
     first = next(iter(summary.attainable.values()))
+    columns = ("joint", "horizon", "any model", "best linear", "of the truth's order", "small-signal truth")
+    print_table(f"Attainable on {first.provenance['record']}: fit (RMSE / mrad)", columns, rows)
     say(
         f"Chance: on {first.samples} samples the RMSE of a model as good as a floor is more than "
         f"{100 * (1 - first.by_chance(1.0)):.2g} % below it once in twenty at most (if fitted to this record: further)"
