@@ -239,7 +239,7 @@ def _fault(result: Result) -> str:
         if not isinstance(metric.curves, Mapping):
             return f"{name} has curves {str(metric.curves)[:80]!r}, expected them by name"
     for place, value, expected in checks:
-        if type(value) is not expected or (expected is int and abs(value) > LARGEST):
+        if type(value) is not expected or (isinstance(value, int) and abs(value) > LARGEST):
             return f"{place} is {str(value)[:80]!r}, expected {expected.__name__}"
     if min((*result.outcomes.values(), *result.reasons.values(), *result.refused.values()), default=0) < 0:
         return "a count is below 0"

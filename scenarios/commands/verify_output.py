@@ -17,7 +17,7 @@ from scenarios.bench.result import Result
 from scenarios.commands.output import print_table, say
 from scenarios.estimators.outcome import KINDS, MODEL, REFUSED
 from scenarios.files.printable import one_line
-from scenarios.identification.one_hertz import ABOUT_1_HZ, near_1_hz
+from scenarios.identification.recovered_bandwidth import ABOUT_1_HZ, near_1_hz
 
 SHOWN = 5
 """Parts of a metric, and reasons of failures, that are printed; the file has more."""

@@ -8,7 +8,6 @@ import pytest
 
 import scenarios.thesis.findings
 from scenarios.identification.recovered_bandwidth import near_1_hz
-from scenarios.thesis.wording import p_value
 from scenarios.thesis.claims import CLAIMS
 from scenarios.thesis.comparison import Comparison
 from scenarios.thesis.finding import Finding, verdict
