@@ -88,8 +88,8 @@ def test_what_the_complex_pair_would_take() -> None:
     lag = -1.0 / (pair.sum().real + dominant_poles(YAW_ARMAX)[0].real)
     actuator = load_arm("published").actuators["shoulder_yaw"]
     assert 1e3 * lag == pytest.approx(30.0, abs=0.5)
-    assert lag / actuator.pressure_lag == pytest.approx(15.0, abs=0.5)
-    assert actuator.hydraulics.bulk_modulus * actuator.pressure_lag / lag == pytest.approx(48.0, abs=0.5)
+    assert lag / actuator.motor.lag == pytest.approx(15.0, abs=0.5)
+    assert actuator.hydraulics.bulk_modulus * actuator.motor.lag / lag == pytest.approx(48.0, abs=0.5)
 
 
 @pytest.mark.parametrize("plane", [YAW_PLANE, PITCH_PLANE], ids=["yaw", "pitch"])

@@ -102,7 +102,7 @@ def coupled(joints: Sequence[str], servos: Mapping[str, Servo]) -> tuple[np.ndar
     inertia, gravity = rigid.inertia_matrix(pose), rigid.gravity_gradient(pose)[np.ix_(k, k)]
     gains = [servo_gains(float(inertia[i, i]), servos[JOINTS[i]], ACTUATORS[JOINTS[i]]) for i in k]
     kp, kd = np.array(gains).T
-    lag, drag = np.array([(ACTUATORS[name].pressure_lag, ACTUATORS[name].drag) for name in joints]).T
+    lag, drag = np.array([(ACTUATORS[name].motor.lag, ACTUATORS[name].drag) for name in joints]).T
     inverse, none, one = np.linalg.inv(inertia[np.ix_(k, k)]), np.zeros((len(k), len(k))), np.eye(len(k))
     A = np.block(
         [

@@ -53,14 +53,6 @@ class ControllerModel:
         upper = np.triu(pin.crba(self._model, self._data, np.asarray(angles, float)))
         return upper + np.triu(upper, 1).T
 
-    def bias_torque(self, angles: np.ndarray, velocities: np.ndarray) -> np.ndarray:
-        """Return Coriolis, centrifugal and gravity torques at a state, shape (7,), N m."""
-        return np.array(pin.nonLinearEffects(self._model, self._data, angles, velocities))
-
-    def inverse_dynamics(self, angles: np.ndarray, velocities: np.ndarray, accelerations: np.ndarray) -> np.ndarray:
-        """Return the torques that produce the accelerations (7,) rad/s^2 at a state, shape (7,), N m."""
-        return np.array(pin.rnea(self._model, self._data, angles, velocities, accelerations))
-
     def tool_pose(self, angles: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Return where the tool is at a pose.
 

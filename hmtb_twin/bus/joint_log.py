@@ -1,6 +1,5 @@
 """What the 1553 bus recorded of one experiment, and beside it what only a simulation knows."""
 
-import warnings
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cache
@@ -11,6 +10,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from hmtb_twin.bus.netcdf import read_netcdf, write_netcdf
 from hmtb_twin.control.experiment import Status
 from hmtb_twin.control.modes import joint_index
 from hmtb_twin.parameters.errors import TwinError
@@ -155,22 +155,7 @@ class JointLog:
         )
 
     def save(self, path: str | Path) -> Path:
-        """Write the log as NetCDF4.
-
-        Args:
-            path: The file, written under a temporary name and then renamed.
-
-        Returns:
-            The path.
-
-        Raises:
-            TwinError: The file cannot be written.
-        """
-        import xarray as xr
-
-        path = Path(path)
-        if path.is_dir() or not path.parent.is_dir():
-            raise TwinError(f"cannot write the log {path}: it is a folder, or its folder does not exist")
+        """Write the log as NetCDF4 and return its path; raises `TwinError` where it cannot be written."""
         coordinates = {
             "sample": np.arange(len(self)),
             "joint": list(JOINTS),
@@ -191,54 +176,12 @@ class JointLog:
             "intersample": "zoh",
             **{f"provenance_{key}": value for key, value in self.provenance.items()},
         }
-        partial = path.with_name(path.name + ".partial")
-        try:
-            xr.Dataset(variables, coords=coordinates, attrs=attributes).to_netcdf(partial, engine="h5netcdf")
-            partial.replace(path)
-        except (OSError, ValueError, TypeError) as error:
-            partial.unlink(missing_ok=True)
-            reason = error.strerror if isinstance(error, OSError) and error.strerror else error
-            raise TwinError(f"cannot write the log {path}: {reason}") from error
-        return path
+        return write_netcdf(path, "log", variables, coordinates, attributes)
 
     @classmethod
     def load(cls, path: str | Path) -> "JointLog":
-        """Read a log written by `save`.
-
-        Args:
-            path: The file.
-
-        Returns:
-            The log.
-
-        Raises:
-            TwinError: The file is missing or is no joint log.
-        """
-        import h5py
-        import xarray as xr
-
-        path = Path(path)
-        if not path.is_file():
-            raise TwinError(f"no file {path}: expected a joint log, NetCDF4")
-        try:
-            with h5py.File(path) as whole:
-                # A damaged file is found here, where nothing is left half open.
-                _ = dict(whole["/"].attrs)
-            with warnings.catch_warnings():
-                # A foreign file is reported below; its reader's own remarks would only stand before that.
-                warnings.simplefilter("ignore")
-                with xr.open_dataset(path, engine="h5netcdf") as stored:
-                    dataset = stored.load()
-        except PermissionError as error:
-            raise TwinError(f"cannot read {path}: {error.strerror}") from error
-        except (OSError, ValueError, KeyError, TypeError, RuntimeError) as error:
-            raise TwinError(f"{path} is not a NetCDF4 file, or a damaged one") from error
-        missing = [name for name in _CHANNELS if name not in dataset]
-        if str(dataset.attrs.get("format")) != FORMAT or missing:
-            raise TwinError(
-                f"{path} is no joint log: expected format {FORMAT!r} with {', '.join(_CHANNELS)}; "
-                f"found {', '.join(map(str, dataset)) or 'nothing'}"
-            )
+        """Read a log written by `save`; raises `TwinError` where the file is missing, damaged or no joint log."""
+        dataset = read_netcdf(path, "joint log", FORMAT, _CHANNELS)
         try:
             return cls._of(dataset)
         except (KeyError, ValueError, TypeError, IndexError) as error:

@@ -1,6 +1,5 @@
 """What the bus hands to the analyst: joints and wrench, without what was lost, without what only a simulation knows."""
 
-import warnings
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -8,6 +7,7 @@ from pathlib import Path
 import numpy as np
 
 from hmtb_twin.bus.joint_log import WRENCH, JointLog
+from hmtb_twin.bus.netcdf import read_netcdf, write_netcdf
 from hmtb_twin.control.modes import joint_index
 from hmtb_twin.parameters.errors import TwinError
 from hmtb_twin.parameters.values import JOINTS
@@ -186,20 +186,14 @@ class BusRecord:
         raise TwinError(f"{self.name} {excited}: name the joint")
 
     def save(self, path: str | Path) -> Path:
-        """Write the record as NetCDF4.
-
-        Args:
-            path: The file, written under a temporary name and then renamed.
-
-        Raises:
-            TwinError: The file cannot be written.
-        """
-        import xarray as xr
-
-        path = Path(path)
-        along = {"commanded": "joint", "measured": "joint", "wrench": "component"}
+        """Write the record as NetCDF4 and return its path; raises `TwinError` where it cannot be written."""
+        dimensions = {"commanded": ["joint"], "measured": ["joint"], "wrench": ["component"]}
         variables = {
-            name: (("sample", *([along[name]] if name in along else [])), getattr(self, name), _attributes(units))
+            name: (
+                ["sample", *dimensions.get(name, [])],
+                getattr(self, name),
+                {"units": ", ".join(dict.fromkeys(units))},
+            )
             for name, (_, units) in CHANNELS.items()
         }
         coordinates = {"sample": np.arange(len(self)), "joint": list(JOINTS), "component": list(WRENCH)}
@@ -211,36 +205,12 @@ class BusRecord:
             "excited": " ".join(self.axes),
             "missing": "NaN",
         }
-        partial = path.with_name(path.name + ".partial")
-        try:
-            xr.Dataset(variables, coords=coordinates, attrs=attributes).to_netcdf(partial, engine="h5netcdf")
-            partial.replace(path)
-        except (OSError, ValueError, TypeError) as error:
-            partial.unlink(missing_ok=True)
-            raise TwinError(f"cannot write the record {path}: {error}") from error
-        return path
+        return write_netcdf(path, "record", variables, coordinates, attributes)
 
     @classmethod
     def load(cls, path: str | Path) -> "BusRecord":
-        """Read a record written by `save`.
-
-        Args:
-            path: The file.
-
-        Raises:
-            TwinError: The file is missing, damaged, or no bus record.
-        """
-        import xarray as xr
-
-        try:
-            with warnings.catch_warnings():
-                warnings.simplefilter("ignore")
-                with xr.open_dataset(path, engine="h5netcdf") as stored:
-                    dataset = stored.load()
-        except (OSError, ValueError, KeyError, TypeError, RuntimeError) as error:
-            raise TwinError(f"{path} is not a NetCDF4 file, or a damaged one") from error
-        if dataset.attrs.get("format") != FORMAT:
-            raise TwinError(f"{path} is no bus record: expected format {FORMAT!r}")
+        """Read a record written by `save`; raises `TwinError` where the file is missing, damaged or no bus record."""
+        dataset = read_netcdf(path, "bus record", FORMAT, CHANNELS)
         try:
             return cls(
                 name=str(dataset.attrs["title"]),
@@ -250,7 +220,3 @@ class BusRecord:
             )
         except (KeyError, ValueError, TypeError) as error:
             raise TwinError(f"{path} is a damaged bus record: {error}") from error
-
-
-def _attributes(units: Sequence[str]) -> dict[str, str]:
-    return {"units": ", ".join(dict.fromkeys(units))}

@@ -197,31 +197,33 @@ def _compiled() -> tuple[Any, Any]:
         return eq.compiled_callbacks(offsets, cached=False)
 
 
-def settled_oil(
-    parameters: np.ndarray,
+def settled_arm(
+    model: mujoco.MjModel,
     command: np.ndarray,
     feedforward: np.ndarray,
-    pins: np.ndarray,
-    load: Callable[[np.ndarray], np.ndarray],
+    weight: Callable[[np.ndarray], np.ndarray],
+    pinned: np.ndarray | None = None,
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Find the equilibrium of an arm under constant commands: every joint at rest, every pressure steady.
+    """Find the equilibrium of an arm with orifice actuators under a constant command: joints at rest, pressures steady.
 
     The null leakage of a valve that carries a load costs it a little opening, and so the servo a small offset of the
     joint; a joint that a pin holds stays where it is.
 
     Args:
-        parameters: Parameters of each joint's valve (n, PARAMETERS).
-        command: Commanded angles (n,), rad.
-        feedforward: Feedforward torques (n,), N m.
-        pins: Angle (n,) at which a pin holds each joint, rad; NaN for a joint without.
-        load: Torques (n,) in N m that hold the arm at angles (n,) in rad.
+        model: The arm's model.
+        command: Commanded angles (7,), rad.
+        feedforward: Feedforward torques (7,), N m.
+        weight: Function from angles (7,), rad, to the torques (7,), N m, that hold the arm there.
+        pinned: Angles (7,) at which pins hold the indexed joints, rad; the commanded ones by default.
 
     Returns:
-        Joint angles (n,) in rad and states (1 + n STATES,).
+        Joint angles (7,) in rad and activations (na,).
 
     Raises:
         OverloadError: No equilibrium: the load is more than the valves can carry.
     """
+    pins = np.where([name in INDEXED_JOINTS for name in JOINTS], command if pinned is None else pinned, np.nan)
+    parameters = arm_parameters(model)
     n, oil = len(parameters), parameters[0]
     controls = np.column_stack([command, feedforward]).ravel()
     steady = np.array([eq.SPOOL_VELOCITY, eq.MEAN, eq.LOAD])
@@ -236,7 +238,7 @@ def settled_oil(
         angles, act = states(unknown)
         rates = eq.arm_rates(parameters, act, controls, angles, np.zeros(n))
         joints = rates[1:].reshape(n, eq.STATES)[:, steady] / [oil[eq.FREQUENCY] ** 2, 1e3, 1e3]
-        missing = act[1:].reshape(n, eq.STATES)[:, eq.LOAD] - load(angles) / parameters[:, eq.DISPLACEMENT]
+        missing = act[1:].reshape(n, eq.STATES)[:, eq.LOAD] - weight(angles) / parameters[:, eq.DISPLACEMENT]
         return np.concatenate([rates[:1], joints.ravel(), np.where(np.isnan(pins), missing, 1e3 * (angles - pins))])
 
     start = np.concatenate(
@@ -248,38 +250,12 @@ def settled_oil(
             np.zeros(n),
         ]
     )
-    found = newton(imbalance, start)
-    if not np.abs(imbalance(found)).max() < 1e-9:
+    solution = newton(imbalance, start)
+    if not np.abs(imbalance(solution)).max() < 1e-9:
         stall = parameters[:, eq.DISPLACEMENT] * (oil[eq.SET] - oil[eq.RETURN])
-        most = np.max(np.abs(load(command) / stall), where=np.isnan(pins), initial=0.0)
+        most = np.max(np.abs(weight(command) / stall), where=np.isnan(pins), initial=0.0)
         raise OverloadError(
             f"at {oil[eq.SET]:g} MPa the servo valves cannot hold the arm at this pose: the weight takes "
             f"{100.0 * most:.0f} % of a drive's largest torque, and what leaks through the valves leaves less than that"
         )
-    return states(found)
-
-
-def settled_arm(
-    model: mujoco.MjModel,
-    command: np.ndarray,
-    feedforward: np.ndarray,
-    weight: Callable[[np.ndarray], np.ndarray],
-    pinned: np.ndarray | None = None,
-) -> tuple[np.ndarray, np.ndarray]:
-    """Find where an arm with orifice actuators rests under a commanded pose.
-
-    Args:
-        model: The arm's model.
-        command: Commanded joint angles (7,), rad.
-        feedforward: Torques (7,) that the controller feeds forward, N m.
-        weight: Torques (7,) in N m that hold the arm at angles (7,) in rad; the controller may think of others.
-        pinned: Angles (7,) of which those of the indexed joints hold, rad; the commanded ones by default.
-
-    Returns:
-        Joint angles (7,) in rad and activations (na,).
-
-    Raises:
-        OverloadError: The valves cannot carry the load.
-    """
-    pins = np.where([name in INDEXED_JOINTS for name in JOINTS], command if pinned is None else pinned, np.nan)
-    return settled_oil(arm_parameters(model), command, feedforward, pins, weight)
+    return states(solution)

@@ -182,11 +182,6 @@ class Actuator:
         return self.rated_flow if self.valve_open else 1e-12 * self.rated_flow
 
     @property
-    def pressure_lag(self) -> float:
-        """Time constant from commanded to delivered torque, s."""
-        return self.compliance / self.flow_pressure_gain
-
-    @property
     def motor(self) -> DcMotor:
         """The actuator as a `dcmotor`: load pressure for current, flow for voltage."""
         return DcMotor(

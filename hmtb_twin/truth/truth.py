@@ -24,22 +24,7 @@ FAR = 1e3
 """Zeros of larger modulus are rounding: the channel has them at infinity."""
 
 
-@dataclass(frozen=True)
-class Modal:
-    """One channel by its modes.
-
-    Attributes:
-        poles: Poles in the z plane, largest modulus first, without those at the origin (n,).
-        shares: Part of the gain at 0 Hz that each carries, as a modulus (n,).
-        zeros: Zeros in the z plane, largest modulus first, without those at the origin (m,).
-    """
-
-    poles: np.ndarray
-    shares: np.ndarray
-    zeros: np.ndarray
-
-
-def modal(channel: StateSpace) -> Modal:
+def modal(channel: StateSpace) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Take a channel apart into the modes that it shares with its command and its measurement.
 
     Balanced truncation keeps the response but moves poles that a zero is near; here poles are eigenvalues of the whole
@@ -63,7 +48,7 @@ def modal(channel: StateSpace) -> Modal:
         if len(zeros):
             zeros = np.delete(zeros, np.argmin(np.abs(zeros - pole)))
     order = np.argsort(-np.abs(poles[shown]), kind="stable")
-    return Modal(poles[shown][order], shares[shown][order], zeros[np.argsort(-np.abs(zeros), kind="stable")])
+    return poles[shown][order], shares[shown][order], zeros[np.argsort(-np.abs(zeros), kind="stable")]
 
 
 MINIMAL = 1e-9
@@ -187,18 +172,18 @@ class Truth:
                 f"{1.0 / self.dt:g} Hz, expected below 1"
             )
         commanded = replace(whole, K=None)
-        path, modes = commanded.minimal(MINIMAL), modal(commanded)
+        path, (poles, shares, zeros) = commanded.minimal(MINIMAL), modal(commanded)
         pulse = np.abs(path.markov(100)[:, 0, 0])
         delay = int(np.argmax(pulse > DELAY * pulse.max()))
-        late = np.zeros(max(0, delay - len(modes.poles) + len(modes.zeros)))
+        late = np.zeros(max(0, delay - len(poles) + len(zeros)))
         return JointTruth(
             name=name,
             model=minimal_innovations_form(whole, MINIMAL),
             bandwidth_hz=np.nan if name in INDEXED_JOINTS else float(path.bandwidth()[0, 0]),
             dc_gain=float(path.dc_gain()[0, 0]),
-            poles=np.concatenate([modes.poles, late]),
-            shares=np.concatenate([modes.shares, late]),
-            zeros=modes.zeros,
+            poles=np.concatenate([poles, late]),
+            shares=np.concatenate([shares, late]),
+            zeros=zeros,
             delay_samples=delay,
         )
 

@@ -108,7 +108,7 @@ def test_shoulder_roll_is_locked_at_its_index(arm):
 
 def test_one_joint_held_by_its_neighbours_gets_the_wanted_poles(arm):
     for name in JOINTS:
-        lag = ACTUATORS[name].pressure_lag
+        lag = ACTUATORS[name].motor.lag
         kp, kd = servo_gains(3.0, SERVOS[name], ACTUATORS[name])
         poles = np.sort(np.roots([3.0 * lag, 3.0, kd, kp]).real)
         for wanted in (SERVOS[name].slow_pole, SERVOS[name].fast_pole):

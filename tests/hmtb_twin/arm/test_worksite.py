@@ -178,13 +178,6 @@ def test_log_keeps_unit_and_contact_and_others_have_none(gripping, experiment, t
     assert JointLog.load(plain.save(tmp_path / "plain.nc")).contact_force is None
 
 
-def test_company_and_threads_do_not_change_a_bit(gripping):
-    tests = [replace(gripping, name=f"n{seed}", seed=seed, duration=5.0) for seed in range(3)]
-    together, alone = simulate(tests, threads=2), simulate(tests[1:2], threads=1)
-    for name in ("true_angles", "unit_pose", "contact_force", "wrench"):
-        np.testing.assert_array_equal(getattr(together[1], name), getattr(alone[0], name))
-
-
 def test_latch_holds_stiffly():
     arm = load_arm(worksite=True)
     assert not arm.model.eq_active0[arm.model.equality(LATCH_WELD).id]

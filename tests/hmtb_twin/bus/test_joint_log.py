@@ -74,22 +74,6 @@ def test_damaged_logs_are_refused(log, tmp_path, spoil):
         JointLog.load(tmp_path / "bad.nc")
 
 
-@pytest.mark.filterwarnings("ignore::pytest.PytestUnraisableExceptionWarning")
-def test_flipped_bytes_are_refused_or_read(log, tmp_path):
-    content = bytearray(log.save(tmp_path / "log.nc").read_bytes())
-    rng = np.random.default_rng(0)
-    for number in range(40):
-        spoilt = bytearray(content)
-        for place in rng.integers(0, 4000, 30):
-            spoilt[place] ^= 0xFF
-        path = tmp_path / f"{number}.nc"
-        path.write_bytes(spoilt)
-        try:
-            JointLog.load(path)
-        except TwinError:
-            continue
-
-
 def test_a_log_that_cannot_be_written_leaves_nothing(log, tmp_path):
     from dataclasses import replace
 

@@ -218,22 +218,6 @@ def test_overlap_is_a_dead_band_and_underlap_leaks():
     assert null[1] == pytest.approx(4 * SERVO_VALVE.clearance / 2 * SMOOTH.rated_flow, rel=1e-6)
 
 
-def test_overlap_blunts_the_arm_and_the_supply_can_be_made_small(valve_arm):
-    moved = {}
-    for underlap in (0.0, -0.02):
-        arm = with_valve(valve_arm, valve=replace(SERVO_VALVE, underlap=underlap))
-        data = arm.rest(arm.pose("home"))
-        start = data.qpos[1]
-        # 2e-3 rad ask the shoulder yaw for less than 2 % of the stroke.
-        data.ctrl[2] += 2e-3
-        run(arm.model, data, 0.2)
-        moved[underlap] = data.qpos[1] - start
-    assert 0.0 < moved[-0.02] < 0.7 * moved[0.0]
-    arm = with_valve(valve_arm, power_unit=replace(POWER_UNIT, droop=5.0))
-    # A weak compensator lets null leakage alone draw the supply down.
-    assert arm.rest(arm.pose("home")).act[0] < valve_arm.rest(arm.pose("home")).act[0] - 1.0
-
-
 def test_joints_share_a_supply_that_sags():
     shafts = ("shaft", "other")
     small = replace(POWER_UNIT, largest_flow=1.2 * SMOOTH.rated_flow)
@@ -336,12 +320,6 @@ def test_load_flow_is_compensated_short_of_instability():
         valve = replace(SERVO_VALVE, compensated=more * SERVO_VALVE.compensated)
         poles = natural_poles(with_valve(arm, valve=valve), OPERATING_POSE)
         assert bool(poles.real.max() < 0.0) is stable
-
-
-def test_valves_of_ones_own_are_linearised(valve_arm, valve_truth):
-    slower = with_valve(valve_arm, valve=replace(SERVO_VALVE, compensated=0.98))
-    truth = linearize(slower, amplitudes=())
-    assert truth.joint("wrist_roll").bandwidth_hz < 0.8 * valve_truth.joint("wrist_roll").bandwidth_hz
 
 
 def test_oil_that_leaks_more_takes_the_place_of_the_amplifiers_slope(valve_arm):
@@ -518,11 +496,6 @@ def test_without_a_folder_for_machine_code_the_equations_are_compiled_anew(monke
     monkeypatch.setattr(eq, "compiled_callbacks", compiled)
     assert orifice_module._compiled.__wrapped__() == machine_code
     assert asked == [True, False]
-
-
-def test_equations_are_compiled_once():
-    assert install_valve_equations() == install_valve_equations()
-    assert orifice_module._compiled.cache_info().currsize == 1
 
 
 @pytest.mark.parametrize("name", ["act_dyn", "act_bias"])

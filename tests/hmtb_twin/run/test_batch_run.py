@@ -169,13 +169,6 @@ def test_what_cannot_be_run_fails_by_itself_where_asked(experiment, monkeypatch)
             simulate([good, one])
 
 
-def test_nothing_that_can_be_run_leaves_reasons_only(experiment):
-    logs = simulate([experiment(name="weak", plant=Plant(supply_pressure=6.0))], keep_going=True)
-    assert len(logs) == 0
-    assert set(logs.failed) == {"weak"}
-    assert (logs.steps, logs.physics_seconds) == (0, 0.0)
-
-
 def test_an_error_of_the_engine_fails_its_row_not_the_batch(experiment, monkeypatch):
     def broken(*arguments, plant, **options):
         arm = load_arm(*arguments, plant=plant, **options)

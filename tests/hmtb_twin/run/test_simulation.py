@@ -20,12 +20,6 @@ def test_threads_do_not_change_a_bit_and_seeds_do(experiment):
     assert not equal(one[0], simulate([replace(tests[0], seed=99)])[0])
 
 
-def test_an_experiment_does_not_depend_on_its_company(experiment):
-    alone = simulate([experiment(duration=2.0)])[0]
-    company = [experiment(name="a", payload="none"), experiment(duration=2.0), experiment(name="b", seed=5)]
-    assert equal(alone, simulate(company)[1])
-
-
 def test_measurement_is_read_before_the_command_of_its_tick_acts(experiment):
     quiet = experiment(chain=IDEAL, axes=("shoulder_pitch",), spoil={})
     log = simulate([quiet])[0]

@@ -240,7 +240,7 @@ def test_velocity_gain_no_load_speed_and_stall_torque(name, conditions):
     machine.model.dof_armature[machine.joint] = FIXED
     data = machine.start()
     data.ctrl[2 * machine.joint + 1] = 10.0 * actuator.maximum_torque
-    mujoco.mj_step(machine.model, data, nstep=round(20.0 * actuator.pressure_lag / machine.model.opt.timestep) + 1)
+    mujoco.mj_step(machine.model, data, nstep=round(20.0 * actuator.motor.lag / machine.model.opt.timestep) + 1)
     assert data.actuator_force[machine.joint] == pytest.approx(theory.stall_torque, rel=1e-4)
     assert theory.stall_torque < actuator.maximum_torque
 
