@@ -22,7 +22,7 @@ from scenarios.bench.statistics import (
     variance_ratio,
 )
 from scenarios.bench.theory import Expectation, expectation
-from scenarios.estimators.contestant import Contestant
+from scenarios.estimators.estimator import Estimator
 from scenarios.estimators.outcome import MODEL
 from scenarios.files.errors import ScenarioError
 from scenarios.problems.bound import response_covariance
@@ -235,23 +235,24 @@ def needed(run: int) -> int:
     return max(2, (run + 1) // 2)
 
 
-class Efficiency(MetricDefinition):
+class AccuracyMetric(MetricDefinition):
+    """A metric on the records of accuracy."""
+
+    def trials(self, effort: str) -> tuple[Trial, ...]:
+        """Records of one problem for each kind of disturbance, or of many problems."""
+        return accuracy_trials(effort)
+
+
+class Efficiency(AccuracyMetric):
     """Mean over records and frequencies of |error|^2 over the variance of the bound [Ljung1999, sec. 7.4 and ch. 9]."""
 
     name = "efficiency"
     title = "Efficiency: variance against the Cramér-Rao bound"
     unit = "variance / bound"
-
-    def trials(self, effort: str) -> tuple[Trial, ...]:
-        """The records of accuracy."""
-        return accuracy_trials(effort)
-
-    def verdicts(self) -> int:
-        """One of each problem of the quick effort and one of all; with more problems each gets less."""
-        return len(QUICK) + 1
+    verdicts = len(QUICK) + 1  # of each problem of the quick effort and of all; with more problems each gets less
 
     def evaluate(
-        self, measurements: Measurements, estimator: Contestant, false_alarm: float, reference: Measurements
+        self, measurements: Measurements, estimator: Estimator, false_alarm: float, reference: Measurements
     ) -> Metric:
         """Compare the errors with the bound of the estimator's structure, or else of the truth's own."""
         statistics = [
@@ -264,7 +265,7 @@ class Efficiency(MetricDefinition):
             )
             for name, (good, run) in by_problem(measurements).items()
         ]
-        budget = false_alarm * self.verdicts()
+        budget = false_alarm * self.verdicts
         return self.of_parts(
             mean_parts(statistics, EFFICIENT, budget) if statistics else [],
             budget,
@@ -295,17 +296,14 @@ class Agreement(MetricDefinition):
     name = "agreement"
     title = "Agreement with a second implementation"
     unit = "Cramér-Rao variances"
+    verdicts = len(QUICK)
 
     def trials(self, effort: str) -> tuple[Trial, ...]:
         """The first records of problems that other metrics use too."""
         return tuple(Trial(name, draw) for name in QUICK for draw in range(AGREEMENT_RECORDS * DRAWS[effort]))
 
-    def verdicts(self) -> int:
-        """One per problem."""
-        return len(QUICK)
-
     def evaluate(
-        self, measurements: Measurements, estimator: Contestant, false_alarm: float, reference: Measurements
+        self, measurements: Measurements, estimator: Estimator, false_alarm: float, reference: Measurements
     ) -> Metric:
         """Compare both responses on the same records."""
         second = {m.trial: m.response for m in reference if m.kind == MODEL and m.response is not None}
@@ -319,7 +317,7 @@ class Agreement(MetricDefinition):
         agreed = f"; the responses agree to {min(known):.1f} digits or better in the median" if known else ""
         return self.of_parts(
             parts,
-            false_alarm * len(QUICK),
+            false_alarm * self.verdicts,
             f"two efficient estimators of one truth differ by at most {GREATEST_DIFFERENCE:g} in the mean, those of "
             f"one record by hardly anything{agreed}",
             {"digits": digits},
@@ -330,7 +328,7 @@ def _agreement_on(
     name: str,
     own: Measurements,
     second: Mapping[Trial, ComplexArray],
-    estimator: Contestant,
+    estimator: Estimator,
     false_alarm: float,
 ) -> tuple[Part, float]:
     """The part of a problem, and the median number of digits that agree."""
@@ -357,21 +355,10 @@ def _agreement_on(
     high *= SECOND_ORDER
     length = np.sqrt(np.mean(np.abs(difference) ** 2, axis=(1, 2, 3)) / np.mean(np.abs(truth.response) ** 2))
     digits = float(np.median(-np.log10(np.maximum(length, 1e-16))))
-    value = float(np.mean(values))
     # an estimator that need not be efficient may differ by more than two efficient ones do
     theory = expectation(estimator, name, "efficiency")
-    part = Part(
-        label=name,
-        value=value,
-        expected=0.0,
-        interval=interval_of_positive_mean(values),
-        limits=(0.0, high),
-        passed=bool(value <= high),
-        theory=theory.passes,
-        why=theory.why,
-        draws=len(pairs),
-    )
-    return part, digits
+    interval = interval_of_positive_mean(values)
+    return Part.judged(name, float(np.mean(values)), 0.0, interval, (0.0, high), theory, len(pairs)), digits
 
 
 def _in_variances(difference: ComplexArray, bound: Bound) -> FloatArray:

@@ -12,7 +12,7 @@ from scipy.stats import t as student
 from scenarios.bench.measurement import Measurements
 from scenarios.bench.metric import DRAWS, NAN, NO_RECORD, UNLIMITED, Metric, MetricDefinition, Part, unjudged
 from scenarios.bench.theory import Expectation
-from scenarios.estimators.contestant import Contestant
+from scenarios.estimators.estimator import Estimator
 from scenarios.files.errors import ScenarioError
 from scenarios.problems.trial import Trial
 from sysid.records.arrays import ComplexArray, FloatArray
@@ -212,17 +212,14 @@ class AmplitudeSplit(MetricDefinition):
     name = "amplitude_split"
     title = "Split over amplitude"
     unit = "%"
+    verdicts = len(JOINTS) * len(AMPLITUDES["full"])
 
     def trials(self, effort: str) -> tuple[Trial, ...]:
         """Multisines of each joint and amplitude: waveforms, some of them repeated."""
         return multisine_trials(effort)
 
-    def verdicts(self) -> int:
-        """One for each joint and amplitude, of the full effort."""
-        return len(JOINTS) * max(map(len, AMPLITUDES.values()))
-
     def evaluate(
-        self, measurements: Measurements, estimator: Contestant, false_alarm: float, reference: Measurements
+        self, measurements: Measurements, estimator: Estimator, false_alarm: float, reference: Measurements
     ) -> Metric:
         """A part for each joint, amplitude and kind of error; a verdict on the systematic one."""
         why = NOT_CONSISTENT.get(estimator.method or "")

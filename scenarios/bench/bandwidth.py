@@ -11,7 +11,7 @@ from scenarios.bench.amplitude_split import JOINTS, multisine_trials
 from scenarios.bench.measurement import Measurement, Measurements
 from scenarios.bench.metric import NAN, UNLIMITED, Metric, MetricDefinition, Part, unjudged
 from scenarios.bench.statistics import exact_interval_of_share
-from scenarios.estimators.contestant import Contestant
+from scenarios.estimators.estimator import Estimator
 from scenarios.estimators.outcome import MODEL
 from scenarios.identification.recovered_bandwidth import ABOUT_1_HZ, near_1_hz
 from scenarios.problems.trial import Trial
@@ -102,7 +102,7 @@ class Bandwidth(MetricDefinition):
         return (*multisine_trials(effort), *sequences)
 
     def evaluate(
-        self, measurements: Measurements, estimator: Contestant, false_alarm: float, reference: Measurements
+        self, measurements: Measurements, estimator: Estimator, false_alarm: float, reference: Measurements
     ) -> Metric:
         """Median, 95 % range and share near 1 Hz of each class; all values in the curves."""
         groups: dict[str, list[Measurement]] = {}

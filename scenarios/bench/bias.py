@@ -13,7 +13,7 @@ from scenarios.bench.measurement import Measurements
 from scenarios.bench.metric import DRAWS, UNLIMITED, Metric, MetricDefinition, Part, unjudged
 from scenarios.bench.statistics import bound_for, real_and_imaginary
 from scenarios.bench.theory import expectation
-from scenarios.estimators.contestant import Contestant
+from scenarios.estimators.estimator import Estimator
 from scenarios.estimators.outcome import MODEL
 from scenarios.problems.common_waveform import SharedAlone
 from scenarios.problems.problem import Bound
@@ -145,18 +145,15 @@ class Bias(MetricDefinition):
     name = "bias"
     title = "Bias under feedback and under a shared waveform"
     unit = "deviations of one record"
+    verdicts = len(PROBLEMS)
 
     def trials(self, effort: str) -> tuple[Trial, ...]:
         """Records in closed loop, and with a shared waveform."""
         counts = {**dict.fromkeys(PROBLEMS, RECORDS), ALONE: RECORDS_ALONE}
         return tuple(Trial(name, draw) for name, count in counts.items() for draw in range(count * DRAWS[effort]))
 
-    def verdicts(self) -> int:
-        """One per problem."""
-        return len(PROBLEMS)
-
     def evaluate(
-        self, measurements: Measurements, estimator: Contestant, false_alarm: float, reference: Measurements
+        self, measurements: Measurements, estimator: Estimator, false_alarm: float, reference: Measurements
     ) -> Metric:
         """Test the mean error on each problem."""
         parts, curves = [], {}
@@ -170,14 +167,14 @@ class Bias(MetricDefinition):
         percent = ", ".join(f"{curve['percent']:.2g} % on {name}" for name, curve in curves.items() if curve)
         return self.of_parts(
             parts,
-            self.verdicts() * false_alarm,
+            self.verdicts * false_alarm,
             f"mean error in {DIRECTIONS} directions against the estimator's own scatter, {ALLOWED:g} deviations allowed"
             + (f"; greatest mean error of the response {percent}" if percent else ""),
             curves,
         )
 
 
-def _bias_on(name: str, asked: Measurements, estimator: Contestant, false_alarm: float) -> tuple[Part, dict[str, Any]]:
+def _bias_on(name: str, asked: Measurements, estimator: Estimator, false_alarm: float) -> tuple[Part, dict[str, Any]]:
     bound = bound_for(name, estimator.structure)
     if bound is None:
         return unjudged(name, "there is no Cramér-Rao bound, which gives the directions of the test"), {}
@@ -196,21 +193,11 @@ def _bias_on(name: str, asked: Measurements, estimator: Contestant, false_alarm:
         "mean_error": np.abs(mean).reshape(len(mean), -1).T.tolist(),
         "deviation_of_mean": (errors.std(axis=0, ddof=1) / np.sqrt(len(errors))).reshape(len(mean), -1).T.tolist(),
     }
-    part = Part(
-        label=name,
-        value=judged.size,
-        expected=0.0,
-        interval=judged.interval,
-        limits=(0.0, judged.limit),
-        passed=bool(judged.size <= judged.limit),
-        theory=theory.passes,
-        why=theory.why,
-        draws=len(responses),
-    )
-    return part, curve
+    limits = (0.0, judged.limit)
+    return Part.judged(name, judged.size, 0.0, judged.interval, limits, theory, len(responses)), curve
 
 
-def _bias_alone(asked: Measurements, estimator: Contestant) -> Part:
+def _bias_alone(asked: Measurements, estimator: Estimator) -> Part:
     """Bias of an estimate that is not given the other input, beside the bias that theory predicts."""
     alone = problem(ALONE)
     if not isinstance(alone, SharedAlone):

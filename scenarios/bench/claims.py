@@ -10,8 +10,8 @@ from scenarios.bench.accuracy import (
     QUICK,
     TOGETHER,
     Acceptance,
+    AccuracyMetric,
     RecordStatistic,
-    accuracy_trials,
     by_problem,
     enough,
     error_against_bound,
@@ -19,7 +19,7 @@ from scenarios.bench.accuracy import (
     pooled_part,
 )
 from scenarios.bench.measurement import Measurement, Measurements
-from scenarios.bench.metric import NAN, Metric, MetricDefinition, Part
+from scenarios.bench.metric import NAN, Metric, Part
 from scenarios.bench.statistics import (
     Statistic,
     bound_for,
@@ -34,12 +34,11 @@ from scenarios.bench.statistics import (
     variance_ratio,
 )
 from scenarios.bench.theory import BIAS, BIAS_AND_SCATTER, Expectation, expectation, limitation
-from scenarios.estimators.contestant import Contestant
+from scenarios.estimators.estimator import Estimator
 from scenarios.files.errors import ScenarioError
 from scenarios.problems.bound import response_covariance
 from scenarios.problems.problem import Bound
 from scenarios.problems.registry import problem
-from scenarios.problems.trial import Trial
 from sysid.records.arrays import FloatArray
 
 NO_COVARIANCE = "no verdict: the estimator claims no covariance"
@@ -62,7 +61,7 @@ COVERED = Acceptance(expected=COVERAGE, points=0.01, shares=True)
 KINDS = ("parameters", "bandwidth", "response")
 
 
-def expected_of_claims(estimator: Contestant, name: str, good: Measurements, metric: str) -> Expectation:
+def expected_of_claims(estimator: Estimator, name: str, good: Measurements, metric: str) -> Expectation:
     """Theory of an estimator's claims on one problem; an excuse by bias is withdrawn where there is no bias.
 
     A method with a known bias may claim too little, since its claims do not include the bias. Where the mean error is
@@ -154,7 +153,7 @@ def by_claim(
     return values
 
 
-class Coverage(MetricDefinition):
+class Coverage(AccuracyMetric):
     """Share of claimed 95 % intervals that hold the truth: of parameters, of the bandwidth, of the response.
 
     Those of the response are intervals of its real and of its imaginary part, at each frequency. Intervals that hold
@@ -164,21 +163,14 @@ class Coverage(MetricDefinition):
     name = "coverage"
     title = "Coverage of claimed 95 % intervals"
     unit = "share of intervals"
-
-    def trials(self, effort: str) -> tuple[Trial, ...]:
-        """The records of accuracy."""
-        return accuracy_trials(effort)
-
-    def verdicts(self) -> int:
-        """Three of each problem of the quick effort and three of all; with more problems each gets less."""
-        return len(KINDS) * (len(QUICK) + 1)
+    verdicts = len(KINDS) * (len(QUICK) + 1)
 
     def evaluate(
-        self, measurements: Measurements, estimator: Contestant, false_alarm: float, reference: Measurements
+        self, measurements: Measurements, estimator: Estimator, false_alarm: float, reference: Measurements
     ) -> Metric:
         """Count the intervals that hold the truth."""
         groups = by_problem(measurements)
-        budget = false_alarm * self.verdicts()
+        budget = false_alarm * self.verdicts
         share = budget / (len(KINDS) * (len(groups) + 1))
         theories = {name: expected_of_claims(estimator, name, good, self.name) for name, (good, _) in groups.items()}
         parts: list[Part] = []
@@ -236,7 +228,7 @@ def _covered_bandwidths(good: Measurements, bound: Bound | None) -> FloatArray:
     return np.array(shares)
 
 
-class NormalisedError(MetricDefinition):
+class NormalisedError(AccuracyMetric):
     """Mean of error' covariance^-1 error over its degrees of freedom, by the claimed covariance.
 
     Of the parameters it is chi-square with as many degrees of freedom as there are parameters [Ljung1999, ch. 9].
@@ -247,17 +239,10 @@ class NormalisedError(MetricDefinition):
     name = "normalised_error"
     title = "Normalised error against chi-square"
     unit = "error' covariance^-1 error / degrees of freedom"
-
-    def trials(self, effort: str) -> tuple[Trial, ...]:
-        """The records of accuracy."""
-        return accuracy_trials(effort)
-
-    def verdicts(self) -> int:
-        """One of each problem of the quick effort and one of all; with more problems each gets less."""
-        return len(QUICK) + 1
+    verdicts = len(QUICK) + 1
 
     def evaluate(
-        self, measurements: Measurements, estimator: Contestant, false_alarm: float, reference: Measurements
+        self, measurements: Measurements, estimator: Estimator, false_alarm: float, reference: Measurements
     ) -> Metric:
         """Judge the mean; the fit of the whole distribution is shown beside it."""
         statistics: list[RecordStatistic] = []
@@ -273,7 +258,7 @@ class NormalisedError(MetricDefinition):
                     "records": np.sort(values).tolist(),
                     "kolmogorov_smirnov_p": _distribution_p(values, freedom, null),
                 }
-        budget = false_alarm * self.verdicts()
+        budget = false_alarm * self.verdicts
         return self.of_parts(
             mean_parts(statistics, UNIT_SQUARE, budget) if statistics else [],
             budget,

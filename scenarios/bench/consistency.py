@@ -22,7 +22,7 @@ from scenarios.bench.statistics import (
     variance_ratio,
 )
 from scenarios.bench.theory import expectation
-from scenarios.estimators.contestant import Contestant
+from scenarios.estimators.estimator import Estimator
 from scenarios.problems.bound import response_covariance
 from scenarios.problems.registry import problem
 from scenarios.problems.trial import Trial
@@ -77,7 +77,7 @@ class NoiseFreeRecovery(MetricDefinition):
         )
 
     def evaluate(
-        self, measurements: Measurements, estimator: Contestant, false_alarm: float, reference: Measurements
+        self, measurements: Measurements, estimator: Estimator, false_alarm: float, reference: Measurements
     ) -> Metric:
         """Count the digits; without noise no verdict depends on chance."""
         parts = [
@@ -107,7 +107,7 @@ class NoiseFreeRecovery(MetricDefinition):
         return metric
 
 
-def _digits(name: str, good: Measurements, run: int, estimator: Contestant, metric: str) -> Part:
+def _digits(name: str, good: Measurements, run: int, estimator: Estimator, metric: str) -> Part:
     if 2 * len(good) < run or not good:
         return unjudged(name, f"no verdict: {len(good)} of {run} records have a model", len(good))
     truth, frequencies = problem(name).truth, problem(name).frequencies
@@ -120,17 +120,8 @@ def _digits(name: str, good: Measurements, run: int, estimator: Contestant, metr
     fault = ""
     if digits < DEMANDED:
         fault = recognised_fault(responses, true, frequencies, truth.dt, 10.0**-DEMANDED)
-    return Part(
-        label=name,
-        value=digits,
-        expected=DEMANDED,
-        interval=(digits, digits),
-        limits=(DEMANDED, np.inf),
-        passed=digits >= DEMANDED,
-        theory=theory.passes,
-        why="; ".join(filter(None, (theory.why, fault and f"{FAULT}{fault}"))),
-        draws=len(good),
-    )
+    theory = replace(theory, why="; ".join(filter(None, (theory.why, fault and f"{FAULT}{fault}"))))
+    return Part.judged(name, digits, DEMANDED, (digits, digits), (DEMANDED, np.inf), theory, len(good))
 
 
 def recognised_fault(
@@ -171,6 +162,7 @@ class Consistency(MetricDefinition):
     name = "consistency"
     title = "Consistency: slope of the error against the number of samples"
     unit = "log error / log samples"
+    verdicts = len(QUICK)  # with more problems each gets less
 
     def trials(self, effort: str) -> tuple[Trial, ...]:
         """Records of three lengths."""
@@ -182,17 +174,13 @@ class Consistency(MetricDefinition):
             for draw in range(RECORDS * DRAWS[effort])
         )
 
-    def verdicts(self) -> int:
-        """One of each problem of the quick effort; with more problems each gets less."""
-        return len(QUICK)
-
     def evaluate(
-        self, measurements: Measurements, estimator: Contestant, false_alarm: float, reference: Measurements
+        self, measurements: Measurements, estimator: Estimator, false_alarm: float, reference: Measurements
     ) -> Metric:
         """Fit the slopes."""
         groups = by_problem(measurements)
         names = dict.fromkeys(name.partition("@")[0] for name in groups)
-        budget = false_alarm * self.verdicts()
+        budget = false_alarm * self.verdicts
         parts: list[Part] = []
         curves: dict[str, dict[str, list[float]]] = {}
         for name in names:
@@ -210,7 +198,7 @@ class Consistency(MetricDefinition):
 
 
 def _slope_part(
-    name: str, records: dict[int, tuple[list[Measurement], int]], estimator: Contestant, false_alarm: float
+    name: str, records: dict[int, tuple[list[Measurement], int]], estimator: Estimator, false_alarm: float
 ) -> tuple[Part, dict[str, list[float]]]:
     lengths = tuple(records)
     too_few = [
@@ -244,17 +232,8 @@ def _slope_part(
     null = perfect_slopes(name, estimator.structure, lengths, counts)
     high = limits_of_mean(null, 1, false_alarm, low=False)[1] + SLACK
     theory = expectation(estimator, name, "consistency")
-    part = Part(
-        label=name,
-        value=slope,
-        expected=float(np.mean(null)),
-        interval=(slope - half, slope + half),
-        limits=(-np.inf, high),
-        passed=slope <= high,
-        theory=theory.passes,
-        why=theory.why,
-        draws=sum(counts),
-    )
+    interval = (slope - half, slope + half)
+    part = Part.judged(name, slope, float(np.mean(null)), interval, (-np.inf, high), theory, sum(counts))
     return part, {
         "samples": [float(samples) for samples in lengths],
         "error": [float(np.sqrt(np.mean(values))) for values in squares],

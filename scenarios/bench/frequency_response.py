@@ -10,15 +10,15 @@ import numpy as np
 from scenarios.bench.accuracy import (
     QUICK,
     TOGETHER,
+    AccuracyMetric,
     RecordStatistic,
-    accuracy_trials,
     by_problem,
     enough,
     pooled_part,
 )
 from scenarios.bench.claims import NO_COVARIANCE, UNIT_SQUARE, by_claim, claims_covariance, expected_of_claims
 from scenarios.bench.measurement import Measurements
-from scenarios.bench.metric import Metric, MetricDefinition, Part, excess
+from scenarios.bench.metric import Metric, Part, excess
 from scenarios.bench.statistics import (
     bound_for,
     free_parts,
@@ -28,14 +28,13 @@ from scenarios.bench.statistics import (
     variance_ratio_by_frequency,
 )
 from scenarios.bench.theory import Expectation
-from scenarios.estimators.contestant import Contestant
+from scenarios.estimators.estimator import Estimator
 from scenarios.problems.bound import response_covariance
 from scenarios.problems.registry import problem
-from scenarios.problems.trial import Trial
 from sysid.records.arrays import FloatArray
 
 
-class FrequencyResponse(MetricDefinition):
+class FrequencyResponse(AccuracyMetric):
     """Root mean square error of the response in claimed standard deviations, over all frequencies and at the worst.
 
     The error relative to the response, in percent, is shown beside it, also where nothing is claimed.
@@ -44,21 +43,14 @@ class FrequencyResponse(MetricDefinition):
     name = "frequency_response"
     title = "Error of the frequency response against the claimed band"
     unit = "claimed standard deviations"
-
-    def trials(self, effort: str) -> tuple[Trial, ...]:
-        """The records of accuracy."""
-        return accuracy_trials(effort)
-
-    def verdicts(self) -> int:
-        """Two of each problem of the quick effort and one of all; with more problems each gets less."""
-        return 2 * len(QUICK) + 1
+    verdicts = 2 * len(QUICK) + 1
 
     def evaluate(
-        self, measurements: Measurements, estimator: Contestant, false_alarm: float, reference: Measurements
+        self, measurements: Measurements, estimator: Estimator, false_alarm: float, reference: Measurements
     ) -> Metric:
         """Compare the errors with the claimed covariance."""
         groups = by_problem(measurements)
-        budget = false_alarm * self.verdicts()
+        budget = false_alarm * self.verdicts
         share = budget / (2 * len(groups) + 1)
         structure = estimator.structure
         statistics: list[RecordStatistic] = []
@@ -96,19 +88,8 @@ def _worst_frequency(
     for k, i, j in np.argwhere(np.isfinite(low)):
         limits = UNIT_SQUARE.with_slack(float(low[k, i, j]), float(high[k, i, j]))
         values = ratios[:, k, i, j]
-        parts.append(
-            Part(
-                label=f"{name} at {bound.frequencies[k]:.3g} Hz",
-                value=float(np.mean(values)),
-                expected=1.0,
-                interval=UNIT_SQUARE.interval(values),
-                limits=limits,
-                passed=bool(limits[0] <= np.mean(values) <= limits[1]),
-                theory=theory.passes,
-                why=theory.why,
-                draws=len(values),
-            )
-        )
+        interval, label = UNIT_SQUARE.interval(values), f"{name} at {bound.frequencies[k]:.3g} Hz"
+        parts.append(Part.judged(label, float(np.mean(values)), 1.0, interval, limits, theory, len(values)))
     return max(parts, key=lambda part: (np.isinf(part.value), excess(part)))
 
 

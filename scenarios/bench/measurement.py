@@ -1,18 +1,15 @@
 """Measurements of one trial: the answer against the truth of its problem and against its own record."""
 
-import json
 import warnings
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 from scipy.linalg import LinAlgError, LinAlgWarning, cho_factor, cho_solve
 
-from scenarios.estimators.answer import Answer
 from scenarios.estimators.claims import known_parameters, response_and_interval
-from scenarios.estimators.no_model import NoModelError
-from scenarios.estimators.outcome import KINDS, MODEL, Outcome
+from scenarios.estimators.outcome import KINDS, MODEL, Answer, EstimatorOutcome, NoModelError
 from scenarios.estimators.task import Task
 from scenarios.files.errors import ScenarioError
 from scenarios.problems.problem import Bound, Periodic, Problem
@@ -75,25 +72,24 @@ class Measurement(Locked):
     independence_p: float = NAN
     nonparametric: ComplexArray | None = None
 
-    def to_json(self) -> str:
-        """One line of text."""
-        return json.dumps({name: _plain(value) for name, value in vars(self).items()}, allow_nan=True)
+    def to_table(self) -> dict[str, Any]:
+        """As a table of what JSON holds."""
+        return {name: _plain(value) for name, value in vars(self).items()}
 
     @classmethod
-    def from_json(cls, line: str) -> "Measurement":
-        """Read a line of `to_json`.
+    def from_table(cls, table: Mapping[str, Any]) -> "Measurement":
+        """Read a table of `to_table`.
 
         Raises:
             ScenarioError: It is none.
         """
         try:
-            table = json.loads(line)
-            trial = Trial(**table.pop("trial"))
-            measurement = cls(trial=trial, **{name: _array(value) for name, value in table.items()})
+            values = {name: _array(value) for name, value in table.items() if name != "trial"}
+            measurement = cls(trial=Trial(**table["trial"]), **values)
             measurement._check()
             return measurement
-        except (ValueError, TypeError, KeyError, AttributeError, RecursionError) as error:
-            raise ScenarioError(f"{line[:80]!r} is no measured trial: {error}") from error
+        except (ValueError, TypeError, KeyError, AttributeError) as error:
+            raise ScenarioError(f"{str(table)[:80]!r} is no measured trial: {error}") from error
 
     def _check(self) -> None:
         """Check the types that metrics rely on: a damaged file may hold anything.
@@ -142,7 +138,7 @@ def measure(
     task: Task,
     bound: Bound | None,
     record: IOData,
-    outcome: Outcome,
+    outcome: EstimatorOutcome,
     *,
     ruler_seconds: float = NAN,
 ) -> Measurement:

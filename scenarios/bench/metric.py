@@ -9,7 +9,8 @@ from typing import Any, ClassVar
 import numpy as np
 
 from scenarios.bench.measurement import Measurements
-from scenarios.estimators.contestant import Contestant
+from scenarios.bench.theory import Expectation
+from scenarios.estimators.estimator import Estimator
 from scenarios.problems.trial import Trial
 
 NAN = float("nan")
@@ -55,6 +56,21 @@ class Part:
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "passed", _plain_verdict(self.passed))
+
+    @classmethod
+    def judged(
+        cls,
+        label: str,
+        value: float,
+        expected: float,
+        interval: tuple[float, float],
+        limits: tuple[float, float],
+        theory: Expectation,
+        draws: int,
+    ) -> "Part":
+        """A part that passes if its value lies within the limits."""
+        passed = bool(limits[0] <= value <= limits[1])
+        return cls(label, value, expected, interval, limits, passed, theory.passes, theory.why, draws)
 
     @property
     def surprises(self) -> bool:
@@ -110,11 +126,14 @@ class MetricDefinition(ABC):
         name: Key in results.
         title: Name for people.
         unit: Of its value.
+        verdicts: Most verdicts that chance can turn; the probability of a false alarm is shared among those of all
+            metrics.
     """
 
     name: ClassVar[str]
     title: ClassVar[str]
     unit: ClassVar[str] = ""
+    verdicts: ClassVar[int] = 0
 
     @abstractmethod
     def trials(self, effort: str) -> tuple[Trial, ...]:
@@ -124,13 +143,9 @@ class MetricDefinition(ABC):
             effort: One of `DRAWS`.
         """
 
-    def verdicts(self) -> int:
-        """Most verdicts that chance can turn; the probability of a false alarm is shared among all of them."""
-        return 0
-
     @abstractmethod
     def evaluate(
-        self, measurements: Measurements, estimator: Contestant, false_alarm: float, reference: Measurements
+        self, measurements: Measurements, estimator: Estimator, false_alarm: float, reference: Measurements
     ) -> Metric:
         """Compute the metric.
 

@@ -26,7 +26,7 @@ from scenarios.bench.metric import (
 from scenarios.bench.statistics import interval_of_percentage
 from scenarios.bench.tests_and_orders import ResidualTestsAndOrders
 from scenarios.bench.theory import UNSTABLE_MODELS
-from scenarios.estimators.contestant import Contestant
+from scenarios.estimators.estimator import Estimator
 from scenarios.estimators.outcome import KINDS, MODEL, REFUSED
 from scenarios.files.errors import ScenarioError, unknown
 from scenarios.problems.trial import Trial
@@ -72,7 +72,7 @@ class Reliability(MetricDefinition):
         return union_of_trials(self.others, effort)
 
     def evaluate(
-        self, measurements: Measurements, estimator: Contestant, false_alarm: float, reference: Measurements
+        self, measurements: Measurements, estimator: Estimator, false_alarm: float, reference: Measurements
     ) -> Metric:
         """Count the failures, by kind."""
         answered = {(m.trial.problem, m.trial.ask) for m in measurements if m.kind != REFUSED}
@@ -149,7 +149,7 @@ class Speed(MetricDefinition):
         return union_of_trials(self.others, effort)
 
     def evaluate(
-        self, measurements: Measurements, estimator: Contestant, false_alarm: float, reference: Measurements
+        self, measurements: Measurements, estimator: Estimator, false_alarm: float, reference: Measurements
     ) -> Metric:
         """Median and 95th percentile of the multiples, memory beside them."""
         answered = [m for m in measurements if m.kind == MODEL]
@@ -232,7 +232,7 @@ ALL_METRICS: tuple[MetricDefinition, ...] = (*MODEL_METRICS, Reliability(MODEL_M
 
 def false_alarm_of_each() -> float:
     """Allowed probability of a false alarm of each verdict, so that of any in a run is at most `FALSE_ALARM`."""
-    return FALSE_ALARM / max(1, sum(metric.verdicts() for metric in ALL_METRICS))
+    return FALSE_ALARM / max(1, sum(metric.verdicts for metric in ALL_METRICS))
 
 
 def metrics_named(names: Sequence[str]) -> tuple[MetricDefinition, ...]:

@@ -1,25 +1,26 @@
-"""The perfect estimator, which knows the truth: what no verdict of the test bench may ever fail."""
+"""The perfect estimator, which knows the truth: no verdict of the test bench may ever fail it."""
 
 import warnings
 from typing import Protocol, runtime_checkable
 
 import numpy as np
 
-import sysid
-from scenarios.estimators.answer import Answer
-from scenarios.estimators.outcome import MODEL, Outcome
+from scenarios.estimators.ours import prediction_error
+from scenarios.estimators.outcome import MODEL, Answer, EstimatorOutcome
 from scenarios.estimators.task import Task
-from scenarios.files.errors import ScenarioError
 from scenarios.problems.bound import response_covariance
 from scenarios.problems.problem import Bound, Problem
-from sysid import IOData, Polynomials, StateSpace
+from sysid import Polynomials, StateSpace, SysidWarning
 from sysid.models.frequency_response import NORMAL_95
 from sysid.records.arrays import FloatArray
+
+PERFECT = "bench:perfect"
+"""Target of the perfect estimator; it runs in the bench's own process, since no other process sees the truth."""
 
 
 @runtime_checkable
 class Efficient(Protocol):
-    """A problem that can tell what a perfect estimate of a record is."""
+    """A problem with a perfect estimate for each record."""
 
     def efficient(self, structure: str, seed: int) -> FloatArray:
         """Its parameters (p,)."""
@@ -30,74 +31,45 @@ class Efficient(Protocol):
 
 @runtime_checkable
 class Scattered(Protocol):
-    """A problem without bound that can tell an estimate as good as any."""
+    """A problem without bound, with an estimate as good as any for each record."""
 
     def scattered(self, seed: int) -> StateSpace:
         """The model."""
 
 
-def perfect(problem: Problem, task: Task, seed: int) -> Outcome:
-    """Answer as well as can be.
+def perfect(problem: Problem, task: Task, seed: int) -> EstimatorOutcome:
+    """Answer as well as possible.
 
     The truth with an error of exactly the Cramér-Rao covariance, claiming exactly that; the truth itself where there is
     no noise or no bound. Where the orders are to be chosen, those of the truth; where they are too low, the
-    prediction-error fit to the record. An error that makes the model unstable is told as such and not drawn again:
-    what is left of a distribution after redrawing has another covariance.
+    prediction-error fit to the record. An error that makes the model unstable counts as such and is not drawn again:
+    the rest of a distribution after redrawing has another covariance.
 
     Args:
         problem: With its truth.
-        task: What is asked.
+        task: The task.
         seed: Of the record; the error belongs to it.
-
-    Returns:
-        The outcome.
     """
     fit = problem.task(task.structure)
     if not task.chooses and (fit is None or dict(task.orders) != dict(fit.orders)):
-        answer = Answer(fitted(problem.draw(seed), task).model)
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", SysidWarning)  # a model that is too small is known not to fit
+            answer = Answer(prediction_error(problem.draw(seed), task).model)
     else:
         bound = problem.bound(task.structure)
         if bound is not None and isinstance(problem, Efficient):
             model, polynomials = problem.realise(task.structure, problem.efficient(task.structure, seed))
-            answer = _claiming(bound, model, None if task.structure == "ss" else polynomials)
+            answer = _with_claims(bound, model, None if task.structure == "ss" else polynomials)
         elif isinstance(problem, Scattered):
             answer = Answer(problem.scattered(seed))
         else:
             answer = Answer(problem.truth)
     if not answer.model.input_path().is_stable():
-        return Outcome("unstable", "the error of a perfect estimate goes beyond the edge of stability", answer=answer)
-    return Outcome(MODEL, answer=answer)
+        return EstimatorOutcome("unstable", "the error of a perfect estimate makes it unstable", answer=answer)
+    return EstimatorOutcome(MODEL, answer=answer)
 
 
-def fitted(data: IOData, task: Task) -> sysid.Estimate:
-    """Prediction-error fit with the orders of a task.
-
-    Args:
-        data: The record.
-        task: Its orders are given.
-
-    Raises:
-        ScenarioError: The orders are not given.
-    """
-    if task.chooses:
-        raise ScenarioError(f"a task of structure {task.structure} without orders given, expected orders")
-    o = dict(task.orders)
-    with warnings.catch_warnings():
-        # a model that is too small does not fit, and is known not to
-        warnings.simplefilter("ignore", sysid.SysidWarning)
-        if task.structure == "arx":
-            return sysid.arx(data, o["na"], o["nb"], o["nk"])
-        if task.structure == "armax":
-            return sysid.armax(data, o["na"], o["nb"], o["nc"], o["nk"])
-        if task.structure == "oe":
-            return sysid.oe(data, o["nb"], o["nf"], o["nk"])
-        if task.structure == "bj":
-            return sysid.bj(data, o["nb"], o["nc"], o["nd"], o["nf"], o["nk"])
-        start = sysid.n4sid(data, o["order"], direct=False, stable=True)
-        return sysid.pem_ss(data, start, direct=False)
-
-
-def _claiming(bound: Bound, model: StateSpace, polynomials: Polynomials | None) -> Answer:
+def _with_claims(bound: Bound, model: StateSpace, polynomials: Polynomials | None) -> Answer:
     hz = model.bandwidth()
     factor = np.exp(NORMAL_95 * bound.bandwidth_deviation)
     return Answer(

@@ -11,7 +11,7 @@ from scenarios.bench.measurement import Measurement, Measurements, dynamic_order
 from scenarios.bench.metric import DRAWS, Metric, MetricDefinition, Part, unjudged
 from scenarios.bench.statistics import bound_for, interval_of_percentage
 from scenarios.bench.theory import INDEPENDENCE, Expectation, expectation
-from scenarios.estimators.contestant import Contestant
+from scenarios.estimators.estimator import Estimator
 from scenarios.estimators.outcome import MODEL, REFUSED
 from scenarios.estimators.task import Task
 from scenarios.problems.registry import problem
@@ -52,6 +52,7 @@ class ResidualTestsAndOrders(MetricDefinition):
     name = "tests_and_orders"
     title = "Residual tests and choice of orders"
     unit = "%"
+    verdicts = 3 * len(PROBLEMS) + len(SELECTED)  # whiteness, independence and power; choice of orders
 
     def trials(self, effort: str) -> tuple[Trial, ...]:
         """Records of some problems with right orders, with too low ones, and without."""
@@ -63,12 +64,8 @@ class ResidualTestsAndOrders(MetricDefinition):
             for draw in range(records * DRAWS[effort])
         )
 
-    def verdicts(self) -> int:
-        """Whiteness, independence and power per problem, and the choice where orders are chosen."""
-        return 3 * len(PROBLEMS) + len(SELECTED)
-
     def evaluate(
-        self, measurements: Measurements, estimator: Contestant, false_alarm: float, reference: Measurements
+        self, measurements: Measurements, estimator: Estimator, false_alarm: float, reference: Measurements
     ) -> Metric:
         """Count rejections and right orders."""
         parts = []
@@ -83,13 +80,13 @@ class ResidualTestsAndOrders(MetricDefinition):
                 parts.append(_hits(name, own, estimator, false_alarm))
         return self.of_parts(
             parts,
-            self.verdicts() * false_alarm,
+            self.verdicts * false_alarm,
             f"rejections at the nominal {100 * LEVEL:g} % of right orders, at least {100 * POWER:g} % of orders too "
             f"low by one, at least {100 * HITS:g} % of chosen orders right",
         )
 
 
-def _size(test: str, name: str, own: Measurements, estimator: Contestant, false_alarm: float) -> Part:
+def _size(test: str, name: str, own: Measurements, estimator: Estimator, false_alarm: float) -> Part:
     """Share of models of right orders that a test rejects."""
     label = f"{test} on {name}"
 
@@ -109,7 +106,7 @@ def _size(test: str, name: str, own: Measurements, estimator: Contestant, false_
     return _part(label, rejected, len(known), 100.0 * LEVEL, (-np.inf, 100.0 * most / len(known)), theory)
 
 
-def _power(name: str, own: Measurements, estimator: Contestant, false_alarm: float) -> Part:
+def _power(name: str, own: Measurements, estimator: Estimator, false_alarm: float) -> Part:
     """Share of models of too low an order that the tests reject."""
     label = f"orders too low on {name}"
     task = problem(name).task(estimator.structure, "underfit")
@@ -127,7 +124,7 @@ def _power(name: str, own: Measurements, estimator: Contestant, false_alarm: flo
     return _part(label, rejected, len(known), 100.0, (100.0 * least / len(known), 100.0), Expectation(True))
 
 
-def _hits(name: str, own: Measurements, estimator: Contestant, false_alarm: float) -> Part:
+def _hits(name: str, own: Measurements, estimator: Estimator, false_alarm: float) -> Part:
     """Share of right orders among those that the estimator chooses."""
     label = f"choice on {name}"
     known, why = _known(own, "select", lambda m: m.order >= 0)
@@ -168,7 +165,7 @@ def order_of(task: Task) -> int:
     return max(orders.get("na", 0) + orders.get("nf", 0), orders["nb"] + orders["nk"] - 1)
 
 
-def _theory(estimator: Contestant, name: str) -> Expectation:
+def _theory(estimator: Estimator, name: str) -> Expectation:
     """Tests and criteria presume an estimate at the minimum of the prediction error, or close to it."""
     expected = expectation(estimator, name, "tests_and_orders")
     efficient = expectation(estimator, name, "efficiency")
@@ -181,7 +178,7 @@ def _theory(estimator: Contestant, name: str) -> Expectation:
     )
 
 
-def _theory_of_independence(estimator: Contestant, name: str, known: Measurements) -> Expectation:
+def _theory_of_independence(estimator: Estimator, name: str, known: Measurements) -> Expectation:
     """Of residuals and past inputs, both whitened: a model of the disturbance is not needed, if the error is small.
 
     An unbiased estimate is an efficient one with an independent error [Rao1973, sec. 5a]. The limit holds an error of
@@ -219,14 +216,4 @@ def _part(
     label: str, count: int, total: int, expected: float, limits: tuple[float, float], theory: Expectation
 ) -> Part:
     value = 100.0 * float(count) / total
-    return Part(
-        label=label,
-        value=value,
-        expected=expected,
-        interval=interval_of_percentage(count, total),
-        limits=limits,
-        passed=bool(limits[0] <= value <= limits[1]),
-        theory=theory.passes,
-        why=theory.why,
-        draws=total,
-    )
+    return Part.judged(label, value, expected, interval_of_percentage(count, total), limits, theory, total)

@@ -8,7 +8,7 @@ ch. 8, 9 and 13]. Everything else gives up some of this.
 from dataclasses import dataclass
 from functools import lru_cache
 
-from scenarios.estimators.contestant import Contestant
+from scenarios.estimators.estimator import Estimator
 from scenarios.problems.registry import problem
 
 CONSISTENT = ("consistency", "bias")
@@ -121,7 +121,7 @@ UNSTABLE_MODELS = {
 """Methods that may give unstable models, and why."""
 
 
-def expectation(estimator: Contestant, name: str, metric: str) -> Expectation:
+def expectation(estimator: Estimator, name: str, metric: str) -> Expectation:
     """Theory's expectation of an estimator on a problem.
 
     Args:

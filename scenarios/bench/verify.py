@@ -1,4 +1,4 @@
-"""Estimators on the test bench: their trials are run, measured, and made into figures with verdicts."""
+"""Estimators on the test bench: trials are run and measured, and metrics with verdicts are made of them."""
 
 import json
 import secrets
@@ -12,26 +12,41 @@ from time import monotonic
 
 import numpy as np
 
-from scenarios.bench.cost import Cost, Pilot, pilot_of, told_time
-from scenarios.bench.executor import Executor
-from scenarios.bench.journal import IDENTITY, Journal, file_name
-from scenarios.bench.key import key_of, machine
-from scenarios.bench.measurement import Measurement
-from scenarios.bench.metric import DRAWS, Metric, MetricDefinition
+from scenarios.bench.estimator_files import EstimatorFiles, source_hash
+from scenarios.bench.measurement import Measurement, Measurements
+from scenarios.bench.metric import DRAWS, MetricDefinition
 from scenarios.bench.metrics import ALL_METRICS, false_alarm_of_each
-from scenarios.bench.overwrite_guard import lost, told_effort, trials_within
-from scenarios.bench.prepared_records import is_twin, simulate_records
-from scenarios.bench.result import Result
-from scenarios.bench.run_progress import Counted, Progress
-from scenarios.bench.run_trials import PERFECT
-from scenarios.bench.source import source_hash
-from scenarios.bench.work import FAMILY, Bench, Piece, pieces, spread
-from scenarios.estimators.contestant import Contestant, Limits
+from scenarios.bench.perfect import PERFECT
+from scenarios.bench.progress import (
+    IDENTITY,
+    Cost,
+    CostModel,
+    Report,
+    RunProgress,
+    TrialJournal,
+    file_name,
+    fingerprint_of,
+    pilot_jobs,
+    time_text,
+)
+from scenarios.bench.result import Result, effort_text, lost_by, machine, trials_within
+from scenarios.bench.runner import (
+    FAMILY,
+    TWIN,
+    BenchSetup,
+    RecordJob,
+    interleaved,
+    remaining_jobs,
+    run_jobs,
+    simulate_records,
+)
+from scenarios.estimators.estimator import Estimator, Limits
 from scenarios.estimators.outcome import MODEL, REFUSED
-from scenarios.estimators.sandbox import open_sandbox
+from scenarios.estimators.runner import EstimatorProcess
 from scenarios.files.atomic_write import write_whole
 from scenarios.files.errors import ScenarioError
 from scenarios.files.provenance import versions
+from scenarios.jobs.executor import Executor
 from scenarios.problems.registry import problem
 from scenarios.problems.trial import Trial
 
@@ -39,7 +54,7 @@ JOURNALS = "journals"
 """Folder of the journals, in that of the results."""
 
 RECORDS = "records"
-"""Folder of records that the twin made, beside it."""
+"""Folder of simulated records of the arm, beside it."""
 
 AGREEMENT = "agreement"
 """Metric that needs the second implementation."""
@@ -51,36 +66,36 @@ REASONS = 20
 """Reasons of failures that a result keeps."""
 
 TOGETHER = 100
-"""Records of the twin that are simulated side by side, and then kept."""
+"""Records of the arm that are simulated side by side, and then kept."""
 
-FIT = "fit"
-"""What most requests ask."""
+REMOTE_BATCH = 8
+"""Records that go to a worker elsewhere at a time: estimators are started once for all of them."""
 
 SILENCE = 10.0
-"""After which it is told how far the simulation is, s."""
+"""Time after which the progress of the simulation is reported, s."""
 
 
 @dataclass(frozen=True)
-class Plan:
-    """What a run does.
+class BenchPlan:
+    """What to run.
 
     Attributes:
-        contestants: Whose results are wanted.
+        contestants: Estimators whose results are wanted.
         effort: One of `DRAWS`.
         seed: Of the run.
-        limits: What an estimator may use for an answer.
-        figures: Those that are made, all by default.
-        referee: The second implementation, for the figure of agreement; None: there is none here.
-        commands: Command line that makes a result again, by the contestant's name.
-        records: How many records of each problem there are at most, for estimators that take long; None: all.
+        limits: Limits of each answer.
+        figures: Metrics to compute, all by default.
+        referee: The second implementation, for the metric of agreement; None: there is none here.
+        commands: Command line that repeats a result, by the estimator's name.
+        records: Most records of each problem, for slow estimators; None: all.
     """
 
-    contestants: tuple[Contestant, ...]
+    contestants: tuple[Estimator, ...]
     effort: str = "full"
     seed: int = 0
     limits: Limits = field(default_factory=Limits)
     figures: tuple[MetricDefinition, ...] = ALL_METRICS
-    referee: Contestant | None = None
+    referee: Estimator | None = None
     commands: Mapping[str, str] = field(default_factory=dict)
     records: int | None = None
 
@@ -96,227 +111,224 @@ class Plan:
         twice = [name for name, count in Counter(file_name(c.name) for c in self.contestants).items() if count > 1]
         if twice:
             raise ScenarioError(f"estimators of the same name given: {', '.join(twice)}; expected a name each")
-        for name in (one.name for one in self.contestants):
+        for name in (estimator.name for estimator in self.contestants):
             if len(name) > LONGEST_NAME or not name.isprintable():
                 raise ScenarioError(
                     f"an estimator called {name[:LONGEST_NAME]!r} given, expected at most {LONGEST_NAME} characters "
                     "that can be printed; --name gives it another"
                 )
 
-    def all_contestants(self) -> tuple[Contestant, ...]:
-        """Those whose results are wanted, and the referee where a figure needs it and it is none of them."""
-        asked = any(maker.name == AGREEMENT for maker in self.figures)
-        if not asked or self.referee is None or self.referee in self.contestants:
+    def all_contestants(self) -> tuple[Estimator, ...]:
+        """Estimators whose results are wanted, and the referee where a metric needs it and it is none of them."""
+        needed = any(metric.name == AGREEMENT for metric in self.figures)
+        if not needed or self.referee is None or self.referee in self.contestants:
             return self.contestants
         return (*self.contestants, self.referee)
 
-    def trials_of(self, maker: MetricDefinition) -> tuple[Trial, ...]:
-        """Trials of a figure.
+    def trials_of(self, metric: MetricDefinition) -> tuple[Trial, ...]:
+        """Trials of one of the metrics."""
+        return trials_within(metric, self.effort, self.records)
 
-        Args:
-            maker: One of `figures`.
-        """
-        return trials_within(maker, self.effort, self.records)
-
-    @property
-    def told_effort(self) -> str:
-        """The effort in words."""
-        return told_effort(self.effort, self.records)
-
-    def trials(self, contestant: Contestant) -> tuple[Trial, ...]:
-        """Trials that it can be asked, each once, sorted.
-
-        Args:
-            contestant: One of `all_contestants`.
-        """
-        own = contestant in self.contestants
-        makers = [maker for maker in self.figures if own or maker.name == AGREEMENT]
-        wanted = sorted(set(chain.from_iterable(self.trials_of(maker) for maker in makers)))
-        askable: dict[tuple[str, str], bool] = {}
-        for trial in wanted:
-            if (trial.problem, trial.ask) not in askable:
-                task = problem(trial.problem).task(contestant.structure, trial.ask)
-                askable[trial.problem, trial.ask] = task is not None
-        return tuple(trial for trial in wanted if askable[trial.problem, trial.ask])
+    def trials(self, estimator: Estimator) -> tuple[Trial, ...]:
+        """Trials of one of `all_contestants` that its structure allows, each once, sorted."""
+        own = estimator in self.contestants
+        metrics = [metric for metric in self.figures if own or metric.name == AGREEMENT]
+        wanted = sorted(set(chain.from_iterable(self.trials_of(metric) for metric in metrics)))
+        allowed = {
+            kind: problem(kind[0]).task(estimator.structure, kind[1]) is not None
+            for kind in {(trial.problem, trial.ask) for trial in wanted}
+        }
+        return tuple(trial for trial in wanted if allowed[trial.problem, trial.ask])
 
 
 def verify(
-    plan: Plan,
+    plan: BenchPlan,
     folder: Path,
     executor: Executor,
     *,
-    progress: Progress = lambda done, total, left: None,
-    said: Callable[[str], None] = lambda line: None,
-    told: Callable[[Cost], None] = lambda cost: None,
+    report: Report = lambda done, total, left: None,
+    notify: Callable[[str], None] = lambda line: None,
+    announce: Callable[[Cost], None] = lambda cost: None,
 ) -> list[Result]:
-    """Run what is missing, and make results of all; each is written to a file of the contestant's name.
+    """Run the trials that are missing, and write a result for each estimator to a file of its name.
 
     Args:
-        plan: What is done.
+        plan: What to run.
         folder: For results and journals; made where it is missing.
-        executor: Who does it.
-        progress: Told how far it is.
-        said: Told in words what is to be known on the way.
-        told: Told what the run will cost, once the first trials of each problem are done.
+        executor: Runs the trials.
+        report: Called with the progress.
+        notify: Called with lines of information.
+        announce: Called with the cost of the run, once the first trials of each kind of problem are finished.
 
     Returns:
-        A result of each contestant.
+        The results.
 
     Raises:
-        ScenarioError: Something given cannot be used, or workers die; what is done is kept.
+        ScenarioError: The plan cannot be run, or workers die; finished trials are kept.
         OSError: A file cannot be written.
     """
-    everyone = plan.all_contestants()
-    for one in plan.contestants:
-        _check_place(folder / f"{file_name(one.name)}.json", one, plan)
-    records = (folder / RECORDS).resolve() if executor.here else None
-    bench = Bench(everyone, plan.limits, plan.seed, records)
-    wanted = [plan.trials(contestant) for contestant in everyone]
+    estimators = plan.all_contestants()
+    for estimator in plan.contestants:
+        _check_place(folder / f"{file_name(estimator.name)}.json", estimator, plan)
+    records = (folder / RECORDS).resolve() if executor.local else None
+    files = None if executor.local else tuple(map(EstimatorFiles.of, estimators))
+    setup = BenchSetup(estimators, plan.limits, plan.seed, records, files)
+    wanted = [plan.trials(estimator) for estimator in estimators]
     with ExitStack() as stack:
         run = secrets.token_hex(6)
-        keys = [key_of(one, plan.limits, plan.seed) for one in everyone]
+        fingerprints = [fingerprint_of(estimator, plan.limits, plan.seed) for estimator in estimators]
         journals = [
-            stack.enter_context(Journal(folder / JOURNALS, one.name, key, run=run, said=said))
-            for one, key in zip(everyone, keys, strict=True)
+            stack.enter_context(TrialJournal(folder / JOURNALS, estimator.name, fingerprint, run=run, notify=notify))
+            for estimator, fingerprint in zip(estimators, fingerprints, strict=True)
         ]
-        left = pieces(wanted, [journal.done for journal in journals])
-        of_all = sum(map(len, wanted))
-        if kept := of_all - sum(len(piece.asked) for piece in left):
-            said(f"{kept} of {of_all} trials are kept from before; remove {folder / JOURNALS} to begin anew")
-        if records is not None:
-            _try(left, bench)
-            _simulate(left, plan.seed, records, said)
-        _run(bench, left, executor, Counted(wanted, journals, progress, said), told)
-        referee = _of_referee(plan, everyone, journals)
-        where = machine() if executor.here else f"{executor.workers} workers of a cluster"
+        jobs = remaining_jobs(wanted, [journal.done for journal in journals])
+        total = sum(map(len, wanted))
+        if kept := total - sum(len(job.requests) for job in jobs):
+            notify(f"{kept} of {total} trials are done already; remove {folder / JOURNALS} to run them again")
+        if records is not None and any(job.problem.startswith(TWIN) for job in jobs):
+            _try_estimators(jobs, setup)
+            _simulate(jobs, plan.seed, records, notify)
+        names = [estimator.name for estimator in estimators]
+        _run(setup, jobs, executor, RunProgress(names, wanted, journals, report, notify), announce)
+        measurements = [journal.measurements() for journal in journals]
+        reference = _reference(plan, estimators, measurements)
+        place = machine() if executor.local else f"{executor.workers} workers of a cluster"
         results = []
-        for contestant, journal, trials, key in zip(everyone, journals, wanted, keys, strict=True):
-            if source_hash(contestant) != key["source"]:
-                said(f"{contestant.name}: its file changed during the run: some answers may be those of the new one")
-            if contestant in plan.contestants:
-                measured = journal.measured()
-                own = {trial: measured[trial] for trial in trials if trial in measured}
-                results.append(_result(plan, contestant, (journal.run, where, key["source"]), own, referee))
-                write_whole(folder / f"{file_name(contestant.name)}.json", results[-1].to_json(), durable=True)
+        for number, estimator in enumerate(estimators):
+            source = fingerprints[number]["source"]
+            if source_hash(estimator) != source:
+                notify(f"{estimator.name}: its file changed during the run: some answers may be those of the new one")
+            if estimator in plan.contestants:
+                own = {trial: measurements[number][trial] for trial in wanted[number] if trial in measurements[number]}
+                results.append(_result(plan, estimator, (journals[number].run, place, source), own, reference))
+                write_whole(folder / f"{file_name(estimator.name)}.json", results[-1].to_json(), durable=True)
         return results
 
 
-def _check_place(path: Path, contestant: Contestant, plan: Plan) -> None:
-    """Leave alone what stands in the place of a result, where that is of another estimator, or has more.
+def _check_place(path: Path, estimator: Estimator, plan: BenchPlan) -> None:
+    """Refuse to overwrite the result of another estimator, or a more complete one.
 
     Raises:
-        ScenarioError: It is, or has.
+        ScenarioError: There is one.
     """
     try:
-        there = json.loads(path.read_text(encoding="utf-8"))["contestant"]
-        theirs = {name: there[name] for name in IDENTITY}
+        before = json.loads(path.read_text(encoding="utf-8"))["contestant"]
+        identity = {name: before[name] for name in IDENTITY}
     except (OSError, ValueError, TypeError, KeyError, RecursionError):
         return
-    if theirs != {name: getattr(contestant, name) for name in IDENTITY}:
+    if identity != {name: getattr(estimator, name) for name in IDENTITY}:
         raise ScenarioError(
-            f"{path} has the result of another estimator of the name {contestant.name!r}, {theirs['target']!r}; "
+            f"{path} has the result of another estimator of the name {estimator.name!r}, {identity['target']!r}; "
             "expected another --name, or another --out"
         )
     try:
-        more = lost(Result.read(path), plan.figures, plan.effort, plan.records)
-    except ScenarioError:  # of another version, or damaged: of no use to anyone
+        lost = lost_by(Result.read(path), plan.figures, plan.effort, plan.records)
+    except ScenarioError:  # of another version, or damaged: nothing is lost
         return
-    if more:
+    if lost:
         raise ScenarioError(
-            f"{path} has the result of a fuller run, with {more}; it is not replaced by less: give another --out, or "
+            f"{path} has the result of a more complete run, with {lost}; it is not overwritten: give another --out, or "
             "move that file away"
         )
 
 
-def _try(left: Sequence[Piece], bench: Bench) -> None:
-    """Start each estimator once before the arm is simulated, which takes time: that it cannot be is told at once.
+def _try_estimators(jobs: Sequence[RecordJob], setup: BenchSetup) -> None:
+    """Start each estimator once before the long simulation: an error in the command line shows at once.
 
     Raises:
-        ScenarioError: It cannot.
+        ScenarioError: One cannot be started.
     """
-    if any(is_twin(piece.problem) for piece in left):
-        for number in sorted({number for piece in left for _, number in piece.asked}):
-            if bench.contestants[number].target != PERFECT:
-                with open_sandbox(bench.contestants[number], bench.limits):
-                    pass
+    for number in sorted({number for job in jobs for _, number in job.requests}):
+        if setup.estimators[number].target != PERFECT:
+            with EstimatorProcess(setup.estimators[number], setup.limits):
+                pass
 
 
-def _simulate(left: Sequence[Piece], seed: int, folder: Path, said: Callable[[str], None]) -> None:
-    """Simulate records of the twin, side by side, before anyone is asked."""
-    trials = [Trial(piece.problem, piece.draw) for piece in left if is_twin(piece.problem)]
+def _simulate(jobs: Sequence[RecordJob], seed: int, folder: Path, notify: Callable[[str], None]) -> None:
+    """Simulate the arm's records side by side before the estimators are asked."""
+    trials = [Trial(job.problem, job.draw) for job in jobs if job.problem.startswith(TWIN)]
     begun = monotonic()
-    made = 0
+    simulated = 0
     for first in range(0, len(trials), TOGETHER):
-        made += simulate_records(trials[first : first + TOGETHER], seed, folder)
-        # As much as a run of the quick bench has is soon there.
-        if made and (spent := monotonic() - begun) > SILENCE:
-            looked = min(first + TOGETHER, len(trials))
-            said(f"{looked} of {len(trials)} records of the arm simulated in {told_time(spent)}")
+        simulated += simulate_records(trials[first : first + TOGETHER], seed, folder)
+        if simulated and (spent := monotonic() - begun) > SILENCE:
+            ready = min(first + TOGETHER, len(trials))
+            notify(f"{ready} of {len(trials)} records of the arm simulated in {time_text(spent)}")
 
 
 def _run(
-    bench: Bench,
-    left: Sequence[Piece],
+    setup: BenchSetup,
+    jobs: Sequence[RecordJob],
     executor: Executor,
-    counted: Counted,
-    told: Callable[[Cost], None],
+    progress: RunProgress,
+    announce: Callable[[Cost], None],
 ) -> None:
-    """Do what is left: first a record of each kind of problem, from which the cost of the others is told."""
-    if not left:
+    """Run the jobs: first a record of each kind of problem, from which the cost of the others is learnt."""
+    costs, (first, others) = CostModel(), pilot_jobs(jobs)
+    size = 1 if executor.local else REMOTE_BATCH
+    if not jobs:
         return
-    names = [contestant.name for contestant in bench.contestants]
-    pilot, (first, others) = Pilot(), pilot_of(left)
-    with executor.crew(bench) as crew:
-        for done in crew(counted.still(spread(first))):
-            counted.note(done, names)
-            pilot.learn(done)
-        if rest := tuple(counted.still(others)):
-            told(pilot.cost(rest, executor.workers))
-            counted.begin(pilot, rest, executor.workers)
-            for done in crew(counted.still(spread(rest))):
-                counted.note(done, names)
+    with executor:
+        for result in executor.run(run_jobs, setup, progress.batches(interleaved(first), size), items="records"):
+            progress.add(result)
+            costs.learn(result)
+        if rest := tuple(chain.from_iterable(progress.batches(others, 1))):
+            announce(costs.cost(rest, executor.workers))
+            progress.start(costs, rest, executor.workers)
+            for result in executor.run(run_jobs, setup, progress.batches(interleaved(rest), size), items="records"):
+                progress.add(result)
 
 
-def _of_referee(plan: Plan, everyone: Sequence[Contestant], journals: Sequence[Journal]) -> tuple[Measurement, ...]:
-    makers = [maker for maker in plan.figures if maker.name == AGREEMENT]
-    if plan.referee is None or plan.referee not in everyone or not makers:
+def _reference(
+    plan: BenchPlan, estimators: Sequence[Estimator], measurements: Sequence[Mapping[Trial, Measurement]]
+) -> Measurements:
+    """Measurements of the second implementation on the trials of the metric of agreement."""
+    metric = next((metric for metric in plan.figures if metric.name == AGREEMENT), None)
+    if plan.referee is None or plan.referee not in estimators or metric is None:
         return ()
-    measured = journals[everyone.index(plan.referee)].measured()
-    return tuple(measured[trial] for trial in plan.trials_of(makers[0]) if trial in measured)
+    own = measurements[estimators.index(plan.referee)]
+    return tuple(own[trial] for trial in plan.trials_of(metric) if trial in own)
 
 
 def _result(
-    plan: Plan,
-    contestant: Contestant,
-    ran: tuple[str, str, str],
-    measured: Mapping[Trial, Measurement],
-    referee: Sequence[Measurement],
+    plan: BenchPlan,
+    estimator: Estimator,
+    origin: tuple[str, str, str],
+    measurements: Mapping[Trial, Measurement],
+    reference: Measurements,
 ) -> Result:
-    each = false_alarm_of_each()
-    figures: dict[str, Metric] = {}
-    for maker in plan.figures:
-        own = [measured[trial] for trial in plan.trials_of(maker) if trial in measured]
-        figures[maker.name] = maker.evaluate(own, contestant, each, referee)
-    outcomes = Counter(one.kind for one in measured.values())
-    reasons = Counter(f"{one.kind}: {one.why}" for one in measured.values() if one.kind not in (MODEL, REFUSED))
+    run, place, source = origin
+    share = false_alarm_of_each()
+    figures = {
+        metric.name: metric.evaluate(
+            [measurements[trial] for trial in plan.trials_of(metric) if trial in measurements],
+            estimator,
+            share,
+            reference,
+        )
+        for metric in plan.figures
+    }
+    outcomes = Counter(m.kind for m in measurements.values())
+    reasons = Counter(f"{m.kind}: {m.why}" for m in measurements.values() if m.kind not in (MODEL, REFUSED))
+    refused = kinds_of_request(m.trial for m in measurements.values() if m.kind == REFUSED)
     return Result(
-        contestant=contestant,
+        contestant=estimator,
         limits=plan.limits,
-        effort=plan.told_effort,
+        effort=effort_text(plan.effort, plan.records),
         seed=plan.seed,
-        command=plan.commands.get(contestant.name, ""),
-        source=ran[2],
+        command=plan.commands.get(estimator.name, ""),
+        source=source,
         versions=versions(),
-        machine=ran[1],
+        machine=place,
         outcomes=dict(sorted(outcomes.items())),
         reasons=dict(reasons.most_common(REASONS)),
-        seconds=float(np.nansum([one.seconds for one in measured.values()])),
+        seconds=float(np.nansum([m.seconds for m in measurements.values()])),
         figures=figures,
-        run=ran[0],
-        refused=dict(_kinds(one.trial for one in measured.values() if one.kind == REFUSED).most_common()),
+        run=run,
+        refused=dict(refused.most_common()),
     )
 
 
-def _kinds(trials: Iterable[Trial]) -> Counter[str]:
-    """How many trials of each family of problems, and of what is asked where that is no fit."""
-    return Counter(f"{FAMILY.split(trial.problem)[0]}{f', {trial.ask}' * (trial.ask != FIT)}" for trial in trials)
+def kinds_of_request(trials: Iterable[Trial]) -> Counter[str]:
+    """Number of trials of each family of problems, and of each request where that is no fit."""
+    return Counter(f"{FAMILY.split(trial.problem)[0]}{f', {trial.ask}' * (trial.ask != 'fit')}" for trial in trials)

@@ -6,7 +6,7 @@ from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from threading import current_thread, main_thread
-from typing import TYPE_CHECKING, Annotated, Literal
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import tyro
 
@@ -14,10 +14,10 @@ from scenarios.commands.output import output_folder, print_json, print_table, sa
 from scenarios.commands.verify_progress import verify_progress
 
 if TYPE_CHECKING:
-    from scenarios.bench.cost import Cost
-    from scenarios.bench.executor import Executor
+    from scenarios.bench.progress import Cost
     from scenarios.bench.result import Result
-    from scenarios.bench.verify import Plan
+    from scenarios.bench.verify import BenchPlan
+    from scenarios.jobs.executor import Executor
 
 MOST_GIB = 2.0**20
 """More memory than there is, GiB."""
@@ -96,22 +96,21 @@ def verify(
     """
     if list:
         return _listed(json=json)
-    from scenarios.bench.estimator_arguments import Said
-    from scenarios.bench.estimator_arguments import estimators as found
+    from scenarios.bench.estimator_files import EstimatorOptions, parse_estimators
     from scenarios.bench.metrics import metrics_named
-    from scenarios.bench.verify import Plan
+    from scenarios.bench.verify import BenchPlan
     from scenarios.commands.verify_output import record, show
-    from scenarios.estimators.contestant import Limits
+    from scenarios.estimators.estimator import Limits
     from scenarios.estimators.referee import REFEREE
     from scenarios.files.errors import ScenarioError
 
-    given = found(estimators, command, Said(name, structure, method, stays))
+    given = parse_estimators(estimators, command, EstimatorOptions(name, structure, method, stays))
     effort = "quick" if quick else "full"
     if not 0.0 < memory_gib <= MOST_GIB:
         raise ScenarioError(f"--memory-gib {memory_gib:g} given, expected more than 0 and at most {MOST_GIB:.0f} GiB")
     limits = Limits(seconds, round(memory_gib * 2**30))
     options = _options(quick, records, seed, figures, seconds, memory_gib)
-    plan = Plan(
+    plan = BenchPlan(
         tuple(given),
         effort,
         seed,
@@ -131,17 +130,17 @@ def verify(
     return 0 if all(result.passed for result in results) else 1
 
 
-def _executor(workers: int | None, cluster: str | None, patience: float) -> "Executor":
-    from scenarios.bench.local import Local
+def _executor(workers: int | None, cluster: str | None, patience: float) -> "Executor[Any]":
     from scenarios.files.errors import ScenarioError
+    from scenarios.jobs.executor import LocalProcesses
 
     if cluster is None:
-        return Local() if workers is None else Local(workers)
+        return LocalProcesses(workers, _said)
     if workers is not None:
         raise ScenarioError("--workers and --cluster given; expected one: the cluster has workers of its own")
-    from scenarios.bench.cluster import Cluster
+    from scenarios.jobs.cluster import Cluster
 
-    return Cluster(cluster, patience=patience, said=_said)
+    return Cluster(cluster, patience, _said)
 
 
 def _options(
@@ -154,13 +153,13 @@ def _options(
     return "".join(f" {word}" for word in words)
 
 
-def _run(plan: "Plan", folder: Path, executor: "Executor") -> "list[Result]":
+def _run(plan: "BenchPlan", folder: Path, executor: "Executor[Any]") -> "list[Result]":
     from scenarios.bench.verify import JOURNALS, verify
 
     latest = (0, 0)
 
     def told(cost: "Cost") -> None:
-        if cost.calls:
+        if cost.requests:
             _said(f"hmtb verify: still to do, of {_requests(plan)}: {cost}")
 
     with _ended_as_interrupted(), verify_progress("hmtb verify") as show:
@@ -171,13 +170,13 @@ def _run(plan: "Plan", folder: Path, executor: "Executor") -> "list[Result]":
             show(done, total, left)
 
         try:
-            return verify(plan, folder, executor, progress=counted, said=_said, told=told)
+            return verify(plan, folder, executor, report=counted, notify=_said, announce=told)
         except KeyboardInterrupt:
             done, total = latest
             raise KeyboardInterrupt(f"{done} of {total} trials kept in {folder / JOURNALS}") from None
 
 
-def _requests(plan: "Plan") -> str:
+def _requests(plan: "BenchPlan") -> str:
     """How many requests a run makes, and of whom."""
     counts = {contestant.name: len(plan.trials(contestant)) for contestant in plan.all_contestants()}
     own = sum(counts.pop(contestant.name) for contestant in plan.contestants)

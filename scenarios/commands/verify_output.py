@@ -10,9 +10,9 @@ from typing import Any
 import numpy as np
 
 from scenarios.bench.consistency import WHERE_IT_FAILS
-from scenarios.bench.journal import file_name
 from scenarios.bench.leaderboard_verdict import INFORMATIVE, Verdict, part_verdict, verdict
 from scenarios.bench.metric import Metric, Part, excess
+from scenarios.bench.progress import file_name
 from scenarios.bench.result import Result
 from scenarios.commands.output import print_table, say
 from scenarios.estimators.outcome import KINDS, MODEL, REFUSED

@@ -7,14 +7,14 @@ from time import monotonic
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from scenarios.bench.run_progress import Progress
+    from scenarios.bench.progress import Report
 
 FIRST, EVERY = 10.0, 30.0
 """When the first line is written and how often others are, s."""
 
 
 @contextmanager
-def verify_progress(label: str, *, clock: Callable[[], float] = monotonic) -> "Iterator[Progress]":
+def verify_progress(label: str, *, clock: Callable[[], float] = monotonic) -> "Iterator[Report]":
     """Show how far a run is.
 
     Args:
@@ -48,7 +48,7 @@ class _Lines:
 
 
 @contextmanager
-def _bar(label: str) -> "Iterator[Progress]":
+def _bar(label: str) -> "Iterator[Report]":
     from rich.console import Console
     from rich.progress import BarColumn, Progress, TextColumn
     from rich.table import Column
@@ -68,10 +68,10 @@ def _bar(label: str) -> "Iterator[Progress]":
 
 
 def _count(done: int, total: int, left: float | None) -> str:
-    from scenarios.bench.cost import told_time
+    from scenarios.bench.progress import time_text
 
     what = f"{done} of {total} requests"
     if done == total:
         return what
     # The first trials start processes: their pace says nothing of the others'.
-    return f"{what}, the first of each kind" if left is None else f"{what}, about {told_time(left)} left"
+    return f"{what}, the first of each kind" if left is None else f"{what}, about {time_text(left)} left"

@@ -164,7 +164,7 @@ def read_fingerprint(path: Path) -> dict[str, str] | None:
     """The fingerprint of a journal; None where the file is none, or another process has it open."""
     if not path.is_file():
         return None
-    with suppress(sqlite3.Error), closing(sqlite3.connect(f"file:{path}?mode=ro", uri=True, timeout=0.0)) as database:
+    with suppress(sqlite3.Error), closing(sqlite3.connect(f"file:{path}?mode=rw", uri=True, timeout=0.0)) as database:
         return dict(database.execute("SELECT name, value FROM fingerprint").fetchall())
     return None
 

@@ -23,7 +23,7 @@ from scenarios.bench.measurement import Measurement
 from scenarios.bench.metrics import false_alarm_of_each
 from scenarios.bench.statistics import bound_for
 from scenarios.bench.tests_and_orders import LAGS, PROBLEMS, ResidualTestsAndOrders
-from scenarios.estimators.contestant import Contestant
+from scenarios.estimators.estimator import Estimator
 from scenarios.problems.trial import Trial
 from sysid.records.arrays import FloatArray
 
@@ -33,7 +33,7 @@ HEAVY = 5
 """Degrees of freedom of Student's distribution."""
 
 SEED = 91
-CONTESTANT = Contestant("simulated", "bench:perfect")
+CONTESTANT = Estimator("simulated", "bench:perfect")
 Noise = Callable[[np.random.Generator, tuple[int, int]], FloatArray]
 
 
@@ -128,7 +128,7 @@ def whole_figures(runs: int) -> int:
         }
         for name, figure in figures.items():
             failed[name] += figure.passed is not True
-    allowed = runs * share * max(2 * len(PROBLEMS), Agreement().verdicts(), Bias().verdicts())
+    allowed = runs * share * max(2 * len(PROBLEMS), Agreement().verdicts, Bias().verdicts())
     print(f"| figure, {runs} runs | failed | allowed at most |\n|---|---:|---:|")
     for name, count in failed.items():
         print(f"| {name} | {count} | {allowed:.2g} |")

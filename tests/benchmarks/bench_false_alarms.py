@@ -37,7 +37,7 @@ from scenarios.bench.statistics import (
     variance_ratio,
     variance_ratio_by_frequency,
 )
-from scenarios.estimators.contestant import Contestant
+from scenarios.estimators.estimator import Estimator
 from scenarios.files.errors import ScenarioError
 from scenarios.problems.bound import response_covariance
 from sysid.records.arrays import FloatArray
@@ -160,7 +160,7 @@ def verdicts(fault: str, rng: np.random.Generator) -> dict[str, tuple[bool | Non
     for maker in MAKERS:
         shared = maker.trials("quick") == Efficiency().trials("quick")
         measured = accuracy if shared else simulated(maker.trials("quick"), FAULTS[fault], rng)
-        figure = maker.evaluate(measured, Contestant("simulated", "bench:perfect"), false_alarm_of_each(), ())
+        figure = maker.evaluate(measured, Estimator("simulated", "bench:perfect"), false_alarm_of_each(), ())
         out[maker.name] = (figure.passed, figure.false_alarm)
     return out
 

@@ -16,11 +16,11 @@ from pathlib import Path
 
 from scipy.stats import binomtest
 
-from scenarios.bench.local import Local
 from scenarios.bench.metric import Part
-from scenarios.bench.verify import RECORDS, Plan, verify
+from scenarios.bench.verify import RECORDS, BenchPlan, verify
 from scenarios.commands.verify_output import limits, number
-from scenarios.estimators.known_estimators import contestant
+from scenarios.estimators.known_estimators import estimator as contestant
+from scenarios.jobs.executor import LocalProcesses
 
 MOST = 0.01
 """Share of runs that may fail."""
@@ -52,8 +52,8 @@ def _measure(runs: int, first: int, out: Path, workers: int | None) -> int:
     nearest: dict[str, float] = {}
     for seed in range(first, first + runs):
         folder = out / f"seed-{seed}"
-        plan = Plan((perfect,), effort="quick", seed=seed, referee=referee)
-        (result,) = verify(plan, folder, Local(workers) if workers else Local())
+        plan = BenchPlan((perfect,), effort="quick", seed=seed, referee=referee)
+        (result,) = verify(plan, folder, LocalProcesses(workers))
         shutil.rmtree(folder / RECORDS, ignore_errors=True)  # 105 records of the arm
         for name, figure in result.figures.items():
             for part in figure.parts:

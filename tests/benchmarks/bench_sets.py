@@ -7,13 +7,13 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from scenarios.bench.leaderboard_verdict import Verdict, verdict
-from scenarios.bench.local import Local
 from scenarios.bench.metric import Metric
 from scenarios.bench.metrics import metrics_named
 from scenarios.bench.result import Result
-from scenarios.bench.verify import Plan, verify
-from scenarios.estimators.contestant import Limits
-from scenarios.estimators.known_estimators import contestant
+from scenarios.bench.verify import BenchPlan, verify
+from scenarios.estimators.estimator import Limits
+from scenarios.estimators.known_estimators import estimator as contestant
+from scenarios.jobs.executor import LocalProcesses
 from tests.benchmarks.faulty_estimators import FAULTY
 
 
@@ -47,7 +47,7 @@ def results(asked: Sequence[Asked], out: Path | None, workers: int | None) -> di
             runs.setdefault((one.seconds, one.figures), []).append(one.name)
         found: dict[str, Result] = {}
         for (seconds, figures), names in runs.items():
-            plan = Plan(
+            plan = BenchPlan(
                 tuple(FAULTY[name] if name in FAULTY else contestant(name) for name in names),
                 "quick",
                 0,
@@ -58,8 +58,8 @@ def results(asked: Sequence[Asked], out: Path | None, workers: int | None) -> di
             done = verify(
                 plan,
                 folder / f"{seconds:g}-{'-'.join(figures) or 'all'}",
-                Local(workers) if workers else Local(),
-                said=lambda line: print(line, file=sys.stderr, flush=True),
+                LocalProcesses(workers),
+                notify=lambda line: print(line, file=sys.stderr, flush=True),
             )
             found |= {result.contestant.name: result for result in done}
     return {one.name: found[one.name] for one in asked}

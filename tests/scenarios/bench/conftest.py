@@ -11,7 +11,7 @@ import pytest
 
 from scenarios.bench.metric import Metric, Part
 from scenarios.bench.result import Result
-from scenarios.estimators.contestant import Contestant, Limits
+from scenarios.estimators.estimator import Estimator, Limits
 
 PROBLEMS = ("p2", "p3", "p4", "p5")
 NAN = math.nan
@@ -132,7 +132,7 @@ def figures(
 
 def result(name: str, made: dict[str, Metric], **more: object) -> Result:
     plain = Result(
-        contestant=Contestant(name, f"my_module:{name.split()[0]}", version="1.2.3", method="pem", structure="oe"),
+        contestant=Estimator(name, f"my_module:{name.split()[0]}", version="1.2.3", method="pem", structure="oe"),
         limits=Limits(),
         effort="quick",
         seed=7,

@@ -9,7 +9,7 @@ from scenarios.bench.consistency import Consistency, NoiseFreeRecovery
 from scenarios.bench.frequency_response import FrequencyResponse
 from scenarios.bench.metric import MetricDefinition
 from scenarios.bench.metrics import false_alarm_of_each
-from scenarios.estimators.contestant import Contestant
+from scenarios.estimators.estimator import Estimator
 from tests.benchmarks.simulated_estimators import FAULTS, FOUND_BY, HONEST, simulated
 
 MAKERS: tuple[MetricDefinition, ...] = (
@@ -20,7 +20,7 @@ MAKERS: tuple[MetricDefinition, ...] = (
     NormalisedError(),
     FrequencyResponse(),
 )
-CONTESTANT = Contestant("simulated", "bench:perfect")
+CONTESTANT = Estimator("simulated", "bench:perfect")
 RUNS = 1
 
 

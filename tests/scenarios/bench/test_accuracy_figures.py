@@ -10,12 +10,12 @@ from scenarios.bench.claims import Coverage, NormalisedError
 from scenarios.bench.frequency_response import FrequencyResponse
 from scenarios.bench.measurement import Measurement
 from scenarios.bench.metric import MetricDefinition
-from scenarios.estimators.contestant import Contestant
+from scenarios.estimators.estimator import Estimator
 from scenarios.files.errors import ScenarioError
 from tests.benchmarks.simulated_estimators import Fault, simulated
 
-CONTESTANT = Contestant("simulated", "bench:perfect")
-OUTPUT_ERROR = Contestant("simulated", "bench:perfect", structure="oe", method="pem")
+CONTESTANT = Estimator("simulated", "bench:perfect")
+OUTPUT_ERROR = Estimator("simulated", "bench:perfect", structure="oe", method="pem")
 MAKERS: tuple[MetricDefinition, ...] = (Efficiency(), Coverage(), NormalisedError(), FrequencyResponse())
 ALARM = 1e-4
 
@@ -40,8 +40,8 @@ def test_records_without_model_are_left_out_until_they_are_most(maker: MetricDef
 @pytest.mark.parametrize("maker", MAKERS, ids=lambda maker: maker.name)
 def test_the_share_of_false_alarms_is_that_of_its_verdicts(maker: MetricDefinition) -> None:
     figure = maker.evaluate(measured(Fault(), records=10), CONTESTANT, ALARM, ())
-    assert figure.false_alarm == pytest.approx(maker.verdicts() * ALARM)
-    assert sum(part.passed is not None for part in figure.parts) <= maker.verdicts()
+    assert figure.false_alarm == pytest.approx(maker.verdicts * ALARM)
+    assert sum(part.passed is not None for part in figure.parts) <= maker.verdicts
 
 
 def test_what_theory_expects_to_fail_fails_no_figure() -> None:

@@ -9,10 +9,10 @@ from scenarios.bench.accuracy import QUICK, Agreement
 from scenarios.bench.measurement import Measurement
 from scenarios.bench.metric import Metric
 from scenarios.bench.statistics import bound_for
-from scenarios.estimators.contestant import Contestant
+from scenarios.estimators.estimator import Estimator
 from tests.benchmarks.simulated_estimators import Fault, simulated
 
-ANYONE = Contestant("anyone", "bench:perfect")
+ANYONE = Estimator("anyone", "bench:perfect")
 SHARE = 1e-4
 MAKER = Agreement()
 
@@ -21,7 +21,7 @@ def perfect(seed: int, fault: Fault = Fault()) -> list[Measurement]:  # noqa: B0
     return simulated(MAKER.trials("quick"), fault, np.random.default_rng(seed))
 
 
-def figure(own: list[Measurement], theirs: list[Measurement], contestant: Contestant = ANYONE) -> Metric:
+def figure(own: list[Measurement], theirs: list[Measurement], contestant: Estimator = ANYONE) -> Metric:
     return MAKER.evaluate(own, contestant, SHARE, theirs)
 
 
@@ -56,7 +56,7 @@ def test_errors_beyond_that_fail() -> None:
 
 
 def test_where_efficiency_is_not_expected_it_is_no_surprise() -> None:
-    arx = Contestant("arx", "bench:perfect", structure="arx", method="pem")
+    arx = Estimator("arx", "bench:perfect", structure="arx", method="pem")
     found = figure(perfect(1, Fault(delay=1)), perfect(2), arx)
     assert {part.label for part in found.parts if part.theory} == {"p5"}
     assert found.passed is False

@@ -7,11 +7,11 @@ import pytest
 from scenarios.bench.measurement import Measurement
 from scenarios.bench.metric import FALSE_ALARM
 from scenarios.bench.metrics import ALL_METRICS, MODEL_METRICS, false_alarm_of_each
-from scenarios.bench.verify import Plan
-from scenarios.estimators.contestant import Contestant
+from scenarios.bench.verify import BenchPlan
+from scenarios.estimators.estimator import Estimator
 from scenarios.estimators.outcome import KINDS, MODEL
 
-ANYONE = Contestant("anyone", "bench:perfect")
+ANYONE = Estimator("anyone", "bench:perfect")
 
 
 def test_names_are_different() -> None:
@@ -21,11 +21,11 @@ def test_names_are_different() -> None:
 
 
 def test_false_alarms_add_up() -> None:
-    assert false_alarm_of_each() * sum(maker.verdicts() for maker in ALL_METRICS) == pytest.approx(FALSE_ALARM)
+    assert false_alarm_of_each() * sum(maker.verdicts for maker in ALL_METRICS) == pytest.approx(FALSE_ALARM)
 
 
 def test_trials_are_told_once() -> None:
-    trials = Plan((ANYONE,), effort="quick").trials(ANYONE)
+    trials = BenchPlan((ANYONE,), effort="quick").trials(ANYONE)
     assert len(trials) == len(set(trials))
     assert set(trials) == {trial for maker in MODEL_METRICS for trial in maker.trials("quick")}
     names = [trial.problem for trial in trials]

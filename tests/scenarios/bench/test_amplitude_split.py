@@ -5,14 +5,14 @@ import pytest
 
 from scenarios.bench.amplitude_split import ALLOWED, AMPLITUDES, JOINTS, AmplitudeSplit
 from scenarios.bench.measurement import Measurement
-from scenarios.estimators.contestant import Contestant
+from scenarios.estimators.estimator import Estimator
 from scenarios.files.errors import ScenarioError
 
 FIGURE = AmplitudeSplit()
 TRIALS = FIGURE.trials("quick")
 LINES = np.arange(1, 26) / 5.12
 LINEAR = 1.0 / (1.0 + 1j * LINES) ** 2
-ONE = Contestant("one", "module:one")
+ONE = Estimator("one", "module:one")
 ALARM = 1e-4
 
 
@@ -38,7 +38,7 @@ def test_every_joint_and_amplitude_has_waveforms_and_repeats_of_some():
     assert len(TRIALS) == len(set(TRIALS)) > len(set(names))
     assert len(FIGURE.trials("full")) > 10 * len(TRIALS)
     assert set(AMPLITUDES["quick"]) | set(AMPLITUDES["full"]) == set(ALLOWED)
-    assert FIGURE.verdicts() == len(JOINTS) * len(ALLOWED)
+    assert FIGURE.verdicts == len(JOINTS) * len(ALLOWED)
     with pytest.raises(ScenarioError, match="quick"):
         FIGURE.trials("half")
 
@@ -65,7 +65,7 @@ def test_a_delay_of_one_sample_fails_at_every_joint():
 
 def test_an_error_that_theory_expects_is_told_and_does_not_fail():
     turned = np.exp(-2j * np.pi * LINES * 0.02)
-    found = figure(measured(lambda response: response * turned), Contestant("arx", "a:b", method="least_squares"))
+    found = figure(measured(lambda response: response * turned), Estimator("arx", "a:b", method="least_squares"))
     assert found.passed is None
     assert "equation error" in found.why
 

@@ -3,14 +3,14 @@ import pytest
 
 from scenarios.bench.bandwidth import Bandwidth, TrueBandwidths, sequence_class, true_bandwidths
 from scenarios.bench.measurement import Measurement
-from scenarios.estimators.contestant import Contestant
+from scenarios.estimators.estimator import Estimator
 from scenarios.problems.trial import Trial
 
 TRUTH = TrueBandwidths(1.03, 0.95, (0.93, 0.97), 0.2, (("ARMAX (4.7)", 0.4),))
 FIGURE = Bandwidth(lambda name: TRUTH)
 PITCH = "twin-nominal-shoulder_pitch-multisine-10mrad"
 YAW = "twin-nominal-shoulder_yaw-prbs-67mrad"
-ONE = Contestant("one", "module:one")
+ONE = Estimator("one", "module:one")
 
 
 def outcome(problem, draw, hz, interval=None, kind="model"):
@@ -31,7 +31,7 @@ def test_it_is_told_and_never_judged():
     assert found.expected == 0.95
     assert found.interval == (0.7, 1.3)
     assert "3 of 5 near 1 Hz" in found.why
-    assert FIGURE.verdicts() == 0
+    assert FIGURE.verdicts == 0
 
 
 def test_waveforms_are_one_class_and_excitations_are_two():

@@ -9,16 +9,16 @@ from scenarios.bench.bias import ALONE, PROBLEMS, Bias, directions
 from scenarios.bench.measurement import Measurement
 from scenarios.bench.metric import Metric
 from scenarios.bench.statistics import bound_for
-from scenarios.estimators.contestant import Contestant
+from scenarios.estimators.estimator import Estimator
 from scenarios.problems.common_waveform import SharedAlone
 from scenarios.problems.registry import problem
 from tests.benchmarks.simulated_estimators import Fault, simulated
 
-ANYONE = Contestant("simulated", "bench:perfect")
+ANYONE = Estimator("simulated", "bench:perfect")
 SHARE = 1e-4
 
 
-def figure(fault: Fault, seed: int = 0, contestant: Contestant = ANYONE) -> Metric:
+def figure(fault: Fault, seed: int = 0, contestant: Estimator = ANYONE) -> Metric:
     trials = [trial for trial in Bias().trials("quick") if trial.problem != ALONE]
     measured = simulated(trials, fault, np.random.default_rng(seed))
     return Bias().evaluate(measured, contestant, SHARE, ())
@@ -41,7 +41,7 @@ def test_bias_is_found(fault: Fault) -> None:
 
 
 def test_what_theory_expects_to_fail_fails_and_is_no_surprise() -> None:
-    oe = Contestant("late", "bench:perfect", structure="oe", method="pem")
+    oe = Estimator("late", "bench:perfect", structure="oe", method="pem")
     found = figure(Fault(delay=1), contestant=oe)
     expected = {part.label: part.theory for part in found.parts}
     assert expected == {"feedback": False, "feedback-arx": False, "shared": True}

@@ -5,10 +5,10 @@ import pytest
 
 from scenarios.bench.consistency import LENGTHS, RECORDS, Consistency, perfect_slopes
 from scenarios.bench.measurement import Measurement
-from scenarios.estimators.contestant import Contestant
+from scenarios.estimators.estimator import Estimator
 from tests.benchmarks.simulated_estimators import Fault, simulated
 
-CONTESTANT = Contestant("simulated", "bench:perfect")
+CONTESTANT = Estimator("simulated", "bench:perfect")
 MAKER = Consistency()
 
 

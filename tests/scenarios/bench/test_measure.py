@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 
 from scenarios.bench.measurement import Measurement, dynamic_order, measure, normalised_error
-from scenarios.estimators.answer import Answer
-from scenarios.estimators.outcome import Outcome
+from scenarios.estimators.outcome import Answer, EstimatorOutcome
 from scenarios.estimators.reference_time import Ruler
 from scenarios.estimators.task import Task
 from scenarios.problems.problem import Bound, Problem
@@ -51,7 +50,9 @@ def estimate(record: IOData, task: Task) -> Estimate:
 def measured(
     p2: Problem, task: Task, bound: Bound | None, record: IOData, answer: Answer, ask: str = "fit"
 ) -> Measurement:
-    return measure(p2, replace(TRIAL, ask=ask), task, bound, record, Outcome("model", answer=answer, seconds=2.0))
+    return measure(
+        p2, replace(TRIAL, ask=ask), task, bound, record, EstimatorOutcome("model", answer=answer, seconds=2.0)
+    )
 
 
 def test_one_of_our_estimates(p2: Problem, task: Task, bound: Bound, record: IOData, estimate: Estimate):
@@ -118,7 +119,7 @@ def test_a_claim_of_another_number_of_parameters_is_malformed(
 
 
 def test_no_model_has_no_numbers(p2: Problem, task: Task, bound: Bound, record: IOData):
-    outcome = Outcome("crash", "exit code 3", seconds=1.0, peak_bytes=7)
+    outcome = EstimatorOutcome("crash", "exit code 3", seconds=1.0, peak_bytes=7)
     found = measure(p2, TRIAL, task, bound, record, outcome, ruler_seconds=0.5)
     assert (found.kind, found.why, found.seconds, found.ruler_seconds) == ("crash", "exit code 3", 1.0, 0.5)
     assert (found.peak_bytes, found.order, found.response) == (7, -1, None)

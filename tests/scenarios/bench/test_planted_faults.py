@@ -9,8 +9,8 @@ from scenarios.bench.consistency import NoiseFreeRecovery
 from scenarios.bench.measurement import Measurement
 from scenarios.bench.metric import Metric, MetricDefinition
 from scenarios.bench.metrics import ALL_METRICS, Reliability, Speed
-from scenarios.bench.verify import Plan, verify
-from scenarios.estimators.contestant import Contestant
+from scenarios.bench.verify import BenchPlan, verify
+from scenarios.estimators.estimator import Estimator
 from scenarios.problems.trial import Trial
 from tests.benchmarks.faulty_estimators import FAULTY
 from tests.benchmarks.planted_faults import PLANTED_FAULTS
@@ -35,12 +35,12 @@ class Some:
         return tuple(t for t in self.maker.trials(effort) if t.problem in self.problems and t.draw < self.records)
 
     def verdicts(self) -> int:
-        return self.maker.verdicts()
+        return self.maker.verdicts
 
     def evaluate(
         self,
         measured: Sequence[Measurement],
-        contestant: Contestant,
+        contestant: Estimator,
         false_alarm: float,
         referee: Sequence[Measurement],
     ) -> Metric:
@@ -51,7 +51,7 @@ def test_each_is_caught_by_the_figures_that_should_and_by_no_other(tmp_path: Pat
     few = (Some(NoiseFreeRecovery(), ("quiet-1-1", "quiet-1-2"), 1), Some(NormalisedError(), ("p5",), 30))
     figures = (*few, Reliability(few), Speed(few))
     names = ("delayed", "overconfident")
-    plan = Plan(tuple(FAULTY[name] for name in names), effort="quick", figures=figures)
+    plan = BenchPlan(tuple(FAULTY[name] for name in names), effort="quick", figures=figures)
     for result in verify(plan, tmp_path, Here()):
         found = {name for name, figure in result.figures.items() if figure.passed is False}
         assert found == set(PLANTED_FAULTS[result.contestant.name]) & {maker.name for maker in figures}

@@ -9,10 +9,10 @@ from scenarios.bench.accuracy import Agreement
 from scenarios.bench.bias import Bias
 from scenarios.bench.measurement import Measurement
 from scenarios.bench.metrics import FAILURES, Reliability, interval_of_percentage
-from scenarios.estimators.contestant import Contestant
+from scenarios.estimators.estimator import Estimator
 from scenarios.problems.trial import Trial
 
-ANYONE = Contestant("anyone", "bench:perfect")
+ANYONE = Estimator("anyone", "bench:perfect")
 GOOD = [Measurement(Trial("p3", draw), "model") for draw in range(50)]
 
 

@@ -7,7 +7,7 @@ import numpy as np
 
 from scenarios.bench.metric import Metric, Part
 from scenarios.bench.result import Result
-from scenarios.estimators.contestant import Contestant, Limits
+from scenarios.estimators.estimator import Estimator, Limits
 
 
 def test_what_is_written_is_read_again(tmp_path: Path):
@@ -17,7 +17,7 @@ def test_what_is_written_is_read_again(tmp_path: Path):
     curves = {"count": np.int64(4), "grid": np.arange(2.0), "flag": np.bool_(True), "none": np.array([np.nan])}
     figure = Metric("few", "Few", "", number, 1.0, (1.0, 2.0), failed, 1e-4, "why", (part,), curves)
     result = Result(
-        Contestant("mine", "a:b"), Limits(), "quick", 0, "", "", {}, "", {"model": 1}, {}, 0.5, {"few": figure}
+        Estimator("mine", "a:b"), Limits(), "quick", 0, "", "", {}, "", {"model": 1}, {}, 0.5, {"few": figure}
     )
     assert figure.passed is False and part.surprises and not result.passed
     path = tmp_path / "mine.json"

@@ -15,7 +15,7 @@ from scenarios.bench.leaderboard_tables import standing
 from scenarios.bench.leaderboard_verdict import Verdict, count, verdict
 from scenarios.bench.result import Result
 from scenarios.commands.cli import main
-from scenarios.estimators.contestant import Limits
+from scenarios.estimators.estimator import Limits
 from scenarios.files.errors import ScenarioError
 
 Save = Callable[[Path, Result], Path]

@@ -7,10 +7,10 @@ import pytest
 
 from scenarios.bench.measurement import Measurement
 from scenarios.bench.metrics import SLOW, Speed
-from scenarios.estimators.contestant import Contestant
+from scenarios.estimators.estimator import Estimator
 from scenarios.problems.trial import Trial
 
-ANYONE = Contestant("anyone", "bench:perfect")
+ANYONE = Estimator("anyone", "bench:perfect")
 
 
 def measured(multiple: float, ruler: float = 0.002) -> list[Measurement]:

@@ -16,11 +16,11 @@ from scenarios.bench.tests_and_orders import (
     order_of,
     size_of_independent_estimate,
 )
-from scenarios.estimators.contestant import Contestant
+from scenarios.estimators.estimator import Estimator
 from scenarios.problems.registry import problem
 from scenarios.problems.trial import Trial
 
-ANYONE = Contestant("anyone", "bench:perfect")
+ANYONE = Estimator("anyone", "bench:perfect")
 SHARE = 1e-4
 MAKER = ResidualTestsAndOrders()
 
@@ -32,7 +32,7 @@ def measured(trial: Trial, rng: np.random.Generator, structure: str | None = Non
     return Measurement(trial, "model", order=order_of(task), whiteness_p=white, independence_p=independent)
 
 
-def figure(change: Callable[[Measurement], Measurement] = lambda m: m, contestant: Contestant = ANYONE) -> Metric:
+def figure(change: Callable[[Measurement], Measurement] = lambda m: m, contestant: Estimator = ANYONE) -> Metric:
     rng = np.random.default_rng(2)
     trials = MAKER.trials("quick")
     return MAKER.evaluate([change(measured(t, rng, contestant.structure)) for t in trials], contestant, SHARE, ())
@@ -96,7 +96,7 @@ def test_nothing_but_failures() -> None:
 
 
 def test_a_model_without_disturbance_is_tested_by_independence_alone() -> None:
-    era = Contestant("era", "bench:perfect", structure="ss")
+    era = Estimator("era", "bench:perfect", structure="ss")
     found = figure(lambda m: replace(m, whiteness_p=float("nan")), era)
     verdicts = {part.label: part.passed for part in found.parts}
     assert verdicts["whiteness on p3"] is None
@@ -107,8 +107,8 @@ def test_a_model_without_disturbance_is_tested_by_independence_alone() -> None:
 
 def test_what_is_not_efficient_need_not_leave_white_residuals() -> None:
     for contestant in (
-        Contestant("n4sid", "bench:perfect", structure="ss", method="subspace"),
-        Contestant("oe", "bench:perfect", structure="oe", method="pem"),
+        Estimator("n4sid", "bench:perfect", structure="ss", method="subspace"),
+        Estimator("oe", "bench:perfect", structure="oe", method="pem"),
     ):
         found = figure(lambda m: replace(m, whiteness_p=1e-9) if m.trial.problem == "p4" else m, contestant)
         assert "whiteness on p4" in failing(found)
@@ -122,7 +122,7 @@ def test_output_error_is_independent_of_past_inputs_if_its_error_is_small(size: 
     assert bound is not None
     step = np.sqrt(size * len(bound.response_directions)) * bound.response_directions[0]
     response = bound.response + step[..., 0] + 1j * step[..., 1]
-    oe = Contestant("oe", "bench:perfect", structure="oe", method="pem")
+    oe = Estimator("oe", "bench:perfect", structure="oe", method="pem")
 
     def change(m: Measurement) -> Measurement:
         return replace(m, independence_p=1e-9, response=response) if m.trial.problem == "p4" else m

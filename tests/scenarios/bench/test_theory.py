@@ -3,7 +3,7 @@
 import pytest
 
 from scenarios.bench.theory import CLAIMS, expectation
-from scenarios.estimators.contestant import METHODS, Contestant
+from scenarios.estimators.estimator import METHODS, Estimator
 from scenarios.estimators.task import STRUCTURES
 
 ALL = {"consistency", "efficiency", *CLAIMS}
@@ -22,7 +22,7 @@ CASES: dict[tuple[str, str], dict[str, set[str]]] = {
 
 @pytest.mark.parametrize(("method", "structure"), CASES)
 def test_what_fails(method: str, structure: str) -> None:
-    contestant = Contestant("one", "a:b", structure=structure, method=method)
+    contestant = Estimator("one", "a:b", structure=structure, method=method)
     for name, fails in CASES[method, structure].items():
         said = {figure: expectation(contestant, name, figure) for figure in ALL}
         assert {figure for figure, found in said.items() if not found.passes} == fails
@@ -32,14 +32,14 @@ def test_what_fails(method: str, structure: str) -> None:
 @pytest.mark.parametrize("figure", sorted(ALL))
 def test_everything_is_expected_of_who_does_not_say_the_method(figure: str) -> None:
     for structure in (None, *STRUCTURES):
-        assert expectation(Contestant("one", "a:b", structure=structure), "p3", figure).passes
-    assert expectation(Contestant("one", "a:b", method="pem"), "p3", figure).passes
+        assert expectation(Estimator("one", "a:b", structure=structure), "p3", figure).passes
+    assert expectation(Estimator("one", "a:b", method="pem"), "p3", figure).passes
 
 
 @pytest.mark.parametrize("method", METHODS)
 def test_every_method_recovers_what_has_no_noise(method: str) -> None:
     for structure in STRUCTURES:
-        contestant = Contestant("one", "a:b", structure=structure, method=method)
+        contestant = Estimator("one", "a:b", structure=structure, method=method)
         assert expectation(contestant, "quiet-2-1", "noise_free_recovery").passes
 
 
@@ -47,7 +47,7 @@ def test_feedback() -> None:
     biased = {
         (method, structure)
         for method, structure in (*CASES, ("pem", "arx"))
-        if not expectation(Contestant("one", "a:b", structure=structure, method=method), "feedback", "bias").passes
+        if not expectation(Estimator("one", "a:b", structure=structure, method=method), "feedback", "bias").passes
     }
     assert {("instrumental", "arx"), ("subspace", "ss"), ("observer", "ss"), ("pem", "oe")} <= biased
     assert not biased & {("pem", "armax"), ("pem", "bj"), ("pem", "ss")}

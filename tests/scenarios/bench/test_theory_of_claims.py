@@ -10,12 +10,12 @@ from scenarios.bench.claims import Coverage, NormalisedError, expected_of_claims
 from scenarios.bench.frequency_response import FrequencyResponse
 from scenarios.bench.measurement import Measurement
 from scenarios.bench.metric import MetricDefinition
-from scenarios.estimators.contestant import Contestant
+from scenarios.estimators.estimator import Estimator
 from tests.benchmarks.simulated_estimators import Fault, simulated
 
-OBSERVER = Contestant("simulated", "bench:perfect", method="observer")
-LEAST_SQUARES = Contestant("simulated", "bench:perfect", method="least_squares", structure="arx")
-OUTPUT_ERROR = Contestant("simulated", "bench:perfect", method="pem", structure="oe")
+OBSERVER = Estimator("simulated", "bench:perfect", method="observer")
+LEAST_SQUARES = Estimator("simulated", "bench:perfect", method="least_squares", structure="arx")
+OUTPUT_ERROR = Estimator("simulated", "bench:perfect", method="pem", structure="oe")
 CLAIMS: tuple[MetricDefinition, ...] = (Coverage(), NormalisedError(), FrequencyResponse())
 ALARM = 1e-4
 
@@ -25,7 +25,7 @@ def measured(fault: Fault, name: str = "") -> list[Measurement]:
     return simulated(trials, fault, np.random.default_rng(7))
 
 
-def passes(contestant: Contestant, name: str, data: Sequence[Measurement]) -> bool:
+def passes(contestant: Estimator, name: str, data: Sequence[Measurement]) -> bool:
     return expected_of_claims(contestant, name, data, "coverage").passes
 
 

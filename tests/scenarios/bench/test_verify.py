@@ -1,20 +1,22 @@
 """Runs: nothing is done twice, nothing is lost, and nothing but times depends on who does it."""
 
 import json
+import sqlite3
 import subprocess
 import sys
 import time
+from contextlib import closing
 from dataclasses import replace
 from pathlib import Path
 
 import psutil
 import pytest
 
-from scenarios.bench.cost import Cost
+from scenarios.bench.progress import Cost
 from scenarios.bench.result import Result
-from scenarios.bench.verify import JOURNALS, Plan, _kinds, verify
-from scenarios.estimators.contestant import Contestant, Limits
-from scenarios.estimators.outcome import Outcome
+from scenarios.bench.verify import JOURNALS, BenchPlan, kinds_of_request, verify
+from scenarios.estimators.estimator import Estimator, Limits
+from scenarios.estimators.outcome import EstimatorOutcome
 from scenarios.estimators.runner import EstimatorProcess
 from scenarios.estimators.task import Task
 from scenarios.files.errors import ScenarioError
@@ -22,16 +24,16 @@ from scenarios.problems.trial import Trial
 from sysid import IOData
 from tests.scenarios.bench.few import PERFECT, Few, Here, child_environment
 
-PLAN = Plan((PERFECT,), effort="quick", figures=(Few(),))
+PLAN = BenchPlan((PERFECT,), effort="quick", figures=(Few(),))
 
 KILLED = """
 from pathlib import Path
 import sys
 from scenarios.bench.verify import verify
-from scenarios.bench.local import Local
+from scenarios.jobs.executor import LocalProcesses
 from tests.scenarios.bench.test_verify import long
 if __name__ == "__main__":
-    verify(long(Path(sys.argv[1])), Path(sys.argv[2]), Local(1))
+    verify(long(Path(sys.argv[1])), Path(sys.argv[2]), LocalProcesses(1))
 """
 SOON = 8.0
 """Within which all that a killed run has started is gone, s: far less than any limit of time."""
@@ -78,19 +80,19 @@ def hungry(data, task):
 
 
 def journal_of(folder: Path) -> list[dict]:
-    (path,) = (folder / JOURNALS).iterdir()
-    lines = [json.loads(line) for line in path.read_text().splitlines()[1:]]
-    for line in lines:
-        del line["ruler_seconds"], line["seconds"], line["peak_bytes"]
-    return sorted(lines, key=lambda line: json.dumps(line["trial"]))
+    (path,) = (folder / JOURNALS).glob("*.sqlite")
+    with closing(sqlite3.connect(path)) as database:
+        rows = database.execute("SELECT payload FROM entries WHERE key != 'run' ORDER BY key").fetchall()
+    times = ("ruler_seconds", "seconds", "peak_bytes")
+    return [{k: v for k, v in json.loads(row).items() if k not in times} for (row,) in rows]
 
 
 def plain(result: Result) -> Result:
     return replace(result, run="", seconds=0.0)
 
 
-def long(folder: Path) -> Plan:
-    stuck = Contestant("stuck", "faulty:stuck", home=str(folder), structure="arx")
+def long(folder: Path) -> BenchPlan:
+    stuck = Estimator("stuck", "faulty:stuck", home=str(folder), structure="arx")
     return replace(PLAN, contestants=(stuck,), figures=(Few(draws=4),), limits=Limits(300.0))
 
 
@@ -111,14 +113,11 @@ def test_what_a_killed_run_started_ends_with_it_and_another_goes_on_as_if_nobody
     while left := [one for one in started if one.is_running()]:
         assert time.monotonic() - begun < SOON, left
         time.sleep(0.05)
-    (path,) = (tmp_path / "killed" / JOURNALS).iterdir()
-    before = path.read_bytes()
-    assert before.count(b"\n") == 5
-    with path.open("ab") as stream:
-        stream.write(b'{"trial": {"problem": "p1@3')  # the line in which a kill may come
+    before = journal_of(tmp_path / "killed")
+    assert len(before) == 4
     (tmp_path / "go").touch()
     (on,) = verify(long(tmp_path), tmp_path / "killed", Here())
-    assert path.read_bytes().startswith(before)
+    assert all(trial in journal_of(tmp_path / "killed") for trial in before)
     (undisturbed,) = verify(long(tmp_path), tmp_path / "here-too", Here())
     assert on.run != undisturbed.run
     assert repr(plain(on)) == repr(plain(undisturbed))  # NaN is not equal to itself
@@ -130,20 +129,20 @@ def test_what_a_killed_run_started_ends_with_it_and_another_goes_on_as_if_nobody
 def test_one_that_only_hangs_is_given_up_and_one_that_sometimes_does_is_not(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ):
-    monkeypatch.setattr("scenarios.bench.run_progress.HANGS", 3)
+    monkeypatch.setattr("scenarios.bench.progress.HANGS", 3)
     (tmp_path / "faulty.py").write_text(FAULTY)
     each = tuple(
-        Contestant(name, f"faulty:{name}", home=str(tmp_path), structure="arx") for name in ("hanging", "sometimes")
+        Estimator(name, f"faulty:{name}", home=str(tmp_path), structure="arx") for name in ("hanging", "sometimes")
     )
     said: list[str] = []
     figures = (Few(draws=3, problems=("p1@300", "p3@301")),)
-    plan = Plan(each, effort="quick", figures=figures, limits=Limits(0.2))
-    hanging, sometimes = verify(plan, tmp_path, Here(), said=said.append)
+    plan = BenchPlan(each, effort="quick", figures=figures, limits=Limits(0.2))
+    hanging, sometimes = verify(plan, tmp_path, Here(), notify=said.append)
     unasked = "hang: given up after 3 hangs in a row: not asked any more"
     assert hanging.outcomes == {"hang": 6}
     assert hanging.reasons == {"hang: no answer within 0.2 s": 3, unasked: 3}
     assert sometimes.outcomes == {"hang": 3, "model": 3}
-    assert said == ["hanging: given up after 3 hangs in a row: not asked any more, which 3 trials count as"]
+    assert said == ["hanging: given up after 3 hangs in a row: not asked any more; its other 3 trials count as hangs"]
     # A run that goes on asks nothing of it, and of what it was not wanted for before, anew.
     assert plain(verify(plan, tmp_path, Here(after=0))[0]) == plain(hanging)
     more = replace(plan, figures=(replace(figures[0], draws=4),), contestants=each[:1])
@@ -233,22 +232,24 @@ def test_a_run_that_was_interrupted_goes_on_beside_a_lesser_result(tmp_path: Pat
 
 def test_what_is_refused_is_counted_by_family_and_ask(tmp_path: Path):
     (tmp_path / "faulty.py").write_text(FAULTY)
-    each = (Contestant("refusing", "faulty:refusing", home=str(tmp_path), structure="arx"),)
+    each = (Estimator("refusing", "faulty:refusing", home=str(tmp_path), structure="arx"),)
     (result,) = verify(replace(PLAN, contestants=each, figures=(Few(problems=("p1@300", "p2@300")),)), tmp_path, Here())
     assert result.outcomes == {"model": 2, "refused": 2}
     assert result.refused == Result.read(tmp_path / "refusing.json").refused == {"p2": 2}
-    kinds = _kinds([Trial("p2@300", 0), Trial("p2", 1), Trial("p2", 0, "select"), Trial("twin-nominal-elbow", 0)])
+    kinds = kinds_of_request(
+        [Trial("p2@300", 0), Trial("p2", 1), Trial("p2", 0, "select"), Trial("twin-nominal-elbow", 0)]
+    )
     assert kinds == {"p2": 2, "p2, select": 1, "twin": 1}
 
 
 def test_whatever_estimators_do_is_counted(tmp_path: Path):
     (tmp_path / "faulty.py").write_text(FAULTY)
     kinds = {"good": "model", "crashing": "crash", "hanging": "hang", "hungry": "memory"}
-    each = tuple(Contestant(name, f"faulty:{name}", home=str(tmp_path), structure="arx") for name in kinds)
+    each = tuple(Estimator(name, f"faulty:{name}", home=str(tmp_path), structure="arx") for name in kinds)
     told: list[Cost] = []
     counted: list[tuple[int, int, float | None]] = []
-    plan = Plan(each, effort="quick", figures=(Few(draws=1, problems=("p1@300",)),), limits=Limits(0.5, 2**28))
-    results = verify(plan, tmp_path, Here(), told=told.append, progress=lambda *now: counted.append(now))
+    plan = BenchPlan(each, effort="quick", figures=(Few(draws=1, problems=("p1@300",)),), limits=Limits(0.5, 2**28))
+    results = verify(plan, tmp_path, Here(), announce=told.append, report=lambda *now: counted.append(now))
     for result, kind in zip(results, kinds.values(), strict=True):
         assert result.outcomes == {kind: 1}
         assert result.passed == (kind == "model")
@@ -261,18 +262,16 @@ def test_whatever_estimators_do_is_counted(tmp_path: Path):
 def test_what_a_run_costs_is_told_before_it_is_spent(tmp_path: Path):
     told: list[tuple[Cost, int]] = []
     executor = Here(workers=2)
-    verify(PLAN, tmp_path, executor, told=lambda cost: told.append((cost, executor.asked)))
+    verify(PLAN, tmp_path, executor, announce=lambda cost: told.append((cost, executor.asked)))
     ((cost, asked),) = told
-    assert asked == 2 and cost.calls == 2
+    assert asked == 2 and cost.requests == 2
     assert cost.wall == pytest.approx(cost.core_seconds / 2)
-    written = sum(path.stat().st_size for path in (tmp_path / JOURNALS).iterdir())
-    assert cost.disk == pytest.approx(written / 2, rel=0.3)
     assert "2 requests" in str(cost)
 
 
 def test_an_estimator_that_cannot_be_loaded_ends_a_run_and_leaves_no_journal(tmp_path: Path):
     (tmp_path / "broken.py").write_text("import no_such_module\n")
-    broken = Contestant("broken", "broken:good", home=str(tmp_path), structure="oe")
+    broken = Estimator("broken", "broken:good", home=str(tmp_path), structure="oe")
     with pytest.raises(ScenarioError, match="no_such_module"):
         verify(replace(PLAN, contestants=(broken,)), tmp_path, Here())
     assert list((tmp_path / JOURNALS).iterdir()) == []
@@ -283,7 +282,7 @@ def test_another_estimator_of_the_same_name_takes_nothing_away(tmp_path: Path):
     (tmp_path / "other.py").write_text(FAULTY)
     plan = replace(PLAN, figures=(Few(draws=1, problems=("p1@300",)),))
     good, other = (
-        Contestant("good", f"{home}:good", home=str(tmp_path), structure="arx") for home in ("faulty", "other")
+        Estimator("good", f"{home}:good", home=str(tmp_path), structure="arx") for home in ("faulty", "other")
     )
     verify(replace(plan, contestants=(good,)), tmp_path, Here())
     before = {path: path.read_bytes() for path in tmp_path.rglob("good*")}
@@ -292,16 +291,16 @@ def test_another_estimator_of_the_same_name_takes_nothing_away(tmp_path: Path):
         verify(replace(plan, contestants=(other,)), tmp_path, Here())
     (tmp_path / "good.json").unlink()
     verify(replace(plan, contestants=(other,)), tmp_path, Here())
-    (journal,) = (path for path in before if path.suffix == ".jsonl")
+    (journal,) = (path for path in before if path.suffix == ".sqlite")
     assert journal.read_bytes() == before[journal]
 
 
 def test_a_sandbox_that_fails_is_an_outcome_too(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
     (tmp_path / "faulty.py").write_text(FAULTY)
-    good = Contestant("good", "faulty:good", home=str(tmp_path), structure="arx")
+    good = Estimator("good", "faulty:good", home=str(tmp_path), structure="arx")
     ask, asked = EstimatorProcess.ask, []
 
-    def failing(self: EstimatorProcess, data: IOData, task: Task) -> Outcome:
+    def failing(self: EstimatorProcess, data: IOData, task: Task) -> EstimatorOutcome:
         asked.append(self)
         if len(asked) == 2:
             raise RuntimeError("of the bench itself")
@@ -310,19 +309,19 @@ def test_a_sandbox_that_fails_is_an_outcome_too(tmp_path: Path, monkeypatch: pyt
     monkeypatch.setattr(EstimatorProcess, "ask", failing)
     (result,) = verify(replace(PLAN, contestants=(good,)), tmp_path, Here())
     assert result.outcomes == {"crash": 1, "model": 3}
-    assert result.reasons == {"crash: its sandbox failed: RuntimeError: of the bench itself": 1}
+    assert result.reasons == {"crash: its process failed: RuntimeError: of the bench itself": 1}
     assert len(set(map(id, asked))) == 2  # it was opened anew
 
 
 def test_two_runs_do_not_write_one_journal(tmp_path: Path):
     def meanwhile(done: int, total: int, left: float | None) -> None:
         if done == 2:
-            with pytest.raises(ScenarioError, match="another hmtb verify is at work"):
+            with pytest.raises(ScenarioError, match="another process is at work"):
                 verify(PLAN, tmp_path, Here())
             tried.append(total)
 
     tried: list[int] = []
-    verify(PLAN, tmp_path, Here(), progress=meanwhile)
+    verify(PLAN, tmp_path, Here(), report=meanwhile)
     assert tried == [4]
 
 

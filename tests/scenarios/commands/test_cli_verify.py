@@ -23,7 +23,7 @@ def executor(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Here:
     monkeypatch.chdir(tmp_path)
     here = Here()
     monkeypatch.setattr("scenarios.bench.metrics.ALL_METRICS", (Few(),))
-    monkeypatch.setattr("scenarios.bench.local.Local", lambda *workers: here)
+    monkeypatch.setattr("scenarios.jobs.executor.LocalProcesses", lambda *options: here)
     return here
 
 
@@ -101,7 +101,7 @@ def test_a_lesser_run_is_refused_beside_a_fuller_result_and_a_fuller_one_is_not(
     assert main(["verify", "perfect", "--quick"]) == 0
     capsys.readouterr()
     says = complaint(capsys, "perfect", "--quick", "--records", "1")
-    assert "perfect.json has the result of a fuller run, with records that this run does not ask" in says
+    assert "perfect.json has the result of a more complete run, with records that this run does not ask" in says
     assert "give another --out, or move that file away" in says
     assert executor.asked == 4
     assert main(["verify", "perfect", "--quick", "--records", "1", "--out", "less"]) == 1

@@ -6,15 +6,11 @@ from pathlib import Path
 
 import pytest
 
-from scenarios.bench.cost import Pilot, kind, pilot_of
-from scenarios.bench.measurement import Measurement
 from scenarios.bench.metric import Metric, Part
 from scenarios.bench.result import Result
-from scenarios.bench.work import Done, Piece, spread
 from scenarios.commands.verify_output import answer, bandwidth_rows, show, show_bandwidths, show_reasons
 from scenarios.commands.verify_progress import verify_progress
-from scenarios.estimators.contestant import Contestant, Limits
-from scenarios.problems.trial import Trial
+from scenarios.estimators.estimator import Estimator, Limits
 
 NAN = float("nan")
 INFINITE = (-math.inf, math.inf)
@@ -130,7 +126,7 @@ def test_reasons_that_are_not_printed_are_counted(
     outcomes = {"model": 5, "refused": 3, "error": sum(counts.values())}
     reasons = dict(list(counts.items())[:kept])
     effort = "quick, at most 20 records of a problem"
-    show([Result(Contestant("mine", "a:b"), Limits(), effort, 0, "", "", {}, "", outcomes, reasons, 0.5, {})], tmp_path)
+    show([Result(Estimator("mine", "a:b"), Limits(), effort, 0, "", "", {}, "", outcomes, reasons, 0.5, {})], tmp_path)
     out = capsys.readouterr().out
     lines = out.splitlines()
     assert " ".join(out.split()).startswith("mine: quick bench, at most 20 records of a problem, seed 0 ")
@@ -154,7 +150,7 @@ def test_the_last_line_counts_what_theory_excuses(
     for place in range(3):
         bad = [Part("p2", 9.0, 1.0, (8.0, 9.9), (0.5, 1.5), False, theory=False, why="so it is")] * (place < number)
         figures[f"f{place}"] = Metric(f"f{place}", "One", "", 1.0, 1.0, (0.9, 1.1), True, 0.0, "", (fine, *bad))
-    one = Contestant("mine", "a:b", method=method)
+    one = Estimator("mine", "a:b", method=method)
     show([Result(one, Limits(), "quick", 0, "", "", {}, "", {"model": 1}, {}, 0.5, figures)], tmp_path)
     assert capsys.readouterr().out.splitlines()[-1] == f"mine: {words}"
 
@@ -169,18 +165,3 @@ def test_lines_of_progress_tell_what_is_left_once_that_is_known(capsys: pytest.C
         "run: 4 of 9 requests, about 5 min left",
         "run: 9 of 9 requests",
     ]
-
-
-def test_the_first_of_each_kind_tells_the_cost_and_families_are_spread() -> None:
-    names = [*(f"twin-a-w{k}" for k in range(4)), "p1@300", "p1@300", "p1"]
-    some = [Piece(name, draw, (("fit", 0),)) for draw, name in enumerate(names)]
-    first, others = pilot_of(some)
-    assert [piece.draw for piece in first] == [0, 4, 6] and len(others) == 4
-    assert [kind(piece.problem) for piece in first] == ["twin-a", "p1@300", "p1"]
-    pilot = Pilot()
-    for piece in first:
-        pilot.learn(Done(0, Measurement(Trial(piece.problem, piece.draw), "crash"), 1.0 + piece.draw))
-    assert [pilot.seconds(piece) for piece in others] == [1.0, 1.0, 1.0, 5.0]
-    cost = pilot.cost(others, 2)
-    assert (cost.calls, cost.core_seconds, cost.wall) == (4, 8.0, 4.0)
-    assert "".join(piece.problem[0] for piece in spread(some)) == "tptptpt"

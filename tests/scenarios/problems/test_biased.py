@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import sysid
-from scenarios.bench.perfect import fitted
+from scenarios.estimators.ours import prediction_error
 from scenarios.problems.common_waveform import SharedAlone
 from scenarios.problems.registry import problem
 
@@ -19,7 +19,7 @@ def bias(name: str, structure: str) -> tuple[float, float]:
     task = found.task(structure)
     assert task is not None
     truth = found.truth.input_path().frequency_response(found.frequencies)
-    models = [fitted(found.draw(seed), task).model for seed in range(RECORDS)]
+    models = [prediction_error(found.draw(seed), task).model for seed in range(RECORDS)]
     errors = np.array([model.frequency_response(found.frequencies) for model in models]) - truth
     mean = np.abs(errors.mean(axis=0))
     return float(np.max(mean / (errors.std(axis=0, ddof=1) / np.sqrt(RECORDS)))), float(np.max(mean / np.abs(truth)))
@@ -53,7 +53,7 @@ def test_shared_waveform() -> None:
     task = alone.task("oe")
     assert task is not None and alone.bound("oe") is None
     truth = alone.truth.frequency_response(alone.frequencies)
-    response = fitted(alone.draw(0), task).model.frequency_response(alone.frequencies)
+    response = prediction_error(alone.draw(0), task).model.frequency_response(alone.frequencies)
     expected = alone.expected_bias()
     assert np.max(np.abs(expected)) > 0.5 * np.abs(truth[0, 0, 0])
     assert np.linalg.norm(response - truth - expected) < 0.01 * np.linalg.norm(expected)

@@ -5,12 +5,12 @@ from pathlib import Path
 
 import pytest
 
-from scenarios.bench.source import module_file, own_files, source_hash
-from scenarios.estimators.contestant import Contestant
+from scenarios.bench.estimator_files import module_file, own_files, source_hash
+from scenarios.estimators.estimator import Estimator
 
 
 def test_that_of_a_function_follows_its_file(tmp_path: Path):
-    mine = Contestant("mine", "mine:function", home=str(tmp_path))
+    mine = Estimator("mine", "mine:function", home=str(tmp_path))
     assert (source_hash(mine), module_file(mine)) == ("", None)
     path = tmp_path / "mine.py"
     path.write_text("a = 1\n")
@@ -18,11 +18,11 @@ def test_that_of_a_function_follows_its_file(tmp_path: Path):
     path.write_text("a = 2\n")
     assert len(first) == 64 and source_hash(mine) != first
     assert module_file(mine) == path
-    assert module_file(Contestant("mine", "mine.py:function", home=str(tmp_path))) == path
+    assert module_file(Estimator("mine", "mine.py:function", home=str(tmp_path))) == path
 
 
 def test_it_follows_what_is_imported_from_its_own_folder(tmp_path: Path):
-    mine = Contestant("mine", "mine.py:function", home=str(tmp_path))
+    mine = Estimator("mine", "mine.py:function", home=str(tmp_path))
     (tmp_path / "parts").mkdir()
     files = {
         "mine.py": "import numpy\ndef function(data, task):\n    from parts.inner import deep\n",
@@ -49,26 +49,26 @@ def test_what_is_installed_below_its_folder_is_not_its_own(tmp_path: Path, monke
     (tmp_path / "installed").mkdir()
     (tmp_path / "installed" / "elsewhere.py").write_text("")
     monkeypatch.syspath_prepend(tmp_path / "installed")
-    mine = Contestant("mine", "elsewhere:function", home=str(tmp_path))
+    mine = Estimator("mine", "elsewhere:function", home=str(tmp_path))
     assert own_files(mine) == {} and source_hash(mine)
 
 
 def test_a_package_is_its_first_file(tmp_path: Path):
     (tmp_path / "pack" / "inner").mkdir(parents=True)
     (tmp_path / "pack" / "inner" / "__init__.py").write_text("")
-    assert module_file(Contestant("mine", "pack.inner:function", home=str(tmp_path))) == (
+    assert module_file(Estimator("mine", "pack.inner:function", home=str(tmp_path))) == (
         tmp_path / "pack" / "inner" / "__init__.py"
     )
 
 
 @pytest.mark.parametrize("target", ["scenarios.estimators.ours:oe", "scipy.signal:lfilter"])
 def test_modules_that_are_installed_are_found(target: str):
-    path = module_file(Contestant("ours", target))
+    path = module_file(Estimator("ours", target))
     assert path is not None and path.name in ("ours.py", "__init__.py")
 
 
 def test_that_of_a_program_follows_every_file_that_it_names(tmp_path: Path):
-    program = Contestant("program", "sh run.sh {mat} {task} {model}", program=True, home=str(tmp_path))
+    program = Estimator("program", "sh run.sh {mat} {task} {model}", program=True, home=str(tmp_path))
     bare = source_hash(program)
     (tmp_path / "run.sh").write_text("true\n")
     first = source_hash(program)
@@ -82,7 +82,7 @@ def test_that_of_a_program_follows_the_sources_in_folders_that_it_names(words: s
     folder = tmp_path / "functions"
     folder.mkdir()
     target = f"sh {words.format(folder='functions')} --eval 'exit(mine({{mat}}, {{task}}, {{model}}))'"
-    program = Contestant("program", target, program=True, home=str(tmp_path))
+    program = Estimator("program", target, program=True, home=str(tmp_path))
     hashes = [source_hash(program)]
     for text in ("code = 1;", "code = 0;"):
         (folder / "mine.m").write_text(text)
@@ -94,7 +94,7 @@ def test_that_of_a_program_follows_the_sources_in_folders_that_it_names(words: s
 
 def test_what_cannot_be_read_is_its_name(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
     (tmp_path / "others.sh").write_text("true")
-    program = Contestant("program", "sh --tmp=. {csv}", program=True, home=str(tmp_path))
+    program = Estimator("program", "sh --tmp=. {csv}", program=True, home=str(tmp_path))
     readable = source_hash(program)
 
     def refused(path: Path) -> bytes:
@@ -105,4 +105,4 @@ def test_what_cannot_be_read_is_its_name(tmp_path: Path, monkeypatch: pytest.Mon
 
 
 def test_what_knows_the_truth_has_no_file():
-    assert source_hash(Contestant("perfect", "bench:perfect")) == ""
+    assert source_hash(Estimator("perfect", "bench:perfect")) == ""

@@ -1,0 +1,279 @@
+"""Estimators from the command line, and the files that they are made of."""
+
+import importlib.util
+import re
+import shlex
+import shutil
+import sys
+from collections import Counter
+from collections.abc import Iterator, Sequence
+from contextlib import suppress
+from dataclasses import dataclass, replace
+from hashlib import sha256
+from modulefinder import ModuleFinder
+from pathlib import Path
+
+from scenarios.estimators.estimator import Estimator
+from scenarios.estimators.known_estimators import estimator as known_estimator
+from scenarios.estimators.known_estimators import names
+from scenarios.files.errors import ScenarioError, unknown
+
+FUNCTION = re.compile(r"[^\W\d]\w*(?:\.[^\W\d]\w*)*", re.ASCII)
+"""A Python name, with dots for something inside a module or class."""
+
+OURS = ("hmtb_twin", "scenarios", "sysid")
+"""Packages whose version stands for all their files; see `scenarios.files.provenance.fingerprint`."""
+
+SOURCES = frozenset((".m", ".p", ".mex", ".mexa64", ".oct", ".jl", ".r", ".py", ".pl", ".rb", ".lua", ".sh", ".so"))
+"""Endings of source files of programs."""
+
+
+@dataclass(frozen=True)
+class EstimatorOptions:
+    """Options of the command line on estimators of the user's own.
+
+    Attributes:
+        name: Label; from the target where empty.
+        structure: See `Estimator`.
+        method: See `Estimator`.
+        stays: See `Estimator`.
+    """
+
+    name: str = ""
+    structure: str | None = None
+    method: str | None = None
+    stays: bool = False
+
+    def words(self) -> tuple[str, ...]:
+        """As words of the command line."""
+        pairs = (("--name", self.name), ("--structure", self.structure), ("--method", self.method))
+        words = [word for option, value in pairs if value for word in (option, value)]
+        return (*words, "--stays") if self.stays else tuple(words)
+
+
+def parse_estimators(texts: Sequence[str], command: str | None, options: EstimatorOptions) -> dict[Estimator, str]:
+    """Estimators, each with the words of the command line that give it.
+
+    Args:
+        texts: `module:function`, `file.py:function`, or names of estimators that the bench knows.
+        command: Command line of a program, or None.
+        options: Structure and method of each estimator of the user's own, name of the only one.
+
+    Raises:
+        ScenarioError: There is no estimator, one is not found, or options do not fit.
+    """
+    if not texts and command is None:
+        raise ScenarioError(
+            "no estimator given; expected MODULE:FUNCTION, FILE.py:FUNCTION, --command, or a name from hmtb verify "
+            "--list"
+        )
+    own = sum(":" in text for text in texts) + (command is not None)
+    if options != EstimatorOptions() and not own:
+        raise ScenarioError(
+            f"{' '.join(options.words())} given without an estimator of your own; known ones have theirs"
+        )
+    if options.name and own > 1:
+        raise ScenarioError(
+            f"--name {options.name} given with {own} estimators of your own, expected one; functions have the names "
+            "that their files give them"
+        )
+    if options.stays and command is None:
+        raise ScenarioError("--stays given without --command; expected both: only programs are started")
+    twice = [text for text, count in Counter(texts).items() if count > 1]
+    if twice:
+        raise ScenarioError(f"estimators given twice: {', '.join(twice)}")
+    estimators: dict[Estimator, str] = {}
+    for text in texts:
+        if ":" in text:
+            estimators[_function(text, options)] = shlex.join([text, *replace(options, stays=False).words()])
+        elif text in names():
+            estimators[known_estimator(text)] = shlex.quote(text)
+        else:
+            raise ScenarioError(
+                unknown("estimator", text, names(), listing="hmtb verify --list")
+                + "; an estimator of your own is given as MODULE:FUNCTION or FILE.py:FUNCTION"
+            )
+    if command is not None:
+        estimators[_program(command, options)] = shlex.join(["--command", command, *options.words()])
+    return estimators
+
+
+def _function(text: str, options: EstimatorOptions) -> Estimator:
+    """A function of a module or of a file; the module is imported in the estimator's process only."""
+    module, _, function = text.rpartition(":")
+    is_file = module.endswith(".py")
+    if not FUNCTION.fullmatch(function) or not (is_file or FUNCTION.fullmatch(module)):
+        raise ScenarioError(f"{text!r} given, expected MODULE:FUNCTION or FILE.py:FUNCTION")
+    home = ""
+    if is_file:
+        path = Path(module).expanduser()
+        if not path.is_file():
+            raise ScenarioError(f"{text!r} given, but there is no file {module!r}")
+        if not FUNCTION.fullmatch(path.stem):
+            raise ScenarioError(f"{module!r} given, expected a file whose name can be imported, such as my_module.py")
+        # the file, not a module of its name: Python may find another module of that name first
+        home, module = "" if path.parent == Path() else str(path.parent), path.name
+    estimator = Estimator(
+        options.name or function,
+        f"{module}:{function}",
+        structure=options.structure,
+        method=options.method,
+        home=home,
+    )
+    if module_file(estimator) is None:
+        raise ScenarioError(
+            f"{text!r} given, but no module {module!r} is found in this folder or among the installed packages"
+        )
+    return estimator
+
+
+def _program(command: str, options: EstimatorOptions) -> Estimator:
+    try:
+        words = shlex.split(command)
+    except ValueError as error:
+        raise ScenarioError(f"--command {command!r} given, which is no command line: {error}") from error
+    if not words:
+        raise ScenarioError("an empty --command given, expected a command line")
+    name = options.name or next((Path(word).stem for word in words[1:] if Path(word).is_file()), Path(words[0]).name)
+    return Estimator(
+        name, command, program=True, stays=options.stays, structure=options.structure, method=options.method
+    )
+
+
+@dataclass(frozen=True)
+class EstimatorFiles:
+    """Files of an estimator as they travel to a worker on another machine.
+
+    Attributes:
+        source: Hash of its files where it comes from; see `source_hash`.
+        own: Names and contents of files in the user's own folder; other packages, and programs, must be installed on
+            the workers under the same names and paths.
+    """
+
+    source: str
+    own: tuple[tuple[str, bytes], ...]
+
+    @classmethod
+    def of(cls, estimator: Estimator) -> "EstimatorFiles":
+        """Read the files."""
+        return cls(source_hash(estimator), tuple(own_files(estimator).items()))
+
+    def unpacked(self, estimator: Estimator, folder: Path) -> Estimator:
+        """The estimator with its own files in a folder of this machine.
+
+        Raises:
+            ScenarioError: Its files differ here.
+        """
+        for name, content in self.own:
+            path = folder / name
+            path.parent.mkdir(parents=True, exist_ok=True)
+            path.write_bytes(content)
+        if self.own:
+            estimator = replace(estimator, home=str(folder))
+        source = source_hash(estimator)
+        if source != self.source:
+            raise ScenarioError(
+                f"{estimator.name!r}: {estimator.target!r} {'is another file' if source else 'is not'} here; expected "
+                "the packages that it imports, and programs, under the same paths on every worker"
+            )
+        return estimator
+
+
+def source_hash(estimator: Estimator) -> str:
+    """SHA-256 of an estimator's own files; empty where it has none.
+
+    Of a function these are the file of its module and the files that it imports from the estimator's own folder. Of a
+    program they are every file that a word of the command line names, in the folder that it runs in, the program itself
+    included, and the source files of every folder that a word names: ``octave-cli --path FOLDER --eval ...`` finds
+    functions there.
+    """
+    if estimator.program:
+        contents = [_content(path) for path in _program_files(estimator)]
+    else:
+        own = own_files(estimator)
+        path = None if own else module_file(estimator)
+        contents = [part for name, text in own.items() for part in (name.encode(), text)]
+        contents += [path.read_bytes()] if path is not None else []
+    if not contents:
+        return ""
+    digest = sha256()
+    for content in contents:
+        digest.update(sha256(content).digest())
+    return digest.hexdigest()
+
+
+def own_files(estimator: Estimator) -> dict[str, bytes]:
+    """Files of the user's own folder that a function's module consists of, by their names in it, its own file first.
+
+    Imports are found in the source, without running it; imports by computed names and data files are not found.
+
+    Returns:
+        Nothing for a program, and for a module that lies elsewhere.
+    """
+    path, home = module_file(estimator), Path(estimator.home or ".").resolve()
+    if path is None or not path.resolve().is_relative_to(home):
+        return {}
+    place, first = estimator.target.rpartition(":")[0], path.resolve().relative_to(home).parts[0]
+    # an installed module may lie somewhere below the folder too
+    if first in OURS or not (place.endswith(".py") or first.removesuffix(".py") == place.partition(".")[0]):
+        return {}
+    finder = ModuleFinder(path=[str(home)], excludes=list(OURS))
+    # A file that cannot be parsed cannot be imported either, and its estimator reports that. AttributeError:
+    # ModuleFinder fails on namespace packages.
+    with suppress(SyntaxError, ValueError, OSError, RecursionError, AttributeError):
+        finder.run_script(str(path.resolve()))
+    imported = {Path(file) for module in finder.modules.values() if (file := getattr(module, "__file__", None))}
+    others = sorted(file for file in imported if file.is_relative_to(home) and file != path.resolve())
+    return {str(file.relative_to(home)): file.read_bytes() for file in (path.resolve(), *others)}
+
+
+def module_file(estimator: Estimator) -> Path | None:
+    """File of a function's module, found as an import would but without one; None if missing, and of a program."""
+    if estimator.program:
+        return None
+    place = estimator.target.rpartition(":")[0]
+    home = Path(estimator.home or ".")
+    if place.endswith(".py"):
+        return home / place if (home / place).is_file() else None
+    parts = place.split(".")
+    for folder in (home, *map(Path, sys.path)):
+        path = folder.joinpath(*parts)
+        for file in (path / "__init__.py", path.with_name(f"{path.name}.py")):
+            if file.is_file():
+                return file
+    with suppress(ImportError, ValueError):
+        spec = importlib.util.find_spec(parts[0])
+        if spec is not None and spec.origin is not None and len(parts) == 1 and Path(spec.origin).is_file():
+            return Path(spec.origin)
+    return None
+
+
+def _program_files(estimator: Estimator) -> Iterator[Path]:
+    """Files, and sources in folders, that the words of a command line name; of ``--path=FOLDER`` the part behind =."""
+    try:
+        words = shlex.split(estimator.target)
+    except ValueError:
+        return
+    home = Path(estimator.home or ".")
+    for word in words:
+        files: list[Path] = []
+        for text in filter(None, dict.fromkeys((word, word.rpartition("=")[2]))):
+            path = home / text
+            with suppress(OSError, ValueError):
+                if path.is_file():
+                    files.append(path)
+                elif path.is_dir():
+                    files += sorted(
+                        file for file in path.iterdir() if file.suffix.lower() in SOURCES and file.is_file()
+                    )
+        if not files and word == words[0] and (program := shutil.which(word)):
+            files = [Path(program)]
+        yield from files
+
+
+def _content(path: Path) -> bytes:
+    """Content of a file; its name where it may not be read, since the program may not need to."""
+    try:
+        return path.read_bytes()
+    except OSError:
+        return str(path).encode("utf-8", "surrogateescape")

@@ -1,0 +1,84 @@
+"""Jobs on the workers of an executor give the measurements of this process, wherever an estimator's file lies."""
+
+import json
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+
+from scenarios.bench.estimator_files import EstimatorFiles
+from scenarios.bench.runner import BenchSetup, Runner, TrialResult, interleaved, remaining_jobs, run_jobs
+from scenarios.estimators.estimator import Estimator, Limits
+from scenarios.files.errors import ScenarioError
+from scenarios.jobs.cluster import Cluster
+from scenarios.jobs.executor import LocalProcesses
+from scenarios.problems.trial import Trial
+from tests.scenarios.bench.few import PERFECT
+
+distributed = pytest.importorskip("distributed")
+TRIALS = tuple(Trial(name, draw) for name in ("p1@300", "p3@300") for draw in range(6))
+MODULE = """
+import sysid
+
+def mine(data, task):
+    return sysid.arx(data, task.orders["na"], task.orders["nb"], task.orders["nk"])
+"""
+
+
+@pytest.fixture(scope="module")
+def scheduler() -> Iterator[str]:
+    # Its worker is a thread of this process, to which everything travels over the wire all the same.
+    with distributed.LocalCluster(
+        n_workers=1, threads_per_worker=1, processes=False, protocol="tcp", dashboard_address=None, host="127.0.0.1"
+    ) as cluster:
+        yield cluster.scheduler_address
+
+
+def plain(results: Sequence[TrialResult]) -> list[str]:
+    tables = [(result.estimator, result.measurement.to_table()) for result in results]
+    times = ("seconds", "ruler_seconds", "peak_bytes")
+    return sorted(
+        f"{number} {json.dumps({k: v for k, v in table.items() if k not in times})}" for number, table in tables
+    )
+
+
+def test_workers_measure_what_is_measured_here(scheduler: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    (tmp_path / "alone.py").write_text(MODULE)
+    monkeypatch.chdir(tmp_path)
+    setup = BenchSetup((PERFECT, Estimator("mine", "alone:mine", structure="arx")), Limits(), 7)
+    jobs = remaining_jobs([TRIALS, TRIALS[:1]], [(), ()])
+    with Runner(setup) as runner:
+        here = [result for job in jobs for result in runner.run(job)]
+    assert {result.measurement.kind for result in here} == {"model"} and len(here) == 13
+    with LocalProcesses(2) as processes:
+        assert plain([*processes.run(run_jobs, setup, [(job,) for job in jobs])]) == plain(here)
+    remote = replace(setup, files=tuple(map(EstimatorFiles.of, setup.estimators)))
+    with Cluster(scheduler, patience=20.0) as cluster:
+        assert plain([*cluster.run(run_jobs, remote, [jobs[:3], jobs[3:]])]) == plain(here)
+        other = replace(remote, files=(remote.files[0], replace(remote.files[1], source="0")))
+        with pytest.raises(ScenarioError, match="is another file here"):
+            list(cluster.run(run_jobs, other, [jobs]))
+
+
+def test_own_files_travel_and_others_must_be_there(tmp_path: Path):
+    (tmp_path / "alone.py").write_text(MODULE)
+    mine = Estimator("mine", "alone:mine", home=str(tmp_path))
+    files = EstimatorFiles.of(mine)
+    assert files.own == (("alone.py", MODULE.encode()),)
+    assert files.unpacked(mine, tmp_path / "0").home == str(tmp_path / "0")
+    assert (tmp_path / "0" / "alone.py").read_text() == MODULE
+    installed = Estimator("installed", "scenarios.estimators.ours:oe")
+    files = EstimatorFiles.of(installed)
+    assert files.own == () and files.source and files.unpacked(installed, tmp_path / "1") == installed
+    program = Estimator("program", "./run.sh {mat} {task} {model}", program=True, home=str(tmp_path))
+    files = EstimatorFiles.of(program)
+    (tmp_path / "run.sh").write_text("true\n")
+    with pytest.raises(ScenarioError, match="is another file here"):
+        files.unpacked(program, tmp_path / "3")
+
+
+def test_families_of_problems_take_turns():
+    trials = [Trial("quiet-1-1", k) for k in range(4)] + [Trial("p2", 0), Trial("p2@300", 1)]
+    jobs = interleaved(remaining_jobs([trials], [{Trial("quiet-1-1", 3).key}]))
+    assert [job.problem for job in jobs] == ["quiet-1-1", "p2", "quiet-1-1", "p2@300", "quiet-1-1"]
