@@ -250,6 +250,6 @@ def metrics_named(names: Sequence[str]) -> tuple[MetricDefinition, ...]:
             raise ScenarioError(unknown("figure", name, known))
     if not names:
         return ALL_METRICS
-    chosen = tuple(metric for metric in MODEL_METRICS if metric.name in names)
+    chosen = tuple(m for m in ALL_METRICS if m.name in names and not isinstance(m, Reliability | Speed))
     over_all = [kind(chosen or MODEL_METRICS) for kind in (Reliability, Speed) if kind.name in names]
     return (*chosen, *over_all)
