@@ -56,7 +56,7 @@ def embedding(truth: Polynomials, structure: str) -> Embedding | None:
         return Embedding(structure, orders, _polynomials(b, poles) if white else None)
     if structure == "bj":
         c, d = (ONE, ONE) if white else (c, _trim(np.convolve(a, d)))
-        orders |= {"nc": len(c) - 1, "nd": len(d) - 1}
+        orders = {"nb": orders["nb"], "nc": len(c) - 1, "nd": len(d) - 1, "nf": orders["nf"], "nk": delay}
         return Embedding(structure, orders, _polynomials(b, poles, c=c, d=d))
     # One denominator for all: A F D y = B (F/F_j) D u_j + C F e
     whole = _trim(np.convolve(a, common))

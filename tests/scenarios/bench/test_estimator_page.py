@@ -38,6 +38,7 @@ def digits(mine: ModuleType, function: str, name: str) -> float:
 def test_the_function_is_right_without_noise_and_the_late_one_has_no_digit(mine: ModuleType) -> None:
     for name in ("quiet-1-1", "quiet-3-2", "quiet-6-3"):
         assert digits(mine, "arx", name) > 10.0
+        assert digits(mine, "arx_own_delay", name) > 10.0
         assert digits(mine, "late", name) < 1.0
 
 
