@@ -16,7 +16,7 @@ from scenarios.thesis.comparison import Comparison, JointResult
 from scenarios.thesis.finding import Finding, decided, verdict
 from scenarios.thesis.findings_spectra import FASTEST, spectrum_of
 from scenarios.thesis.nonparametric import GRID, SINES, excited, half_power
-from scenarios.thesis.readings import by_reading
+from scenarios.thesis.verdicts import by_reading
 from scenarios.truth.published import BREAK_FREQUENCY
 from sysid import FrequencyResponse
 from sysid.frequency import CovarianceFunction

@@ -6,14 +6,14 @@ import numpy as np
 
 from hmtb_twin import JOINTS
 from scenarios.experiments.campaign import RPCM
-from scenarios.thesis.both_ways import both_ways, readings
 from scenarios.thesis.comparison import Comparison
 from scenarios.thesis.coupled_response import pushed_by_others
 from scenarios.thesis.finding import Finding, decided, verdict
-from scenarios.thesis.followed import held_out_fit, held_out_records, ties, within_reach
 from scenarios.thesis.multi_input import EXCITED, FULL_OKID, INDEPENDENT
 from scenarios.thesis.multivariable import WAYS, Multivariable, ThreeJointModel
+from scenarios.thesis.record_fits import held_out_fit, held_out_records, ties, within_reach
 from scenarios.thesis.reference_fits import COUPLED, DIAGONAL
+from scenarios.thesis.verdicts import both_ways, readings
 
 AGREE_DB, AGREE_DEGREES = 3.0, 30.0
 """Two Bode plots agree where gain and phase differ by no more: what the eye sees on axes of decades and quadrants."""

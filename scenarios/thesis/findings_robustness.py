@@ -9,7 +9,7 @@ from scenarios.thesis.disturbances import DISTURBANCES, OUTLIER_SIZE
 from scenarios.thesis.finding import Finding, decided, verdict
 from scenarios.thesis.orders_needed import CONSTANT, DETRENDED
 from scenarios.thesis.robustness import CORE, sysid_method
-from scenarios.thesis.robustness_outcome import Outcome
+from scenarios.thesis.robustness_outcome import RobustnessOutcome
 from scenarios.thesis.tolerance import COMPARABLE, NO_BANDWIDTH, clean, comparable, shift
 
 NEAR_ONE = 0.001
@@ -152,7 +152,7 @@ def _why(study: Comparison, joints: tuple[str, ...], value: dict[str, float]) ->
     )
 
 
-def _draws(study: Comparison, kind: str, joint: str, method: str) -> list[Outcome]:
+def _draws(study: Comparison, kind: str, joint: str, method: str) -> list[RobustnessOutcome]:
     """What finding F25 rests on, whatever else was tried."""
     found = study.robustness.of(kind, joint, method)
     return [entry for degree in CORE[kind] if degree for entry in found[degree]]

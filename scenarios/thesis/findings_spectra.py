@@ -9,7 +9,7 @@ from scenarios.experiments.campaign import single_joint_test
 from scenarios.thesis.comparison import Comparison
 from scenarios.thesis.finding import Finding, decided
 from scenarios.thesis.nonparametric import PULSE, SINES, excited
-from scenarios.thesis.readings import by_reading
+from scenarios.thesis.verdicts import by_reading
 from sysid import FrequencyResponse
 
 FASTEST = 10.0

@@ -7,7 +7,7 @@ from hmtb_twin import STUDIED_JOINTS
 from scenarios.identification.recovered_bandwidth import METHODS
 from scenarios.thesis.finding import Finding, Verdict
 from scenarios.thesis.outcome import ALONE
-from scenarios.thesis.tally import Coverage, Spread, Tally
+from scenarios.thesis.tally import BandwidthCoverage, Spread, Tally
 
 ORDER: tuple[Verdict, ...] = ("reproduced", "partly", "not reproduced", "cannot be told")
 
@@ -34,7 +34,7 @@ class Chance:
     depends: tuple[str, ...]
     against: tuple[str, ...]
     ranges: dict[str, dict[str, Spread]]
-    rows: list[tuple[str, list[tuple[str, Coverage]]]]
+    rows: list[tuple[str, list[tuple[str, BandwidthCoverage]]]]
 
     def range(self, key: str, name: str = ALONE) -> Spread | None:
         """The range of a number of a finding, if any seed has it."""
@@ -148,7 +148,7 @@ def _seeds(tally: Tally) -> str:
     return f"{len(numbers)} seeds ({', '.join(map(str, numbers))})"
 
 
-def coverage_rows(tally: Tally) -> list[tuple[str, list[tuple[str, Coverage]]]]:
+def coverage_rows(tally: Tally) -> list[tuple[str, list[tuple[str, BandwidthCoverage]]]]:
     """By joint, what each method's bandwidth did over the seeds."""
     methods = {joint: list(tally.outcomes[0].recovered[joint]) for joint in STUDIED_JOINTS}
     return [(joint, [(method, tally.coverage(joint, method)) for method in methods[joint]]) for joint in STUDIED_JOINTS]

@@ -1,24 +1,29 @@
-"""The study again with other seeds, of which only the conclusions are kept."""
+"""Repetition of the study with other seeds, of which only the conclusions are kept."""
 
+import json
 from collections.abc import Callable, Sequence
+from contextlib import ExitStack
 from dataclasses import replace
+from hashlib import sha256
 from pathlib import Path
 from time import perf_counter
 
 from hmtb_twin import TwinError
 from scenarios.experiments.campaign import NOMINAL
-from scenarios.files.atomic_write import check_place
 from scenarios.files.errors import ScenarioError
 from scenarios.files.provenance import fingerprint, versions
+from scenarios.jobs.journal import Journal
 from scenarios.thesis.findings import findings
-from scenarios.thesis.kept_seed import keep, kept
-from scenarios.thesis.outcome import Outcome, outcome
+from scenarios.thesis.outcome import SeedOutcome, outcome, outcome_from
 from scenarios.thesis.study import run_study
 from scenarios.thesis.tally import Tally
 from sysid import SysidError
 
 Progress = Callable[[int, int, str, int, int], None]
-"""Called with the seed, how many came before it, the step, what is done of it and what there is in all."""
+"""Called with the seed, the number of seeds before it, the step, the work done of it and the total."""
+
+JOURNAL = "seeds.sqlite"
+"""Name of the file of finished seeds."""
 
 
 def tally(
@@ -37,52 +42,53 @@ def tally(
         seeds: The seeds.
         duration: Length of every record instead of 240 s, s.
         threads: Threads of the simulation.
-        folder: Where the conclusions of each seed are kept as a file as soon as they are there; those of an earlier
-            run with the same settings, versions and source text are taken from there if they are whole, else the seed
-            is run and its file written anew.
-        progress: Told of every step.
+        folder: Folder of the journal of finished seeds, from which an interrupted run resumes; seeds of other settings,
+            versions or source text are run anew.
+        progress: Called with every step.
 
     Returns:
-        The conclusions, and the reason of every seed that came to none.
+        The conclusions, and the reason of every seed that failed.
 
     Raises:
-        ScenarioError: No seed came to an end, or a folder stands where a file is to be.
+        ScenarioError: Every seed failed, or the journal cannot be used.
     """
     setting = {"duration": duration, "versions": versions(), "sources": fingerprint()}
-    outcomes: list[Outcome] = []
+    made_with = sha256(json.dumps(setting, sort_keys=True).encode()).hexdigest()
+    outcomes: list[SeedOutcome] = []
     failed: dict[int, str] = {}
-    paths = {} if folder is None else {seed: folder / f"seed-{seed}.json" for seed in seeds}
-    for path in paths.values():
-        check_place(path)
-    for number, seed in enumerate(seeds):
-        before = kept(paths[seed], seed, setting) if paths else None
-        if before is not None:
-            outcomes.append(before)
-            continue
+    with ExitStack() as stack:
+        # Settings are part of the key, not of the journal's fingerprint: one folder serves studies of several lengths.
+        journal = None if folder is None else stack.enter_context(Journal(folder / JOURNAL, {"format": "thesis seeds"}))
+        for number, seed in enumerate(seeds):
+            key = f"{made_with} {seed}"
+            if journal is not None and key in journal:
+                outcomes.append(outcome_from(journal.get(key)))
+                continue
 
-        def told(step: str, done: int, whole: int, seed: int = seed, number: int = number) -> None:
-            if progress is not None:
-                progress(seed, number, step, done, whole)
+            def report(step: str, done: int, whole: int, seed: int = seed, number: int = number) -> None:
+                if progress is not None:
+                    progress(seed, number, step, done, whole)
 
-        try:
-            found = _one(seed, duration, threads, told)
-        except (ScenarioError, TwinError, SysidError) as error:
-            failed[seed] = str(error)
-            continue
-        outcomes.append(found)
-        if folder is not None:
-            folder.mkdir(parents=True, exist_ok=True)
-            keep(found, setting, paths[seed])
+            try:
+                conclusions = _one(seed, duration, threads, report)
+            except (ScenarioError, TwinError, SysidError) as error:
+                failed[seed] = str(error)
+                continue
+            outcomes.append(conclusions)
+            if journal is not None:
+                journal.add(key, conclusions.record())
     if not outcomes:
         raise ScenarioError(f"none of {len(seeds)} seeds came to a conclusion: {failed}")
     return Tally(tuple(outcomes), failed)
 
 
-def _one(seed: int, duration: float | None, threads: int | None, told: Callable[[str, int, int], None]) -> Outcome:
-    """One seed from excitation to conclusions; its records are forgotten on return."""
+def _one(
+    seed: int, duration: float | None, threads: int | None, report: Callable[[str, int, int], None]
+) -> SeedOutcome:
+    """Run one seed from excitation to conclusions; its records are released on return."""
     study = run_study(
-        seed=seed, duration=duration, conditions=(NOMINAL,), thorough=False, threads=threads, progress=told
+        seed=seed, duration=duration, conditions=(NOMINAL,), thorough=False, threads=threads, progress=report
     )
     begin = perf_counter()
-    found = findings(study)
-    return outcome(replace(study, cost=study.cost.later(perf_counter() - begin)), found)
+    decided = findings(study)
+    return outcome(replace(study, cost=study.cost.later(perf_counter() - begin)), decided)

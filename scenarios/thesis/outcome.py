@@ -1,4 +1,4 @@
-"""What one seed concluded: verdicts, the numbers they rest on, and bandwidths; without the records it came from."""
+"""Conclusions of one seed: verdicts, the numbers they rest on, and bandwidths, without the records."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ ALONE = "value"
 
 
 @dataclass(frozen=True)
-class Recovered:
+class MethodBandwidth:
     """The bandwidth that one method recovered.
 
     Attributes:
@@ -32,8 +32,8 @@ class Recovered:
 
 
 @dataclass(frozen=True)
-class Outcome:
-    """A study as far as it is kept when many seeds are tried.
+class SeedOutcome:
+    """Conclusions of a study with one seed.
 
     Attributes:
         seed: Of the study, None for the scenarios' own seeds.
@@ -52,7 +52,7 @@ class Outcome:
     verdicts: Mapping[str, Verdict]
     numbers: Mapping[str, Mapping[str, float]]
     true_hz: Mapping[str, float]
-    recovered: Mapping[str, Mapping[str, Recovered]]
+    recovered: Mapping[str, Mapping[str, MethodBandwidth]]
     failed: Mapping[str, str]
     cost: Cost
     versions: Mapping[str, str]
@@ -91,8 +91,8 @@ class Outcome:
         }
 
 
-def outcome(study: Comparison, findings: Sequence[Finding]) -> Outcome:
-    """Keep of a study what its seed concluded.
+def outcome(study: Comparison, findings: Sequence[Finding]) -> SeedOutcome:
+    """Return the conclusions of a study.
 
     Args:
         study: The study.
@@ -101,7 +101,7 @@ def outcome(study: Comparison, findings: Sequence[Finding]) -> Outcome:
     Returns:
         Verdicts, numbers and bandwidths.
     """
-    return Outcome(
+    return SeedOutcome(
         seed=study.seed,
         duration=study.duration,
         verdicts={entry.key: entry.verdict for entry in findings},
@@ -109,7 +109,7 @@ def outcome(study: Comparison, findings: Sequence[Finding]) -> Outcome:
         true_hz={name: float(entry.truth.bandwidth_hz) for name, entry in study.joints.items()},
         recovered={
             name: {
-                model.method: Recovered(model.bandwidth_hz, model.ci95, model.covers, model.half_power_hz)
+                model.method: MethodBandwidth(model.bandwidth_hz, model.ci95, model.covers, model.half_power_hz)
                 for model in entry.models.values()
             }
             for name, entry in study.joints.items()
@@ -126,8 +126,8 @@ def numbers(finding: Finding) -> dict[str, float]:
     return {name: float(x) for name, x in value.items()} if isinstance(value, Mapping) else {ALONE: float(value)}
 
 
-def outcome_from(record: Mapping[str, Any]) -> Outcome:
-    """Read what `Outcome.record` wrote.
+def outcome_from(record: Mapping[str, Any]) -> SeedOutcome:
+    """Read what `SeedOutcome.record` wrote.
 
     Args:
         record: The plain mappings.
@@ -138,7 +138,7 @@ def outcome_from(record: Mapping[str, Any]) -> Outcome:
     Raises:
         KeyError: An entry is missing.
     """
-    return Outcome(
+    return SeedOutcome(
         seed=record["seed"],
         duration=record["duration"],
         verdicts={key: entry["verdict"] for key, entry in record["findings"].items()},
@@ -148,7 +148,7 @@ def outcome_from(record: Mapping[str, Any]) -> Outcome:
         true_hz={joint: entry["true_hz"] for joint, entry in record["bandwidth"].items()},
         recovered={
             joint: {
-                method: Recovered(
+                method: MethodBandwidth(
                     float(found["hz"]),
                     (float(found["ci95"][0]), float(found["ci95"][1])),
                     found["covers"],

@@ -4,7 +4,7 @@ from collections.abc import Iterator
 from functools import cache
 from importlib import resources
 
-from scenarios.thesis.outcome import Outcome
+from scenarios.thesis.outcome import SeedOutcome
 from scenarios.thesis.tally import Tally, read_tally
 
 FILE = "findings.json"
@@ -24,7 +24,7 @@ def recorded() -> Tally:
     return read_tally(text, recorded=True)
 
 
-def contradictions(found: Outcome, reference: Tally) -> tuple[str, ...]:
+def contradictions(found: SeedOutcome, reference: Tally) -> tuple[str, ...]:
     """Where a study of one of the seeds contradicts the tally.
 
     Args:
@@ -41,7 +41,7 @@ def contradictions(found: Outcome, reference: Tally) -> tuple[str, ...]:
     return tuple(_contradictions(found, reference))
 
 
-def _contradictions(found: Outcome, reference: Tally) -> Iterator[str]:
+def _contradictions(found: SeedOutcome, reference: Tally) -> Iterator[str]:
     before = reference.of(found.seed if found.seed is not None else -1)
     for key in sorted({*before.verdicts, *found.verdicts}, key=lambda name: int(name[1:])):
         verdicts = before.verdicts.get(key, "not recorded"), found.verdicts.get(key, "not tried")
@@ -50,7 +50,7 @@ def _contradictions(found: Outcome, reference: Tally) -> Iterator[str]:
     yield from _outside(_numbers(found), [_numbers(entry) for entry in reference.outcomes])
 
 
-def _numbers(found: Outcome) -> dict[str, float]:
+def _numbers(found: SeedOutcome) -> dict[str, float]:
     """Every number of an outcome by a name of its own."""
     of_findings = {f"{key} {name}": value for key, part in found.numbers.items() for name, value in part.items()}
     of_methods = {

@@ -11,6 +11,7 @@ from scenarios.experiments.waveform import POINTS
 from scenarios.identification.recovered_bandwidth import ABOUT_1_HZ
 from scenarios.report.figure_style import EXCITED_FROM
 from scenarios.report.figures import Gallery, Picture
+from scenarios.thesis.assumed_values import assumed_values, assumed_values_of
 from scenarios.thesis.attribution import CONDITIONS, COVERAGE
 from scenarios.thesis.chapter_3 import chapter_3
 from scenarios.thesis.chapter_4 import chapter_4
@@ -25,7 +26,6 @@ from scenarios.thesis.finding import Finding
 from scenarios.thesis.frequencies import ORDER, chance
 from scenarios.thesis.pictures import arm_picture, exchange
 from scenarios.thesis.published_section import published_section
-from scenarios.thesis.put_in import marked, put_in
 from scenarios.thesis.results import answers, departures, friction_in_words, headline
 from scenarios.thesis.robustness_section import robustness
 from scenarios.thesis.shortcomings import shortcomings
@@ -86,8 +86,8 @@ def context(study: Comparison, findings: Sequence[Finding], gallery: Gallery, ta
         "no_arm": no_arm,
         "moments": moments,
         "exchange_outcome": outcome,
-        "put_in": put_in(),
-        "put_in_of": marked(findings),
+        "assumed_values": assumed_values(),
+        "assumed_values_of": assumed_values_of(findings),
         "parameters": parameters,
         "tags": Counter(entry["tag"] for entry in parameters).most_common(),
         "joints": [{"result": entry, "attribution": study.attribution[name]} for name, entry in study.joints.items()],

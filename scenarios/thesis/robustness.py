@@ -17,7 +17,7 @@ from scenarios.experiments.model_structures import STRUCTURES, Structure, every_
 from scenarios.identification.methods import estimate
 from scenarios.thesis.disturbances import AS_IT_IS, DISTURBANCES, TREATMENTS, Disturbance
 from scenarios.thesis.orders_needed import OrderNeeded, orders_needed, simulated_fit
-from scenarios.thesis.robustness_outcome import Failure, Outcome, Robustness
+from scenarios.thesis.robustness_outcome import Failure, Robustness, RobustnessOutcome
 from sysid import IOData, SysidError, SysidWarning
 from sysid.models.bandwidth import half_power_hz
 
@@ -61,7 +61,7 @@ def robustness(campaign: Campaign, estimation_test: int, *, thorough: bool = Tru
     Returns:
         What came of it; a joint without the estimation record or any that judges is left out.
     """
-    outcomes: list[Outcome] = []
+    outcomes: list[RobustnessOutcome] = []
     orders: list[OrderNeeded] = []
     judged_by: dict[str, tuple[int, ...]] = {}
     plan = DISTURBANCES if thorough else _core()
@@ -97,7 +97,7 @@ class _Trial:
     truth: JointTruth
     seed: int
 
-    def outcomes(self, disturbance: Disturbance, structures: Sequence[Structure]) -> list[Outcome]:
+    def outcomes(self, disturbance: Disturbance, structures: Sequence[Structure]) -> list[RobustnessOutcome]:
         found = []
         clean = self.data if disturbance.whole else self.data[:PART].detrend()
         for treatment in disturbance.treatments:
@@ -132,7 +132,7 @@ class _Trial:
 
     def _outcome(
         self, structure: Structure, spoilt: IOData, key: str, treatment: str, degree: float, draw: int
-    ) -> Outcome:
+    ) -> RobustnessOutcome:
         hz = fit = level = slowest = float("nan")
         failure: Failure = ""
         covers = False
@@ -150,7 +150,7 @@ class _Trial:
                 hz, covers = float(band.hz[0, 0]), bool(band.covers(self.truth.bandwidth_hz)[0, 0])
             slowest = float(np.abs(found.poles()).max(initial=0.0))
             fit, level = simulated_fit(found, self.judges), half_power_hz(found.model)
-        return Outcome(
+        return RobustnessOutcome(
             joint=self.truth.name,
             method=structure.method,
             chosen=structure.chosen,

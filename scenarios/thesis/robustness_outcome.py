@@ -15,7 +15,7 @@ Failure = Literal["", "refused", "unstable", "no bandwidth"]
 
 
 @dataclass(frozen=True)
-class Outcome:
+class RobustnessOutcome:
     """One model from one spoilt record.
 
     Attributes:
@@ -83,15 +83,15 @@ class Robustness:
         judged_by: Numbers of the tests that judge, by joint.
     """
 
-    outcomes: tuple[Outcome, ...]
+    outcomes: tuple[RobustnessOutcome, ...]
     orders: tuple[OrderNeeded, ...]
     judged_by: Mapping[str, tuple[int, ...]]
 
     def of(
         self, disturbance: str, joint: str, method: str, treatment: str = AS_IT_IS[0]
-    ) -> dict[float, tuple[Outcome, ...]]:
+    ) -> dict[float, tuple[RobustnessOutcome, ...]]:
         """Draws by degree, of one disturbance, joint, method and treatment."""
-        found: dict[float, tuple[Outcome, ...]] = {}
+        found: dict[float, tuple[RobustnessOutcome, ...]] = {}
         for entry in self.outcomes:
             if (entry.disturbance, entry.joint, entry.method, entry.treatment) == (
                 disturbance,
@@ -116,7 +116,7 @@ class Robustness:
         )
 
 
-def _summary(degree: float, entries: Sequence[Outcome]) -> Summary:
+def _summary(degree: float, entries: Sequence[RobustnessOutcome]) -> Summary:
     failures: dict[str, int] = {}
     for entry in entries:
         if entry.failure:

@@ -12,7 +12,7 @@ from scenarios.files.atomic_write import write_whole
 from scenarios.files.errors import ScenarioError
 from scenarios.identification.recovered_bandwidth import near_1_hz
 from scenarios.thesis.finding import Verdict
-from scenarios.thesis.outcome import Outcome, outcome_from
+from scenarios.thesis.outcome import SeedOutcome, outcome_from
 
 STEADY = 0.9
 """A conclusion that fewer than this part of the seeds share depends on the seed."""
@@ -79,11 +79,11 @@ class Frequency:
 
 
 @dataclass(frozen=True)
-class Coverage:
+class BandwidthCoverage:
     """One method's bandwidth on one joint over the seeds.
 
     Attributes:
-        hz: Recovered bandwidth, Hz.
+        hz: MethodBandwidth bandwidth, Hz.
         half_power_hz: Frequency of the gain 0.707, Hz.
         width: Width of the 95 % intervals, Hz.
         covers: Number of seeds whose interval holds the small-signal truth.
@@ -107,7 +107,7 @@ class Tally:
         recorded: Whether it came with the package, made earlier, rather than in this run.
     """
 
-    outcomes: tuple[Outcome, ...]
+    outcomes: tuple[SeedOutcome, ...]
     failed: Mapping[int, str]
     recorded: bool = False
 
@@ -136,7 +136,7 @@ class Tally:
         """Time in all, all seeds, s."""
         return sum(entry.cost.total_s for entry in self.outcomes)
 
-    def of(self, seed: int) -> Outcome:
+    def of(self, seed: int) -> SeedOutcome:
         """What a seed concluded.
 
         Raises:
@@ -168,7 +168,7 @@ class Tally:
                 values.setdefault(name, []).append(value)
         return {name: spread(entries) for name, entries in values.items()}
 
-    def coverage(self, joint: str, method: str) -> Coverage:
+    def coverage(self, joint: str, method: str) -> BandwidthCoverage:
         """How one method's bandwidth on one joint lies.
 
         Args:
@@ -176,7 +176,7 @@ class Tally:
             method: Key of the method.
         """
         found = [entry.recovered[joint][method] for entry in self.outcomes]
-        return Coverage(
+        return BandwidthCoverage(
             spread([entry.hz for entry in found]),
             spread([entry.half_power_hz for entry in found]),
             spread([entry.ci95[1] - entry.ci95[0] for entry in found]),

@@ -4,7 +4,7 @@ from dataclasses import dataclass
 from statistics import median
 
 from scenarios.thesis.disturbances import AS_IT_IS, DISTURBANCES
-from scenarios.thesis.robustness_outcome import Outcome, Robustness
+from scenarios.thesis.robustness_outcome import Robustness, RobustnessOutcome
 
 COMPARABLE = (10.0, 5.0)
 """A model is comparable to the one from the clean record when its bandwidth moves by at most so many percent and its
@@ -28,17 +28,17 @@ class Tolerance:
     everything: bool
 
 
-def clean(found: Robustness, joint: str, method: str) -> Outcome:
+def clean(found: Robustness, joint: str, method: str) -> RobustnessOutcome:
     """The model from the record as it is."""
     return found.of("bias", joint, method)[0.0][0]
 
 
-def shift(entry: Outcome, reference: Outcome) -> float:
+def shift(entry: RobustnessOutcome, reference: RobustnessOutcome) -> float:
     """Percent by which the bandwidth moves."""
     return NO_BANDWIDTH if entry.failure else 100 * abs(entry.bandwidth_hz / reference.bandwidth_hz - 1)
 
 
-def comparable(entries: tuple[Outcome, ...], reference: Outcome) -> bool:
+def comparable(entries: tuple[RobustnessOutcome, ...], reference: RobustnessOutcome) -> bool:
     """Whether the median draw stays comparable; a record that the estimator refuses does not."""
     percent, points = COMPARABLE
     if any(entry.failure == "refused" for entry in entries):

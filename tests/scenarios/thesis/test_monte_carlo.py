@@ -4,7 +4,6 @@ import json
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
@@ -14,21 +13,22 @@ from scenarios.commands.cli import main
 from scenarios.experiments.campaign import EVERY_TEST, NOMINAL
 from scenarios.experiments.model_structures import STRUCTURES
 from scenarios.files.errors import ScenarioError
-from scenarios.thesis import kept_seed, monte_carlo
+from scenarios.jobs.journal import Journal
+from scenarios.thesis import monte_carlo
 from scenarios.thesis.claims import CLAIMS
 from scenarios.thesis.comparison import Cost
 from scenarios.thesis.finding import Finding, Verdict, decided
 from scenarios.thesis.frequencies import answer_text, chance, finding_record, frequency_text, seeds_record, source_text
 from scenarios.thesis.monte_carlo import tally
-from scenarios.thesis.outcome import Outcome, Recovered, numbers, outcome_from
+from scenarios.thesis.outcome import MethodBandwidth, SeedOutcome, numbers, outcome_from
 from scenarios.thesis.recorded import contradictions
 from scenarios.thesis.tally import Tally, read_tally, spread, write_tally
 
 
-def made(seed: int, verdict: Verdict = "reproduced", value: float = 1.0, *, hz: float = 1.0) -> Outcome:
+def made(seed: int, verdict: Verdict = "reproduced", value: float = 1.0, *, hz: float = 1.0) -> SeedOutcome:
     """An outcome of one finding, with the same bandwidth everywhere."""
-    found = Recovered(hz, (hz - 0.1, hz + 0.1), abs(hz - 1.0) <= 0.1, hz + 0.01)
-    return Outcome(
+    found = MethodBandwidth(hz, (hz - 0.1, hz + 0.1), abs(hz - 1.0) <= 0.1, hz + 0.01)
+    return SeedOutcome(
         seed=seed,
         duration=None,
         verdicts={"F1": verdict},
@@ -41,7 +41,7 @@ def made(seed: int, verdict: Verdict = "reproduced", value: float = 1.0, *, hz: 
     )
 
 
-def whole(seed: int) -> Outcome:
+def whole(seed: int) -> SeedOutcome:
     """An outcome of every finding and method."""
     found = made(seed, value=1.0 / seed)
     return replace(
@@ -70,7 +70,9 @@ def quick(monkeypatch: pytest.MonkeyPatch) -> list[int]:
     """Studies that are made up at once, and the seeds that were run."""
     run: list[int] = []
 
-    def one(seed: int, duration: float | None, threads: int | None, told: Callable[[str, int, int], None]) -> Outcome:
+    def one(
+        seed: int, duration: float | None, threads: int | None, told: Callable[[str, int, int], None]
+    ) -> SeedOutcome:
         run.append(seed)
         told("simulate", 1, 1)
         if seed == 3:
@@ -138,72 +140,6 @@ def test_what_was_done_is_taken_up_again(quick: list[int], tmp_path: Path) -> No
     assert quick[3:] == [1], "records of another length are another study"
 
 
-SPOILT: dict[str, Callable[[dict[str, Any]], object]] = {
-    "no finding": lambda found: found["findings"].clear(),
-    "one finding too few": lambda found: found["findings"].pop("F26"),
-    "a verdict that there is not": lambda found: found["findings"]["F1"].update(verdict="maybe"),
-    "a verdict without a number": lambda found: found["findings"]["F1"].update(value={}),
-    "a word for a number": lambda found: found["findings"]["F1"].update(value={"shoulder_yaw": "much"}),
-    "a list for a mapping": lambda found: found["findings"]["F1"].update(value=[1.0]),
-    "a joint too few": lambda found: found["bandwidth"].pop("shoulder_yaw"),
-    "no truth": lambda found: found["bandwidth"]["shoulder_yaw"].update(true_hz=None),
-    "an endless truth": lambda found: found["bandwidth"]["shoulder_yaw"].update(true_hz=float("inf")),
-    "no method": lambda found: found["bandwidth"]["shoulder_yaw"]["recovered"].clear(),
-    "half an interval": lambda found: found["bandwidth"]["shoulder_yaw"]["recovered"]["oe"].update(ci95=[1.0]),
-    "an interval upside down": lambda found: found["bandwidth"]["shoulder_yaw"]["recovered"]["oe"].update(
-        ci95=[1.1, 0.9], covers=False
-    ),
-    "a claim that the interval belies": lambda found: found["bandwidth"]["elbow_pitch"]["recovered"]["oe"].update(
-        covers=False
-    ),
-    "no cost": lambda found: found["cost"].update(physics_s=None),
-    "failures in a list": lambda found: found.update(failed=["siso-1"]),
-    "a seed that is none": lambda found: found.update(seed=True),
-    "more than there is": lambda found: found.update(more=1),
-}
-
-
-@pytest.mark.parametrize("what", SPOILT)
-@pytest.mark.parametrize("digest", [True, False])
-def test_a_spoilt_seed_is_run_anew(quick: list[int], tmp_path: Path, what: str, digest: bool) -> None:
-    """Also where the file vouches for itself."""
-    path = tmp_path / "seed-1.json"
-    first = tally([1], folder=tmp_path)
-    written = path.read_text()
-    record = json.loads(written)
-    SPOILT[what](record["outcome"])
-    if digest:
-        record["digest"] = kept_seed._digest(record["outcome"])
-    path.write_text(json.dumps(record))
-    assert tally([1], folder=tmp_path).outcomes == first.outcomes
-    assert quick == [1, 1]
-    assert path.read_text() == written
-
-
-@pytest.mark.parametrize(
-    "text", ["", "{}", "[]", "7", "null", "[" * 100_000, '{"setting": ' + "9" * 5000 + "}", "\udcff"]
-)
-def test_what_is_no_record_of_ours_is_made_anew(quick: list[int], tmp_path: Path, text: str) -> None:
-    (tmp_path / "seed-1.json").write_bytes(text.encode(errors="surrogateescape"))
-    tally([1], folder=tmp_path)
-    assert quick == [1]
-
-
-def test_a_number_that_was_changed_is_found_out(quick: list[int], tmp_path: Path) -> None:
-    path = tmp_path / "seed-1.json"
-    tally([1], folder=tmp_path)
-    path.write_text(path.read_text().replace('"shoulder_yaw": 1.0', '"shoulder_yaw": 1.5', 1))
-    tally([1], folder=tmp_path)
-    assert quick == [1, 1]
-
-
-def test_a_folder_in_the_way_of_a_seed_is_told_before_any_is_run(quick: list[int], tmp_path: Path) -> None:
-    (tmp_path / "seed-2.json").mkdir()
-    with pytest.raises(ScenarioError, match="is a folder"):
-        tally([1, 2], folder=tmp_path)
-    assert quick == []
-
-
 @pytest.mark.parametrize("what", ["versions", "fingerprint"])
 def test_seeds_of_another_version_are_run_anew(
     quick: list[int], tmp_path: Path, monkeypatch: pytest.MonkeyPatch, what: str
@@ -217,7 +153,7 @@ def test_seeds_of_another_version_are_run_anew(
 def test_an_interrupted_run_keeps_its_seeds_and_says_so(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    def one(seed: int, *_: object) -> Outcome:
+    def one(seed: int, *_: object) -> SeedOutcome:
         if seed == 6:
             raise KeyboardInterrupt
         return whole(seed)
@@ -226,7 +162,8 @@ def test_an_interrupted_run_keeps_its_seeds_and_says_so(
     assert main(["thesis", "--seeds", "20", "--seed", "5", "--out", str(tmp_path)]) == 130
     said = capsys.readouterr().err
     assert "kept in" in said and "hmtb thesis --seeds 20 --seed 5" in said
-    assert [path.name for path in (tmp_path / "seeds").iterdir()] == ["seed-5.json"]
+    with Journal(tmp_path / "seeds" / "seeds.sqlite", {"format": "thesis seeds"}) as journal:
+        assert [key.split()[-1] for key in journal.entries()] == ["5"]
     assert not (tmp_path / "report.html").exists()
 
 

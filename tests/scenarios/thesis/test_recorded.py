@@ -17,7 +17,7 @@ from scenarios.thesis.claims import CLAIMS
 from scenarios.thesis.finding import decided
 from scenarios.thesis.frequencies import frequency_text, source_text
 from scenarios.thesis.monte_carlo import tally
-from scenarios.thesis.outcome import Recovered
+from scenarios.thesis.outcome import MethodBandwidth
 from scenarios.thesis.recorded import contradictions, recorded
 from sysid import SysidWarning
 
@@ -65,7 +65,9 @@ def test_a_servo_that_is_ten_percent_stiffer_is_found_out(stiffer_servo: None) -
     reference = recorded()
     before = reference.of(SEED)
     moved = {
-        method: Recovered(hz, before.recovered[YAW][method].ci95, False, before.recovered[YAW][method].half_power_hz)
+        method: MethodBandwidth(
+            hz, before.recovered[YAW][method].ci95, False, before.recovered[YAW][method].half_power_hz
+        )
         for method, hz in yaw_bandwidths().items()
     }
     found = replace(before, recovered={**before.recovered, YAW: moved})

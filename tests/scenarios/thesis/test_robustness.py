@@ -13,12 +13,14 @@ from scenarios.thesis.figures_robustness import errors
 from scenarios.thesis.findings_robustness import bias_and_outliers, statements
 from scenarios.thesis.orders_needed import CONSTANT, DETRENDED, needed
 from scenarios.thesis.robustness import CORE, JUDGES, other_structures, robustness, sysid_method
-from scenarios.thesis.robustness_outcome import Outcome, Robustness
+from scenarios.thesis.robustness_outcome import Robustness, RobustnessOutcome
 from scenarios.thesis.tolerance import clean, comparable, tolerance
 
 
-def outcome(degree: float, *, hz: float = 1.0, fit: float = 99.0, failure: str = "", draw: int = 0) -> Outcome:
-    return Outcome(
+def outcome(
+    degree: float, *, hz: float = 1.0, fit: float = 99.0, failure: str = "", draw: int = 0
+) -> RobustnessOutcome:
+    return RobustnessOutcome(
         joint="elbow_pitch",
         method="oe",
         chosen=True,
@@ -107,7 +109,7 @@ def test_finding_25_is_the_count_of_its_statements(study: Comparison) -> None:
 
 
 def test_finding_25_cannot_be_told_where_the_clean_record_gives_no_bandwidth(study: Comparison) -> None:
-    def failed(entry: Outcome) -> Outcome:
+    def failed(entry: RobustnessOutcome) -> RobustnessOutcome:
         place = (entry.joint, entry.method, entry.disturbance, entry.treatment, entry.degree)
         if place != ("elbow_pitch", "okid", "bias", "nothing removed", 0.0):
             return entry

@@ -1,4 +1,4 @@
-"""What of the thesis was put into the twin, so that finding it again says nothing of the real arm."""
+"""Thesis values used to build the twin: finding them again is no independent evidence on the real arm."""
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
@@ -12,13 +12,13 @@ from scenarios.truth.published import published
 
 
 @dataclass(frozen=True)
-class PutIn:
-    """A figure of the twin that comes from the thesis.
+class AssumedValue:
+    """A value of the twin that comes from the thesis.
 
     Attributes:
-        what: The figure.
-        why: Where it comes from, and what follows.
-        findings: Findings that it bears on.
+        what: The value.
+        why: Its origin, and what follows.
+        findings: Findings that it affects.
     """
 
     what: str
@@ -26,30 +26,30 @@ class PutIn:
     findings: tuple[str, ...]
 
 
-def put_in() -> tuple[PutIn, ...]:
-    """Every such figure, with its value in the nominal arm."""
+def assumed_values() -> tuple[AssumedValue, ...]:
+    """Return every such value, as it is in the nominal arm."""
     servos = [SERVOS[name] for name in STUDIED_JOINTS]
     delays = sorted({BUS[name].delay for name in STUDIED_JOINTS})
     limits = [degrees(MOTIONS[name].velocity_limit) for name in STUDIED_JOINTS]
     printed = [model for name in STUDIED_JOINTS for model in published(name)]
     return (
-        PutIn(
+        AssumedValue(
             f"servo poles: a slow one at {_span(s.slow_pole for s in servos)} rad/s, fast ones at "
             f"{_span(s.fast_pole for s in servos)} rad/s",
             f"after the dominant poles of the {len(printed)} printed models: a bandwidth near 1 Hz is put in",
             ("F1", "F16", "F22"),
         ),
-        PutIn(
+        AssumedValue(
             f"bus delays of {_span(delays)} samples",
             "nk - 1 of the printed models of each joint",
             ("F3",),
         ),
-        PutIn(
+        AssumedValue(
             f"seal friction: {100 * Friction().coulomb:g} % of the greatest torque",
             "gains of the printed pitch models near one allow little more; it bears on every interval that misses",
             ("F7", "F9"),
         ),
-        PutIn(
+        AssumedValue(
             f"gain of the hand controller: {HAND_CONTROLLER.gain:g} rad/V",
             f"from the printed OKID matrices; with the assumed limit of {_span(limits)} deg/s it decides how much of a "
             "test is spent at the velocity limit",
@@ -58,9 +58,9 @@ def put_in() -> tuple[PutIn, ...]:
     )
 
 
-def marked(findings: Sequence[Finding]) -> dict[str, tuple[PutIn, ...]]:
-    """By finding, what was put in that bears on it; findings that nothing bears on are left out."""
-    known = put_in()
+def assumed_values_of(findings: Sequence[Finding]) -> dict[str, tuple[AssumedValue, ...]]:
+    """Return the assumed values that affect each finding; findings without one are left out."""
+    known = assumed_values()
     found = {entry.key: tuple(part for part in known if entry.key in part.findings) for entry in findings}
     return {key: parts for key, parts in found.items() if parts}
 

@@ -1,14 +1,14 @@
 """What was put in from the thesis is told with the arm's own numbers."""
 
 from hmtb_twin.parameters.values import HAND_CONTROLLER, SERVOS
+from scenarios.thesis.assumed_values import assumed_values, assumed_values_of
 from scenarios.thesis.claims import CLAIMS
 from scenarios.thesis.comparison import Comparison
 from scenarios.thesis.findings import findings
-from scenarios.thesis.put_in import marked, put_in
 
 
 def test_the_numbers_are_those_of_the_arm() -> None:
-    servos, delays, friction, gain = put_in()
+    servos, delays, friction, gain = assumed_values()
     slow = f"{SERVOS['shoulder_yaw'].slow_pole:g}".replace("-", "−")
     assert f"a slow one at {slow} rad/s, fast ones at −36 to −80 rad/s" in servos.what
     assert delays.what == "bus delays of 0 to 1 samples"
@@ -18,7 +18,7 @@ def test_the_numbers_are_those_of_the_arm() -> None:
 
 
 def test_findings_that_rest_on_it_are_marked(study: Comparison) -> None:
-    found = marked(findings(study))
-    assert set(found) == {key for entry in put_in() for key in entry.findings}
+    found = assumed_values_of(findings(study))
+    assert set(found) == {key for entry in assumed_values() for key in entry.findings}
     assert set(found) < set(CLAIMS)
     assert [entry.what for entry in found["F3"]] == ["bus delays of 0 to 1 samples"]

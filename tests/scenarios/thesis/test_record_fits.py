@@ -6,8 +6,8 @@ import pytest
 
 from scenarios.files.errors import MissingRecordError
 from scenarios.thesis.comparison import Comparison
-from scenarios.thesis.followed import followed, held_out_fit, held_out_records, shares_missing, ties, within_reach
 from scenarios.thesis.multivariable import WAYS
+from scenarios.thesis.record_fits import followed, held_out_fit, held_out_records, shares_missing, ties, within_reach
 
 YAW = "shoulder_yaw"
 

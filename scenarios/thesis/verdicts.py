@@ -1,0 +1,72 @@
+"""Verdicts on claims that can be read, or estimated, in more than one way."""
+
+from collections.abc import Mapping
+from typing import Any
+
+from scenarios.thesis.finding import Verdict, verdict
+from scenarios.thesis.multivariable import WAYS, ThreeJointModel, Way
+
+WORDS: Mapping[Way, str] = {"simulation": "in simulation", "one_step": "one step ahead"}
+
+
+def by_reading(passed: Mapping[str, tuple[int, int]]) -> tuple[Verdict, str]:
+    """Judge a claim by each of its readings, and name the verdict of each.
+
+    Args:
+        passed: By reading, in words that follow a verdict: the number of parts that hold, and of all.
+
+    Returns:
+        The verdict where all readings agree, else `partly`; and a sentence.
+    """
+    verdicts = {reading: verdict(*counts) for reading, counts in passed.items()}
+    text = ", ".join(
+        f"{verdicts[reading]} {reading} ({held} of {total} parts)" for reading, (held, total) in passed.items()
+    )
+    same = len(set(verdicts.values())) == 1
+    return _common(verdicts), f"{text}: " + (
+        "the same by every reading" if same else "the verdict depends on the reading"
+    )
+
+
+def readings(verdicts: Mapping[str, Verdict]) -> tuple[Verdict, str]:
+    """Return the common verdict of several readings, or `partly`, and a sentence.
+
+    Args:
+        verdicts: By reading, in words that follow "is".
+    """
+    text = ", ".join(f"{decision} {reading}" for reading, decision in verdicts.items())
+    same = len(set(verdicts.values())) == 1
+    return _common(verdicts), f"{text}: the verdict {'does not depend' if same else 'depends'} on the reading"
+
+
+def both_ways(passed: Mapping[Way, int], total: int) -> tuple[Verdict, str]:
+    """Judge a claim on fits in simulation and one step ahead [Morris1996, ch. VI].
+
+    The thesis does not say which of them its fits are. A model with K = 0 cannot predict: beside one that can it looks
+    worse one step ahead for no better reason than that.
+
+    Args:
+        passed: Number of parts that hold each way.
+        total: Number of parts.
+
+    Returns:
+        The verdict where both ways agree, else `partly`; and a sentence.
+    """
+    verdicts = {way: verdict(passed[way], total) for way in WAYS}
+    counts = " and ".join(f"{passed[way]} of {total} parts hold {WORDS[way]}" for way in WAYS)
+    if len(set(verdicts.values())) == 1:
+        return _common(verdicts), f"{counts}: the verdict does not depend on which of them the thesis means"
+    each = ", ".join(f"{verdicts[way]} {WORDS[way]}" for way in WAYS)
+    return _common(verdicts), f"{counts}: the verdict depends on which of them the thesis means, {each}"
+
+
+def _common(verdicts: Mapping[Any, Verdict]) -> Verdict:
+    return next(iter(verdicts.values())) if len(set(verdicts.values())) == 1 else "partly"
+
+
+def without_noise_model(model: ThreeJointModel) -> str:
+    """Name the joints of a model that cannot predict."""
+    mute = [joint.replace("_", " ") for joint in model.blocks if not model.predicts(joint)]
+    if not mute:
+        return f"every joint of the {model.name} has a noise model"
+    return f"the {model.name} has K = 0 on {' and '.join(mute)}, where one step ahead is simulation again"
