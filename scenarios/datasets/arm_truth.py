@@ -1,7 +1,7 @@
-"""What is true of an arm under its conditions: the file of its small-signal truth, and the way back from it."""
+"""The small-signal truth of an arm under its conditions, written to a file of a data set and read back."""
 
 import json
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, fields
 from functools import lru_cache
 from hashlib import sha256
@@ -27,28 +27,27 @@ from sysid import StateSpace
 FORMAT = "hmtb arm truth 1"
 """Marks the files of this version."""
 
-MATRICES = {
-    "A": ("next_state", "state"),
-    "B": ("next_state", "input"),
-    "C": ("output", "state"),
-    "D": ("output", "input"),
+MATRICES: Mapping[str, tuple[tuple[str, str], str]] = {
+    "A": (("next_state", "state"), "A of x(t+1) = A x + B u + K e"),
+    "B": (("next_state", "input"), "B of x(t+1) = A x + B u + K e"),
+    "C": (("output", "state"), "C of y = C x + D u + e"),
+    "D": (("output", "input"), "D of y = C x + D u + e"),
+    "K": (("next_state", "output"), "innovation gain; zero where no process noise acts"),
+    "innovation_covariance": (("output", "other_output"), "covariance of the innovations e"),
 }
-"""Matrices of a model x(t+1) = A x + B u + K e, y = C x + D u + e, and the dimensions that they run along."""
-
-NOISE = {"K": ("next_state", "output"), "innovation_covariance": ("output", "other_output")}
-"""Those of its noise."""
+"""Matrices of a model: dimensions and meaning."""
 
 
 @dataclass(frozen=True, eq=False)
 class StoredArm:
-    """What the file of an arm tells.
+    """Contents of the file of an arm.
 
     Attributes:
         truth: The small-signal truth of the whole arm.
         rest: Angles at which the commanded arm rests (7,), rad: a little off the command where it droops.
         joints: The truth about single joints; none where the arm is unstable.
-        model_sha256: Of the compiled model.
-        attributes: All of the file.
+        model_sha256: Hash of the compiled model.
+        attributes: All attributes of the file.
     """
 
     truth: Truth
@@ -61,18 +60,6 @@ class StoredArm:
         object.__setattr__(self, "joints", MappingProxyType(dict(self.joints)))
 
 
-def arm_joints(plan: DataSetPlan) -> tuple[str, ...]:
-    """Joints whose own truth stands in the files of a data set's arms, in the sequence of the arm.
-
-    Args:
-        plan: The plan; those that the thesis studied, and those that any of its experiments looks at.
-    """
-    one_arm = plan[: len(plan) // plan.twins]
-    used = {joint for entry in one_arm for joint in entry.joints}
-    used |= set(STUDIED_JOINTS) if plan.spec.channels == "all" else set()
-    return tuple(joint for joint in JOINTS if joint in used)
-
-
 @lru_cache(maxsize=16)
 def arm_truth(arm: Arm, pose: str, amplitudes: tuple[float, ...] = ()) -> Truth:
     """Linearise an arm at a pose; arms that follow each other in a plan are linearised once."""
@@ -80,7 +67,7 @@ def arm_truth(arm: Arm, pose: str, amplitudes: tuple[float, ...] = ()) -> Truth:
 
 
 def model_sha256(arm: Arm) -> str:
-    """Hash of the compiled model, as MuJoCo's own binary format (mj_saveModel) has it.
+    """Hash the compiled model, as MuJoCo's own binary format (mj_saveModel) has it.
 
     The bytes follow from version of MuJoCo, machine type and model alone: names, masses, inertias, drives and options.
     """
@@ -89,17 +76,29 @@ def model_sha256(arm: Arm) -> str:
     return sha256(content.tobytes()).hexdigest()
 
 
+def arm_files(plan: DataSetPlan, entry: PlannedExperiment) -> Mapping[str, Contents]:
+    """Return the file of the truth about the arm of an experiment, by path in the folder."""
+    return {entry.arm_truth: arm_contents(plan.spec, entry, arm_joints(plan))}
+
+
+def arm_joints(plan: DataSetPlan) -> tuple[str, ...]:
+    """Return the joints described one by one: those of any record, and where files have all channels, the studied."""
+    used = {joint for entry in plan[: len(plan) // plan.twins] for joint in entry.joints}
+    used |= set(STUDIED_JOINTS) if plan.spec.channels == "all" else set()
+    return tuple(joint for joint in JOINTS if joint in used)
+
+
 def arm_contents(spec: DataSetSpec, entry: PlannedExperiment, joints: Sequence[str]) -> Contents:
-    """What is true of the arm of an experiment: matrices, noise, poles, zeros, gains, bandwidths and delays.
+    """Compute the truth of the arm of an experiment: matrices, noise, poles, zeros, gains, bandwidths and delays.
 
     Args:
         spec: The data set.
         entry: An experiment on it, the first by convention: the hash is of the model that this one is run on.
-        joints: Joints to tell of one by one; see `arm_joints`.
+        joints: Joints that are described one by one; see `arm_joints`.
 
     Returns:
-        Content of the file. Where the arm cannot be linearised at its pose, because a joint would stand at a stop or a
-        drive is too weak, it says why and holds no matrices; where it is unstable, it holds no single joints.
+        Contents of the file. Where the arm cannot be linearised at its pose, because a joint would stand at a stop or a
+        drive is too weak, they hold the reason and no matrices; where it is unstable, no single joints.
     """
     arm, pose = experiment_arm(entry.experiment), entry.experiment.pose
     attributes: dict[str, Attribute] = {
@@ -120,102 +119,86 @@ def arm_contents(spec: DataSetSpec, entry: PlannedExperiment, joints: Sequence[s
         truth = arm_truth(arm, pose, spec.truth.amplitudes)
     except TwinError as error:
         return Contents({}, {**attributes, "stable": 0, "reason": str(error)})
-    told = {f"provenance_{key}": value for key, value in truth.provenance.items()}
     stable = truth.spectral_radius < 1.0
-    why = "" if stable else f"unstable: spectral radius {truth.spectral_radius:.9g}"
-    attributes |= {"stable": int(stable), "reason": why, "joints": " ".join(joints) if stable else "", **told}
-    variables = _whole(truth, arm.rest(truth.angles).qpos[: len(JOINTS)])
+    attributes |= {
+        "stable": int(stable),
+        "reason": "" if stable else f"unstable: spectral radius {truth.spectral_radius:.9g}",
+        "joints": " ".join(joints) if stable else "",
+        **{f"provenance_{key}": value for key, value in truth.provenance.items()},
+    }
+    variables = _arm_variables(truth, arm.rest(truth.angles).qpos[: len(JOINTS)])
     for joint in joints if stable else ():
-        variables |= _single(truth.joint(joint))
+        variables |= _joint_variables(truth.joint(joint))
     return Contents(variables, attributes)
 
 
-def _whole(truth: Truth, rest: np.ndarray) -> dict[str, Variable]:
-    angle = {"units": "rad", "role": "truth"}
-    names = {
-        dim: Variable((dim,), np.array(texts), {"role": "truth", "long_name": meaning})
-        for dim, texts, meaning in (
-            ("input", JOINTS, "joints that are commanded"),
-            ("output", JOINTS, "joints that are measured"),
-            ("other_output", JOINTS, "joints that are measured"),
-            ("part", ("real", "imaginary"), "parts of a complex number"),
-        )
-    }
-    disturbances = truth.disturbances
+def truth_variable(dims: Iterable[str], values: object, meaning: str, units: str = "") -> Variable:
+    """Return a variable of a file of truth.
+
+    Args:
+        dims: Its dimensions.
+        values: Its values.
+        meaning: What they are.
+        units: Their unit, as UDUNITS reads it; empty for none.
+    """
+    attributes = {**({"units": units} if units else {}), "role": "truth", "long_name": meaning}
+    return Variable(tuple(dims), np.asarray(values), attributes)
+
+
+def _arm_variables(truth: Truth, rest: np.ndarray) -> dict[str, Variable]:
+    names = (
+        ("input", JOINTS, "joints that are commanded"),
+        ("output", JOINTS, "joints that are measured"),
+        ("other_output", JOINTS, "joints that are measured"),
+        ("part", ("real", "imaginary"), "parts of a complex number"),
+    )
+    drives, resolvers = truth.disturbances.drives, truth.disturbances.resolvers
     variables = {
-        **names,
-        **_model(truth.model, ""),
-        "drive_noise": Variable(
-            ("next_state", "input"),
-            disturbances.drives,
-            {"role": "truth", "long_name": "what one standard deviation of each drive's noise adds to the state"},
+        **{dim: truth_variable((dim,), texts, meaning) for dim, texts, meaning in names},
+        **_model_variables(truth.model, ""),
+        "drive_noise": truth_variable(
+            ("next_state", "input"), drives, "what one standard deviation of each drive's noise adds to the state"
         ),
-        "resolver_covariance": Variable(
-            ("output", "other_output"),
-            disturbances.resolvers,
-            {"units": "rad2", "role": "truth", "long_name": "covariance of resolver noise and rounding"},
+        "resolver_covariance": truth_variable(
+            ("output", "other_output"), resolvers, "covariance of resolver noise and rounding", "rad2"
         ),
-        "operating_angles": Variable(("input",), truth.angles, {**angle, "long_name": "commanded operating point"}),
-        "rest_angles": Variable(("output",), rest, {**angle, "long_name": "where the commanded arm rests"}),
+        "operating_angles": truth_variable(("input",), truth.angles, "commanded operating point", "rad"),
+        "rest_angles": truth_variable(("output",), rest, "where the commanded arm rests", "rad"),
     }
     if truth.small_signal_error:
-        amplitudes, errors = (np.array(list(part)) for part in zip(*truth.small_signal_error.items(), strict=True))
-        relative = {"units": "1", "role": "truth", "long_name": "relative error of the linear model"}
-        tried = {**angle, "long_name": "amplitude at which the linear model was tried against simulation"}
-        variables["trial_amplitude"] = Variable(("trial_amplitude",), amplitudes, tried)
-        variables["small_signal_error"] = Variable(("trial_amplitude",), errors, relative)
+        dim, (amplitudes, errors) = "trial_amplitude", zip(*truth.small_signal_error.items(), strict=True)
+        meaning = "amplitude at which the linear model was tried against simulation"
+        variables[dim] = truth_variable((dim,), amplitudes, meaning, "rad")
+        variables["small_signal_error"] = truth_variable((dim,), errors, "relative error of the linear model", "1")
     return variables
 
 
-def _single(joint: JointTruth) -> dict[str, Variable]:
-    """The truth about a joint; names of variables and dimensions begin with that of the joint."""
+def _joint_variables(joint: JointTruth) -> dict[str, Variable]:
+    """The truth about a joint; names of its variables and dimensions begin with that of the joint."""
+    pole, zero = f"{joint.name}_pole", f"{joint.name}_zero"
     facts = {
-        "bandwidth": (joint.bandwidth_hz, "Hz", "half-power bandwidth relative to the gain at 0 Hz"),
-        "dc_gain": (joint.dc_gain, "1", "gain at 0 Hz, measured over commanded angle"),
-        "delay": (joint.delay_samples, "1", "samples from a command to the first measurement that shows it"),
+        "bandwidth": ((), joint.bandwidth_hz, "half-power bandwidth relative to the gain at 0 Hz", "Hz"),
+        "dc_gain": ((), joint.dc_gain, "gain at 0 Hz, measured over commanded angle", "1"),
+        "delay": ((), joint.delay_samples, "samples from a command to the first measurement that shows it", "1"),
+        "poles": ((pole, "part"), _pairs(joint.poles), "poles in z", "1"),
+        "pole_shares": ((pole,), joint.shares, "part of the gain at 0 Hz that each pole carries", "1"),
+        "zeros": ((zero, "part"), _pairs(joint.zeros), "zeros in z", "1"),
     }
-    scalars = {
-        f"{joint.name}_{key}": Variable((), np.array(value), {"units": unit, "role": "truth", "long_name": text})
-        for key, (value, unit, text) in facts.items()
-    }
-    plane = {"units": "1", "role": "truth"}
-    shares = {"units": "1", "role": "truth", "long_name": "part of the gain at 0 Hz that each pole carries"}
     return {
-        **_model(joint.model, f"{joint.name}_"),
-        **scalars,
-        f"{joint.name}_poles": Variable(
-            (f"{joint.name}_pole", "part"), _pairs(joint.poles), {**plane, "long_name": "poles in z"}
-        ),
-        f"{joint.name}_pole_shares": Variable((f"{joint.name}_pole",), joint.shares, shares),
-        f"{joint.name}_zeros": Variable(
-            (f"{joint.name}_zero", "part"), _pairs(joint.zeros), {**plane, "long_name": "zeros in z"}
-        ),
+        **_model_variables(joint.model, f"{joint.name}_"),
+        **{f"{joint.name}_{name}": truth_variable(*fact) for name, fact in facts.items()},
     }
 
 
-def _model(model: StateSpace, mark: str) -> dict[str, Variable]:
-    """Matrices of a model; those of a joint along dimensions of its own."""
-    dims = {**MATRICES, **NOISE}
-    texts = {
-        "A": "A of x(t+1) = A x + B u + K e",
-        "B": "B of x(t+1) = A x + B u + K e",
-        "C": "C of y = C x + D u + e",
-        "D": "D of y = C x + D u + e",
-        "K": "innovation gain; zero where no process noise acts",
-        "innovation_covariance": "covariance of the innovations e",
-    }
-    units = {"innovation_covariance": "rad2"}
+def _model_variables(model: StateSpace, prefix: str) -> dict[str, Variable]:
     return {
-        f"{mark}{name}": Variable(
-            tuple(f"{mark}{dim}" for dim in dims[name]),
-            np.asarray(getattr(model, name)),
-            {
-                "role": "truth",
-                "long_name": texts[name],
-                **({"units": units[name]} if name in units else {}),
-            },
+        f"{prefix}{name}": truth_variable(
+            [f"{prefix}{dim}" for dim in dims],
+            getattr(model, name),
+            meaning,
+            "rad2" if name == "innovation_covariance" else "",
         )
-        for name in dims
+        for name, (dims, meaning) in MATRICES.items()
     }
 
 
@@ -224,45 +207,43 @@ def _pairs(values: np.ndarray) -> np.ndarray:
 
 
 def read_arm(path: Path) -> StoredArm:
-    """Read the truth of an arm back.
+    """Read the truth of an arm back, with equal matrices.
 
     Args:
         path: A file under `truth/arms`.
 
-    Returns:
-        What `arm_contents` was given: equal matrices, `sysid.StateSpace` per arm and joint.
-
     Raises:
-        ScenarioError: No such file, or none of an arm; or the arm has no linear truth, with the reason.
+        ScenarioError: No such file, or not one of an arm; or the arm has no linear truth, with the reason.
     """
     contents = read_netcdf(path)
-    told, v = contents.attributes, contents.variables
-    if told.get("format") != FORMAT:
+    attributes, v = contents.attributes, {name: variable.values for name, variable in contents.variables.items()}
+    if attributes.get("format") != FORMAT:
         raise ScenarioError(f"{path} is not the truth of an arm: expected the format {FORMAT!r}")
     if "A" not in v:
-        raise ScenarioError(f"{path}: the arm has no linear truth: {told['reason']}")
+        raise ScenarioError(f"{path}: the arm has no linear truth: {attributes['reason']}")
     try:
-        amplitudes = v["trial_amplitude"].values if "trial_amplitude" in v else np.empty(0)
-        errors = v["small_signal_error"].values if "trial_amplitude" in v else np.empty(0)
+        trials = (
+            zip(v["trial_amplitude"].tolist(), v["small_signal_error"].tolist(), strict=True)
+            if ("trial_amplitude" in v)
+            else ()
+        )
+        texts = {key: str(attributes[key]) for key in ("variant", "payload", "pose")}
         truth = Truth(
-            model=_stored(contents, "", JOINTS),
-            disturbances=Disturbances(v["drive_noise"].values, v["resolver_covariance"].values),
-            variant=str(told["variant"]),
-            payload=str(told["payload"]),
-            plant=Plant(**_table(Plant, told["plant"])),
-            specimen=Specimen(**_table(Specimen, told["specimen"])),
-            pose=str(told["pose"]),
-            angles=v["operating_angles"].values,
-            small_signal_error=dict(zip(amplitudes.tolist(), errors.tolist(), strict=True)),
+            model=_stored_model(v, "", JOINTS),
+            disturbances=Disturbances(v["drive_noise"], v["resolver_covariance"]),
+            plant=Plant(**_table(Plant, attributes["plant"])),
+            specimen=Specimen(**_table(Specimen, attributes["specimen"])),
+            angles=v["operating_angles"],
+            small_signal_error=dict(trials),
             provenance={
                 key.removeprefix("provenance_"): str(value)
-                for key, value in told.items()
+                for key, value in attributes.items()
                 if key.startswith("provenance_")
             },
+            **texts,
         )
-        names = str(told["joints"]).split()
-        joints = {name: _stored_joint(contents, name) for name in names}
-        return StoredArm(truth, v["rest_angles"].values, joints, str(told["model_sha256"]), told)
+        joints = {name: _stored_joint(v, name) for name in str(attributes["joints"]).split()}
+        return StoredArm(truth, v["rest_angles"], joints, str(attributes["model_sha256"]), attributes)
     except (KeyError, TypeError, ValueError) as error:
         raise ScenarioError(f"{path}: damaged, or of another version: {error}") from error
 
@@ -275,37 +256,29 @@ def _table(kind: type, text: Attribute) -> dict[str, Any]:
     return table
 
 
-def _stored_joint(contents: Contents, name: str) -> JointTruth:
-    v = contents.variables
+def _stored_joint(v: Mapping[str, np.ndarray], name: str) -> JointTruth:
     return JointTruth(
         name=name,
-        model=_stored(contents, f"{name}_", (name,)),
-        bandwidth_hz=float(v[f"{name}_bandwidth"].values),
-        dc_gain=float(v[f"{name}_dc_gain"].values),
-        poles=_complex(v[f"{name}_poles"].values),
-        shares=v[f"{name}_pole_shares"].values,
-        zeros=_complex(v[f"{name}_zeros"].values),
-        delay_samples=int(v[f"{name}_delay"].values),
+        model=_stored_model(v, f"{name}_", (name,)),
+        bandwidth_hz=float(v[f"{name}_bandwidth"]),
+        dc_gain=float(v[f"{name}_dc_gain"]),
+        poles=_complex(v[f"{name}_poles"]),
+        shares=v[f"{name}_pole_shares"],
+        zeros=_complex(v[f"{name}_zeros"]),
+        delay_samples=int(v[f"{name}_delay"]),
     )
 
 
 def _complex(pairs: np.ndarray) -> np.ndarray:
-    values = pairs[:, 0] + 1j * pairs[:, 1]
-    return values if np.iscomplexobj(values) and values.imag.any() else values.real
+    return pairs[:, 0] + 1j * pairs[:, 1] if pairs[:, 1].any() else pairs[:, 0]
 
 
-def _stored(contents: Contents, mark: str, names: Sequence[str]) -> StateSpace:
-    matrices = {name: contents.variables[f"{mark}{name}"].values for name in (*MATRICES, *NOISE)}
+def _stored_model(v: Mapping[str, np.ndarray], prefix: str, joints: Sequence[str]) -> StateSpace:
     return StateSpace(
-        **matrices,
+        **{name: v[f"{prefix}{name}"] for name in MATRICES},
         dt=1.0 / SAMPLE_RATE,
-        input_names=tuple(f"{name} commanded" for name in names),
-        output_names=tuple(f"{name} measured" for name in names),
-        input_units=("rad",) * len(names),
-        output_units=("rad",) * len(names),
+        input_names=tuple(f"{name} commanded" for name in joints),
+        output_names=tuple(f"{name} measured" for name in joints),
+        input_units=("rad",) * len(joints),
+        output_units=("rad",) * len(joints),
     )
-
-
-def arm_files(plan: DataSetPlan, entry: PlannedExperiment) -> Mapping[str, Contents]:
-    """The file of the truth about the arm of an experiment, by place in the folder."""
-    return {entry.arm_truth: arm_contents(plan.spec, entry, arm_joints(plan))}

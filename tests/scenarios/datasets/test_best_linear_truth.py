@@ -14,9 +14,8 @@ from scenarios.datasets.best_linear_truth import (
     BestLinearStage,
     best_linear_contents,
     excitation_class,
-    matched,
-    own_realisations,
-    read_best_linear,
+    matching_multisines,
+    recorded_realisations,
 )
 from scenarios.datasets.build import build
 from scenarios.datasets.data_set import open_data_set
@@ -86,28 +85,24 @@ def test_the_file_is_the_approximation_and_lies_about_the_truth(tmp_path: Path) 
     contents = best_linear_contents(SPEC, entry, threads=1)
     path = tmp_path / "best.nc"
     path.write_bytes(contents.to_bytes())
-    read = read_best_linear(path)
-    found = best_linear(*matched(SPEC, entry), measured=entry.joints, threads=2)
-    np.testing.assert_array_equal(read.response, found.servo.response.response)
-    np.testing.assert_array_equal(read.covariance, found.servo.response.covariance)
-    assert read.degrees_of_freedom == found.servo.response.degrees_of_freedom
-    assert read.output_names == ("elbow_pitch",)
-    assert contents.variables["distortion"].values == found.distortion_percent
+    stored = {name: variable.values for name, variable in read_netcdf(path).variables.items()}
+    response = stored["response"][..., 0] + 1j * stored["response"][..., 1]
+    best = best_linear(*matching_multisines(SPEC, entry), measured=entry.joints, threads=2)
+    np.testing.assert_array_equal(response, best.servo.response.response)
+    np.testing.assert_array_equal(stored["covariance"], best.servo.response.covariance)
+    assert contents.attributes["degrees_of_freedom"] == best.servo.response.degrees_of_freedom
+    assert stored["output"].tolist() == ["elbow_pitch"] and stored["distortion"] == best.distortion_percent
     # Without friction it is the small-signal truth but for chance.
     truth = arm_truth(experiment_arm(entry.experiment), entry.experiment.pose)
-    expected = truth.channel("elbow_pitch", "elbow_pitch").frequency_response(read.frequencies)
-    np.testing.assert_allclose(np.abs(read.response / expected), 1.0, atol=0.02)
-    low, high = contents.variables["bandwidth_ci95"].values[:, 0, 0]
-    assert low < contents.variables["bandwidth"].values[0, 0] < high
-    assert high - low < 0.1
-    with pytest.raises(ScenarioError, match="no best linear approximation: expected the format"):
-        path.write_bytes(replace(contents, attributes={}).to_bytes())
-        read_best_linear(path)
+    expected = truth.channel("elbow_pitch", "elbow_pitch").frequency_response(stored["frequency"])
+    np.testing.assert_allclose(np.abs(response / expected), 1.0, atol=0.02)
+    low, high = stored["bandwidth_ci95"][:, 0, 0]
+    assert low < stored["bandwidth"][0, 0] < high < low + 0.1
 
 
 def test_a_binary_sequence_is_matched_in_strength_and_band() -> None:
     entry = next(entry for entry in DataSetPlan(SPEC) if entry.name == "prbs-elbow_pitch-r1")
-    setting, multisines = matched(SPEC, entry)
+    setting, multisines = matching_multisines(SPEC, entry)
     assert setting.axes == ("elbow_pitch",)
     assert multisines.realisations == 8
     arm, experiment = experiment_arm(entry.experiment), entry.experiment
@@ -187,31 +182,32 @@ multisines = { f_min = 0.4, f_max = 4.0, period = 2.56, realisations = 2, period
 
 
 @pytest.mark.filterwarnings("ignore:.* is not periodic")
-def test_own_realisations_of_a_class_are_the_measurement(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_recorded_realisations_of_a_class_are_the_measurement(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Records of one class count whatever their part, others do not; only what is missing is simulated."""
     folder = build(OWN, tmp_path, workers=1).path
     plan = DataSetPlan(OWN)
     entry = next(entry for entry in plan if entry.name == "new-01")
-    own = own_realisations(plan, folder, entry)
+    own = recorded_realisations(plan, folder, entry)
     assert [one.name for one, _ in own] == ["known-01", "known-02", "new-01", "new-02"]
     records = [
         record.iodata() for block in ("known", "new") for record in open_data_set(folder).select(block=block).records()
     ]
     expected = bla([replace(record, window=128) for record in records], 128, lines=entry.experiment.multisines.lines)
-    path = folder / entry.best_linear
-    np.testing.assert_array_equal(read_best_linear(path).response, expected.response.response)
-    assert read_netcdf(path).attributes["realisations"] == 4
+    stored = read_netcdf(folder / entry.best_linear)
+    response = stored.variables["response"].values
+    np.testing.assert_array_equal(response[..., 0] + 1j * response[..., 1], expected.response.response)
+    assert stored.attributes["realisations"] == 4
     with monkeypatch.context() as patched:
         patched.setattr(best_linear_truth, "simulate", None)
-        best_linear_contents(OWN, entry, own=own)
+        best_linear_contents(OWN, entry, recorded=own)
         with pytest.raises(TypeError):
-            best_linear_contents(OWN, entry, own=own[:3])
+            best_linear_contents(OWN, entry, recorded=own[:3])
     # Two at least are simulated: a measurement of one realisation is none.
-    more = best_linear_contents(OWN, entry, own=own[:3], threads=1)
+    more = best_linear_contents(OWN, entry, recorded=own[:3], threads=1)
     assert more.attributes["realisations"] == 5
     assert more.attributes["provenance_realisations simulated"] == "2"
     (folder / plan[0].data).unlink()
-    assert [one.name for one, _ in own_realisations(plan, folder, entry)] == ["known-02", "new-01", "new-02"]
+    assert [one.name for one, _ in recorded_realisations(plan, folder, entry)] == ["known-02", "new-01", "new-02"]
 
 
 def test_silent_lines_and_other_excitations_keep_records_apart(tmp_path: Path) -> None:
@@ -222,5 +218,5 @@ def test_silent_lines_and_other_excitations_keep_records_apart(tmp_path: Path) -
         (tmp_path / entry.data).parent.mkdir(parents=True, exist_ok=True)
         (tmp_path / entry.data).touch()
     with pytest.raises(ScenarioError, match="new-01"):
-        own_realisations(plan, tmp_path, next(entry for entry in plan if entry.name == "new-01"))
-    assert own_realisations(DataSetPlan(SPEC), tmp_path, DataSetPlan(SPEC)[-1]) == ()
+        recorded_realisations(plan, tmp_path, next(entry for entry in plan if entry.name == "new-01"))
+    assert recorded_realisations(DataSetPlan(SPEC), tmp_path, DataSetPlan(SPEC)[-1]) == ()
