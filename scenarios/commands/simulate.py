@@ -1,6 +1,5 @@
-"""`hmtb simulate`: one experiment or several, to files."""
+"""`hmtb simulate`: experiments on the twin, and the files of their logs."""
 
-from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -9,7 +8,10 @@ import tyro
 from scenarios.commands.output import output_folder, print_json, print_table, progress, say
 
 if TYPE_CHECKING:
+    from collections.abc import Mapping, Sequence
+
     from hmtb_twin import JointLog
+    from scenarios.experiments.run_review import RunReview
 
 
 def simulate(
@@ -46,16 +48,18 @@ def simulate(
     """
     from dataclasses import replace
 
+    import hmtb_twin
     from scenarios.experiments.registry import selected
+    from scenarios.experiments.run_review import review
     from scenarios.files.data_file import write_log
     from scenarios.files.errors import ScenarioError, unknown
     from scenarios.files.record_file import ENDINGS
 
     formats = tuple(dict.fromkeys(entry.strip() for entry in format.split(",")))
-    wrong = [entry for entry in formats if entry not in ENDINGS]
-    if wrong:
+    if wrong := [entry for entry in formats if entry not in ENDINGS]:
         raise ScenarioError(unknown("format", wrong[0], ENDINGS))
-    for name, rate in (("dropped", dropped), ("invalid", invalid), ("silent", silent)):
+    faults = {"dropped": dropped, "invalid": invalid, "silent": silent}
+    for name, rate in faults.items():
         if not 0.0 <= rate <= 1.0:
             raise ScenarioError(f"{name} is a probability, 0 to 1, given {rate}")
         if rate and "1553" not in formats:
@@ -63,7 +67,7 @@ def simulate(
     if "1553" in formats:
         from hmtb_twin.bus.chapter10 import pychapter10
 
-        pychapter10()  # before the work, not after
+        pychapter10()  # refuses before the work, not after
     if threads is not None and threads < 1:
         raise ScenarioError(f"threads must be 1 or more, given {threads}")
     chosen = selected(names)
@@ -74,105 +78,73 @@ def simulate(
         chosen = [replace(entry, duration=duration) for entry in chosen]
     if seed is not None:
         chosen = [entry.reseeded(seed) for entry in chosen]
+    scenarios = {entry.name: entry for entry in chosen}
+    remarks: list[str] = []
+    files: dict[Path, list[JointLog]] = {}
     with output_folder(out) as folder:
-        import hmtb_twin
-
-        with progress("simulating") as report:
-            result = hmtb_twin.simulate(chosen, threads=threads, progress=report)
-        endings = [ENDINGS[entry] for entry in formats if entry != "1553"]
-        paths = [[write_log(log, folder / f"{log.name}{ending}") for ending in endings] for log in result.logs]
-        remarks: list[str] = []
+        with progress("simulating") as bar:
+            result = hmtb_twin.simulate(chosen, threads=threads, progress=bar)
+        for log in result.logs:
+            for ending in (ENDINGS[entry] for entry in formats if entry != "1553"):
+                files[write_log(log, folder / f"{log.name}{ending}")] = [log]
         if "1553" in formats:
-            for entry, made in zip(paths, _record(result.logs, folder, dropped, invalid, silent, remarks), strict=True):
-                entry.append(made)
-
-    from scenarios.experiments.excitation_computer import MISSES_POINTS
-    from scenarios.experiments.joint_inputs import logged_inputs
-    from scenarios.experiments.log_review import clipped_share, shutdown_intervals, velocity_limited_share
-    from scenarios.experiments.preview import deadband_warning
-
-    by_name = {entry.name: entry for entry in chosen}
-    clipped = {log.name: clipped_share(log, by_name[log.name]) for log in result.logs}
-    limited = {log.name: velocity_limited_share(log) for log in result.logs}
-    warnings = [
-        f"{name}: {100 * share:.2g} % of the samples stand at an end of a converter's range, whatever the excitation "
-        "asked for; a smaller amplitude keeps it"
-        for name, share in clipped.items()
-        if share > 0
-    ]
-    inputs = {log.name: found for log in result.logs if (found := logged_inputs(log, by_name[log.name]))}
-    warnings += [f"{name}: {text}" for name, found in inputs.items() if (text := found.warning())]
-    warnings += [
-        f"{entry.name}: {MISSES_POINTS}" for entry in chosen if any(played.misses_points for played in entry.excitation)
-    ]
-    warnings += [
-        f"{log.name}: {text}" for log in result.logs if (text := deadband_warning(by_name[log.name])) is not None
-    ]
-    warnings += remarks
-    from scenarios.experiments.rpcm import task_outcome
-
-    tasks = {log.name: done for log in result.logs if (done := task_outcome(log, by_name[log.name].task))}
-    warnings += [f"{name}: {text}" for name, outcome in tasks.items() if (text := outcome.warning())]
-    off = {log.name: stretches for log in result.logs if (stretches := shutdown_intervals(log))}
-    written = list(dict.fromkeys(path for made in paths for path in made))
+            files |= _record(result.logs, folder, faults, remarks)
+    reviews = {log.name: review(log, scenarios[log.name]) for log in result.logs}
+    warnings = [f"{name}: {text}" for name, entry in reviews.items() for text in entry.warnings] + remarks
     if json:
         print_json(
             {
-                "logs": written,
+                "logs": list(files),
                 "failed": result.failed,
                 "physics_s": result.physics_seconds,
-                "clipped": clipped,
-                "velocity_limited": limited,
-                "inputs": {name: found.summary() for name, found in inputs.items()},
-                "task": {name: outcome.summary() for name, outcome in tasks.items()},
-                "shutdowns": {name: [entry.summary() for entry in stretches] for name, stretches in off.items()},
+                "clipped": {name: entry.clipped for name, entry in reviews.items()},
+                "velocity_limited": {name: entry.velocity_limited for name, entry in reviews.items()},
+                "inputs": {name: entry.inputs.summary() for name, entry in reviews.items() if entry.inputs},
+                "task": {name: entry.task.summary() for name, entry in reviews.items() if entry.task},
+                "shutdowns": {
+                    name: [interval.summary() for interval in entry.shutdowns]
+                    for name, entry in reviews.items()
+                    if entry.shutdowns
+                },
                 "warnings": warnings,
             }
         )
         return 1 if result.failed else 0
-    shown = {path: [log for log, made in zip(result.logs, paths, strict=True) if path in made] for path in written}
-    rows = [(str(path), *_row(logs, clipped, limited)) for path, logs in shown.items()]
-    rows += [(name, f"failed: {reason}", "", "") for name, reason in result.failed.items()]
-    count = len(shown)
-    print_table(
-        f"{count} file{'s' if count != 1 else ''}", ("log", "length", "converter clips", "at velocity limit"), rows
-    )
-    for name, outcome in tasks.items():
-        say(f"{name}: {outcome}")
-    for name, stretches in off.items():
-        for stretch in stretches:
-            say(f"{name}: {stretch}")
+    rows = [(str(path), *_row(logs, [reviews[log.name] for log in logs])) for path, logs in files.items()]
+    rows += [(name, f"failed: {why}", "", "") for name, why in result.failed.items()]
+    columns = ("log", "length", "converter clips", "at velocity limit")
+    print_table(f"{len(files)} file{'s' if len(files) != 1 else ''}", columns, rows)
+    for name, entry in reviews.items():
+        for outcome in ((entry.task,) if entry.task else ()) + entry.shutdowns:
+            say(f"{name}: {outcome}")
     for text in warnings:
         say(f"warning: {text}")
     return 1 if result.failed else 0
 
 
-def _row(logs: "Sequence[JointLog]", clipped: dict[str, float], limited: dict[str, float]) -> tuple[str, str, str]:
+def _row(logs: "Sequence[JointLog]", reviews: "Sequence[RunReview]") -> tuple[str, str, str]:
     """Length and shares of a file that holds these logs; shares are the largest of them."""
-    length = sum(len(log) * log.dt for log in logs)
-    of = f" ({len(logs)} tests)" if len(logs) > 1 else ""
-    return (
-        f"{length:g} s{of}",
-        f"{100 * max(clipped[log.name] for log in logs):.3g} %",
-        f"{100 * max(limited[log.name] for log in logs):.3g} %",
-    )
+    length = f"{sum(len(log) * log.dt for log in logs):g} s" + (f" ({len(logs)} tests)" if len(logs) > 1 else "")
+    clipped, limited = (max(getattr(entry, key) for entry in reviews) for key in ("clipped", "velocity_limited"))
+    return length, f"{100 * clipped:.3g} %", f"{100 * limited:.3g} %"
 
 
 def _record(
-    logs: "Sequence[JointLog]", folder: Path, dropped: float, invalid: float, silent: float, remarks: list[str]
-) -> list[Path]:
-    """Record logs on the bus, five to a run; return the file of each, and add to the remarks what did not fit."""
+    logs: "Sequence[JointLog]", folder: Path, faults: "Mapping[str, float]", remarks: list[str]
+) -> "dict[Path, list[JointLog]]":
+    """Record logs on the bus, five to a run; return the logs by file, and add to the remarks what did not fit."""
     from hmtb_twin.bus.messages import BusFaults
     from hmtb_twin.bus.record import BusRecord
     from hmtb_twin.bus.recorder_run import record_run, runs
 
-    shared = runs([BusRecord.of(log) for log in logs])
-    files: list[Path] = []
-    for number, run in enumerate(shared, start=1):
+    files: dict[Path, list[JointLog]] = {}
+    first = 0
+    for number, run in enumerate(runs([BusRecord.of(log) for log in logs]), start=1):
+        recorded = list(logs[first : first + len(run)])
+        first += len(run)
         name = run[0].name if len(logs) == 1 else f"run-{number}"
         # Every run has its own noise: that of its first test's seed.
-        faults = BusFaults(dropped=dropped, invalid=invalid, silent=silent, seed=logs[len(files)].seed)
-        made = record_run(run, folder / f"{name}.ch10", faults=faults)
-        remarks += [made.message] if made.message else []
-        files += [made.path] * len(run)
+        bus = record_run(run, folder / f"{name}.ch10", faults=BusFaults(**faults, seed=recorded[0].seed))
+        remarks += [bus.message] if bus.message else []
+        files[bus.path] = recorded
     return files
