@@ -11,6 +11,7 @@ def run() -> int:
     """Run the command line with the words of the process; see `scenarios.commands.cli.main`."""
     if signal.getsignal(signal.SIGINT) is signal.default_int_handler:  # else the caller ignores interrupts, as nohup
         signal.signal(signal.SIGINT, _interrupt)
+    signal.signal(signal.SIGTERM, _interrupt)  # batch systems send it before they kill
     try:
         from scenarios.commands.cli import main
 

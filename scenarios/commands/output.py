@@ -43,6 +43,12 @@ def say(text: str) -> None:
     sys.stdout.write(text + "\n")
 
 
+def say_beside_bar(line: str) -> None:
+    """Write a line on stderr; a bar of progress stays below it."""
+    sys.stderr.write(f"{line}\n")
+    sys.stderr.flush()
+
+
 def json_text(record: Mapping[str, object]) -> str:
     """One object as JSON."""
     return json.dumps(plain(record), indent=2, allow_nan=False)

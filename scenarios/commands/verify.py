@@ -1,17 +1,12 @@
 """`hmtb verify`: anyone's estimator on the test bench."""
 
-import signal
-import sys
-from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Sequence
 from pathlib import Path
-from threading import current_thread, main_thread
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import tyro
 
-from scenarios.commands.output import output_folder, print_json, print_table, say
-from scenarios.commands.verify_progress import verify_progress
+from scenarios.commands.output import output_folder, print_json, print_table, say, say_beside_bar
 
 if TYPE_CHECKING:
     from scenarios.bench.progress import Cost
@@ -135,12 +130,12 @@ def _executor(workers: int | None, cluster: str | None, patience: float) -> "Exe
     from scenarios.jobs.executor import LocalProcesses
 
     if cluster is None:
-        return LocalProcesses(workers, _said)
+        return LocalProcesses(workers, say_beside_bar)
     if workers is not None:
         raise ScenarioError("--workers and --cluster given; expected one: the cluster has workers of its own")
     from scenarios.jobs.cluster import Cluster
 
-    return Cluster(cluster, patience, _said)
+    return Cluster(cluster, patience, say_beside_bar)
 
 
 def _options(
@@ -155,22 +150,25 @@ def _options(
 
 def _run(plan: "BenchPlan", folder: Path, executor: "Executor[Any]") -> "list[Result]":
     from scenarios.bench.verify import JOURNALS, verify
+    from scenarios.jobs.progress import Progress, show_progress
 
     latest = (0, 0)
 
-    def told(cost: "Cost") -> None:
+    def announce(cost: "Cost") -> None:
         if cost.requests:
-            _said(f"hmtb verify: still to do, of {_requests(plan)}: {cost}")
+            say_beside_bar(f"hmtb verify: still to do, of {_requests(plan)}: {cost}")
 
-    with _ended_as_interrupted(), verify_progress("hmtb verify") as show:
+    with show_progress("hmtb verify") as report:
 
-        def counted(done: int, total: int, left: float | None) -> None:
+        def count(done: int, total: int, left: float | None) -> None:
             nonlocal latest
             latest = (done, total)
-            show(done, total, left)
+            # The first trials start processes: their pace says nothing of the others'.
+            note = "the first of each kind" if left is None and done < total else ""
+            report(Progress("", done, total, items="requests", left=left, note=note))
 
         try:
-            return verify(plan, folder, executor, report=counted, notify=_said, announce=told)
+            return verify(plan, folder, executor, report=count, notify=say_beside_bar, announce=announce)
         except KeyboardInterrupt:
             done, total = latest
             raise KeyboardInterrupt(f"{done} of {total} trials kept in {folder / JOURNALS}") from None
@@ -182,25 +180,6 @@ def _requests(plan: "BenchPlan") -> str:
     own = sum(counts.pop(contestant.name) for contestant in plan.contestants)
     beside = "".join(f" and {count} to {name} for the figure of agreement" for name, count in counts.items())
     return f"{own} requests{beside}"
-
-
-@contextmanager
-def _ended_as_interrupted() -> Iterator[None]:
-    """Let SIGTERM, which batch systems send, be told as Ctrl-C is."""
-    if current_thread() is not main_thread():
-        yield
-        return
-    before = signal.signal(signal.SIGTERM, signal.default_int_handler)
-    try:
-        yield
-    finally:
-        signal.signal(signal.SIGTERM, before)
-
-
-def _said(line: str) -> None:
-    """A line on stderr; a bar that is there stays below it."""
-    sys.stderr.write(f"{line}\n")
-    sys.stderr.flush()
 
 
 def _listed(*, json: bool) -> int:

@@ -9,7 +9,6 @@ import pytest
 from scenarios.bench.metric import Metric, Part
 from scenarios.bench.result import Result
 from scenarios.commands.verify_output import answer, bandwidth_rows, show, show_bandwidths, show_reasons
-from scenarios.commands.verify_progress import verify_progress
 from scenarios.estimators.estimator import Estimator, Limits
 
 NAN = float("nan")
@@ -153,15 +152,3 @@ def test_the_last_line_counts_what_theory_excuses(
     one = Estimator("mine", "a:b", method=method)
     show([Result(one, Limits(), "quick", 0, "", "", {}, "", {"model": 1}, {}, 0.5, figures)], tmp_path)
     assert capsys.readouterr().out.splitlines()[-1] == f"mine: {words}"
-
-
-def test_lines_of_progress_tell_what_is_left_once_that_is_known(capsys: pytest.CaptureFixture[str]) -> None:
-    now = [0.0]
-    with verify_progress("run", clock=lambda: now[0]) as told:
-        for now[0], done, left in ((9.0, 1, None), (11.0, 2, None), (20.0, 3, 60.0), (42.0, 4, 300.0), (80.0, 9, 0.0)):
-            told(done, 9, left)
-    assert capsys.readouterr().err.splitlines() == [
-        "run: 2 of 9 requests, the first of each kind",
-        "run: 4 of 9 requests, about 5 min left",
-        "run: 9 of 9 requests",
-    ]
