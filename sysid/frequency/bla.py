@@ -1,4 +1,4 @@
-"""The best linear approximation from periodic data: response, noise and nonlinear distortion apart."""
+"""Best linear approximation from periodic data: response, noise, nonlinear distortion, and test against a model."""
 
 import warnings
 from collections.abc import Sequence
@@ -16,16 +16,16 @@ from sysid.records.arrays import ComplexArray, FloatArray, Locked
 from sysid.records.data import IOData, as_experiments
 from sysid.records.errors import SysidError, SysidWarning
 
-SAME_PERIODS = 1e-3  # difference of periods, as a part of the standard deviation, that rounding may make
+SAME_PERIODS = 1e-3  # difference of periods, relative to the standard deviation, that counts as rounding
 
 
 @dataclass(frozen=True, eq=False, repr=False)
 class BestLinearApproximation(Locked):
-    """What a system does in the mean over inputs of one spectrum, and how far single inputs are from it.
+    """Mean response of a system over inputs of one spectrum, and the deviations of single realisations from it.
 
     Attributes:
-        response: The mean response; its covariance is that of noise and distortion together where there are several
-            realisations, else that of the noise.
+        response: The mean response; its covariance is that of noise and distortion together with several realisations,
+            else that of the noise.
         noise_variance: Variance of the mean response by noise, from the scatter over periods (nf, ny, nu).
         total_variance: Variance of the mean response by noise and distortion, from the scatter over realisations
             (nf, ny, nu); NaN with a single realisation.
@@ -33,7 +33,7 @@ class BestLinearApproximation(Locked):
             total less noise, not below zero; NaN with a single realisation.
         distortion_p: p-value per line of "no distortion", an F test of total against noise variance (nf, ny, nu);
             uniform for a linear system; NaN with a single realisation.
-        lines: Multiples of 1 / (period dt) that the response is given at (nf,).
+        lines: Frequencies of the response in multiples of 1 / (period dt) (nf,).
         realisations: R.
         periods: P, per record.
     """
@@ -57,14 +57,14 @@ def bla(
     realisation: G_r = Y_r / U_r from means over its periods; the scatter of Y_p - G_r U_p over periods is noise, that
     of G_r over realisations is noise and nonlinear distortion. With nu inputs every nu consecutive records
     make one realisation, and their input spectra must be linearly independent (orthogonal phases are best):
-    G_r = Y_r U_r^-1. Transients belong into the initialisation window; of what follows the last whole periods are used.
+    G_r = Y_r U_r^-1. Put the transient into the initialisation window; the last whole periods after it are used.
 
     Args:
         data: The records, nu for each realisation.
         period: Length of a period in samples.
         lines: Multiples of 1 / (period dt) to estimate at (nf,); by default those the input excites, without 0 and
             the Nyquist frequency.
-        audible: Part of the strongest line's power that counts as excited.
+        audible: Least power of an excited line, relative to the strongest one.
 
     Returns:
         The mean response with the variances of noise and distortion.
@@ -74,7 +74,7 @@ def bla(
             without power, inputs that are not independent.
 
     Warns:
-        SysidWarning: Periods of an input that are not alike.
+        SysidWarning: Periods of an input that differ.
     """
     experiments = tuple(e.scored for e in as_experiments(data))
     first = experiments[0]
@@ -93,23 +93,23 @@ def bla(
     spectra = [_spectra(e, int(period), count) for e, count in zip(experiments, counts, strict=True)]
     _check_period(experiments, period, counts)
     power = np.sum([np.abs(u.mean(axis=0)) ** 2 for u, _ in spectra], axis=(0, 2))
-    chosen = _lines(lines, power, int(period), audible)
+    used = _lines(lines, power, int(period), audible)
 
     responses, by_noise, freedom = [], [], 0
     for r in range(0, len(experiments), nu):
-        group = [(u[:, chosen], y[:, chosen]) for u, y in spectra[r : r + nu]]
+        group = [(u[:, used], y[:, used]) for u, y in spectra[r : r + nu]]
         inputs = np.stack([u.mean(axis=0) for u, _ in group], axis=2)
         outputs = np.stack([y.mean(axis=0) for _, y in group], axis=2)
         values = np.linalg.svd(inputs, compute_uv=False)
         if (values[:, -1] <= 1e-6 * values[:, 0]).any():
-            worst = int(chosen[np.argmin(values[:, -1] / np.maximum(values[:, 0], np.finfo(float).tiny))])
+            worst = int(used[np.argmin(values[:, -1] / np.maximum(values[:, 0], np.finfo(float).tiny))])
             raise SysidError(
                 f"realisation {r // nu}: the {nu} inputs are linearly dependent over its records at line {worst}; "
                 "expected independent ones, e.g. with orthogonal phases"
             )
         inverse = np.linalg.inv(inputs)
         g = outputs @ inverse
-        variance = np.zeros((len(chosen), ny, nu))
+        variance = np.zeros((len(used), ny, nu))
         for k, (u, y) in enumerate(group):
             errors = y - np.einsum("fij,pfj->pfi", g, u)
             errors = errors - errors.mean(axis=0)
@@ -119,7 +119,7 @@ def bla(
             freedom += 2 * (p - 1)
         responses.append(g)
         by_noise.append(variance)
-    return _combined(experiments, np.array(responses), np.array(by_noise), chosen, int(period), counts, freedom)
+    return _combined(experiments, np.array(responses), np.array(by_noise), used, int(period), counts, freedom)
 
 
 def _combined(
@@ -165,7 +165,7 @@ def _combined(
 
 
 def _check_period(experiments: Sequence[IOData], period: int, counts: Sequence[int]) -> None:
-    """Warn where the periods of an input are not alike."""
+    """Warn if the periods of an input differ."""
     worst, where = 0.0, ""
     for k, (e, count) in enumerate(zip(experiments, counts, strict=True)):
         periods = e.u[len(e) - count * period :].reshape(count, period, -1)
@@ -189,16 +189,16 @@ def _spectra(e: IOData, period: int, count: int) -> tuple[ComplexArray, ComplexA
     return rfft(u, axis=1), rfft(y, axis=1)
 
 
-def _lines(given: ArrayLike | None, power: FloatArray, period: int, audible: float) -> NDArray[np.int_]:
+def _lines(lines: ArrayLike | None, power: FloatArray, period: int, audible: float) -> NDArray[np.int_]:
     last = (period - 1) // 2
-    if given is None:
+    if lines is None:
         inner = power[1 : last + 1]
         if inner.max(initial=0.0) <= 0.0:
             raise SysidError("the input is constant over a period: nothing is excited")
         return np.asarray(1 + np.flatnonzero(inner > audible * inner.max()))
-    lines = np.atleast_1d(np.asarray(given))
+    lines = np.atleast_1d(np.asarray(lines))
     if lines.dtype.kind not in "iu" or lines.ndim != 1 or lines.size == 0 or lines.min() < 1 or lines.max() > last:
-        raise SysidError(f"lines must be whole numbers from 1 to {last}, got {given!r}")
+        raise SysidError(f"lines must be whole numbers from 1 to {last}, got {lines.tolist()!r}")
     silent = lines[power[lines] <= 1e-20 * power.max()]
     if len(silent):
         raise SysidError(f"the input has no power at the line(s) {', '.join(map(str, silent[:5]))}")
@@ -207,12 +207,12 @@ def _lines(given: ArrayLike | None, power: FloatArray, period: int, audible: flo
 
 @dataclass(frozen=True, eq=False)
 class ResponseAgreement:
-    """A best linear approximation beside the response of a model at the same lines.
+    """Comparison of a best linear approximation with the response of a model at the same lines.
 
     Attributes:
         frequencies: Hz (nf,).
         expected: Response of the model (nf, ny, nu).
-        ratio: The approximation over it (nf, ny, nu).
+        ratio: Approximation divided by expected response (nf, ny, nu).
         p: p-value of each line, uniform where model and approximation agree (nf, ny, nu).
         p_all: p-value over all lines (ny, nu).
     """
@@ -225,17 +225,17 @@ class ResponseAgreement:
 
     @property
     def gain_db(self) -> FloatArray:
-        """Departure of the gain (nf, ny, nu), dB."""
+        """Difference of the gains (nf, ny, nu), dB."""
         return np.asarray(20.0 * np.log10(np.abs(self.ratio)))
 
     @property
     def phase_deg(self) -> FloatArray:
-        """Departure of the phase (nf, ny, nu), degrees."""
+        """Difference of the phases (nf, ny, nu), degrees."""
         return np.degrees(np.angle(self.ratio))
 
 
 def response_agreement(approximation: BestLinearApproximation, expected: ComplexArray) -> ResponseAgreement:
-    """Test a best linear approximation against a response that is known without error.
+    """Test a best linear approximation against an exactly known response.
 
     At a line whose mean response G over R realisations has the estimated variance v, |G - G0|^2 / v has the F
     distribution with 2 and 2 (R - 1) degrees of freedom [Pintelon2012, sec. 4.3]: v is that of noise and distortion
@@ -243,21 +243,21 @@ def response_agreement(approximation: BestLinearApproximation, expected: Complex
     degrees of freedom per line.
 
     Args:
-        approximation: With several realisations.
+        approximation: Approximation from several realisations.
         expected: The response at its lines (nf, ny, nu).
 
     Returns:
-        Departures and p-values.
+        Differences and p-values.
 
     Raises:
         SysidError: Shapes differ, or there is a single realisation.
     """
-    found = approximation.response.response
-    if expected.shape != found.shape:
-        raise SysidError(f"a response of shape {expected.shape} given, expected {found.shape}")
+    response = approximation.response.response
+    if expected.shape != response.shape:
+        raise SysidError(f"expected a response of shape {response.shape}, got {expected.shape}")
     if approximation.realisations < 2:
-        raise SysidError("one realisation given, expected two or more: they tell the variance of the response")
-    statistic = np.abs(found - expected) ** 2 / approximation.total_variance
+        raise SysidError("expected at least two realisations for the variance of the response, got one")
+    statistic = np.abs(response - expected) ** 2 / approximation.total_variance
     p = f_distribution.sf(statistic, 2, 2 * (approximation.realisations - 1))
     over_all = chi2.sf(-2.0 * np.log(np.maximum(p, np.finfo(float).tiny)).sum(axis=0), 2 * len(p))
-    return ResponseAgreement(approximation.response.frequencies, expected, found / expected, p, over_all)
+    return ResponseAgreement(approximation.response.frequencies, expected, response / expected, p, over_all)

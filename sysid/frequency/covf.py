@@ -56,9 +56,9 @@ class CovarianceFunction(Locked):
 def covf(data: IOData | Sequence[IOData], *, lags: int = 25) -> CovarianceFunction:
     """Covariance functions of outputs and inputs [Ljung1999, sec. 6.1].
 
-    Division is by N at every lag, so that the function is positive semidefinite. Means are left as they are: detrend
-    first. Initialisation windows are left out, products never reach over the boundary of an experiment. Where samples
-    are missing the products that are known are averaged, and the function need not be semidefinite.
+    Division is by N at every lag, so that the function is positive semidefinite. Means are not removed: detrend first.
+    Initialisation windows are omitted; products do not cross the boundary of an experiment. With missing samples the
+    known products are averaged, and the function need not be semidefinite.
 
     Args:
         data: One experiment, or several that are averaged.

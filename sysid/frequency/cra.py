@@ -18,18 +18,18 @@ from sysid.records.arrays import FloatArray, Locked
 from sysid.records.data import IOData, as_experiments
 from sysid.records.errors import SysidError, SysidWarning
 
-RESOLVED = 1e-6  # share of the neighbours in a value beyond which it is not determined
-COLOUR = 20  # coefficients of the autoregressive model of what the response does not explain
+RESOLVED = 1e-6  # share of other lags in a value beyond which it is not determined
+COLOUR = 20  # order of the autoregressive model of the residual
 
 
 @dataclass(frozen=True, eq=False, repr=False)
 class ImpulseResponse(Locked):
-    """An impulse response without a model, with what is known of it.
+    """An impulse response without a model, with its standard deviation.
 
     Attributes:
         lags: 0, 1, ..., in samples (lags + 1,).
         response: Response to a unit pulse in each input (lags + 1, ny, nu), output units per input unit.
-        deviation: Standard deviation of it (lags + 1, ny, nu); infinite where the inputs do not determine it.
+        deviation: Standard deviation of the response (lags + 1, ny, nu); infinite where the inputs do not determine it.
         level: Confidence level.
         dt: Sampling interval in s.
         input_names: One name per input.
@@ -56,11 +56,11 @@ class ImpulseResponse(Locked):
 
     @property
     def bound(self) -> FloatArray:
-        """What a response that is zero stays within at the level, lag by lag (lags + 1, ny, nu)."""
+        """Bound at the level on the estimate of a zero response, lag by lag (lags + 1, ny, nu)."""
         return float(norm.ppf(0.5 + 0.5 * self.level)) * self.deviation
 
     def interval(self) -> tuple[FloatArray, FloatArray]:
-        """Interval of the response at the level, lag by lag (lags + 1, ny, nu) each."""
+        """Confidence interval of the response, lag by lag (lags + 1, ny, nu) each."""
         return self.response - self.bound, self.response + self.bound
 
 
@@ -69,11 +69,10 @@ def cra(
 ) -> ImpulseResponse:
     """Impulse response by correlation analysis with a prewhitened input [Ljung1999, sec. 6.1].
 
-    All signals are filtered by the inverse of an autoregressive model of the input; then the equations
-    R_yu(tau) = sum_k h(k) R_u(tau - k), tau = 0..lags, are solved with sample correlations. Whitening keeps the part of
-    the response beyond the last lag from leaking into the others. Several inputs are whitened in turn and solved for
-    together, so that they may correlate. The deviations account for the colour of what is left over. Means are removed
-    first.
+    All signals are filtered by the inverse of an autoregressive model of the input; then the equations R_yu(tau) =
+    sum_k h(k) R_u(tau - k), tau = 0..lags, are solved with sample correlations. Whitening keeps the response beyond the
+    last lag from leaking into the others. Several inputs are whitened in turn and solved for together, so that they may
+    correlate. The deviations account for the colour of the residual. Means are removed first.
 
     Args:
         data: One experiment, or several that share the response.
@@ -94,7 +93,7 @@ def cra(
     first = experiments[0]
     lags, whitening = whole_number("lags", lags, 1), whole_number("whitening", whitening, 0)
     level = confidence_level(level)
-    texts = check_excitation(experiments, [lags + 1] * first.nu)
+    messages = check_excitation(experiments, [lags + 1] * first.nu)
     width = first.nu * (lags + 1)
     rows = sum(max(len(e) - max(whitening + lags, e.window), 0) for e in experiments)
     if rows <= 2 * width or any(len(e) <= max(whitening + lags, e.window) for e in experiments):
@@ -102,34 +101,37 @@ def cra(
             f"too little data: lags = {lags} give {width} unknowns per output, "
             f"{rows} usable samples in {len(experiments)} experiment(s), at least twice as many are needed"
         )
-    for text in texts:
-        warnings.warn(text, SysidWarning, stacklevel=2)
+    for message in messages:
+        warnings.warn(message, SysidWarning, stacklevel=2)
     response, deviation = np.empty((2, lags + 1, first.ny, first.nu))
-    lost = 0
+    deficiency = 0
     for j in range(first.nu):
         parts = prewhitened(experiments, j, int(whitening))
         starts = [max(whitening + lags, e.window) for e in experiments]
-        # a level per experiment: the means of the record are not those behind its first lags
-        levels = np.eye(len(parts))
-        phi = [_lags(u, lags, start, level_of) for (u, _), start, level_of in zip(parts, starts, levels, strict=True)]
+        # a constant per experiment: the mean of the rows is not that of the record
+        constants = np.eye(len(parts))
+        phi = [
+            _lags(u, lags, start, constant) for (u, _), start, constant in zip(parts, starts, constants, strict=True)
+        ]
         y = np.vstack([y[start:] for (_, y), start in zip(parts, starts, strict=True)])
         stacked = np.vstack(phi)
         fit = solve(stacked, y)
         own = slice(j * (lags + 1), (j + 1) * (lags + 1))
         response[:, :, j] = fit.solution[own]
-        left_over = y - stacked @ fit.solution
-        # the solution of least norm is one of many: what it takes a lag to be is no knowledge of it
+        errors = y - stacked @ fit.solution
+        # the least-norm solution is one of many: only lags without a share of others are determined
         determined = np.ones(stacked.shape[1], dtype=bool)
         if fit.rank < stacked.shape[1]:
             determined = np.abs(np.einsum("ij,ij->i", fit.inverse_gram, stacked.T @ stacked) - 1.0) < RESOLVED
-            lost = max(lost, stacked.shape[1] - fit.rank)
+            deficiency = max(deficiency, stacked.shape[1] - fit.rank)
         for i in range(first.ny):
-            deviation[:, i, j] = np.where(
-                determined[own], _deviation(phi, fit.inverse_gram, left_over[:, i])[own], np.inf
-            )
-    if lost and not texts:
-        text = f"the lagged inputs have rank {width - lost} for {width} values of the response: some are not determined"
-        warnings.warn(text, SysidWarning, stacklevel=2)
+            deviation[:, i, j] = np.where(determined[own], _deviation(phi, fit.inverse_gram, errors[:, i])[own], np.inf)
+    if deficiency and not messages:
+        message = (
+            f"the lagged inputs have rank {width - deficiency} for {width} values of the response: "
+            "some are not determined"
+        )
+        warnings.warn(message, SysidWarning, stacklevel=2)
     return ImpulseResponse(
         lags=np.arange(lags + 1),
         response=response,
@@ -141,9 +143,9 @@ def cra(
     )
 
 
-def _lags(u: FloatArray, lags: int, start: int, level_of: FloatArray) -> FloatArray:
+def _lags(u: FloatArray, lags: int, start: int, constant: FloatArray) -> FloatArray:
     columns = [lagged(u[:, j], range(lags + 1), start) for j in range(u.shape[1])]
-    return np.hstack([*columns, np.broadcast_to(level_of, (len(u) - start, len(level_of)))])
+    return np.hstack([*columns, np.broadcast_to(constant, (len(u) - start, len(constant)))])
 
 
 def _deviation(phi: Sequence[FloatArray], inverse_gram: FloatArray, errors: FloatArray) -> FloatArray:

@@ -1,4 +1,4 @@
-"""The delay of every input-output pair, by two ways that fail differently."""
+"""The delay of every input-output pair, by two methods with different weaknesses."""
 
 import warnings
 from collections.abc import Sequence
@@ -22,16 +22,15 @@ IntArray = NDArray[np.int_]
 
 @dataclass(frozen=True, eq=False, repr=False)
 class DelayEstimate(Locked):
-    """Delays in samples as the models take them: nk is the first lag of u that y depends on.
+    """Delays nk in samples: the first lag of u that y depends on.
 
     Attributes:
-        arx: By a scan of high-order ARX models (ny, nu); -1 where no lag up to the largest one matters.
-        correlation: First significant lag of the correlation with the prewhitened input (ny, nu); -1 where there is
-            none.
-        p_values: Of the hypothesis that lags 0..k-1 do not matter in the ARX model, k = 1..largest + 1
+        arx: By a scan of high-order ARX models (ny, nu); -1 if no lag up to the largest is significant.
+        correlation: First significant lag of the correlation with the prewhitened input (ny, nu); -1 if there is none.
+        p_values: Of the hypothesis that the ARX model does not need the lags 0..k-1, k = 1..largest + 1
             (largest + 1, ny, nu).
-        correlations: Normalised, with the prewhitened input, lags 0..largest (largest + 1, ny, nu).
-        bound: What they must exceed (ny, nu); it accounts for the number of lags looked at.
+        correlations: Normalised correlations with the prewhitened input at lags 0..largest (largest + 1, ny, nu).
+        bound: Significance bound on the correlations (ny, nu), corrected for the number of lags.
     """
 
     arx: IntArray
@@ -52,28 +51,28 @@ def delayest(
 ) -> DelayEstimate:
     """Estimate the delay of every pair of input and output [Ljung1999, secs. 16.5 and 6.1].
 
-    The ARX way starts from a model with the lags 0..largest + nb - 1 of every input and drops the leading lags of one
-    of them, one after the other, as long as N log(V/V0) stays below the chi-square quantile; it holds for any input
-    that excites enough. The correlation way whitens each input by an autoregressive model, filters the outputs alike
-    and takes the first lag outside the bound; it needs no model, but inputs that do not correlate with each other.
-    Means are removed first.
+    The ARX method starts from a model with the lags 0..largest + nb - 1 of every input and drops the leading lags of
+    one of them, one after the other, as long as N log(V/V0) stays below the chi-square quantile; it holds for any input
+    of sufficient excitation. The correlation method whitens each input by an autoregressive model, filters the outputs
+    alike and takes the first lag outside the bound; it needs no model, but uncorrelated inputs. Means are removed
+    first.
 
     Args:
         data: One experiment, or several that share the delays.
-        largest: Largest delay looked for.
+        largest: Largest delay tested.
         na: Output lags of the ARX model.
         nb: Input lags beyond the largest delay.
         whitening: Order of the input's autoregressive model.
         level: Confidence level of both tests, between 0 and 1.
 
     Returns:
-        Both estimates, and what they rest on.
+        Both estimates, with p-values and correlations.
 
     Raises:
         SysidError: Constant input, orders or level out of range, too little data.
 
     Warns:
-        SysidWarning: Inputs that depend on each other.
+        SysidWarning: Dependent inputs.
     """
     experiments = tuple(e.detrend() for e in as_experiments(data))
     nu, ny = experiments[0].nu, experiments[0].ny
@@ -100,7 +99,7 @@ def delayest(
         target = np.concatenate([e.y[s:, i] for e, s in zip(experiments, starts, strict=True)])
         columns = np.column_stack((phi, target))
         lengths = np.sqrt(np.mean(columns**2, axis=0))
-        # of about equal length, as the factorisation wants them; the test knows of no scale
+        # columns of about equal length for the factorisation; the test does not depend on the scale
         triangle = triangular_factor(columns / np.where(lengths > 0.0, lengths, 1.0))
         for j in range(nu):
             p_values[:, i, j] = _leading_lags(triangle, na + j * (largest + nb), largest + 1, rows - width)
@@ -132,12 +131,12 @@ def delayest(
 def _leading_lags(triangle: FloatArray, first: int, count: int, freedom: int) -> FloatArray:
     """p-values of dropping 1, 2, ..., `count` columns from `first` on (count,)."""
     others = [k for k in range(triangle.shape[1] - 1) if not first <= k < first + count]
-    # those to be dropped come last, the one dropped first at the very end: every nested fit is a tail of one column
+    # columns in reverse order of removal come last: every nested fit is then a tail of the last column
     sequence = [*others, *range(first + count - 1, first - 1, -1), triangle.shape[1] - 1]
     tail = np.asarray(np.linalg.qr(triangle[:, sequence], mode="r"))[:, -1] ** 2
     full = tail[-1]
     added = np.cumsum(tail[-2 : -2 - count : -1])
-    # log1p keeps small ratios; without noise any lag that matters has an infinite one
+    # log1p keeps small ratios exact; without noise the ratio of any significant lag is infinite
     with np.errstate(divide="ignore"):
         statistic = freedom * np.log1p(added / max(full, 1e-24 * float(np.sum(tail)), np.finfo(float).tiny))
     return np.asarray(chi2.sf(statistic, np.arange(1, count + 1)), dtype=np.float64)

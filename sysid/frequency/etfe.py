@@ -14,17 +14,17 @@ from sysid.records.arrays import ComplexArray, FloatArray
 from sysid.records.data import IOData, as_experiments
 from sysid.records.errors import SysidError
 
-SILENT = 1e-20
+SILENT = 1e-20  # power of a line, relative to the strongest, that is rounding
 
 
 def etfe(data: IOData | Sequence[IOData], *, smoothing: int = 0) -> FrequencyResponse:
     """Ratio of Fourier transforms Y(f) / U(f), smoothed over neighbours on request [Ljung1999, sec. 6.3].
 
-    Without smoothing it is unbiased apart from transients, but its variance does not fall with N: it is for looking,
-    and for periodic inputs, where it is exact in the limit. Several experiments of equal length give
+    Without smoothing it is unbiased apart from transients, but its variance does not decrease with N: use it for a
+    first look, and for periodic inputs, where it is consistent. Several experiments of equal length give
     sum(Y conj U) / sum |U|^2, and from two on a covariance. With smoothing the sums run over 2 smoothing + 1
-    neighbouring frequencies too, with weights that fall off as a Hann window; one experiment then gives a covariance.
-    Detrend first. Initialisation windows are left out.
+    neighbouring frequencies too, weighted by a Hann window; one experiment then gives a covariance.
+    Detrend first. Initialisation windows are omitted.
 
     Args:
         data: One experiment with one input, or several of equal length.
@@ -47,7 +47,7 @@ def etfe(data: IOData | Sequence[IOData], *, smoothing: int = 0) -> FrequencyRes
         raise SysidError(f"too few samples: {n} behind the initialisation window, at least 2 are needed")
     smoothing = whole_number("smoothing", smoothing, 0, n // 2 - 1)
     check_excitation(experiments, [0])
-    # (experiments, N, channels), both signs of the frequency: neighbours of the ends are found across 0 and Nyquist
+    # (experiments, N, channels), both signs of the frequency: smoothing wraps around 0 and Nyquist
     u = np.array([fft(e.u, axis=0) for e in experiments])
     y = np.array([fft(e.y, axis=0) for e in experiments])
     f = rfftfreq(n, first.dt)[1:]
@@ -55,16 +55,16 @@ def etfe(data: IOData | Sequence[IOData], *, smoothing: int = 0) -> FrequencyRes
         return _smoothed(experiments, u, y, f, smoothing)
     u, y = u[:, 1 : len(f) + 1], y[:, 1 : len(f) + 1]
     power = np.sum(np.abs(u) ** 2, axis=0)
-    heard = power[:, 0] > SILENT * power.max()
-    response = np.sum(y * u.conj(), axis=0)[heard] / power[heard]
+    excited = power[:, 0] > SILENT * power.max()
+    response = np.sum(y * u.conj(), axis=0)[excited] / power[excited]
     covariance = None
     r = len(experiments)
     if r > 1:
-        errors = y[:, heard] - response * u[:, heard]
-        variance = np.sum(np.abs(errors) ** 2, axis=0) / (r - 1) / power[heard]
+        errors = y[:, excited] - response * u[:, excited]
+        variance = np.sum(np.abs(errors) ** 2, axis=0) / (r - 1) / power[excited]
         covariance = 0.5 * variance[:, :, None, None, None] * np.eye(2)
     return FrequencyResponse(
-        frequencies=f[heard],
+        frequencies=f[excited],
         response=response[:, :, None],
         dt=first.dt,
         method="etfe",
@@ -93,7 +93,7 @@ def _smoothed(
     phi_y = scale * over_neighbours(y[:, :, :, None] * y[:, :, None, :].conj(), weights)
     phi_yu = scale * over_neighbours(y[:, :, :, None] * u[:, :, None, :].conj(), weights)
     averages = len(experiments) / float(np.sum(weights**2))
-    # where the lines of the input are of unequal strength, fewer of them carry the estimate
+    # with input lines of unequal power, fewer of them determine the estimate
     strength, squares = phi_u[:, 0, 0].real, scale * over_neighbours(uu, weights**2)[:, 0, 0].real
     effective = len(experiments) * strength / np.where(squares > 0.0, squares, 1.0)
     return response_of_spectra(

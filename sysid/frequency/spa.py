@@ -17,8 +17,8 @@ from sysid.records.arrays import ComplexArray, FloatArray, real_array
 from sysid.records.data import IOData, as_experiments
 from sysid.records.errors import SysidError, SysidWarning
 
-GRID = 512
-SIDE_LOBES = 0.01  # of the peak: the highest of the Hamming window are 43 dB below it
+GRID = 512  # default number of frequencies
+SIDE_LOBES = 0.01  # power relative to the peak: above the side lobes of the Hamming window, at -43 dB
 
 
 def spa(
@@ -32,29 +32,29 @@ def spa(
 
     Phi(f) = dt sum_tau w(tau) R(tau) exp(-2 pi i f dt tau) with the lag window w; G = Phi_yu Phi_u^-1;
     disturbance Phi_v = Phi_y - Phi_yu Phi_u^-1 Phi_uy (in SISO Phi_y - |Phi_yu|^2 / Phi_u). Detrend first: a mean
-    leaks into the lowest frequencies. Intervals know of the variance, not of the bias by smoothing over about
-    1 / (lag dt) Hz: near a sharp resonance take a longer lag.
+    leaks into the lowest frequencies. Intervals include the variance, not the bias by smoothing over about
+    1 / (lag dt) Hz: near a sharp resonance use a longer lag.
 
-    Missing outputs enter as zeros and widen the intervals by what they disturb, which with little noise is far more
-    than the samples lost: take `data.complete_parts()` where the parts are long.
+    Missing outputs enter as zeros and widen the intervals as one more disturbance; with little noise this costs far
+    more than the missing samples: use `data.complete_parts()` if the parts are long.
 
     Args:
         data: One experiment, or several whose covariances are averaged; any numbers of inputs and outputs.
         lag: Length of the lag window; by default a tenth of the samples.
         window: Lag window: 2 lag + 1 values, 1 in the middle, e.g. `np.hamming`, `np.bartlett`,
-            `scipy.signal.windows.parzen`. The last two cannot make a spectrum negative; where another one makes the
-            disturbance's negative, its spectrum and the covariance are those of the Parzen window of the same lag.
+            `scipy.signal.windows.parzen`. The last two cannot give a negative spectrum; where another one makes
+            that of the disturbance negative, it and the covariance are those of the Parzen window of the same lag.
         frequencies: Hz (nf,); by default 512 values, evenly spaced up to Nyquist, without 0.
 
     Returns:
         Response with covariance [Ljung1999, sec. 6.4], coherence, and the four spectra (two-sided, unit^2/Hz).
-        Response and covariance are NaN where the input has no power to speak of.
+        Response and covariance are NaN where the input has no significant power.
 
     Warns:
         SysidWarning: Means that dominate, inputs that depend on each other, or no frequency at which they have power.
 
     Raises:
-        SysidError: Constant input, lag not between 1 and N - 1, a window that is none, frequencies beyond Nyquist.
+        SysidError: Constant input, lag not between 1 and N - 1, an invalid window, frequencies beyond Nyquist.
     """
     experiments = tuple(e.scored for e in as_experiments(data, missing=True))
     for text in check_excitation(experiments, [0] * experiments[0].nu) + large_means(experiments):
@@ -83,64 +83,66 @@ def spa(
         _transform(weights, covariance_function(a, b, m), f, dt) for a, b in ((u, u), (y, y), (y, u))
     )
     averages = samples / float(weights @ weights)
-    found = response_of_spectra("spa", experiments, f, phi_u, phi_y, phi_yu, averages=averages)
-    if complete and _negative(found):
+    response = response_of_spectra("spa", experiments, f, phi_u, phi_y, phi_yu, averages=averages)
+    if complete and _negative(response):
         with warnings.catch_warnings():
-            # said above
+            # reported above
             warnings.simplefilter("ignore", SysidWarning)
             positive = spa(experiments, lag=m, window=parzen, frequencies=f)
-        found = _with_positive_noise(found, positive)
-    return found if complete else _with_gaps(found, experiments, weights)
+        response = _with_positive_noise(response, positive)
+    return response if complete else _with_gaps(response, experiments, weights)
 
 
-def _negative(found: FrequencyResponse) -> bool:
-    """Whether the disturbance has a spectrum below zero somewhere, beyond rounding."""
-    if found.noise_spectrum is None or found.output_spectrum is None:
+def _negative(response: FrequencyResponse) -> bool:
+    """Whether the spectrum of the disturbance is negative anywhere, beyond rounding."""
+    if response.noise_spectrum is None or response.output_spectrum is None:
         return False
-    noise, output = (np.einsum("fii->fi", s).real for s in (found.noise_spectrum, found.output_spectrum))
+    noise, output = (np.einsum("fii->fi", s).real for s in (response.noise_spectrum, response.output_spectrum))
     return bool((noise < -1e-9 * np.abs(output)).any())
 
 
-def _with_positive_noise(found: FrequencyResponse, positive: FrequencyResponse) -> FrequencyResponse:
-    """Disturbance and covariance of a window that cannot make them negative, at the frequencies where this one did."""
-    if found.noise_spectrum is None or positive.noise_spectrum is None:
-        return found
-    if found.covariance is None or positive.covariance is None:
-        return found
-    noise, output = (np.einsum("fii->fi", np.asarray(s)).real for s in (found.noise_spectrum, found.output_spectrum))
-    power = np.linalg.eigvalsh(np.asarray(found.input_spectrum))[:, 0]
-    # Where the input has less than what side lobes carry there from its peak, nothing is known, whatever the window.
+def _with_positive_noise(response: FrequencyResponse, positive: FrequencyResponse) -> FrequencyResponse:
+    """Replace disturbance and covariance by those of a positive window, at the frequencies where they are negative."""
+    if response.noise_spectrum is None or positive.noise_spectrum is None:
+        return response
+    if response.covariance is None or positive.covariance is None:
+        return response
+    noise, output = (
+        np.einsum("fii->fi", np.asarray(s)).real for s in (response.noise_spectrum, response.output_spectrum)
+    )
+    power = np.linalg.eigvalsh(np.asarray(response.input_spectrum))[:, 0]
+    # An input below the side lobes of its peak determines nothing, whatever the window.
     swap = ((noise < -1e-9 * np.abs(output)).any(axis=1) & (power > SIDE_LOBES * power.max()))[:, None, None]
     return replace(
-        found,
-        noise_spectrum=np.where(swap, positive.noise_spectrum, found.noise_spectrum),
-        covariance=np.where(swap[..., None, None], positive.covariance, found.covariance),
+        response,
+        noise_spectrum=np.where(swap, positive.noise_spectrum, response.noise_spectrum),
+        covariance=np.where(swap[..., None, None], positive.covariance, response.covariance),
     )
 
 
 def _filled(experiments: Sequence[IOData]) -> list[FloatArray]:
-    """Outputs with zeros in their gaps, scaled by the part that is known.
+    """Outputs with zeros in their gaps, divided by the share of known samples.
 
-    In the mean over gaps that know nothing of the signal this is the output, and what differs from it is one more
-    disturbance, independent of the input: response and covariance hold as they do without gaps.
+    Its mean over gaps that are independent of the signal is the output; the difference is one more disturbance,
+    independent of the input, so that response and covariance hold as without gaps.
     """
     known = np.concatenate([e.known for e in experiments]).mean(axis=0)
     return [np.nan_to_num(e.y, nan=0.0) / known for e in experiments]
 
 
-def _with_gaps(found: FrequencyResponse, experiments: Sequence[IOData], weights: FloatArray) -> FrequencyResponse:
-    """Output spectrum, disturbance and coherence without what the gaps add to them."""
+def _with_gaps(response: FrequencyResponse, experiments: Sequence[IOData], weights: FloatArray) -> FrequencyResponse:
+    """Remove the contribution of the gaps from output spectrum, disturbance and coherence."""
     y = [e.y for e in experiments]
-    phi_y = _transform(weights, covariance_with_gaps(y, y, len(weights) // 2), found.frequencies, found.dt)
-    if found.input_spectrum is None or found.cross_spectrum is None:
-        return replace(found, output_spectrum=phi_y)
-    g, phi_yu = np.nan_to_num(found.response), found.cross_spectrum
-    powers = [np.maximum(np.einsum("fii->fi", s).real, 0.0) for s in (phi_y, found.input_spectrum)]
+    phi_y = _transform(weights, covariance_with_gaps(y, y, len(weights) // 2), response.frequencies, response.dt)
+    if response.input_spectrum is None or response.cross_spectrum is None:
+        return replace(response, output_spectrum=phi_y)
+    g, phi_yu = np.nan_to_num(response.response), response.cross_spectrum
+    powers = [np.maximum(np.einsum("fii->fi", s).real, 0.0) for s in (phi_y, response.input_spectrum)]
     products = powers[0][:, :, None] * powers[1][:, None, :]
-    audible = products > 1e-24 * products.max()
-    coherence = np.where(audible, np.abs(phi_yu) ** 2 / np.where(audible, products, 1.0), 0.0)
+    significant = products > 1e-24 * products.max()
+    coherence = np.where(significant, np.abs(phi_yu) ** 2 / np.where(significant, products, 1.0), 0.0)
     return replace(
-        found,
+        response,
         output_spectrum=phi_y,
         noise_spectrum=phi_y - g @ phi_yu.conj().transpose(0, 2, 1),
         coherence=np.clip(coherence, 0.0, 1.0),
@@ -152,7 +154,7 @@ def _transform(window: FloatArray, covariances: FloatArray, f: FloatArray, dt: f
     weighted = (window[:, None, None] * covariances).reshape(len(window), -1)
     lags = np.arange(-m, m + 1)
     out = np.empty((len(f), weighted.shape[1]), dtype=complex)
-    # in pieces, so that a long window on a fine grid needs little memory
+    # in blocks: a long window on a fine grid would need much memory
     for part in np.array_split(np.arange(len(f)), max(1, len(f) * len(lags) // 2_000_000 + 1)):
         out[part] = np.exp(-2j * np.pi * dt * np.outer(f[part], lags)) @ weighted
     return np.asarray(dt * out.reshape(len(f), *covariances.shape[1:]), dtype=np.complex128)

@@ -1,4 +1,4 @@
-"""From smoothed spectra to the response, the disturbance and what is known of them."""
+"""Frequency response, disturbance, coherence and covariance from smoothed spectra."""
 
 import warnings
 from collections.abc import Sequence
@@ -25,34 +25,34 @@ def response_of_spectra(
     """G = Phi_yu Phi_u^-1, disturbance Phi_v = Phi_y - Phi_yu Phi_u^-1 Phi_uy, coherence, covariance.
 
     The variance of G is Phi_v / (K Phi_u) with K the number of independent averages that the smoothing amounts to
-    [Ljung1999, sec. 6.4]; Phi_v is short of the nu averages that went into G, which is made up for there.
+    [Ljung1999, sec. 6.4]; the variance corrects Phi_v for the nu averages that the fit of G removes from it.
 
     Args:
         method: Name of the estimator.
-        experiments: Where the spectra come from.
+        experiments: The experiments.
         f: Hz (nf,).
         phi_u: Input spectrum (nf, nu, nu).
         phi_y: Output spectrum (nf, ny, ny).
         phi_yu: Cross spectrum (nf, ny, nu).
         averages: K; intervals use Student's distribution with 2 (K - nu) degrees of freedom.
-        weights: K per frequency (nf,) for the variance, where the input's lines are not equally strong.
+        weights: K per frequency (nf,) for the variance, if the lines of the input differ in power.
 
     Raises:
-        SysidError: Not more averages than inputs: the spectra fit each other whatever the data are.
+        SysidError: Not more averages than inputs: the fit would be exact for any data.
     """
     first = experiments[0]
     nu = phi_u.shape[1]
     if averages <= nu:
         raise SysidError(
             f"the smoothing amounts to {averages:.3g} independent averages, with {nu} input(s) more than {nu} are "
-            "needed: smooth over more, that is a shorter lag window, shorter segments, or more neighbours"
+            "needed: use a shorter lag window, shorter segments, or more neighbours"
         )
     power = np.einsum("fjj->fj", phi_u).real
     silent = np.linalg.eigvalsh(phi_u)[:, 0] <= 1e-12 * power.max()
     if silent.all():
         warnings.warn(
-            f"the inputs have no power to speak of, or depend on each other, at all {len(f)} frequencies: the response "
-            "is NaN; a pulse at the end of a window or a segment is lost",
+            f"the inputs have no significant power, or are dependent, at all {len(f)} frequencies: the response is "
+            "NaN; a pulse at the end of a window or a segment is lost",
             SysidWarning,
             stacklevel=3,
         )
@@ -63,14 +63,14 @@ def response_of_spectra(
     phi_v = phi_y - g @ phi_yu.conj().transpose(0, 2, 1)
     noise = np.einsum("fii->fi", phi_v).real
     output_power = np.maximum(np.einsum("fii->fi", phi_y).real, np.finfo(float).tiny)
-    # the window leaks into nulls of the input; where that explains more than the output has, nothing is known
+    # the window leaks into nulls of the input; a negative noise power there means that nothing is determined
     noise = np.where(noise < -1e-9 * output_power, np.nan, np.maximum(noise, 0.0)) * averages / (averages - nu)
     gain = np.maximum(np.einsum("fjj->fj", inverse).real, 0.0)
     effective = np.full(len(f), averages) if weights is None else weights
     variance = noise[:, :, None] * gain[:, None, :] / effective[:, None, None]
     products = output_power[:, :, None] * np.maximum(power, 0.0)[:, None, :]
-    audible = products > 1e-24 * products.max()
-    coherence = np.where(audible, np.abs(phi_yu) ** 2 / np.where(audible, products, 1.0), 0.0)
+    significant = products > 1e-24 * products.max()
+    coherence = np.where(significant, np.abs(phi_yu) ** 2 / np.where(significant, products, 1.0), 0.0)
     covariance = complex_covariance(variance, f, first.dt)
     g[silent] = np.nan
     covariance[silent] = np.nan
@@ -92,7 +92,7 @@ def response_of_spectra(
 
 
 def complex_covariance(variance: FloatArray, f: FloatArray, dt: float) -> FloatArray:
-    """Half of the variance in each part; all of it, doubled, in the real part at 0 and at Nyquist, where G is real."""
+    """Half of the variance in each part; twice the variance in the real part at 0 and Nyquist, where G is real."""
     out = np.zeros((*variance.shape, 2, 2))
     real = (f == 0.0) | np.isclose(f, 0.5 / dt)
     out[..., 0, 0] = np.where(real[:, None, None], 2.0, 0.5) * variance

@@ -25,24 +25,24 @@ def welch(
     """Average periodograms of windowed segments [Welch1967].
 
     Phi_xz(f) = dt / sum(w^2) * mean over segments of X conj(Z), X the transform of w x. Response, disturbance and
-    coherence follow as in `spa`. Detrend first. Initialisation windows are left out; segments never reach over the
-    boundary of an experiment.
+    coherence follow as in `spa`. Detrend first. Initialisation windows are omitted; segments do not cross the boundary
+    of an experiment.
 
     Args:
         data: One experiment, or several; any numbers of inputs and outputs.
         segment: Length of a segment; by default an eighth of the shortest experiment.
-        overlap: Part of a segment that the next one shares, 0 <= overlap < 1.
+        overlap: Share of a segment in common with the next one, 0 <= overlap < 1.
         window: Data window: `segment` values, e.g. `np.hanning`, `np.ones`.
 
     Returns:
         Response with covariance, coherence, and the four spectra (two-sided, unit^2/Hz) at k / (segment dt), k >= 1.
-        The covariance accounts for what overlapping segments share.
+        The covariance accounts for the overlap of segments.
 
     Warns:
         SysidWarning: Means that dominate, inputs that depend on each other, or no frequency at which they have power.
 
     Raises:
-        SysidError: Constant input, segment or overlap out of range, a window that is none, not more segments than
+        SysidError: Constant input, segment or overlap out of range, an invalid window, not more segments than
             inputs.
     """
     experiments = tuple(e.scored for e in as_experiments(data))

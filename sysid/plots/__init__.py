@@ -1,21 +1,21 @@
 """Figures: one palette, axes with units, frequency in Hz on a logarithmic axis.
 
-Every function takes records as estimators and tests return them, one or several or several by name, and returns a
-matplotlib `Figure`. It belongs to no window: save it by `figure.savefig(path)`, let a notebook show it as the last line
-of a cell, or open a window by `sysid.plots.show(figure)` (`figure.show()` is for figures that pyplot has made).
-With several inputs and outputs all are drawn, or those chosen by `input` and `output`.
+Every function takes results of estimators and tests, one, several, or several by name, and returns a matplotlib
+`Figure` without window: save it by `figure.savefig(path)`, let a notebook show it as the last line of a cell, or open a
+window by `sysid.plots.show(figure)` (`figure.show()` needs a figure of pyplot). With several inputs and outputs all are
+drawn, or those selected by `input` and `output`.
 
     import sysid
 
-    found = sysid.oe(data, 2, 2, 1)
+    estimate = sysid.oe(data, 2, 2, 1)
     sysid.plots.record(data).savefig("data.png")
-    sysid.plots.bode([sysid.spa(data), found]).savefig("bode.png")
-    sysid.plots.step([found, sysid.cra(data)]).savefig("step.png")
-    sysid.plots.pzmap({"identified": found}).savefig("roots.png")
-    sysid.plots.correlations(sysid.resid(found, data)).savefig("residuals.png")
-    sysid.plots.output_comparison(data, sysid.compare(found, data)).savefig("outputs.png")
+    sysid.plots.bode([sysid.spa(data), estimate]).savefig("bode.png")
+    sysid.plots.step([estimate, sysid.cra(data)]).savefig("step.png")
+    sysid.plots.pzmap({"identified": estimate}).savefig("roots.png")
+    sysid.plots.correlations(sysid.resid(estimate, data)).savefig("residuals.png")
+    sysid.plots.output_comparison(data, sysid.compare(estimate, data)).savefig("outputs.png")
 
-`Curve`, `Roots` and `Trace` give a record a name and a `Style` of its own.
+`Curve`, `Roots` and `Trace` give an item its own name and `Style`.
 """
 
 from sysid.plots.bode import bode

@@ -9,12 +9,12 @@ from matplotlib.figure import Figure
 from sysid.models.frequency_response import FrequencyResponse
 from sysid.plots.palette import BOUND, PALETTE
 from sysid.plots.panels import (
-    chosen,
+    channel_indices,
+    channel_names,
     decibel,
     fit_to_lines,
     legend,
     line,
-    named,
     panels,
     plain_frequencies,
     shade,
@@ -24,11 +24,11 @@ from sysid.plots.traces import Curve, Drawable, curves_of
 from sysid.records.arrays import FloatArray
 from sysid.records.errors import SysidError
 
-TOLD = 2.0
-"""Standard deviations that a response must be away from zero for its phase to be drawn."""
+SIGNIFICANT = 2.0
+"""Least magnitude of a response, in standard deviations, for its phase to be drawn."""
 
 DEEPEST = -90.0
-"""Lowest magnitude that the axis makes room for, dB."""
+"""Lowest magnitude that the axis includes, dB."""
 
 
 def bode(
@@ -45,12 +45,12 @@ def bode(
 ) -> Figure:
     """Magnitude in dB and phase in degrees over frequency, with 95 % bands where the response has a covariance.
 
-    With several channels a column per input and two rows per output. A best linear approximation brings the standard
-    deviations of noise and of nonlinear distortion with it, of the response in a single realisation.
+    With several channels a column per input and two rows per output. A best linear approximation is drawn with the
+    standard deviations of noise and nonlinear distortion in a single realisation.
 
     Args:
         curves: Responses, models or estimates: one, several, or several by name.
-        frequencies: Where models and estimates are drawn, Hz; three decades up to Nyquist by default.
+        frequencies: Frequencies of models and estimates, Hz; three decades up to Nyquist by default.
         output: Output by index or name; all when None.
         input: Input by index or name; all when None.
         relative_to_dc: Draw a line 3 dB below unity, where a unit-gain servo has its bandwidth.
@@ -67,7 +67,7 @@ def bode(
     """
     drawn = curves_of(curves, frequencies)
     outputs, inputs = _channels(drawn)
-    rows, columns = chosen("output", output, outputs), chosen("input", input, inputs)
+    rows, columns = channel_indices("output", output, outputs), channel_indices("input", input, inputs)
     single = len(rows) == len(columns) == 1
     reference = next((curve.response for curve in drawn if _of_model(curve.response)), None)
     figure, grid = panels(
@@ -103,17 +103,17 @@ def bode(
 
 
 def _channels(curves: Sequence[Curve]) -> tuple[tuple[str, ...], tuple[str, ...]]:
-    """Names of outputs and inputs, those of the first curve that has some."""
+    """Names of outputs and inputs, those of the first curve with names."""
     shapes = {curve.response.response.shape[1:] for curve in curves}
     if len(shapes) > 1:
-        found = ", ".join(
+        shapes_text = ", ".join(
             f"{curve.label} {' x '.join(map(str, curve.response.response.shape[1:]))}" for curve in curves
         )
-        raise SysidError(f"responses in one figure must have the same outputs and inputs; given {found}")
+        raise SysidError(f"responses in one figure must have the same outputs and inputs; got {shapes_text}")
     ((ny, nu),) = shapes
     outputs: tuple[str, ...] = next((c.response.output_names for c in curves if c.response.output_names), ())
     inputs: tuple[str, ...] = next((c.response.input_names for c in curves if c.response.input_names), ())
-    return named(outputs, ny, "y"), named(inputs, nu, "u")
+    return channel_names(outputs, ny, "y"), channel_names(inputs, nu, "u")
 
 
 def _draw(upper: Axes, lower: Axes, curve: Curve, reference: FrequencyResponse | None, i: int, j: int) -> None:
@@ -130,7 +130,7 @@ def _draw(upper: Axes, lower: Axes, curve: Curve, reference: FrequencyResponse |
             line(upper, f[keep], decibel(values), level.style, level.label)
     if curve.response.covariance is None:
         return
-    # Where the input has no power the band has no end; it is left out there, not drawn over everything.
+    # Without input power the band is infinite: it is omitted there.
     known = keep & np.isfinite(curve.response.covariance[:, i, j]).all(axis=(1, 2))
     part = FrequencyResponse(
         f[known],
@@ -149,24 +149,24 @@ def _draw(upper: Axes, lower: Axes, curve: Curve, reference: FrequencyResponse |
 
 
 def _of_model(response: FrequencyResponse) -> bool:
-    """Whether a response is a model's: smooth, so that its phase can be unwrapped without doubt."""
+    """Whether a response is that of a model, whose smooth phase can be unwrapped reliably."""
     return response.coherence is None and response.degrees_of_freedom is None and response.cross_spectrum is None
 
 
 def _phase(response: FrequencyResponse, reference: FrequencyResponse | None, i: int, j: int) -> FloatArray:
-    """Phase in degrees, unwrapped (nf,), that of data next to the model's where there is one.
+    """Unwrapped phase in degrees (nf,), that of data beside the phase of a reference model, if any.
 
-    NaN where the response is lost in its own uncertainty and points anywhere.
+    NaN where the response is smaller than its uncertainty, so that its phase is random.
     """
     value = response.response[:, i, j]
-    told = np.isfinite(value)
+    significant = np.isfinite(value)
     if response.covariance is not None:
         deviation = response.magnitude_deviation()[:, i, j]
-        told &= ~(np.abs(value) < TOLD * deviation)
+        significant &= ~(np.abs(value) < SIGNIFICANT * deviation)
     out = np.full(len(value), np.nan)
-    out[told] = np.degrees(np.unwrap(np.angle(value[told])))
+    out[significant] = np.degrees(np.unwrap(np.angle(value[significant])))
     if reference is not None and not _of_model(response):
-        # noise between two frequencies can turn the phase of data once round: a model tells how often it has turned
+        # noise can add full turns to the phase of data between two frequencies; the model has the right number
         turns = np.degrees(reference.phase[:, i, j])
         known = np.isfinite(turns)
         if known.any():

@@ -1,4 +1,4 @@
-"""Correlations over lag: of residuals, with what chance allows, and of the channels of a record."""
+"""Correlations over lag: of residuals with their bounds, and of the channels of a record."""
 
 from collections.abc import Sequence
 
@@ -9,17 +9,17 @@ from numpy.typing import NDArray
 
 from sysid.frequency.covf import CovarianceFunction
 from sysid.plots.palette import GRID, INK, PALETTE, Style
-from sysid.plots.panels import chosen, legend, named, panels, size_of
+from sysid.plots.panels import channel_indices, channel_names, legend, panels, size_of
 from sysid.records.arrays import FloatArray
 from sysid.records.errors import SysidError
 from sysid.validation.resid import ResidualTest
 
 Panel = tuple[str, FloatArray | NDArray[np.int_], FloatArray, FloatArray | float]
-"""What is on the vertical axis, lags (n,) in samples, coefficients (n,), bound, one or (n,)."""
+"""Label of the vertical axis, lags (n,) in samples, coefficients (n,), bound, one or (n,)."""
 
 
 def correlations(
-    given: ResidualTest | CovarianceFunction | Sequence[Panel],
+    test: ResidualTest | CovarianceFunction | Sequence[Panel],
     style: Style = PALETTE["oe"],
     *,
     output: int | str | None = None,
@@ -32,7 +32,7 @@ def correlations(
     covariance functions a panel per pair of channels, divided by the standard deviations: row later than column.
 
     Args:
-        given: A residual test, as `resid` returns it; covariance functions, as `covf` does; or any panels.
+        test: A residual test of `resid`, covariance functions of `covf`, or any panels.
         style: Colour of the method.
         output: Output of the residual test, by index or name; all when None.
         input: Input of the residual test, likewise.
@@ -42,19 +42,19 @@ def correlations(
         The figure.
 
     Raises:
-        SysidError: Nothing to draw, something else, no such channel.
+        SysidError: Nothing to draw, another type, no such channel.
     """
-    if isinstance(given, CovarianceFunction):
-        return _of_record(given, style, size)
+    if isinstance(test, CovarianceFunction):
+        return _of_record(test, style, size)
     bounds, columns = "99 % bounds", []
-    if isinstance(given, ResidualTest):
-        bounds = f"{100 * given.level:g} % bounds"
-        columns = _of_test(given, output, input)
-    elif isinstance(given, Sequence) and not isinstance(given, str) and all(isinstance(p, tuple) for p in given):
-        columns = [list(given)] if given else []
+    if isinstance(test, ResidualTest):
+        bounds = f"{100 * test.level:g} % bounds"
+        columns = _of_test(test, output, input)
+    elif isinstance(test, Sequence) and not isinstance(test, str) and all(isinstance(p, tuple) for p in test):
+        columns = [list(test)] if test else []
     else:
         raise SysidError(
-            f"cannot draw a {type(given).__name__}; expected a ResidualTest, a CovarianceFunction, or panels of "
+            f"cannot draw a {type(test).__name__}; expected a ResidualTest, a CovarianceFunction, or panels of "
             "(label, lags, coefficients, bound)"
         )
     if not columns:
@@ -66,7 +66,7 @@ def correlations(
             limit = np.broadcast_to(np.asarray(bound, dtype=float), lags.shape)
             axes.fill_between(lags, -limit, limit, color=GRID, alpha=0.7, lw=0, label=bounds)
             _stems(axes, lags, values, style)
-            # The zero lag of an autocorrelation is one by definition; the axis is for the lags that carry information.
+            # The axis is scaled without lag zero, where an autocorrelation is one by definition.
             shown = values[lags != 0] if label.startswith("auto") else values
             top = 1.25 * max(float(np.abs(shown).max(initial=0.0)), float(limit.max()), 1e-6)
             axes.set_ylim(-top, top)
@@ -82,15 +82,15 @@ def _stems(axes: Axes, lags: FloatArray | NDArray[np.int_], values: FloatArray, 
     axes.axhline(0.0, color=INK, lw=0.8)
 
 
-def _of_record(found: CovarianceFunction, style: Style, size: tuple[float, float] | None) -> Figure:
-    count = len(found.names)
+def _of_record(covariance: CovarianceFunction, style: Style, size: tuple[float, float] | None) -> Figure:
+    count = len(covariance.names)
     figure, grid = panels(count, count, size_of(size, count, count, (3.5, 2.4), (2.6, 1.8)), sharex=True)
-    values = found.normalised
+    values = covariance.normalised
     for i, j in np.ndindex(count, count):
         axes: Axes = grid[i, j]  # type: ignore[assignment]
-        _stems(axes, found.lags, values[:, i, j], style)
+        _stems(axes, covariance.lags, values[:, i, j], style)
         axes.set_ylim(-1.1, 1.1)
-        title = f"{found.names[i]}" if i == j else f"{found.names[i]} after {found.names[j]}"
+        title = f"{covariance.names[i]}" if i == j else f"{covariance.names[i]} after {covariance.names[j]}"
         axes.set_title(title, loc="left", fontsize=9)
     for axes in grid[:, 0]:
         axes.set_ylabel("correlation", fontsize=9)
@@ -101,7 +101,7 @@ def _of_record(found: CovarianceFunction, style: Style, size: tuple[float, float
 
 def _of_test(test: ResidualTest, output: int | str | None, input: int | str | None) -> list[list[Panel]]:
     ny, nu = test.independence_bound.shape
-    outputs, inputs = named(test.output_names, ny, "y"), named(test.input_names, nu, "u")
+    outputs, inputs = channel_names(test.output_names, ny, "y"), channel_names(test.input_names, nu, "u")
     return [
         [
             (
@@ -117,8 +117,8 @@ def _of_test(test: ResidualTest, output: int | str | None, input: int | str | No
                     test.cross_correlation[:, i, j],
                     float(test.independence_bound[i, j]),
                 )
-                for j in chosen("input", input, inputs)
+                for j in channel_indices("input", input, inputs)
             ),
         ]
-        for i in chosen("output", output, outputs)
+        for i in channel_indices("output", output, outputs)
     ]

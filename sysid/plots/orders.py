@@ -1,4 +1,4 @@
-"""What helps to choose an order: singular values, canonical correlations, criteria over the number of parameters."""
+"""Order selection: singular values, canonical correlations, criteria over the number of parameters."""
 
 from collections.abc import Mapping, Sequence
 
@@ -11,52 +11,52 @@ from sysid.models.reduction import hankel_singular_values
 from sysid.models.state_space import StateSpace
 from sysid.plots.palette import BOUND, PALETTE, Style
 from sysid.plots.panels import legend, panels
-from sysid.plots.traces import Looks, named_items
+from sysid.plots.traces import StyleChooser, named_items
 from sysid.records.arrays import FloatArray
 from sysid.records.errors import SysidError
 from sysid.subspace.era import Realisation
 from sysid.validation.structure_scan import StructureTable
 
 Spectrum = Realisation | Estimate | StateSpace
-"""What has singular values that tell an order."""
+"""Anything with singular values that indicate an order."""
 
 NARROW = 5.0
-"""A logarithmic axis over less than this factor is read at evenly spaced values."""
+"""Range of a logarithmic axis, as a factor, below which its ticks are evenly spaced."""
 
 INVISIBLE = 1e-14
-"""Singular values below this part of the largest are rounding."""
+"""Singular values, relative to the largest, that are rounding."""
 
 
 def singular_values(
-    given: Spectrum | Sequence[Spectrum] | Mapping[str, Spectrum],
+    models: Spectrum | Sequence[Spectrum] | Mapping[str, Spectrum],
     *,
     limit: int = 30,
     size: tuple[float, float] = (7.0, 3.8),
 ) -> Figure:
-    """Singular values over their number, those within the model filled: a gap in them tells the order.
+    """Singular values over their number, those within the model filled: a gap indicates the order.
 
     Of `okid`, `era` and `era_dc` those of the Hankel matrix of Markov parameters, of `n4sid` the canonical correlations
-    of past and future, of any other stable model its `hankel_singular_values`. Each divided by its largest, but for
+    of past and future, of any other stable model its `hankel_singular_values`. Each is divided by its largest, except
     canonical correlations, which lie between 0 and 1.
 
     Args:
-        given: Realisations, estimates or models: one, several, or several by name.
-        limit: How many are drawn.
+        models: Realisations, estimates or models: one, several, or several by name.
+        limit: Largest number of values drawn.
         size: Width and height, inch.
 
     Returns:
         The figure.
 
     Raises:
-        SysidError: Nothing to draw, something else, a model that is not stable.
+        SysidError: Nothing to draw, another type, a model that is not stable.
     """
-    looks = Looks()
+    styles = StyleChooser()
     figure, ((axes,),) = panels(1, 1, size)
     longest = 1
-    for name, item in named_items(given, (Realisation, Estimate, StateSpace)):
+    for name, item in named_items(models, (Realisation, Estimate, StateSpace)):
         kind, values, order = _values(item)
-        shown = (name or ("realisation" if isinstance(item, Realisation) else looks.label(item))) + f": {kind}"
-        style = looks.next(getattr(item, "method", "okid" if isinstance(item, Realisation) else ""))
+        shown = (name or ("realisation" if isinstance(item, Realisation) else styles.label(item))) + f": {kind}"
+        style = styles.next(getattr(item, "method", "okid" if isinstance(item, Realisation) else ""))
         values = np.where(values > INVISIBLE * values.max(initial=0.0), values, np.nan)[:limit]
         numbers = np.arange(1, len(values) + 1)
         longest = max(longest, int(numbers[np.isfinite(values)].max(initial=1)))
@@ -101,14 +101,14 @@ def structures(table: StructureTable, *, size: tuple[float, float] = (7.0, 4.2))
     All in units of the mean square error: the loss itself, exp(AIC), exp(BIC), and the error on validation data.
 
     Args:
-        table: As `selstruc` and `structure_scan` return it.
+        table: Result of `selstruc` or `structure_scan`.
         size: Width and height, inch.
 
     Returns:
         The figure.
 
     Raises:
-        SysidError: Something else than a table.
+        SysidError: Not a table.
     """
     if not isinstance(table, StructureTable):
         raise SysidError(
@@ -140,7 +140,7 @@ def structures(table: StructureTable, *, size: tuple[float, float] = (7.0, 4.2))
     axes.set_xlabel("number of parameters (ring: the least)")
     axes.set_ylabel("mean square error")
     bottom, top = axes.get_ylim()
-    # Labels of all nine digits of a decade would lie on one another.
+    # Labels of all nine digits of a decade would overlap.
     if top / bottom < NARROW:
         axes.yaxis.set_major_locator(AutoLocator())
         axes.yaxis.set_minor_locator(NullLocator())

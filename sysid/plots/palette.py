@@ -1,4 +1,4 @@
-"""One palette: truth, measurement and every method look the same in every figure."""
+"""One palette: fixed styles of truth, measurement and every method in all figures."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -7,11 +7,11 @@ from types import MappingProxyType
 
 @dataclass(frozen=True)
 class Style:
-    """How one thing is drawn, everywhere.
+    """Style of a kind of item in all figures.
 
     Attributes:
         colour: Colour, readable by the colour-blind.
-        line: Line pattern, so that a print in grey still tells the lines apart; empty for markers alone.
+        line: Line pattern, which distinguishes lines in greyscale print; empty for markers only.
         width: Line width in points.
         marker: Marker for points.
     """
@@ -42,7 +42,7 @@ PALETTE: Mapping[str, Style] = MappingProxyType(
         "published": Style("#b8860b", (0, (4, 1.5, 1, 1.5, 1, 1.5)), 1.4, "*"),  # type: ignore[arg-type]
     }
 )
-"""Truth, measurement and every method, each always in the same colour (after Okabe and Ito's palette)."""
+"""Styles of truth, measurement and every method, with the colours of Okabe and Ito's palette."""
 
 NOISE = Style("#8a8a8a", "", 1.0, "x")
 DISTORTION = Style("#d55e00", "", 1.0, "^")

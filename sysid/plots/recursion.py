@@ -1,4 +1,4 @@
-"""Parameters over time, as recursive estimators know them."""
+"""Parameters of recursive estimators over time."""
 
 import numpy as np
 from matplotlib.figure import Figure
@@ -11,14 +11,14 @@ from sysid.records.errors import SysidError
 from sysid.recursive.recursive_estimate import RecursiveEstimate
 
 LOOKS = tuple(PALETTE[name] for name in ("armax", "oe", "okid", "bj", "arx", "iv4", "n4sid", "spa"))
-"""Colours of the coefficients of one polynomial, in their sequence."""
+"""Styles of the coefficients of a polynomial, in their sequence."""
 
 SETTLING = 0.05
-"""Part of the record whose parameters need not fit on the axis: a recursion begins anywhere."""
+"""Initial part of the record whose parameters may exceed the axis: they are arbitrary."""
 
 
 def recursion(
-    found: RecursiveEstimate,
+    estimate: RecursiveEstimate,
     *,
     reference: Estimate | None = None,
     size: tuple[float, float] | None = None,
@@ -26,7 +26,7 @@ def recursion(
     """Parameters sample by sample, a panel per polynomial; at the end the last ones with their 95 % intervals.
 
     Args:
-        found: What `rarx`, `rarmax` or `roe` returns.
+        estimate: Result of `rarx`, `rarmax` or `roe`.
         reference: An estimate from the whole record; its parameters are drawn as dotted lines where it has the same.
         size: Width and height, inch; by default enough for all panels.
 
@@ -34,29 +34,31 @@ def recursion(
         The figure.
 
     Raises:
-        SysidError: Something else than a recursive estimate.
+        SysidError: Not a recursive estimate.
     """
-    if not isinstance(found, RecursiveEstimate):
-        raise SysidError(f"cannot draw a {type(found).__name__}; expected a RecursiveEstimate of rarx, rarmax or roe")
-    letters = list(dict.fromkeys(name[0] for name in found.parameter_names))
-    dt = found.state.dt
-    count = len(found.parameters)
-    # the last sample of the recursion is the last of this piece
-    time = (np.arange(count) + found.state.samples - count) * dt
-    deviations = np.sqrt(np.maximum(np.diag(found.final.covariance), 0.0))
+    if not isinstance(estimate, RecursiveEstimate):
+        raise SysidError(
+            f"cannot draw a {type(estimate).__name__}; expected a RecursiveEstimate of rarx, rarmax or roe"
+        )
+    letters = list(dict.fromkeys(name[0] for name in estimate.parameter_names))
+    dt = estimate.state.dt
+    count = len(estimate.parameters)
+    # the record may be the last part of a longer recursion
+    time = (np.arange(count) + estimate.state.samples - count) * dt
+    deviations = np.sqrt(np.maximum(np.diag(estimate.final.covariance), 0.0))
     truth = {} if reference is None else dict(zip(reference.parameter_names, reference.parameters, strict=True))
     figure, grid = panels(len(letters), 1, size_of(size, len(letters), 1, (7.0, 2.8), (0.0, 1.8)), sharex=True)
     for axes, letter in zip(grid[:, 0], letters, strict=True):
-        own = [k for k, name in enumerate(found.parameter_names) if name[0] == letter]
-        settled = found.parameters[int(SETTLING * count) :, own]
+        own = [k for k, name in enumerate(estimate.parameter_names) if name[0] == letter]
+        settled = estimate.parameters[int(SETTLING * count) :, own]
         for place, k in enumerate(own):
             style = LOOKS[place % len(LOOKS)]
-            name = found.parameter_names[k]
-            axes.plot(time, found.parameters[:, k], color=style.colour, lw=1.3)
+            name = estimate.parameter_names[k]
+            axes.plot(time, estimate.parameters[:, k], color=style.colour, lw=1.3)
             end = time[-1] + 0.015 * (time[-1] - time[0]) * (1 + place)
             axes.errorbar(
                 end,
-                found.final.parameters[k],
+                estimate.final.parameters[k],
                 yerr=NORMAL_95 * deviations[k],
                 color=style.colour,
                 fmt=".",
@@ -65,7 +67,7 @@ def recursion(
             )
             axes.annotate(
                 name,
-                (1.0, found.final.parameters[k]),
+                (1.0, estimate.final.parameters[k]),
                 xycoords=("axes fraction", "data"),
                 xytext=(4, 0),
                 textcoords="offset points",
@@ -76,7 +78,7 @@ def recursion(
             if name in truth:
                 axes.axhline(truth[name], color=style.colour, ls=":", lw=1.1)
         low, high = float(settled.min()), float(settled.max())
-        values = [truth[found.parameter_names[k]] for k in own if found.parameter_names[k] in truth]
+        values = [truth[estimate.parameter_names[k]] for k in own if estimate.parameter_names[k] in truth]
         low, high = min([low, *values]), max([high, *values])
         margin = 0.15 * max(high - low, 1e-3 * max(abs(low), abs(high)), 1e-12)
         axes.set_ylim(low - margin, high + margin)

@@ -7,7 +7,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from sysid.plots.palette import PALETTE, Style
-from sysid.plots.panels import LONG, chosen, label, legend, line, panels, size_of
+from sysid.plots.panels import LONG, channel_indices, label, legend, line, panels, size_of
 from sysid.plots.traces import Trace, traces_of
 from sysid.records.arrays import FloatArray
 from sysid.records.data import IOData, as_experiments
@@ -31,13 +31,12 @@ def output_comparison(
 
     Args:
         data: The measurement.
-        outputs: Fits as `compare` returns them, or model outputs (N,) or (N, ny) on the same samples. Of fits to
+        outputs: Fits of `compare`, or model outputs (N,) or (N, ny) on the same samples. Of fits to
             several experiments one is drawn by `data[k]` and `fit.by_experiment[k]`.
         output: Which output of the data, by index or name; all when None.
         start: Start of the piece, s from the first sample.
         length: Length of the piece, s; the rest of the record when None.
-        ahead: Whether the predictions of fits are drawn, over the horizon that `compare` was asked for; otherwise
-            their simulations.
+        ahead: Whether to draw the predictions of fits, over the horizon of `compare`; otherwise their simulations.
         scale: Factor on all values, e.g. 1000 for mrad.
         unit: Unit after scaling; that of the data by default.
         size: Width and height, inch; by default enough for all panels.
@@ -50,11 +49,11 @@ def output_comparison(
     """
     if not isinstance(data, IOData):
         raise SysidError(
-            f"expected one IOData record, got {type(data).__name__}; of several experiments draw one after the other, "
-            "with fit.by_experiment"
+            f"expected one IOData record, got {type(data).__name__}; draw several experiments one by one, with "
+            "fit.by_experiment"
         )
     names, units = data.output_names or (), data.output_units or ("",) * data.ny
-    rows = chosen("output", output, names)
+    rows = channel_indices("output", output, names)
     first = min(round(start / data.dt), max(len(data) - 2, 0))
     samples = len(data) if length is None else max(round(length / data.dt), 2)
     piece = slice(first, first + samples)
@@ -88,7 +87,7 @@ def output_comparison(
 
 
 def _column(trace: Trace, output: int, data: IOData) -> FloatArray:
-    """What a trace says of one output (N,)."""
+    """Values of a trace for one output (N,)."""
     values = trace.values[:, None] if trace.values.ndim == 1 else trace.values
     if len(values) != len(data):
         raise SysidError(f"{trace.label}: {len(values)} samples, the record has {len(data)}")
@@ -98,7 +97,7 @@ def _column(trace: Trace, output: int, data: IOData) -> FloatArray:
 
 
 LOOKS = tuple(PALETTE[name] for name in ("armax", "oe", "okid", "iv4", "bj", "pem_ss", "arx", "spa"))
-"""Colours of several experiments, one after the other."""
+"""Styles of several experiments, in their sequence."""
 
 
 def record(
@@ -141,7 +140,7 @@ def record(
     for k, (name, e) in enumerate(zip(names, experiments, strict=True)):
         begin = min(round(start / e.dt), max(len(e) - 2, 0))
         piece = slice(begin, len(e) if length is None else begin + max(round(length / e.dt), 2))
-        # one experiment: what was measured in the measurements' own look, what was done to the system apart from it
+        # one experiment: outputs and inputs in different colours
         output = LOOKS[k % len(LOOKS)] if several else PALETTE["armax"]
         for c in range(count):
             values = (e.y if c < e.ny else e.u)[piece, c if c < e.ny else c - e.ny]
@@ -160,7 +159,7 @@ def record(
 
 
 def _trace(axes: Axes, time: FloatArray, values: FloatArray, style: Style, name: str | None, *, held: bool) -> None:
-    # a sample between two gaps is a line of no length: it needs a marker
+    # a single sample between two gaps has no line: it needs a marker
     known = np.isfinite(values)
     alone = known & ~np.concatenate(([False], known[:-1])) & ~np.concatenate((known[1:], [False]))
     steps = "steps-post" if held else "default"

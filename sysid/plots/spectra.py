@@ -8,17 +8,27 @@ from matplotlib.figure import Figure
 from sysid.models.estimate import Estimate
 from sysid.models.frequency_response import FrequencyResponse
 from sysid.plots.palette import PALETTE
-from sysid.plots.panels import chosen, label, legend, line, named, panels, plain_frequencies, shade, size_of
-from sysid.plots.traces import Looks, Trace, named_items
+from sysid.plots.panels import (
+    channel_indices,
+    channel_names,
+    label,
+    legend,
+    line,
+    panels,
+    plain_frequencies,
+    shade,
+    size_of,
+)
+from sysid.plots.traces import StyleChooser, Trace, named_items
 from sysid.records.arrays import FloatArray
 from sysid.records.errors import SysidError
 
 Spectral = FrequencyResponse | Estimate
-"""What has a spectrum of the disturbance."""
+"""Anything with a spectrum of the disturbance."""
 
 
 def spectra(
-    given: Spectral | Sequence[Spectral] | Mapping[str, Spectral] | FloatArray,
+    responses: Spectral | Sequence[Spectral] | Mapping[str, Spectral] | FloatArray,
     traces: Sequence[Trace] | None = None,
     *,
     frequencies: FloatArray | None = None,
@@ -27,14 +37,14 @@ def spectra(
     limits_hz: tuple[float, float] | None = None,
     size: tuple[float, float] | None = None,
 ) -> Figure:
-    """Power spectral densities on logarithmic axes: of the disturbance, or any that are given.
+    """Power spectral densities on logarithmic axes: of the disturbance, or of any traces.
 
     Of spectral estimates and of parametric ones the disturbance is drawn, with 95 % bands where its degrees of freedom
-    are known, a panel per output; a single spectral estimate brings the spectra of its outputs and inputs with it.
+    are known, a panel per output; a single spectral estimate is drawn with the spectra of its outputs and inputs.
 
     Args:
-        given: Spectral estimates (`spa`, `welch`) or parametric ones, one, several, or several by name; or frequencies
-            in Hz (nf,) of the traces that follow.
+        responses: Spectral estimates (`spa`, `welch`) or parametric ones, one, several, or several by name; or
+            frequencies in Hz (nf,) of the traces that follow.
         traces: Densities (nf,); a lag window can leave negative ones, which are left out.
         frequencies: Where parametric estimates are drawn, Hz; three decades up to Nyquist by default.
         output: Output by index or name; all when None.
@@ -50,13 +60,13 @@ def spectra(
     """
     if traces is not None:
         figure, grid = panels(1, 1, size or (7.0, 3.6))
-        f = np.asarray(given, dtype=float)
+        f = np.asarray(responses, dtype=float)
         keep = f > 0.0
         for trace in traces:
             line(grid[0, 0], f[keep], _positive(trace.values[keep]), trace.style, trace.label)
         grid[0, 0].set_ylabel("spectral density" + (f" / ({unit}²/Hz)" if unit else ""))
     else:
-        figure, grid = _of_records(given, frequencies, output, unit, size)
+        figure, grid = _of_records(responses, frequencies, output, unit, size)
     for axes in grid.ravel():
         axes.set_xscale("log")
         axes.set_yscale("log")
@@ -70,28 +80,28 @@ def spectra(
 
 
 def _of_records(
-    given: object,
+    responses: object,
     frequencies: FloatArray | None,
     output: int | str | None,
     unit: str,
     size: tuple[float, float] | None,
 ) -> tuple[Figure, np.ndarray]:
-    looks = Looks()
+    styles = StyleChooser()
     drawn = []
-    for name, item in named_items(given, (FrequencyResponse, Estimate)):
+    for name, item in named_items(responses, (FrequencyResponse, Estimate)):
         nyquist = 0.5 / (item.model.dt if isinstance(item, Estimate) else item.dt)
         f = np.geomspace(1e-3 * nyquist, nyquist, 300) if frequencies is None else np.asarray(frequencies, dtype=float)
         response = item.frequency_response(f) if isinstance(item, Estimate) else item
         if response.noise_spectrum is None:
             raise SysidError(f"{response.method} gives no spectrum of the disturbance")
-        shown = name or looks.label(item)
-        drawn.append((f"{shown}, disturbance", response, looks.next(response.method)))
+        shown = name or styles.label(item)
+        drawn.append((f"{shown}, disturbance", response, styles.next(response.method)))
     first = drawn[0][1]
     _, ny, nu = first.response.shape
     if any(response.response.shape[1] != ny for _, response, _ in drawn):
         raise SysidError("spectra in one figure must have the same outputs")
-    names = named(first.output_names, ny, "y")
-    rows = chosen("output", output, names)
+    names = channel_names(first.output_names, ny, "y")
+    rows = channel_indices("output", output, names)
     beside = len(drawn) == 1 and first.input_spectrum is not None and output is None
     extra = nu if beside else 0
     height = len(rows) + extra
@@ -119,7 +129,7 @@ def _of_records(
         spectrum = first.input_spectrum
         if spectrum is not None:
             line(axes, first.frequencies[keep], _positive(spectrum[keep, j, j].real), PALETTE["measured"], None)
-        axes.set_ylabel(_density("input" if nu == 1 else named(first.input_names, nu, "u")[j], ""))
+        axes.set_ylabel(_density("input" if nu == 1 else channel_names(first.input_names, nu, "u")[j], ""))
     figure.align_ylabels(list(grid[:, 0]))
     return figure, grid
 

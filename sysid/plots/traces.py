@@ -1,4 +1,4 @@
-"""What a figure draws, and how records become that: names and looks where none are given."""
+"""Drawable items of figures, made from records with default names and styles."""
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -24,7 +24,7 @@ class Level:
     Attributes:
         label: Text of the legend.
         values: Magnitudes (nf, ny, nu).
-        style: How it looks.
+        style: Style.
     """
 
     label: str
@@ -39,8 +39,8 @@ class Curve:
     Attributes:
         label: Text of the legend.
         response: The response.
-        style: How it looks; by default as its method does everywhere.
-        levels: Magnitudes that belong to it.
+        style: Style; by default that of its method.
+        levels: Magnitudes drawn with it.
     """
 
     label: str
@@ -56,7 +56,7 @@ class Roots:
     Attributes:
         label: Text of the legend.
         model: The model.
-        style: How it looks.
+        style: Style.
         regions: Outlines of 95 % regions, one of (points,) for each root that has one.
     """
 
@@ -68,12 +68,12 @@ class Roots:
 
 @dataclass(frozen=True, eq=False)
 class Trace:
-    """Something over time or lag or frequency.
+    """Values over time, lag or frequency.
 
     Attributes:
         label: Text of the legend.
         values: Values (N,), or of several outputs (N, ny).
-        style: How it looks.
+        style: Style.
     """
 
     label: str
@@ -82,71 +82,71 @@ class Trace:
 
 
 def curves_of(
-    given: "Drawable | Sequence[Drawable] | Mapping[str, Drawable]", frequencies: FloatArray | None
+    items: "Drawable | Sequence[Drawable] | Mapping[str, Drawable]", frequencies: FloatArray | None
 ) -> list[Curve]:
-    """Curves of responses, models and estimates; a `Curve` passes as it is."""
-    looks = Looks()
+    """Curves of responses, models and estimates; a `Curve` is unchanged."""
+    styles = StyleChooser()
     curves = []
-    for name, item in named_items(given, (Curve, FrequencyResponse, Estimate, StateSpace, BestLinearApproximation)):
+    for name, item in named_items(items, (Curve, FrequencyResponse, Estimate, StateSpace, BestLinearApproximation)):
         if isinstance(item, Curve):
             curves.append(item if name is None else replace(item, label=name))
             if item.style is not None:
-                looks.taken.append(item.style)
+                styles.used.append(item.style)
             continue
         levels: tuple[Level, ...] = ()
         if isinstance(item, BestLinearApproximation):
             response, levels = item.response, _levels(item)
         else:
             response = item if isinstance(item, FrequencyResponse) else _response(item, frequencies)
-        shown = name or looks.label(response if levels else item)
-        curves.append(Curve(shown, response, looks.next(response.method), levels))
+        shown = name or styles.label(response if levels else item)
+        curves.append(Curve(shown, response, styles.next(response.method), levels))
     return curves
 
 
-def roots_of(given: "Rooted | Sequence[Rooted] | Mapping[str, Rooted]", *, regions: bool = True) -> list[Roots]:
-    """Poles and zeros of models and estimates; a `Roots` passes as it is."""
-    looks = Looks()
+def roots_of(items: "Rooted | Sequence[Rooted] | Mapping[str, Rooted]", *, regions: bool = True) -> list[Roots]:
+    """Poles and zeros of models and estimates; a `Roots` is unchanged."""
+    styles = StyleChooser()
     roots = []
-    for name, item in named_items(given, (Roots, Estimate, StateSpace)):
+    for name, item in named_items(items, (Roots, Estimate, StateSpace)):
         if isinstance(item, Roots):
             roots.append(item if name is None else replace(item, label=name))
-            looks.taken.append(item.style)
+            styles.used.append(item.style)
             continue
         model = item.model.input_path() if isinstance(item, Estimate) else item
         method = item.method if isinstance(item, Estimate) else ""
         outlines = _regions(item) if regions and isinstance(item, Estimate) else ()
-        roots.append(Roots(name or looks.label(item), model, looks.next(method), outlines))
+        roots.append(Roots(name or styles.label(item), model, styles.next(method), outlines))
     return roots
 
 
 def traces_of(
-    given: "Trace | ModelFit | Sequence[Trace | ModelFit]", outputs: Sequence[int], *, ahead: bool = False
+    items: "Trace | ModelFit | Sequence[Trace | ModelFit]", outputs: Sequence[int], *, ahead: bool = False
 ) -> list[Trace]:
-    """Outputs of fits, with their percentages; a `Trace` passes as it is."""
-    looks = Looks()
+    """Outputs of fits with their percentages; a `Trace` is unchanged."""
+    styles = StyleChooser()
     traces = []
-    for _, item in named_items(given, (Trace, ModelFit)):
+    for _, item in named_items(items, (Trace, ModelFit)):
         if isinstance(item, Trace):
             traces.append(item)
-            looks.taken.append(item.style)
+            styles.used.append(item.style)
             continue
         fits = item.ahead if ahead else item.simulation
         label = f"{item.name}: {', '.join(f'{fits[i]:.1f}' for i in outputs)} %"
         label += f", {item.steps} ahead" if ahead else ""
-        style = looks.next(item.name.lower().rpartition(" ")[2])
+        style = styles.next(item.name.lower().rpartition(" ")[2])
         traces.append(Trace(label, item.predicted_ahead if ahead else item.simulated, style))
     return traces
 
 
-class Looks:
-    """Names and styles for what brings none, each once."""
+class StyleChooser:
+    """Default names and styles, each used once."""
 
     def __init__(self) -> None:
-        self.taken: list[Style] = []
+        self.used: list[Style] = []
         self.labels: list[str] = []
 
     def label(self, item: object) -> str:
-        """Name of a record, from its method and orders."""
+        """Default name of a record, from its method and orders."""
         method = getattr(item, "method", "")
         base = method.upper() if method else "model"
         orders = getattr(item, "orders", None)
@@ -157,28 +157,26 @@ class Looks:
         return base.strip() if count == 1 else f"{base.strip()} ({count})"
 
     def next(self, method: str) -> Style:
-        """The style of a method, or another where that is taken."""
+        """The style of a method, or another one if that is in use."""
         preferred = PALETTE.get(method)
-        # The greys and pinks of measured data say "data", so no model is given them.
-        free = [
-            style for name, style in PALETTE.items() if style not in self.taken and name not in ("measured", "etfe")
-        ]
-        style = preferred if preferred is not None and preferred not in self.taken else (free or [PALETTE["truth"]])[0]
-        self.taken.append(style)
+        # The greys and pinks of measured data are reserved for data.
+        free = [style for name, style in PALETTE.items() if style not in self.used and name not in ("measured", "etfe")]
+        style = preferred if preferred is not None and preferred not in self.used else (free or [PALETTE["truth"]])[0]
+        self.used.append(style)
         return style
 
 
-def named_items(given: object, kinds: tuple[type, ...]) -> Iterator[tuple[str | None, Any]]:
-    """Pairs of a name, None where there is none, and a thing to draw."""
+def named_items(items: object, kinds: tuple[type, ...]) -> Iterator[tuple[str | None, Any]]:
+    """Pairs of name (or None) and item of one record, several, or several by name; refuse other kinds."""
     pairs: list[tuple[str | None, Any]]
-    if isinstance(given, Mapping):
-        pairs = [(str(name), item) for name, item in given.items()]
-    elif isinstance(given, kinds):
-        pairs = [(None, given)]
-    elif isinstance(given, Sequence) and not isinstance(given, str):
-        pairs = [(None, item) for item in given]
+    if isinstance(items, Mapping):
+        pairs = [(str(name), item) for name, item in items.items()]
+    elif isinstance(items, kinds):
+        pairs = [(None, items)]
+    elif isinstance(items, Sequence) and not isinstance(items, str):
+        pairs = [(None, item) for item in items]
     else:
-        pairs = [(None, given)]
+        pairs = [(None, items)]
     if not pairs:
         raise SysidError(f"nothing to draw; expected one or more of {_names(kinds)}")
     for _, item in pairs:
@@ -207,29 +205,29 @@ def _response(item: Estimate | StateSpace, frequencies: FloatArray | None) -> Fr
     )
 
 
-def _levels(found: BestLinearApproximation) -> tuple[Level, ...]:
-    """Standard deviations of a single realisation's response."""
+def _levels(bla: BestLinearApproximation) -> tuple[Level, ...]:
+    """Standard deviations of the response in a single realisation."""
     return (
-        Level("noise, one realisation", np.sqrt(found.realisations * found.noise_variance), NOISE),
-        Level("distortion, one realisation", np.sqrt(found.distortion_variance), DISTORTION),
+        Level("noise, one realisation", np.sqrt(bla.realisations * bla.noise_variance), NOISE),
+        Level("distortion, one realisation", np.sqrt(bla.distortion_variance), DISTORTION),
     )
 
 
-def _regions(found: Estimate) -> tuple[ComplexArray, ...]:
-    """Outlines of the roots that are known well enough to have one."""
+def _regions(estimate: Estimate) -> tuple[ComplexArray, ...]:
+    """Outlines of the roots with a finite region within the map."""
     return tuple(
         outline
-        for roots in (poles_band(found), zeros_band(found))
+        for roots in (poles_band(estimate), zeros_band(estimate))
         for root, outline in zip(roots.roots, roots.ellipses(), strict=True)
         if np.isfinite(outline).all() and np.abs(root) <= REACH
     )
 
 
 REACH = 1.6
-"""Roots beyond this modulus are left out of a map and counted."""
+"""Modulus beyond which roots are not drawn in a map, but counted."""
 
 Drawable = Curve | FrequencyResponse | Estimate | StateSpace | BestLinearApproximation
-"""What has a frequency response."""
+"""Anything with a frequency response."""
 
 Rooted = Roots | Estimate | StateSpace
-"""What has poles and zeros."""
+"""Anything with poles and zeros."""

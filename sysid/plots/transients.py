@@ -13,19 +13,19 @@ from sysid.models.estimate import Estimate
 from sysid.models.frequency_response import NORMAL_95
 from sysid.models.state_space import StateSpace
 from sysid.plots.palette import INK, Style
-from sysid.plots.panels import chosen, label, legend, line, named, panels, shade, size_of
-from sysid.plots.traces import Looks, named_items
+from sysid.plots.panels import channel_indices, channel_names, label, legend, line, panels, shade, size_of
+from sysid.plots.traces import StyleChooser, named_items
 from sysid.records.arrays import FloatArray
 from sysid.records.errors import SysidError
 
 Responding = Estimate | StateSpace | ImpulseResponse
-"""What has a response over time."""
+"""Anything with a response over time."""
 
 SETTLED = 5e-3
-"""Part of the slowest mode that may be left at the end of the axis."""
+"""Remainder of the slowest mode at the end of the axis."""
 
 SHORTEST, LONGEST, ENDLESS = 20, 3000, 100
-"""Bounds on the number of samples, and the number for models that do not settle."""
+"""Bounds on the number of samples, and the number for models that do not decay."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -52,7 +52,7 @@ def impulse(
     With several channels a row per output and a column per input.
 
     Args:
-        models: Models, estimates, or what `cra` returns: one, several, or several by name.
+        models: Models, estimates, or the result of `cra`: one, several, or several by name.
         length: Length of the axis, s; by default until the slowest mode has died out.
         output: Output by index or name; all when None.
         input: Input by index or name; all when None.
@@ -78,10 +78,10 @@ def step(
 ) -> Figure:
     """Response to a unit step, with 95 % bands of estimates.
 
-    With several channels a row per output and a column per input. What `cra` returns is summed up, without a band.
+    With several channels a row per output and a column per input. The result of `cra` is summed up, without a band.
 
     Args:
-        models: Models, estimates, or what `cra` returns: one, several, or several by name.
+        models: Models, estimates, or the result of `cra`: one, several, or several by name.
         length: Length of the axis, s; by default until the slowest mode has died out.
         output: Output by index or name; all when None.
         input: Input by index or name; all when None.
@@ -102,19 +102,19 @@ def _responses(
 ) -> list[_Response]:
     if length is not None and not 0.0 < length < np.inf:
         raise SysidError(f"length must be above 0 s, got {length!r}")
-    looks = Looks()
+    styles = StyleChooser()
     pairs = list(named_items(models, (Estimate, StateSpace, ImpulseResponse)))
     reach = length if length is not None else max(_settling(item) for _, item in pairs)
     out = []
     for name, item in pairs:
         model = item.model if isinstance(item, Estimate) else item
         method = "cra" if isinstance(item, ImpulseResponse) else getattr(item, "method", "")
-        shown = name or ("correlation analysis" if isinstance(item, ImpulseResponse) else looks.label(item))
+        shown = name or ("correlation analysis" if isinstance(item, ImpulseResponse) else styles.label(item))
         samples = max(int(np.floor(reach / model.dt + 1e-9)) + 1, 2)
         deviation: FloatArray | None = None
         if isinstance(item, ImpulseResponse):
             values = (item.step_response if step else item.response)[:samples]
-            # a running sum has a deviation of its own, which takes the correlation of the lags
+            # the deviation of a running sum needs the correlation of the lags, which is unknown
             deviation = None if step else item.deviation[:samples]
         else:
             quantity = partial(_transient, samples=samples, step=step)
@@ -122,13 +122,13 @@ def _responses(
             if isinstance(item, Estimate) and np.isfinite(item.covariance).all():
                 deviation = band(item, quantity).deviation
         _, ny, nu = values.shape
-        names = (named(model.output_names or (), ny, "y"), named(model.input_names or (), nu, "u"))
+        names = (channel_names(model.output_names or (), ny, "y"), channel_names(model.input_names or (), nu, "u"))
         units = (getattr(model, "output_units", None) or ("",) * ny, getattr(model, "input_units", None) or ("",) * nu)
         time = np.arange(len(values)) * model.dt
-        out.append(_Response(shown, looks.next(method), time, values, deviation, names, units))
+        out.append(_Response(shown, styles.next(method), time, values, deviation, names, units))
     if len({response.values.shape[1:] for response in out}) > 1:
-        found = ", ".join(f"{r.label} {' x '.join(map(str, r.values.shape[1:]))}" for r in out)
-        raise SysidError(f"responses in one figure must have the same outputs and inputs; given {found}")
+        shapes = ", ".join(f"{r.label} {' x '.join(map(str, r.values.shape[1:]))}" for r in out)
+        raise SysidError(f"responses in one figure must have the same outputs and inputs; got {shapes}")
     return out
 
 
@@ -154,7 +154,7 @@ def _draw(
     size: tuple[float, float] | None,
 ) -> Figure:
     outputs, inputs = responses[0].names
-    rows, columns = chosen("output", output, outputs), chosen("input", input, inputs)
+    rows, columns = channel_indices("output", output, outputs), channel_indices("input", input, inputs)
     figure, grid = panels(
         len(rows), len(columns), size_of(size, len(rows), len(columns), (7.0, 3.8), (3.0, 2.2)), sharex=True
     )
@@ -172,7 +172,7 @@ def _draw(
                 axes.set_title(f"{inputs[j]} → {outputs[i]}", loc="left", fontsize=9)
             if b == 0:
                 above, below = responses[0].units[0][i], {responses[0].units[1][k] for k in columns}
-                # inputs in different units have no ratio in common
+                # no common unit for inputs in different units
                 axes.set_ylabel(
                     label(what, f"({above}/{below.pop()})" if above and len(below) == 1 and all(below) else "")
                 )

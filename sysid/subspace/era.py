@@ -11,18 +11,18 @@ from sysid.records.arguments import whole_number
 from sysid.records.arrays import FloatArray, Locked, real_array
 from sysid.records.errors import SysidError, SysidWarning
 
-NUMERICAL_RANK = 1e-13
+NUMERICAL_RANK = 1e-13  # singular value, relative to the largest, that is rounding
 
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Realisation(Locked):
-    """A model realised from Markov parameters, and how much of them it stands for.
+    """A model realised from Markov parameters, and the share of them that it describes.
 
     Attributes:
         model: The model; K = 0.
         hankel_singular_values: Singular values of H(0), largest first.
-        percent_described: 100 sum(xi[:n]) / sum(xi) with xi the singular values of R0 = H(0) H(0)': what SOCIT and the
-            thesis print. It is no output fit.
+        percent_described: 100 sum(xi[:n]) / sum(xi) with xi the singular values of R0 = H(0) H(0)', as SOCIT prints it;
+            not a fit of the output.
         percent_described_unsquared: The same ratio of the singular values of H(0) themselves.
         modal_singular_values: sqrt(|b_i| |c_i| / |1 - |lambda_i||) per mode, in the sequence of `model.poles()`.
     """
@@ -37,7 +37,7 @@ class Realisation(Locked):
 def era(
     markov: ArrayLike, order: int, *, dt: float = 1.0, block_rows: int | None = None, block_columns: int | None = None
 ) -> Realisation:
-    """Realise by the singular value decomposition of a Hankel matrix [JuangPappa1985].
+    """Realise a model by the singular value decomposition of a Hankel matrix [JuangPappa1985].
 
     H(0) = R S V', A = S^-1/2 R' H(1) V S^-1/2, B = S^1/2 V' E, C = E' R S^1/2.
 
@@ -45,7 +45,7 @@ def era(
         markov: Y_0 = D, Y_1 = CB, Y_2 = CAB, ... (K, ny, nu); (K,) for one input and one output.
         order: Number of states.
         dt: Sampling interval in s.
-        block_rows: Block rows of H; by default half of what the parameters allow.
+        block_rows: Block rows of H; by default half of the largest number.
         block_columns: Block columns of H; by default the rest.
 
     Returns:
@@ -73,7 +73,7 @@ def era(
 def realisation(
     A: FloatArray, B: FloatArray, C: FloatArray, D: FloatArray, dt: float, xi: NDArray[np.floating], order: int
 ) -> Realisation:
-    """Assemble the record from matrices and the singular values of H(0)."""
+    """Assemble the result from the matrices and the singular values of H(0)."""
     poles, modes = np.linalg.eig(A)
     sequence = np.argsort(-np.abs(poles), kind="stable")
     b = np.linalg.norm(np.linalg.lstsq(modes, B.astype(complex), rcond=None)[0], axis=1)
@@ -91,7 +91,7 @@ def realisation(
 
 
 def markov_array(markov: ArrayLike) -> FloatArray:
-    """Markov parameters as (K, ny, nu)."""
+    """Check Markov parameters and return them as (K, ny, nu)."""
     y = real_array("markov", markov)
     y = y[:, None, None] if y.ndim == 1 else y
     if y.ndim != 3 or len(y) < 3:
@@ -100,8 +100,8 @@ def markov_array(markov: ArrayLike) -> FloatArray:
 
 
 def hankel_shape(y: FloatArray, block_rows: int | None, block_columns: int | None, reserve: int) -> tuple[int, int]:
-    """Block rows and columns, such that H(0) and H(1 + reserve) fit into the Markov parameters."""
-    # H(1 + reserve) ends with Y index rows + columns + reserve
+    """Block rows and columns for which the Markov parameters suffice for H(0) and H(1 + reserve)."""
+    # the last index of Y in H(1 + reserve) is rows + columns + reserve
     available = len(y) - 1 - reserve
     if available < 2:
         raise SysidError(
@@ -126,14 +126,14 @@ def block_hankel(y: FloatArray, rows: int, columns: int) -> FloatArray:
 
 
 def checked_order(order: int, xi: FloatArray) -> int:
-    """The order, reduced to the numerical rank of the Hankel matrix."""
+    """Check the order, and reduce it with a warning to the numerical rank of the Hankel matrix."""
     order = whole_number("order", order, 1, len(xi))
     if xi[0] == 0.0:
-        raise SysidError("the Markov parameters behind the first are all zero: there are no dynamics to realise")
+        raise SysidError("the Markov parameters after the first are all zero: there are no dynamics to realise")
     rank = max(int((xi > NUMERICAL_RANK * xi[0]).sum()), 1)
     if rank < order:
         warnings.warn(
-            f"the Markov parameters have numerical rank {rank}: a model of order {rank} instead of {order} is given",
+            f"the Markov parameters have numerical rank {rank}: the model has order {rank} instead of {order}",
             SysidWarning,
             stacklevel=3,
         )
@@ -154,17 +154,17 @@ def era_dc(
     block_columns: int | None = None,
     lags: int = 2,
 ) -> Realisation:
-    """Realise from R_k = H(k) H(0)', k = 0, 1, ..., in which noise averages out [JuangCooperWright1988].
+    """Realise a model from R_k = H(k) H(0)', k = 0, 1, ..., which average noise out [JuangCooperWright1988].
 
     The correlations form a block Hankel matrix U(0), lags x lags; U(0) = P S Q', A = S^-1/2 P' U(1) Q S^-1/2, C is the
-    first block of P S^1/2, and B follows from H(0) through the observability matrix. With one lag it is ERA
-    in other words.
+    first block of P S^1/2, and B follows from H(0) through the observability matrix. With one lag it is
+    equivalent to ERA.
 
     Args:
         markov: Y_0 = D, Y_1 = CB, Y_2 = CAB, ... (K, ny, nu); (K,) for one input and one output.
         order: Number of states.
         dt: Sampling interval in s.
-        block_rows: Block rows of H; by default half of what the parameters and lags allow.
+        block_rows: Block rows of H; by default half of the largest number.
         block_columns: Block columns of H; by default the rest.
         lags: Block rows and columns of the correlation matrix, >= 1.
 

@@ -18,21 +18,21 @@ from sysid.subspace.predictor import InputCoordinates, LocalCoordinates, Predict
 from sysid.subspace.predictor_estimate import check_enough_samples, make_predictor_estimate
 from sysid.subspace.predictor_fit import least_squares_fit
 
-SINGULAR = 1e-10  # power in a direction of the future, relative to the largest, below which it carries no weight
-NOTHING = 1e-24  # the same, relative to all channels, of outputs that are zero
-RANK = 1e-8  # singular value relative to the largest below which a state does not exist
+SINGULAR = 1e-10  # power in a direction of the future, relative to the largest, below which it gets no weight
+NOTHING = 1e-24  # the same, relative to all channels, below which the outputs count as zero
+RANK = 1e-8  # canonical correlation, relative to the largest, below which a state does not exist
 
 
 @dataclass(frozen=True, eq=False)
 class Subspace:
-    """What the subspace step found.
+    """Result of the subspace step.
 
     Attributes:
         A: State matrix (n, n).
-        B: Input matrix from the regression of states (n, nu): a beginning only.
+        B: Input matrix from the regression of states (n, nu), an initial value only.
         C: Output matrix (ny, n).
         D: Direct term (ny, nu), likewise.
-        K: Innovation gain, A - K C stable; zero where the data show no disturbance (n, ny).
+        K: Innovation gain with A - K C stable; zero if the data have no disturbance (n, ny).
         canonical_correlations: Between past and future, largest first.
     """
 
@@ -47,16 +47,16 @@ class Subspace:
 def subspace(signals: Sequence[FloatArray], nu: int, order: int, block_rows: int, *, stable: bool) -> Subspace:
     """Regress the future on the past with the future input projected out [VanOverschee1996; Larimore1990].
 
-    With Uf the future inputs, P the past and Yf the future outputs, the triangle of [Uf; P; Yf] holds the part of Yf
-    that the past explains; divided by the root of what the future input leaves of Yf, its singular values are canonical
-    correlations, and its first left singular vectors the observability matrix.
+    With Uf the future inputs, P the past and Yf the future outputs, the triangle of [Uf; P; Yf] contains the part of Yf
+    that the past explains. Divided by the root of Yf given Uf, its singular values are canonical correlations, and its
+    first left singular vectors give the observability matrix.
 
     Args:
         signals: [u, y] per experiment (N, nu + ny), channels of about unit size.
         nu: Number of inputs.
         order: Number of states.
         block_rows: Samples of past, and of future.
-        stable: Whether A is made stable where it is not, at the expense of fit [Maciejowski1995].
+        stable: Whether to enforce a stable A, at the expense of fit [Maciejowski1995].
 
     Raises:
         SysidError: Order not between 1 and (block_rows - 1) * ny, or outputs that are zero.
@@ -73,14 +73,14 @@ def subspace(signals: Sequence[FloatArray], nu: int, order: int, block_rows: int
     triangle = hankel_triangle(signals, 2 * s, moments, np.concatenate((inputs, past, outputs)))
     first, second = len(inputs), len(inputs) + len(past)
     explained, own = triangle[second:, first:second], triangle[first:second, first:second]
-    left_over = explained @ explained.T + triangle[second:, second:] @ triangle[second:, second:].T
-    values, vectors = np.linalg.eigh(left_over)
+    unexplained = explained @ explained.T + triangle[second:, second:] @ triangle[second:, second:].T
+    values, vectors = np.linalg.eigh(unexplained)
     if not values[-1] > NOTHING * float(np.trace(moments)):
         raise SysidError(
-            "the outputs are zero, or about, once the past of the record is known: there are no states to be found"
+            "the outputs are zero, or nearly so, given the past of the record: there are no states to identify"
         )
     root = np.sqrt(np.maximum(values, SINGULAR * values[-1]))
-    # left singular vectors and values by the smaller, symmetric problem lose half of the digits; this does not
+    # the smaller, symmetric eigenproblem would lose half of the digits of the singular values
     left, correlations, right = np.linalg.svd((vectors / root).T @ explained, full_matrices=False)
     n = max(min(order, int((correlations > RANK * correlations[0]).sum())), 1)
     observability = (vectors * root) @ (left[:, :n] * np.sqrt(correlations[:n]))
@@ -94,11 +94,11 @@ def subspace(signals: Sequence[FloatArray], nu: int, order: int, block_rows: int
 
 
 def stable_shift(observability: FloatArray, ny: int) -> FloatArray:
-    """A from the shift of an observability matrix that is taken to end in zeros: always stable [Maciejowski1995]."""
+    """A from the shift of an observability matrix continued by zeros, which is always stable [Maciejowski1995]."""
     shifted = np.vstack((observability[ny:], np.zeros((ny, observability.shape[1]))))
     A = np.linalg.lstsq(observability, shifted, rcond=None)[0]
     radius = np.abs(np.linalg.eigvals(A)).max()
-    # on the circle only where nothing decays within the block rows
+    # on the unit circle only if nothing decays within the block rows
     return np.asarray(A if radius < 1.0 - 1e-6 else A * (1.0 - 1e-6) / radius)
 
 
@@ -137,32 +137,36 @@ def _regression(
         ]
     )
     noise = own - solution @ target - target.T @ solution.T + solution @ known @ solution.T
-    # covariances of the disturbance are those of the regression's own A and C; the gain serves ours
+    # the noise covariance is that of the regression, the gain that of the given A and C
     return solution[:n, n:], solution[n:, n:], kalman_gain(A, C, noise, own)
 
 
 def kalman_gain(A: FloatArray, C: FloatArray, noise: FloatArray, total: FloatArray) -> FloatArray:
-    """Gain of the stationary Kalman filter (n, ny); zero where there is no noise and A is stable."""
+    """Gain of the stationary Kalman filter (n, ny); zero if there is no noise and A is stable.
+
+    `noise` and `total` are covariances of process and measurement noise, and of next state and output (n + ny, n + ny),
+    up to a common factor.
+    """
     n, ny = len(A), len(C)
     size = float(np.trace(total[n:, n:]))
     if not size > 0.0:
         return np.zeros((n, ny))
-    quiet = float(np.trace(noise[n:, n:])) <= 1e-18 * size
-    if quiet and np.abs(np.linalg.eigvals(A)).max() < 1.0:
+    noise_free = float(np.trace(noise[n:, n:])) <= 1e-18 * size
+    if noise_free and np.abs(np.linalg.eigvals(A)).max() < 1.0:
         return np.zeros((n, ny))
     values, vectors = np.linalg.eigh(0.5 * (noise + noise.T) / size)
-    floor = 1e-14 if not quiet else 1.0
-    clean = (vectors * np.maximum(values, floor)) @ vectors.T
-    clean = 0.5 * (clean + clean.T)
+    floor = 1e-14 if not noise_free else 1.0
+    positive = (vectors * np.maximum(values, floor)) @ vectors.T
+    positive = 0.5 * (positive + positive.T)
     try:
-        P = scipy.linalg.solve_discrete_are(A.T, C.T, clean[:n, :n], clean[n:, n:], s=clean[:n, n:])
-        K = np.linalg.solve((C @ P @ C.T + clean[n:, n:]).T, (A @ P @ C.T + clean[:n, n:]).T).T
+        P = scipy.linalg.solve_discrete_are(A.T, C.T, positive[:n, :n], positive[n:, n:], s=positive[:n, n:])
+        K = np.linalg.solve((C @ P @ C.T + positive[n:, n:]).T, (A @ P @ C.T + positive[:n, n:]).T).T
     except (np.linalg.LinAlgError, ValueError):
         return np.zeros((n, ny))
     return np.asarray(K) if np.isfinite(K).all() else np.zeros((n, ny))
 
 
-LARGEST_ORDER = 60  # n^2 local coordinates have to be found, at a cost that grows as n^6: some ten seconds
+LARGEST_ORDER = 60  # the n^2 local coordinates cost n^6: some ten seconds at this order
 
 
 def n4sid(
@@ -174,24 +178,24 @@ def n4sid(
     gain: bool = True,
     stable: bool = False,
 ) -> Estimate:
-    """Find the states of a system as what its past tells of its future [VanOverschee1996; Larimore1990].
+    """Identify a state-space model by subspaces with canonical variates [VanOverschee1996; Larimore1990].
 
-    A and C from the shift of the observability matrix, weighted by canonical variates; B, D and the initial states by
-    least squares on the simulated output, given A and C; K from the covariance of what the regression of the states
-    leaves. There is no search, hence no local minimum; the result is consistent, not efficient: `pem_ss` refines it.
+    A and C from the shift of the observability matrix; B, D and the initial states by least squares on the simulated
+    output, given A and C; K from the residual covariance of the regression of the states. There is no search, hence no
+    local minimum; the estimate is consistent, not efficient: `pem_ss` refines it.
 
     Args:
         data: One experiment, or several that share the model; any numbers of inputs and outputs.
         order: Number of states, 60 at most.
-        block_rows: Samples of past, and of future, that are looked at; by default 2.5 times the order, at least 10, as
-            far as the data allow.
+        block_rows: Samples of past, and of future; by default 2.5 times the order, at least 10, as far as the data
+            allow.
         direct: Whether D is estimated; otherwise it is zero.
         gain: Whether K is estimated; otherwise it is zero.
-        stable: Whether A is made stable where it is not, at the expense of fit [Maciejowski1995].
+        stable: Whether to enforce a stable A, at the expense of fit [Maciejowski1995].
 
     Returns:
-        The estimate. `parameters` are local coordinates; their covariance is not known (NaN), so that intervals are NaN
-        too. Diagnostics: `canonical_correlations`, `block_rows`.
+        The estimate. `parameters` are local coordinates; their covariance and all intervals are NaN (unknown).
+        Diagnostics: `canonical_correlations`, `block_rows`.
 
     Raises:
         SysidError: Constant input, an order that block rows or data do not allow.
@@ -208,7 +212,7 @@ def n4sid(
     )
     samples = check_enough_samples(experiments, order, order * (nu + 2 * ny) + nu * ny)
     shortest = min(len(e) - e.window for e in experiments)
-    # rows of the triangle: 2 s nu inputs and 2 s ny outputs need as many columns
+    # the triangle has 2 s (nu + ny) rows, and needs as many columns
     most = min((samples + len(experiments)) // (2 * (nu + ny) + 2 * len(experiments)), shortest // 2)
     # the observability matrix is shifted by a block row
     least = max(-(-order // ny) + 1, 2)
@@ -217,48 +221,48 @@ def n4sid(
             f"too few samples for order {order}: {samples} in {len(experiments)} experiment(s) allow {most} block "
             f"row(s), {ny} output(s) need {least}"
         )
-    wanted = min(max(10, -(-5 * order // 2)), most) if block_rows is None else block_rows
-    s = whole_number("block_rows", wanted, least, most)
-    texts = check_excitation(experiments, [2 * int(s)] * nu) + check_means(experiments, -(-order // ny))
+    default = min(max(10, -(-5 * order // 2)), most)
+    s = whole_number("block_rows", default if block_rows is None else block_rows, least, most)
+    messages = check_excitation(experiments, [2 * int(s)] * nu) + check_means(experiments, -(-order // ny))
     scales = Scales.of(experiments)
     records = [Record.of(e, scales, gain=True) for e in experiments]
-    found = subspace([r.w for r in records], nu, int(order), int(s), stable=stable)
-    if len(found.A) < order:
-        texts.append(
-            f"past and future of the data have {len(found.A)} canonical correlations that do not vanish: a model of "
-            f"that order instead of {order} is given"
+    step = subspace([r.w for r in records], nu, int(order), int(s), stable=stable)
+    if len(step.A) < order:
+        messages.append(
+            f"past and future of the data have {len(step.A)} nonzero canonical correlations: the model has that order "
+            f"instead of {order}"
         )
-    start = Predictor(found.A, found.B, found.C, found.D if direct else np.zeros((ny, nu)))
+    start = Predictor(step.A, step.B, step.C, step.D if direct else np.zeros((ny, nu)))
     observer = not start.is_stable()
     if observer:
-        texts.append(
-            f"the model is unstable: largest pole modulus {np.abs(np.linalg.eigvals(found.A)).max():.6g}; "
-            "stable=True forbids it"
+        messages.append(
+            f"the model is unstable: largest pole modulus {np.abs(np.linalg.eigvals(step.A)).max():.6g}; "
+            "stable=True enforces a stable one"
         )
-        A = found.A - found.K @ found.C
-        start = Predictor(A, np.hstack((found.B - found.K @ start.D, found.K)), found.C, start.D)
+        A = step.A - step.K @ step.C
+        start = Predictor(A, np.hstack((step.B - step.K @ start.D, step.K)), step.C, start.D)
         if not start.is_stable():
-            texts[-1] = (
-                f"neither a stable model (largest pole modulus {np.abs(np.linalg.eigvals(found.A)).max():.6g}) nor a "
-                "stable predictor was found: A has been made stable, at the expense of fit; try another order or "
+            messages[-1] = (
+                f"neither a stable model (largest pole modulus {np.abs(np.linalg.eigvals(step.A)).max():.6g}) nor a "
+                "stable predictor found: A was made stable, at the expense of fit; try another order or "
                 "block_rows"
             )
-            found, observer = subspace([r.w for r in records], nu, int(order), int(s), stable=True), False
-            start = Predictor(found.A, found.B, found.C, found.D if direct else np.zeros((ny, nu)))
+            step, observer = subspace([r.w for r in records], nu, int(order), int(s), stable=True), False
+            start = Predictor(step.A, step.B, step.C, step.D if direct else np.zeros((ny, nu)))
             if not start.is_stable():
-                raise SysidError("found neither a stable model nor a stable predictor; try another order or block_rows")
+                raise SysidError("neither a stable model nor a stable predictor found; try another order or block_rows")
     if not observer:
         records = [Record.of(e, scales, gain=False) for e in experiments]
     fitted = least_squares_fit(records, start, InputCoordinates(direct))
     if observer and not gain:
-        B = fitted.M[:, :nu] + found.K @ fitted.D
-        predictor = Predictor(found.A, B, found.C, fitted.D)
+        B = fitted.M[:, :nu] + step.K @ fitted.D
+        predictor = Predictor(step.A, B, step.C, fitted.D)
     elif not observer and gain:
-        predictor = _with_gain(fitted, found.K, texts)
+        predictor = _with_gain(fitted, step.K, messages)
     else:
         predictor = fitted
-    for text in texts:
-        warnings.warn(text, SysidWarning, stacklevel=2)
+    for message in messages:
+        warnings.warn(message, SysidWarning, stacklevel=2)
     basis = LocalCoordinates(direct)(predictor)
     return make_predictor_estimate(
         "n4sid",
@@ -271,18 +275,18 @@ def n4sid(
         diagnostics={
             "iterations": 0,
             "converged": True,
-            "canonical_correlations": found.canonical_correlations,
+            "canonical_correlations": step.canonical_correlations,
             "block_rows": int(s),
         },
-        texts=texts,
+        messages=messages,
     )
 
 
-def _with_gain(simulator: Predictor, K: FloatArray, texts: list[str]) -> Predictor:
-    """The predictor with innovation gain of a model without; the model as it is where the gain would not be stable."""
+def _with_gain(simulator: Predictor, K: FloatArray, messages: list[str]) -> Predictor:
+    """Add the innovation gain to a model without one; K = 0 if the predictor would not be stable."""
     p = simulator
     out = Predictor(p.A - K @ p.C, np.hstack((p.M - K @ p.D, K)), p.C, p.D)
     if out.is_stable():
         return out
-    texts.append("no stable innovation gain was found: K = 0 is given")
+    messages.append("no stable innovation gain found: K = 0")
     return Predictor(p.A, np.hstack((p.M, np.zeros_like(K))), p.C, p.D)

@@ -1,21 +1,22 @@
-"""Gains of observers: with a stable predictor, or one that forgets in a finite time."""
+"""Observer gains: stable, or deadbeat."""
 
 import numpy as np
 import scipy.linalg
 
 from sysid.records.arrays import FloatArray
 
-RANK = 1e-10
+RANK = 1e-10  # singular value, relative to the norms of A and C, below which a direction is unobservable
 
 
 def stable_gain(A: FloatArray, C: FloatArray, K: FloatArray, covariance: FloatArray) -> FloatArray:
-    """Keep K where A - K C is stable, else replace it by the gain of the same disturbance spectrum whose predictor is.
+    """Keep K if A - K C is stable, else replace it by the stable gain of the same disturbance spectrum.
 
-    The Riccati equation with noise K e in the state and e in the output gives the minimum-phase spectral factor.
+    The Riccati equation with noise K e in the state and e in the output gives the minimum-phase spectral factor; K
+    itself is returned if there is no such factor.
     """
     if spectral_radius(A - K @ C) < 1.0:
         return K
-    # only the ratios of the innovation's variances matter
+    # only the ratios of the innovation variances matter
     r = covariance / max(float(np.trace(covariance)), np.finfo(float).tiny)
     try:
         P = scipy.linalg.solve_discrete_are(A.T, C.T, K @ r @ K.T, r, s=K @ r)
@@ -31,10 +32,10 @@ def spectral_radius(matrix: FloatArray) -> float:
 
 
 def deadbeat_gain(A: FloatArray, C: FloatArray) -> FloatArray:
-    """Gain for which (A - K C)^k = 0 with the smallest possible k [Juang1993].
+    """Gain with (A - K C)^k = 0 for the smallest possible k [Juang1993]; unobservable modes keep their poles.
 
-    For the transposed pair: the states that some input leads to zero in one step, in two, ... form subspaces that grow
-    until they hold every state; K' is the least input that leads from each to the one before.
+    For the transposed pair: the states that some input leads to zero in one step, in two, ... form growing subspaces;
+    K' is the least input that leads from each subspace to the one before.
     """
     n, ny = len(A), len(C)
     out = np.zeros((ny, n))

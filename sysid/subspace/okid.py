@@ -2,7 +2,7 @@
 
 import warnings
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Protocol
 
 import numpy as np
@@ -21,13 +21,13 @@ from sysid.subspace.era import Realisation, era
 from sysid.subspace.observer_gain import deadbeat_gain, spectral_radius, stable_gain
 from sysid.validation.compare import fit_percent
 
-JUDGED = 800  # samples of each experiment on which a model is judged
-WORTHLESS = -5.0  # percent of fit in simulation; noise that drowns the response may leave a little below 0
-LARGEST_HANKEL = 2.5e7  # numbers in the Hankel matrix, 200 MB
+CHECKED = 800  # samples of each experiment whose fit is checked: as informative as all, and cheap
+WORTHLESS = -5.0  # fit in simulation, percent; below 0, since strong noise may make a good fit slightly negative
+LARGEST_HANKEL = 2.5e7  # entries of the Hankel matrix, 200 MB
 
 
 class Realiser(Protocol):
-    """What turns Markov parameters into a model: `era` or `era_dc`."""
+    """Realisation of a model from Markov parameters: `era` or `era_dc`."""
 
     def __call__(self, markov: FloatArray, order: int, *, dt: float) -> Realisation:
         """Realise `order` states from Markov parameters (K, ny, nu)."""
@@ -36,7 +36,7 @@ class Realiser(Protocol):
 
 @dataclass(frozen=True, eq=False)
 class ObserverParameters:
-    """Markov parameters that one set of observer Markov parameters stands for.
+    """Markov parameters of system and gain, computed from observer Markov parameters.
 
     Attributes:
         system: D, CB, CAB, ... (K, ny, nu).
@@ -78,7 +78,7 @@ class Realise:
     def __call__(self, theta: FloatArray) -> StateSpace:
         """Model for observer Markov parameters, flattened output by output."""
         with warnings.catch_warnings():
-            # the order has been settled by the estimate itself
+            # the estimate itself has warned of a reduced order
             warnings.simplefilter("ignore", SysidWarning)
             markov = self.markov(theta)
             return self.model(self.realisation(markov), markov)
@@ -92,7 +92,7 @@ class Realise:
         own = np.concatenate((from_u, from_y), axis=2)
         for k in range(1, self.count):
             past = min(k, self.p)
-            # the gain's sequence begins one step later: nothing stands at k = 0
+            # the sequence of the gain starts at k = 1
             y[k] = np.einsum("iab,ibc->ac", from_y[:past], y[k - 1 :: -1][:past] if k > past else y[:k][::-1])
             if k <= self.p:
                 y[k] += own[k - 1]
@@ -107,22 +107,22 @@ class Realise:
         return direct, rest[:, :, :nu], rest[:, :, nu:]
 
     def realisation(self, markov: ObserverParameters) -> Realisation:
-        """What the realiser makes of the Markov parameters in scaled channels."""
+        """Realisation of the Markov parameters in scaled channels."""
         scaled = markov.system * self.input_scale / self.output_scale[:, None]
         return self.realiser(scaled, self.order, dt=self.data.dt)
 
-    def model(self, found: Realisation, markov: ObserverParameters) -> StateSpace:
-        """Un-scale, and add K [Juang1993]."""
-        C = found.model.C * self.output_scale[:, None]
-        B = found.model.B / self.input_scale
-        D = found.model.D * self.output_scale[:, None] / self.input_scale
-        A = found.model.A
+    def model(self, realised: Realisation, markov: ObserverParameters) -> StateSpace:
+        """Undo the scaling, and add K [Juang1993]."""
+        C = realised.model.C * self.output_scale[:, None]
+        B = realised.model.B / self.input_scale
+        D = realised.model.D * self.output_scale[:, None] / self.input_scale
+        A = realised.model.A
         if self.deadbeat:
             K = deadbeat_gain(A, C)
         else:
-            K = stable_gain(A, C, self.observer_gain(found, markov), self.covariance)
+            K = stable_gain(A, C, self.observer_gain(realised, markov), self.covariance)
         return StateSpace(
-            found.model.A,
+            realised.model.A,
             B,
             C,
             D,
@@ -132,11 +132,11 @@ class Realise:
             **self.data.labels,
         )
 
-    def observer_gain(self, found: Realisation, markov: ObserverParameters) -> FloatArray:
-        """K = -G by least squares on the observability matrix, outputs un-scaled (n, ny)."""
-        C = found.model.C * self.output_scale[:, None]
+    def observer_gain(self, realised: Realisation, markov: ObserverParameters) -> FloatArray:
+        """K = -G by least squares on the observability matrix, in output units (n, ny)."""
+        C = realised.model.C * self.output_scale[:, None]
         gain = markov.gain
-        observability = free_response(found.model.A, C, len(gain))
+        observability = free_response(realised.model.A, C, len(gain))
         rows = len(observability)
         weighted = (observability / self.output_scale[:, None]).reshape(rows * len(C), -1)
         target = (gain[:rows] / self.output_scale[:, None]).reshape(rows * len(C), -1)
@@ -157,28 +157,26 @@ def okid(
 ) -> Estimate:
     """Identify an observer, then the system behind it [Juang1993; Juang1992].
 
-    Least squares y(t) = D u(t) + sum_i Ybar_i [u(t-i); y(t-i)], i = 1..p, the first p samples dropped (the past is
-    unknown); system and gain Markov parameters by recursion; a realisation of `order` states; K = -G. K is a
-    Kalman gain only where the residuals are white. Where it makes the predictor unstable (an order too small for the
-    observer), the gain of the same disturbance spectrum with a stable predictor takes its place.
+    Least squares y(t) = D u(t) + sum_i Ybar_i [u(t-i); y(t-i)], i = 1..p, without the first p samples, whose past is
+    unknown; system and gain Markov parameters by recursion; a realisation of `order` states; K = -G. K is a Kalman gain
+    only if the residuals are white. If it makes the predictor unstable (an order too small for the observer), the gain
+    of the same disturbance spectrum with a stable predictor replaces it.
 
     Args:
-        data: One experiment, or several that share the model; any numbers of inputs and outputs. Outputs may be
-            missing: equations that touch one are left out.
+        data: One experiment, or several that share the model; any numbers of inputs and outputs. Equations with a
+            missing output are omitted.
         order: Number of states.
         p: Number of observer Markov parameters; p * ny >= order.
         realiser: `era` or `era_dc`, or either with options fixed by `functools.partial`.
         block_rows: Block rows and columns of the Hankel matrix; by default max(40, p, 2 order).
-        normalise: Divide channels by their largest magnitude before the realisation, un-scale after it, as SOCIT does.
+        normalise: Whether to divide channels by their largest magnitude for the realisation, as SOCIT does.
         direct: Whether D is estimated; otherwise it is zero.
-        at_rest: Whether every experiment is known to begin at rest (all zero before its first sample); no sample is
-            dropped then.
-        deadbeat: Whether K is the gain for which the model's predictor forgets in the smallest number of samples,
-            instead of the identified one; of use without noise only.
+        at_rest: Whether every experiment starts at rest (all zero before its first sample): no sample is dropped.
+        deadbeat: Whether K is the deadbeat gain of the model instead of the identified one; useful only without noise.
 
     Returns:
         The estimate. `parameters` and `covariance` are those of the observer Markov parameters, output by output; the
-        covariance does not know of the bias of too small a p. Diagnostics: `observer_markov_u`, `observer_markov_y`,
+        covariance does not include the bias of too small a p. Diagnostics: `observer_markov_u`, `observer_markov_y`,
         `system_markov`, `gain_markov`, `hankel_singular_values`, `percent_described` (SOCIT's, of squared values),
         `percent_described_unsquared`, `modal_singular_values`.
 
@@ -186,8 +184,8 @@ def okid(
         SysidError: Constant input, p * ny < order, too little data.
 
     Warns:
-        SysidWarning: Poor excitation, rank deficient regressors, unstable model or predictor, a model that explains its
-            own data worse than their mean.
+        SysidWarning: Poor excitation, rank deficient regressors, unstable model or predictor, a fit to the own data
+            worse than their mean.
     """
     experiments = as_experiments(data, missing=True)
     first = experiments[0]
@@ -203,7 +201,7 @@ def okid(
         )
     if rows_of_h * min(ny, nu) < order:
         raise SysidError(f"block_rows = {rows_of_h} is too small for order {order}")
-    texts = check_excitation(experiments, [p + (1 if direct else 0)] * nu)
+    messages = check_excitation(experiments, [p + (1 if direct else 0)] * nu)
     starts = [max(0 if at_rest else p, e.window) for e in experiments]
     width = p * (nu + ny) + (nu if direct else 0)
     rows = sum(max(len(e) - s, 0) for e, s in zip(experiments, starts, strict=True))
@@ -216,18 +214,17 @@ def okid(
     phi = blocks[0] if len(blocks) == 1 else np.vstack(blocks)
     target = np.vstack([e.y[s:] for e, s in zip(experiments, starts, strict=True)])
     if not all(e.complete for e in experiments):
-        # equations that touch a missing output are left out
         known = np.isfinite(phi).all(axis=1) & np.isfinite(target).all(axis=1)
         if known.sum() <= width:
             raise SysidError(
-                f"too many missing samples: {int(known.sum())} of {rows} equations touch none, {width} observer "
-                "parameters per output need more; a smaller p may help; pem_ss uses every known output"
+                f"too many missing samples: {int(known.sum())} of {rows} equations are complete, {width} "
+                "observer parameters per output need more; try a smaller p, or pem_ss, which uses every known output"
             )
         phi, target, rows = phi[known], target[known], int(known.sum())
     fit = solve(phi, target)
     variance = fit.residual_gram / (rows - width)
     if fit.rank < width:
-        texts.append(f"the regressors have rank {fit.rank} for {width} columns: the solution of least norm is given")
+        messages.append(f"the regressors have rank {fit.rank} for {width} columns: this is the least-norm solution")
 
     u_max = np.max([np.abs(e.u).max(axis=0) for e in experiments], axis=0)
     y_max = np.max([np.nanmax(np.abs(e.y), axis=0) for e in experiments], axis=0)
@@ -247,22 +244,22 @@ def okid(
     theta = fit.solution.T.ravel()
     markov = realise.markov(theta)
     with warnings.catch_warnings():
-        # said below, and kept in the record
+        # reported below, with the other warnings
         warnings.simplefilter("ignore", SysidWarning)
-        found = realise.realisation(markov)
-    if found.model.order < order:
-        texts.append(
-            f"the system Markov parameters have numerical rank {found.model.order}: a model of that order instead of "
-            f"{order} is given"
+        realised = realise.realisation(markov)
+    if realised.model.order < order:
+        messages.append(
+            f"the system Markov parameters have numerical rank {realised.model.order}: the model has that order "
+            f"instead of {order}"
         )
-    realise = Realise(**{**realise.__dict__, "order": found.model.order})
-    model = realise.model(found, markov)
-    gain = model.gain if deadbeat else realise.observer_gain(found, markov)
-    texts += _stability(model, spectral_radius(model.A - gain @ model.C)) + _worth(model, experiments)
-    for text in texts:
-        warnings.warn(text, SysidWarning, stacklevel=2)
+    realise = replace(realise, order=realised.model.order)
+    model = realise.model(realised, markov)
+    gain = model.gain if deadbeat else realise.observer_gain(realised, markov)
+    messages += _stability(model, spectral_radius(model.A - gain @ model.C)) + _poor_fits(model, experiments)
+    for message in messages:
+        warnings.warn(message, SysidWarning, stacklevel=2)
     with warnings.catch_warnings():
-        # said above
+        # reported above
         warnings.simplefilter("ignore", SysidWarning)
         errors = np.concatenate([residuals(model, e) for e in experiments])
     _, from_u, from_y = realise.blocks(theta)
@@ -285,11 +282,11 @@ def okid(
             "observer_markov_y": from_y,
             "system_markov": markov.system,
             "gain_markov": markov.gain,
-            "hankel_singular_values": found.hankel_singular_values,
-            "percent_described": found.percent_described,
-            "percent_described_unsquared": found.percent_described_unsquared,
-            "modal_singular_values": found.modal_singular_values,
-            "warnings": tuple(texts),
+            "hankel_singular_values": realised.hankel_singular_values,
+            "percent_described": realised.percent_described,
+            "percent_described_unsquared": realised.percent_described_unsquared,
+            "modal_singular_values": realised.modal_singular_values,
+            "warnings": tuple(messages),
         },
         data=summary,
         realise=realise,
@@ -314,12 +311,11 @@ def _names(data: DataSummary, p: int, direct: bool) -> tuple[str, ...]:
     return tuple(f"{y}: {name}" for y in data.output_names for name in row)
 
 
-def _worth(model: StateSpace, experiments: Sequence[IOData]) -> list[str]:
-    """Outputs of its own data that the model explains worse than their means do."""
+def _poor_fits(model: StateSpace, experiments: Sequence[IOData]) -> list[str]:
+    """Warning of outputs of the own data with a fit worse than that of their mean."""
     if not model.is_stable():
         return []
-    # Some hundred samples tell as much as all of them, at a fraction of the cost of the fit.
-    experiments = [e[: e.window + JUDGED] for e in experiments]
+    experiments = [e[: e.window + CHECKED] for e in experiments]
     simulated = [predict(model, e, steps=None)[e.window :] for e in experiments]
     y = np.concatenate([e.y[e.window :] for e in experiments])
     varying = np.nanmax(y, axis=0) - np.nanmin(y, axis=0) > ROUNDING * np.nanmax(np.abs(y), axis=0)
@@ -329,20 +325,20 @@ def _worth(model: StateSpace, experiments: Sequence[IOData]) -> list[str]:
     if not poor:
         return []
     return [
-        f"the model explains its own data worse than their mean does, in simulation: {', '.join(poor)}; another p or "
-        "order, or means taken out by data.detrend(), may help"
+        f"the simulated fit of the model to its own data is worse than that of their mean: {', '.join(poor)}; try "
+        "another p or order, or remove the means by data.detrend()"
     ]
 
 
 def _stability(model: StateSpace, observer: float) -> list[str]:
-    texts = []
+    messages = []
     radius = spectral_radius(model.A)
     if radius >= 1.0:
-        texts.append(f"the model is unstable: largest pole modulus {radius:.6g}; a larger p or another order may help")
+        messages.append(f"the model is unstable: largest pole modulus {radius:.6g}; try a larger p or another order")
     if observer >= 1.0:
         if spectral_radius(model.A - model.gain @ model.C) < 1.0:
-            remedy = "the gain of the same disturbance spectrum with a stable predictor is given"
+            remedy = "replaced by the gain of the same disturbance spectrum with a stable predictor"
         else:
-            remedy = "use the model to simulate"
-        texts.append(f"K = -G makes the predictor unstable (A + G C has spectral radius {observer:.6g}): {remedy}")
-    return texts
+            remedy = "use the model for simulation only"
+        messages.append(f"K = -G makes the predictor unstable (A + G C has spectral radius {observer:.6g}): {remedy}")
+    return messages

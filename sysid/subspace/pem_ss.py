@@ -22,25 +22,25 @@ from sysid.subspace.predictor_errors import Point, gapped_covariance
 from sysid.subspace.predictor_estimate import check_enough_samples, degrees_of_freedom, make_predictor_estimate
 from sysid.subspace.predictor_fit import Minimum, coloured_information, column_scale, minimise
 
-HORIZONS = (8, 12, 16, 20)  # block rows beside the least that allow the order
-OBSERVERS = (5, 10)  # samples of past for OKID
+HORIZONS = (8, 12, 16, 20)  # block rows of n4sid, beside the fewest that allow the order
+OBSERVERS = (5, 10)  # observer Markov parameters of okid
 
 
-def other_starts(experiments: Sequence[IOData], order: int) -> Iterator[tuple[str, StateSpace]]:
-    """Models by subspaces of several horizons and by OKID; what the data do not allow is left out."""
+def initial_estimates(experiments: Sequence[IOData], order: int) -> Iterator[tuple[str, StateSpace]]:
+    """Names and models of initial estimates: n4sid with several horizons, and okid, as far as the data allow."""
     ny = experiments[0].ny
     for rows in sorted({order // ny + 2, *HORIZONS}):
-        yield from _tried(
+        yield from _attempt(
             f"n4sid ({rows} block rows)",
             order,
             partial(n4sid, experiments, order, block_rows=rows, stable=True),
         )
     for past in OBSERVERS:
         if past * ny >= order:
-            yield from _tried(f"okid (p = {past})", order, partial(okid, experiments, order, p=past))
+            yield from _attempt(f"okid (p = {past})", order, partial(okid, experiments, order, p=past))
 
 
-def _tried(name: str, order: int, make: Callable[[], Estimate]) -> Iterator[tuple[str, StateSpace]]:
+def _attempt(name: str, order: int, make: Callable[[], Estimate]) -> Iterator[tuple[str, StateSpace]]:
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", SysidWarning)
         try:
@@ -51,11 +51,11 @@ def _tried(name: str, order: int, make: Callable[[], Estimate]) -> Iterator[tupl
         yield name, model
 
 
-ILL_CONDITIONED = 1e12
-CROSSING_STEPS = 20  # towards the minimum with K, where none is asked for, and the other way round
-SCREENING_STEPS, POLISHED = 10, 2  # steps by which other beginnings are compared, and how many of them are gone on with
-SHORT = 50.0  # values of output per parameter below which a criterion often has several minima
-COLOUR = 30  # coefficients of the autoregressive models of a coloured disturbance
+ILL_CONDITIONED = 1e12  # condition of the information matrix: the square of that of the Jacobian
+CROSSING_STEPS = 20  # steps with the opposite choice of `gain`, whose minimum is a further initial estimate
+SCREENING_STEPS, REFINED = 10, 2  # steps from every initial estimate, and how many of them are refined further
+SHORT = 50.0  # output values per parameter below which the criterion often has several minima
+COLOUR = 30  # order of the autoregressive models of a coloured disturbance
 
 
 def pem_ss(
@@ -70,43 +70,43 @@ def pem_ss(
 ) -> Estimate:
     """Minimise log det of the covariance of the one-step prediction errors [Ljung1999, ch. 7; McKelvey2004].
 
-    The order is that of `start`. Every step moves in the directions that change the behaviour, none in those that only
-    change the basis of the state, so that no canonical form is needed. The predictor A - K C stays stable at every
-    accepted step; the initial state of every experiment is estimated.
+    The order is that of `start`. Steps are orthogonal to the directions that only change the basis of the state, so
+    that no canonical form is needed. The predictor A - K C stays stable at every accepted step; the initial state of
+    every experiment is estimated.
 
-    With `gain=True`, the default, plant and disturbance share one state, and the estimate is the best there is where
-    the order is that of both together: three outputs with a disturbance of first order each add three states to it.
-    Where the order is that of the plant alone, K is bought with errors in the plant; take more states then, or
-    `gain=False`. `resid` tells: what is left must be white with K, and independent of the input without.
+    With `gain=True`, the default, plant and disturbance share one state, and the estimate is efficient if
+    the order is that of both together: three outputs with a disturbance of first order each need three states more.
+    With the order of the plant alone, K biases the plant; use more states, or `gain=False`. `resid` is the check: the
+    residuals must be white with K, and independent of the input without.
 
-    Real data of a higher order than the model often have several minima. Give several starts then, for example `n4sid`
-    with different `block_rows`: each is refined, and the best is returned.
+    Real data of a higher order than the model often have several minima. Pass several starts, for example `n4sid` with
+    different `block_rows`: each is refined, and the best is returned.
 
-    With `gain=False` the simulation error is minimised (an output-error model, K = 0): unbiased also where the
-    disturbance is coloured in a way that a model of this order cannot describe, as long as the input is independent of
-    it; the covariance then holds for a white one, unless `coloured` is set.
+    With `gain=False` the simulation error is minimised (an output-error model, K = 0). It is consistent for a
+    disturbance of any colour that is independent of the input; the covariance holds for a white one, unless `coloured`
+    is set.
 
     Args:
-        data: One experiment, or several that share the model; any numbers of inputs and outputs. Outputs may be
-            missing: the likelihood of those that are known is maximised. `okid`, `armax` and others give a start then.
-        start: Where to begin: an estimate by `n4sid`, `okid` or any other method, or a model; or several of one order.
+        data: One experiment, or several that share the model; any numbers of inputs and outputs. With missing outputs,
+            the likelihood of the known ones is maximised; `okid`, `armax` and others give a start.
+        start: Initial estimate by `n4sid`, `okid` or any other method, or a model; or several of one order.
         direct: Whether D is estimated; otherwise it is zero.
         gain: Whether K is estimated; otherwise it is zero.
         coloured: With `gain=False`, whether the covariance allows for a disturbance that is not white, by an
             autoregressive model of each output's [Ljung1999, ch. 9]. The estimate itself is the same.
-        search: Whether other beginnings (`n4sid` with several horizons, `okid`, with and without K) are tried where one
-            start is given and several minima are likely: the data hold fewer than 50 values of output per parameter. A
-            few steps screen them. Such a fit takes about ten times as long.
-        max_iterations: Accepted steps at most.
+        search: Whether to try further initial estimates (`n4sid` with several horizons, `okid`, with and without K)
+            after a single start if several minima are likely: fewer than 50 output values per parameter. Such a fit
+            takes about ten times as long.
+        max_iterations: Limit on the accepted steps.
 
     Returns:
         The estimate. `parameters` are local coordinates: entries of A - K C, B - K D, K, C and D along directions
-        orthogonal to changes of the state's basis; their covariance goes through to bandwidth and responses.
-        Diagnostics: `criteria`, the minimum that each start led to, NaN for one that could not be used.
+        orthogonal to changes of the basis of the state; their covariance gives that of bandwidth and responses.
+        Diagnostics: `criteria`, the minimum from each start, NaN for an unusable one.
 
     Raises:
         SysidError: Constant input, channels that do not fit, no state, starts of different orders, too little data, no
-            start whose predictor (with `gain=False`: which itself) is stable.
+            start with a stable predictor (with `gain=False`: no stable start).
 
     Warns:
         SysidWarning: Poor excitation, means that do not fit the dynamics, no convergence, bad conditioning, a predictor
@@ -116,12 +116,10 @@ def pem_ss(
     flags = {"direct": direct, "gain": gain, "coloured": coloured, "search": search}
     direct, gain, coloured, search = (truth_value(name, value) for name, value in flags.items())
     experiments = as_experiments(data, missing=not coloured)
-    given = list(start) if isinstance(start, Sequence) else [start]
-    models = [as_model(one) for one in given]
+    origins = list(start) if isinstance(start, Sequence) else [start]
+    models = [as_model(origin) for origin in origins]
     if coloured and gain:
-        raise SysidError(
-            "coloured=True is for output-error models: with gain=True the model itself describes the colour"
-        )
+        raise SysidError("coloured=True needs gain=False: with gain=True the model itself describes the colour")
     if len({model.order for model in models}) != 1:
         raise SysidError(f"expected one start, or several of one order; got orders {[m.order for m in models]}")
     for model in models:
@@ -135,7 +133,7 @@ def pem_ss(
     nu, ny, n = model.nu, model.ny, model.order
     count = n * (nu + (2 if gain else 1) * ny) + (nu * ny if direct else 0)
     samples = check_enough_samples(experiments, n, count)
-    texts = check_excitation(experiments, [n + (1 if direct else 0)] * nu) + check_means(experiments, -(-n // ny))
+    messages = check_excitation(experiments, [n + (1 if direct else 0)] * nu) + check_means(experiments, -(-n // ny))
     scales = Scales.of(experiments)
     records = [Record.of(e, scales, gain) for e in experiments]
     minima: dict[int, Minimum] = {}
@@ -150,52 +148,56 @@ def pem_ss(
     if not minima:
         raise refused[0]
     chosen = min(minima, key=lambda k: minima[k].point.criterion)
-    found, origin = minima[chosen], given[chosen]
+    minimum, origin = minima[chosen], origins[chosen]
     name = origin.method if isinstance(origin, Estimate) else "model"
-    doubtful = samples * ny < SHORT * count and found.reason != "errors at rounding level"
-    if search and len(given) == 1 and doubtful and all(e.complete for e in experiments):
-        found, name = _searched(experiments, records, scales, (name, models[0], found), direct, gain, max_iterations)
-    covariance, condition = _covariance(found.normal.information)
+    doubtful = samples * ny < SHORT * count and minimum.reason != "errors at rounding level"
+    if search and len(origins) == 1 and doubtful and all(e.complete for e in experiments):
+        minimum, name = _searched(
+            experiments, records, scales, (name, models[0], minimum), direct, gain, max_iterations
+        )
+    covariance, condition = _covariance(minimum.normal.information)
     innovation = None
-    if found.point.gaps:
-        innovation = found.point.covariance
-        if gain and found.reason != "errors at rounding level":
-            at, information = found.point, found.normal.information
-            covariance = gapped_covariance(records, at.predictor, at.weight, information, found.normal.basis)
-    if coloured and found.reason != "errors at rounding level":
-        point, basis = found.point, found.normal.basis
+    if minimum.point.gaps:
+        innovation = minimum.point.covariance
+        if gain and minimum.reason != "errors at rounding level":
+            at, information = minimum.point, minimum.normal.information
+            covariance = gapped_covariance(records, at.predictor, at.weight, information, minimum.normal.basis)
+    if coloured and minimum.reason != "errors at rounding level":
+        point, basis = minimum.point, minimum.normal.basis
         covariance = covariance @ coloured_information(records, point, basis, min(COLOUR, samples // 20)) @ covariance
-    covariance = covariance * samples / degrees_of_freedom(experiments, found.point.predictor, count)
-    radius = float(np.abs(np.linalg.eigvals(found.point.predictor.A)).max())
-    if not found.converged:
-        texts.append(f"pem_ss did not converge: {found.reason}")
-    if condition > ILL_CONDITIONED and found.reason != "errors at rounding level":
-        texts.append(
+    covariance = covariance * samples / degrees_of_freedom(experiments, minimum.point.predictor, count)
+    radius = float(np.abs(np.linalg.eigvals(minimum.point.predictor.A)).max())
+    if not minimum.converged:
+        messages.append(f"pem_ss did not converge: {minimum.reason}")
+    if condition > ILL_CONDITIONED and minimum.reason != "errors at rounding level":
+        messages.append(
             f"the parameters are poorly determined: condition number {condition:.2g} of the information matrix"
         )
     if radius > 1.0 - 1e-4:
         what = "predictor" if gain else "model"
-        texts.append(f"the {what} has a pole of modulus {radius:.7f}, at the edge of stability: intervals may not hold")
-    for text in texts:
-        warnings.warn(text, SysidWarning, stacklevel=2)
+        messages.append(
+            f"the {what} has a pole of modulus {radius:.7f}, at the edge of stability: intervals may be wrong"
+        )
+    for message in messages:
+        warnings.warn(message, SysidWarning, stacklevel=2)
     return make_predictor_estimate(
         "pem_ss",
         experiments,
         {"order": n},
         scales,
-        predictor=found.point.predictor,
-        basis=found.normal.basis,
+        predictor=minimum.point.predictor,
+        basis=minimum.normal.basis,
         covariance=covariance,
         diagnostics={
             "condition": condition,
-            "iterations": found.iterations,
-            "evaluations": found.evaluations,
-            "converged": found.converged,
-            "reason": found.reason,
+            "iterations": minimum.iterations,
+            "evaluations": minimum.evaluations,
+            "converged": minimum.converged,
+            "reason": minimum.reason,
             "start": name,
-            "criteria": tuple(minima[k].point.criterion if k in minima else np.nan for k in range(len(given))),
+            "criteria": tuple(minima[k].point.criterion if k in minima else np.nan for k in range(len(origins))),
         },
-        texts=texts,
+        messages=messages,
         innovation=innovation,
     )
 
@@ -209,16 +211,16 @@ def _searched(
     gain: bool,
     max_iterations: int,
 ) -> tuple[Minimum, str]:
-    """The best of several minima, and from where."""
-    name, given, best = first
+    """The lowest of several minima, and the name of its initial estimate."""
+    name, start, best = first
     summary = DataSummary.of(experiments)
     directions = LocalCoordinates(direct)
     screened: list[tuple[str, Minimum]] = []
-    candidates = list(other_starts(experiments, given.order))
-    # the minimum of the other criterion leads round some that are not the lowest
+    candidates = list(initial_estimates(experiments, start.order))
+    # the minimum of the criterion with the opposite `gain` helps to escape from local minima
     other = [Record.of(e, scales, not gain) for e in experiments]
     try:
-        crossed = minimise(other, _starts(given, scales, direct, not gain)[0], directions, CROSSING_STEPS)
+        crossed = minimise(other, _starts(start, scales, direct, not gain)[0], directions, CROSSING_STEPS)
         candidates.append(
             (f"{name}, refined {'without' if gain else 'with'} K", scales.model(crossed.point.predictor, summary, None))
         )
@@ -231,15 +233,15 @@ def _searched(
             continue
         screened += [(label, minimise(records, begin, directions, SCREENING_STEPS)) for begin in starts]
     screened.sort(key=lambda pair: pair[1].point.criterion)
-    for label, few in screened[:POLISHED]:
-        found = few if few.converged else minimise(records, few.point.predictor, directions, max_iterations)
-        if found.point.criterion < best.point.criterion:
-            best, name = found, label
+    for label, few in screened[:REFINED]:
+        minimum = few if few.converged else minimise(records, few.point.predictor, directions, max_iterations)
+        if minimum.point.criterion < best.point.criterion:
+            best, name = minimum, label
     return best, name
 
 
 def _refined(records: Sequence[Record], starts: Sequence[Predictor], direct: bool, max_iterations: int) -> Minimum:
-    """The minimum that the nearest of some predictors leads to."""
+    """The minimum from the best of some predictors."""
     begin = starts[0]
     if len(starts) > 1:
         begin = min(starts, key=lambda p: Point.at(records, p.balanced(), np.eye(p.C.shape[0])).criterion)
@@ -247,9 +249,9 @@ def _refined(records: Sequence[Record], starts: Sequence[Predictor], direct: boo
 
 
 def _starts(model: StateSpace, scales: Scales, direct: bool, gain: bool) -> list[Predictor]:
-    """Predictors to begin from: with the gain of the start, made stable where it is not, and without any.
+    """Stable initial predictors: with the gain of the start, made stable if necessary, and without gain.
 
-    A gain found together with a poorer model may be far off; then it is better to begin without one.
+    The gain of a poor model may be worse than none.
     """
     A, C = model.A, model.C
     D = model.D if direct else np.zeros_like(model.D)

@@ -14,8 +14,8 @@ from sysid.polynomial.orthonormal_basis import gramian
 from sysid.records.arrays import FloatArray
 from sysid.records.data import IOData
 
-STABILITY_MARGIN = 1e-7
-FLOOR = 1e-10  # of the Gramians, so that a state that is hardly seen or reached scales nothing beyond measure
+STABILITY_MARGIN = 1e-7  # least distance of the poles from the unit circle
+FLOOR = 1e-10  # of the Gramians, relative to their trace: bounds the scaling of nearly unobservable states
 
 
 @dataclass(frozen=True, eq=False)
@@ -42,10 +42,10 @@ class Predictor:
         return self.M.shape[1] > self.D.shape[1]
 
     def is_stable(self) -> bool:
-        """Whether the predictor forgets its past, also in the numbers of the machine.
+        """Whether the predictor is stable, also in floating-point numbers.
 
-        A matrix far from normal, as a wild gain makes, may have eigenvalues inside the circle whose last digit is not:
-        its powers grow.
+        The eigenvalues of a matrix far from normal, as a very large gain makes it, may lie inside the unit circle only
+        up to rounding: its powers grow.
         """
         finite = np.isfinite(self.A).all()
         if not finite or np.abs(np.linalg.eigvals(self.A)).max(initial=0.0) >= 1.0 - STABILITY_MARGIN:
@@ -65,14 +65,15 @@ class Predictor:
         return Predictor(*(m + s.reshape(m.shape) for m, s in zip(matrices, steps, strict=True)))
 
     def balancing(self) -> tuple[FloatArray, FloatArray]:
-        """Change of basis T and its inverse, after which states are about equally reached by w and seen in y."""
+        """Change of basis T and its inverse to balanced coordinates: equally controllable and observable states."""
         n = len(self.A)
         with np.errstate(over="ignore", invalid="ignore"):
-            reach, seen = gramian(self.A, self.M @ self.M.T), gramian(self.A.T, self.C.T @ self.C)
-        if not (np.isfinite(reach).all() and np.isfinite(seen).all()):
-            # an unstable predictor, or one whose states differ beyond the range of numbers
+            controllability = gramian(self.A, self.M @ self.M.T)
+            observability = gramian(self.A.T, self.C.T @ self.C)
+        if not (np.isfinite(controllability).all() and np.isfinite(observability).all()):
+            # an unstable predictor, or Gramians that overflow
             return np.eye(n), np.eye(n)
-        left, right = _root(reach), _root(seen)
+        left, right = _root(controllability), _root(observability)
         u, values, vt = np.linalg.svd(right.T @ left)
         root = np.sqrt(values)
         return (u / root).T @ right.T, left @ (vt.T / root)
@@ -88,12 +89,12 @@ class Predictor:
 
 
 def _root(gramian: FloatArray) -> FloatArray:
-    """Lower or other root L of a Gramian with its floor, L L' = gramian + floor (n, n)."""
+    """Square root L of a Gramian with its floor, L L' = gramian + floor (n, n)."""
     floor = FLOOR * max(float(np.trace(gramian)), np.finfo(float).tiny)
     try:
         return np.asarray(np.linalg.cholesky(gramian + floor * np.eye(len(gramian))), dtype=np.float64)
     except np.linalg.LinAlgError:
-        # of a matrix far from normal, rounding outweighs the floor
+        # rounding exceeds the floor if A is far from normal
         values, vectors = np.linalg.eigh(0.5 * (gramian + gramian.T))
         return np.asarray(vectors * np.sqrt(np.maximum(values, floor)))
 
@@ -112,7 +113,7 @@ class Scales:
 
     @staticmethod
     def of(experiments: Sequence[IOData]) -> "Scales":
-        """Take them from a data set, behind the initialisation windows."""
+        """Root mean squares of a data set, after the initialisation windows."""
 
         def size(parts: list[FloatArray]) -> FloatArray:
             squares = np.concatenate(parts) ** 2
@@ -146,20 +147,20 @@ class Scales:
         )
 
 
-PRIOR = 300.0  # standard deviations of a state that its initial value may reach; less would bend the criterion
+PRIOR = 300.0  # standard deviation of initial states, in that of the states; a smaller one would bias the criterion
 Correlations = tuple[FloatArray, FloatArray]
 
 
 @dataclass(frozen=True, eq=False)
 class Record:
-    """One experiment, channels scaled, behind its initialisation window.
+    """One experiment, channels scaled, after its initialisation window.
 
     Attributes:
         u: Inputs (N, nu).
         y: Outputs (N, ny).
-        w: What drives the predictor (N, nu + ny) or (N, nu).
+        w: Input of the predictor (N, nu + ny) or (N, nu).
         transforms: Fourier transform of w and its lagged products, by length of the transform.
-        known: Which outputs are on record (N, ny), zeros in `y` for the others; None for all.
+        known: Mask of the known outputs (N, ny), the others zero in `y`; None if none is missing.
     """
 
     u: FloatArray
@@ -170,7 +171,7 @@ class Record:
 
     @staticmethod
     def of(experiment: IOData, scales: Scales, gain: bool) -> "Record":
-        """Scale and cut."""
+        """Scale an experiment and remove its initialisation window."""
         u, y = experiment.u[experiment.window :] / scales.u, experiment.y[experiment.window :] / scales.y
         known = None if experiment.complete else np.isfinite(y)
         y = y if known is None else np.where(known, y, 0.0)
@@ -190,7 +191,10 @@ class Record:
 
 
 def initial_spread(free: FloatArray) -> FloatArray:
-    """In balanced coordinates a state's variance and its power in the output are one number."""
+    """Prior deviation of initial states (n,), from the power of their free responses.
+
+    In balanced coordinates the variance of a state equals the power of its free response.
+    """
     return PRIOR * np.maximum(np.sqrt(np.einsum("tln,tln->n", free, free)), np.sqrt(np.finfo(float).tiny))
 
 
@@ -199,7 +203,7 @@ class LocalCoordinates:
     """Directions orthogonal to those that only change the basis of the state [McKelvey2004].
 
     Attributes:
-        direct: Whether D may change.
+        direct: Whether D is free.
     """
 
     direct: bool = True
@@ -227,13 +231,13 @@ class InputCoordinates:
     """Directions that change B and D alone, in which the prediction is linear.
 
     Attributes:
-        direct: Whether D may change.
+        direct: Whether D is free.
     """
 
     direct: bool = True
 
     def __call__(self, at: Predictor) -> FloatArray:
-        """Columns of zeros and a one each (entries of A, M, C, D; q)."""
+        """Unit columns (entries of A, M, C, D; q)."""
         n, nu = len(at.A), at.D.shape[1]
         index = np.arange(at.M.size).reshape(n, -1)[:, :nu].ravel() + at.A.size
         if self.direct:

@@ -12,21 +12,21 @@ from sysid.records.arrays import FloatArray
 from sysid.subspace.predictor import Predictor, Record, initial_spread
 from sysid.subspace.predictor_sensitivities import Sensitivities
 
-NEGLIGIBLE = 1e-12  # of a response, as a part of its first sample
-ROUNDS = 4  # improvements of the errors' covariance where its best value counts
+NEGLIGIBLE = 1e-12  # tail of a response, relative to its first sample
+ROUNDS = 4  # iterations of the error covariance where its converged value is needed
 
 
 @dataclass(frozen=True, eq=False)
 class Eliminated:
-    """One record with its missing outputs and its initial state at their best values.
+    """One record with its missing outputs and its initial state eliminated.
 
     Attributes:
-        missing: The elimination, errors in units of `root`.
+        missing: The missing outputs, errors in units of `root`.
         filled: The record with the missing outputs at their conditional means.
         state: Initial state (n,).
         white: Errors times `root` (N, ny).
         root: W = root root', the inverse of the errors' covariance (ny, ny).
-        cost: Sum of squares of `white`, and what the size of the initial state adds.
+        cost: Sum of squares of `white` plus the prior cost of the initial state.
     """
 
     missing: MissingOutputs
@@ -42,14 +42,14 @@ class Eliminated:
         return np.asarray(np.linalg.solve(self.root.T, self.white.T).T, dtype=np.float64)
 
     def expected_products(self) -> FloatArray:
-        """Mean of sum e e' given what is known: that of the errors here and of their uncertainty (ny, ny)."""
+        """Conditional expectation of sum e e' given the known outputs (ny, ny)."""
         ny = len(self.root)
         pairs = [(i, j) for i in range(ny) for j in range(i + 1)]
         moves = np.zeros((len(pairs), ny, ny))
         for move, (i, j) in zip(moves, pairs, strict=True):
             move[i, j] += 0.5
             move[j, i] += 0.5
-        # the logarithm of the determinant changes with W by just this uncertainty
+        # this uncertainty is the derivative of the log determinant with respect to W
         slopes = self.missing.slope(0.5 * np.einsum("pre,lec->plrc", moves, self.missing.response))
         unknown = np.zeros((ny, ny))
         for (i, j), value in zip(pairs, slopes, strict=True):
@@ -60,12 +60,12 @@ class Eliminated:
 
 @dataclass(frozen=True, eq=False)
 class Likelihood:
-    """How likely what is known is, given a predictor.
+    """Likelihood of the known outputs, given a predictor.
 
     Attributes:
-        parts: The eliminations, per experiment.
+        parts: Elimination per experiment.
         covariance: Of the errors (ny, ny).
-        criterion: -2 times the logarithm of the likelihood, per sample, constants aside.
+        criterion: -2 times the logarithm of the likelihood per sample, without constants.
     """
 
     parts: tuple[Eliminated, ...]
@@ -76,17 +76,17 @@ class Likelihood:
 def greatest_likelihood(
     records: Sequence[Record], predictor: Predictor, weight: FloatArray, rounds: int = 1
 ) -> Likelihood:
-    """Evaluate the likelihood of what is known."""
+    """Likelihood of the known outputs, the error covariance iterated from the inverse of `weight`."""
     covariance = np.asarray(np.linalg.inv(weight), dtype=np.float64)
     samples, ny = sum(len(r.y) for r in records), len(weight)
     parts = [eliminate(record, predictor, covariance) for record in records]
     for _ in range(rounds if ny > 1 else 0):
         covariance = np.asarray(sum(part.expected_products() for part in parts) / samples)
         parts = [eliminate(record, predictor, covariance) for record in records]
-    seen = samples * ny - sum(part.missing.count for part in parts)
-    scale = max(sum(part.cost for part in parts) / seen, np.finfo(float).tiny)
+    observed = samples * ny - sum(part.missing.count for part in parts)
+    scale = max(sum(part.cost for part in parts) / observed, np.finfo(float).tiny)
     determinant = sum(part.missing.log_determinant for part in parts)
-    criterion = float(np.linalg.slogdet(covariance)[1]) + (determinant + seen * np.log(scale)) / samples
+    criterion = float(np.linalg.slogdet(covariance)[1]) + (determinant + observed * np.log(scale)) / samples
     return Likelihood(tuple(parts), scale * covariance, float(criterion))
 
 
@@ -116,15 +116,15 @@ def gapped_normal(
         information += full[:q, :q] - side.T @ inverse @ side
         gradient += slope[:q] - side.T @ inverse @ slope[q:]
         if len(gaps.response) > 1 and gaps.count:
-            moves = _response_moves(predictor, basis, len(gaps.response))
-            gradient -= 0.5 * gaps.slope(np.einsum("re,plec->plrc", gaps.response[0], moves))
+            derivatives = _response_derivatives(predictor, basis, len(gaps.response))
+            gradient -= 0.5 * gaps.slope(np.einsum("re,plec->plrc", gaps.response[0], derivatives))
     return 0.5 * (information + information.T), gradient
 
 
 def gapped_covariance(
     records: Sequence[Record], predictor: Predictor, weight: FloatArray, information: FloatArray, basis: FloatArray
 ) -> FloatArray:
-    """Covariance of local coordinates by the curvature of the likelihood (q, q): the observed information's inverse."""
+    """Inverse of the observed information (q, q); that of `information` if the curvature is that of no maximum."""
     covariance = np.asarray(np.linalg.pinv(information, hermitian=True), dtype=np.float64)
     directions = standard_directions(covariance)
 
@@ -156,10 +156,10 @@ def eliminate(record: Record, predictor: Predictor, covariance: FloatArray) -> E
     columns = np.zeros((steps, ny, n + 1))
     columns[: len(free), :, :n] = free * prior
     columns[:, :, n] = errors
-    left = missing.eliminated(np.einsum("tlc,lr->trc", columns, root)).reshape(-1, n + 1)
-    phi = np.vstack((left[:, :n], np.eye(n)))
-    relative = np.linalg.lstsq(phi, np.concatenate((left[:, n], np.zeros(n))), rcond=None)[0]
-    white = left[:, n] - left[:, :n] @ relative
+    remainder = missing.eliminated(np.einsum("tlc,lr->trc", columns, root)).reshape(-1, n + 1)
+    phi = np.vstack((remainder[:, :n], np.eye(n)))
+    relative = np.linalg.lstsq(phi, np.concatenate((remainder[:, n], np.zeros(n))), rcond=None)[0]
+    white = remainder[:, n] - remainder[:, :n] @ relative
     errors[: len(free)] -= free @ (prior * relative)
     y = record.y.copy()
     y[~known] = -missing.best((errors @ root)[:, :, None])[:, 0]
@@ -170,7 +170,7 @@ def eliminate(record: Record, predictor: Predictor, covariance: FloatArray) -> E
 
 
 def _response(predictor: Predictor, steps: int) -> FloatArray:
-    """Errors after a pulse in each output, up to where they have died out (L, ny, ny)."""
+    """Errors after a pulse in each output until they have died out (L, ny, ny)."""
     ny, nu = predictor.D.shape
     direct = np.eye(ny)[None]
     if not predictor.has_gain:
@@ -180,7 +180,7 @@ def _response(predictor: Predictor, steps: int) -> FloatArray:
     return np.concatenate((direct, tail[: alive[-1] + 1 if len(alive) else 0]))
 
 
-def _response_moves(predictor: Predictor, basis: FloatArray, lags: int) -> FloatArray:
+def _response_derivatives(predictor: Predictor, basis: FloatArray, lags: int) -> FloatArray:
     """Derivatives of `_response` along directions (q, lags, ny, ny)."""
     A, C = predictor.A, predictor.C
     ny, nu = predictor.D.shape
@@ -195,21 +195,21 @@ def _response_moves(predictor: Predictor, basis: FloatArray, lags: int) -> Float
     return out
 
 
-WEIGHT_FLOOR = 1e-10  # of the errors' covariance, as a part of its mean diagonal
+WEIGHT_FLOOR = 1e-10  # of the error covariance, relative to its mean diagonal
 
 
 @dataclass(frozen=True, eq=False)
 class Point:
-    """A predictor with the initial states, and its errors.
+    """A predictor with its initial states, errors and criterion.
 
     Attributes:
         predictor: The predictor.
         states: Initial state per experiment (n,).
         errors: Per experiment (N, ny).
         covariance: Mean of e e' over all samples (ny, ny).
-        criterion: Logarithm of its determinant, and what the size of the initial states adds.
-        gaps: What became of the missing outputs, per experiment; empty where there are none.
-        spreads: To what deviation the initial state of each experiment is held (n,); empty where outputs are missing.
+        criterion: Logarithm of its determinant plus the prior cost of the initial states.
+        gaps: Elimination of the missing outputs per experiment; empty if there are none.
+        spreads: Prior deviation of the initial state of each experiment (n,); empty with missing outputs.
     """
 
     predictor: Predictor
@@ -224,21 +224,21 @@ class Point:
     def at(
         records: Sequence[Record], predictor: Predictor, weight: FloatArray, spreads: Sequence[FloatArray] = ()
     ) -> "Point":
-        """Evaluate, the initial states the best ones for errors with covariance W^-1.
+        """Evaluate with the best initial states for errors of covariance W^-1.
 
-        A state that leaves hardly a trace is held to a size that it may well have: it is taken to be random with a
-        standard deviation of PRIOR times that of the state in balanced coordinates. Without noise this hardly counts.
-        From one step to the next that size has to stay (`spreads`), or the criterion falls not as its gradient says.
+        Nearly unobservable initial states are regularised by a prior deviation of PRIOR times that of the state in
+        balanced coordinates, which hardly matters without noise. The prior (`spreads`) must stay the same within a
+        step, or the criterion does not follow its gradient.
         """
         if any(record.known is not None for record in records):
             likely = greatest_likelihood(records, predictor, weight)
-            initial, made = [part.state for part in likely.parts], [part.errors for part in likely.parts]
-            return Point(predictor, initial, made, likely.covariance, likely.criterion, likely.parts)
+            initial, errors = [part.state for part in likely.parts], [part.errors for part in likely.parts]
+            return Point(predictor, initial, errors, likely.covariance, likely.criterion, likely.parts)
         root = np.linalg.cholesky(weight)
         n = len(predictor.A)
         states: list[FloatArray] = []
-        errors: list[FloatArray] = []
-        held: list[FloatArray] = []
+        errors = []
+        priors: list[FloatArray] = []
         size = 0.0
         for i, record in enumerate(records):
             e = record.y - predictor.predict(record.w, record.u, np.zeros(n))
@@ -250,25 +250,25 @@ class Point:
             states.append(prior * relative)
             e[: len(free)] -= free @ states[-1]
             errors.append(e)
-            held.append(prior)
+            priors.append(prior)
             size += float(relative @ relative)
         samples = sum(len(e) for e in errors)
         covariance = np.asarray(sum(e.T @ e for e in errors) / samples)
         criterion = float(np.linalg.slogdet(_floored(covariance))[1]) + size / samples
-        return Point(predictor, states, errors, covariance, criterion, spreads=tuple(held))
+        return Point(predictor, states, errors, covariance, criterion, spreads=tuple(priors))
 
     def balanced(self) -> "Point":
-        """The same behaviour in balanced coordinates; entries are then of about equal effect."""
+        """The same behaviour in balanced coordinates, in which all entries have about equal effect."""
         into, back = self.predictor.balancing()
         p = self.predictor
-        turned = Predictor(into @ p.A @ back, into @ p.M, p.C @ back, p.D)
+        balanced = Predictor(into @ p.A @ back, into @ p.M, p.C @ back, p.D)
         states = [into @ x for x in self.states]
         if self.gaps:
-            return replace(self, predictor=turned, states=states)
-        spreads = tuple(initial_spread(free_response(turned.A, turned.C, len(e))) for e in self.errors)
-        grown = _size(states, spreads) - _size(self.states, self.spreads)
-        criterion = self.criterion + grown / sum(len(e) for e in self.errors)
-        return replace(self, predictor=turned, states=states, criterion=criterion, spreads=spreads)
+            return replace(self, predictor=balanced, states=states)
+        spreads = tuple(initial_spread(free_response(balanced.A, balanced.C, len(e))) for e in self.errors)
+        increase = _size(states, spreads) - _size(self.states, self.spreads)
+        criterion = self.criterion + increase / sum(len(e) for e in self.errors)
+        return replace(self, predictor=balanced, states=states, criterion=criterion, spreads=spreads)
 
     @property
     def weight(self) -> FloatArray:

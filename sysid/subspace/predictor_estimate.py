@@ -1,4 +1,4 @@
-"""From a fitted predictor to the public record."""
+"""Estimates of state-space models: checks before the fit, and the public record of a fitted predictor."""
 
 import warnings
 from collections.abc import Mapping, Sequence
@@ -43,7 +43,7 @@ class RealiseLocally:
 
 
 def check_enough_samples(experiments: Sequence[IOData], order: int, count: int) -> int:
-    """Number of samples behind the initialisation windows."""
+    """Number of samples after the initialisation windows; refuse too few, and outputs that are zero."""
     samples = int(usable_samples(experiments))
     unknown = count + order * len(experiments)
     short = [len(e) for e in experiments if len(e) - e.window <= order]
@@ -56,7 +56,7 @@ def check_enough_samples(experiments: Sequence[IOData], order: int, count: int) 
     if not any(e.y[e.window + order :].any() for e in experiments):
         names = ", ".join(experiments[0].output_names or ())
         raise SysidError(
-            f"the outputs ({names}) are zero from sample {order} on, which {order} states can do without any input: "
+            f"the outputs ({names}) are zero from sample {order} on, which {order} states can reproduce without input: "
             "there is nothing to identify"
         )
     return samples
@@ -65,30 +65,30 @@ def check_enough_samples(experiments: Sequence[IOData], order: int, count: int) 
 def make_predictor_estimate(
     method: str,
     experiments: Sequence[IOData],
-    asked: Mapping[str, Any],
+    order_values: Mapping[str, Any],
     scales: Scales,
     *,
     predictor: Predictor,
     basis: FloatArray,
     covariance: FloatArray,
     diagnostics: Mapping[str, Any],
-    texts: Sequence[str],
+    messages: Sequence[str],
     innovation: FloatArray | None = None,
 ) -> Estimate:
-    """Assemble the record.
+    """Assemble the estimate.
 
     Args:
         method: Name of the estimator.
         experiments: The data set.
-        asked: What the user asked for.
+        order_values: Orders as the estimate reports them.
         scales: Of the channels.
         predictor: The result, channels scaled.
         basis: Directions of the local coordinates (entries of A, M, C, D; q).
-        covariance: Of the local coordinates (q, q), NaN where not known.
-        diagnostics: Condition, convergence, and what belongs to the method.
-        texts: Warnings that were given.
-        innovation: Covariance of the prediction errors, channels scaled (ny, ny), where residuals do not tell it:
-            behind missing outputs they are larger.
+        covariance: Of the local coordinates (q, q), NaN if unknown.
+        diagnostics: Condition, convergence, and entries of the method.
+        messages: Warnings of the fit.
+        innovation: Covariance of the prediction errors, channels scaled (ny, ny), if the residuals do not give it: they
+            are larger after missing outputs.
     """
     summary = DataSummary.of(experiments)
     parameters = basis.T @ predictor.vector()
@@ -97,7 +97,7 @@ def make_predictor_estimate(
         innovation = innovation * np.outer(scales.y, scales.y) * usable_samples(experiments) / freedom
     bare = scales.model(predictor, summary, innovation)
     with warnings.catch_warnings():
-        # said by the estimator
+        # reported by the estimator
         warnings.simplefilter("ignore", SysidWarning)
         parts = [residuals(bare, e) for e in experiments]
     counted = np.concatenate([part[e.window :] for part, e in zip(parts, experiments, strict=True)])
@@ -112,21 +112,21 @@ def make_predictor_estimate(
         noise_variance=variance,
         residuals=np.concatenate(parts),
         method=method,
-        orders=asked,
-        diagnostics={**diagnostics, "warnings": tuple(texts)},
+        orders=order_values,
+        diagnostics={**diagnostics, "warnings": tuple(messages)},
         data=summary,
         realise=realise,
     )
 
 
 def usable_samples(experiments: Sequence[IOData]) -> float:
-    """Known outputs behind the initialisation windows, per output."""
+    """Known samples after the initialisation windows, per output."""
     if all(e.complete for e in experiments):
         return sum(len(e) - e.window for e in experiments)
     return sum(int(e.known[e.window :].sum()) for e in experiments) / experiments[0].ny
 
 
 def degrees_of_freedom(experiments: Sequence[IOData], predictor: Predictor, parameters: int) -> float:
-    """Samples less the parameters and initial states per output."""
+    """Samples minus parameters and initial states, per output."""
     samples = usable_samples(experiments)
     return samples - (parameters + len(predictor.A) * len(experiments)) / experiments[0].ny

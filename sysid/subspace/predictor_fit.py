@@ -1,4 +1,10 @@
-"""The edge of stability as a constraint: predictors that lie beyond it, and directions that lead there."""
+"""Prediction-error fits of state-space predictors, at a cost that hardly depends on the length of the record.
+
+Every derivative of the prediction is a fixed filter of w and of the initial state, with the poles of the predictor,
+each at most twice. In an orthonormal basis of such filters, the Gauss-Newton normal equations consist of moments of the
+basis outputs, which follow exactly from the correlations of w; these are computed once. Only the errors are computed
+sample by sample: their accuracy is that of the fit. Poles at the stability limit are constraints of every step.
+"""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -13,16 +19,16 @@ from sysid.subspace.predictor import STABILITY_MARGIN, Predictor, Record
 from sysid.subspace.predictor_errors import Point, gapped_normal
 from sysid.subspace.predictor_sensitivities import Sensitivities
 
-SHORT = 1e-3  # distance of a pole from the circle, in ones over the record's length, that no record can tell from none
+SHORT = 1e-3  # distance of a pole from the unit circle, in 1 / (length of the record), that no record resolves
 
 
 def stability_limit(samples: int) -> float:
-    """Largest modulus of a pole: so near to 1 that a longer memory would not show in so many samples."""
+    """Largest modulus of a pole: a longer memory cannot be seen in this number of samples."""
     return 1.0 - max(STABILITY_MARGIN, SHORT / samples)
 
 
 def pulled_in(predictor: Predictor, limit: float) -> Predictor:
-    """The predictor with the poles beyond the limit moved on to it, along their radius."""
+    """Move poles beyond the limit onto it, along their radius."""
     poles, vectors = np.linalg.eig(predictor.A)
     modulus = np.abs(poles)
     if modulus.max(initial=0.0) <= limit:
@@ -33,14 +39,14 @@ def pulled_in(predictor: Predictor, limit: float) -> Predictor:
     except np.linalg.LinAlgError:
         A = predictor.A
     radius = np.abs(np.linalg.eigvals(A)).max() if np.isfinite(A).all() else np.inf
-    # where eigenvectors are nearly dependent, all poles together
+    # nearly dependent eigenvectors: scale all poles together
     if not radius < limit + 0.1 * (1.0 - limit):
         A = predictor.A * (limit / modulus.max())
     return Predictor(A, predictor.M, predictor.C, predictor.D)
 
 
 def outward(predictor: Predictor, basis: FloatArray, limit: float) -> FloatArray:
-    """Derivatives of the moduli of the poles at the limit, by coordinate; a pair of conjugate poles counts once."""
+    """Derivatives of the moduli of the poles at the limit (poles, q), one row for a conjugate pair."""
     n = len(predictor.A)
     poles, right = np.linalg.eig(predictor.A)
     at = np.flatnonzero((1.0 - np.abs(poles) < 2.0 * (1.0 - limit)) & (poles.imag >= 0.0))
@@ -56,7 +62,7 @@ def outward(predictor: Predictor, basis: FloatArray, limit: float) -> FloatArray
 
 
 def constrained_step(values: FloatArray, g: FloatArray, rows: FloatArray) -> FloatArray:
-    """Minimise s' diag(values) s / 2 - g' s where no row grows: rows @ s <= 0."""
+    """Minimise s' diag(values) s / 2 - g' s subject to rows @ s <= 0."""
     free = g / values
     if not (rows @ free > 0.0).any():
         return free
@@ -68,15 +74,15 @@ def constrained_step(values: FloatArray, g: FloatArray, rows: FloatArray) -> Flo
     try:
         forces, _ = nnls(sides[:, kept] / lengths[kept], root * free)
     except RuntimeError:
-        # no answer within its iterations: whoever asks pulls poles back that have come too far
+        # not converged: the caller moves poles beyond the limit back
         return free
     return np.asarray(free - (sides[:, kept] / lengths[kept]) @ forces / root)
 
 
-CONVERGED = 1e-8  # decrease still to be had, as a part of the sum of squares
+CONVERGED = 1e-8  # remaining decrease, relative to the sum of squares
 SETTLED = 1e-4  # the same in N dV / V: a hundredth of a standard deviation
-ROUNDING = 1e-29  # mean square of the errors, as a part of the output's, below which nothing is left to explain
-REPAIRS = 6  # steps towards an exact fit
+ROUNDING = 1e-29  # mean square of the errors, relative to that of the output, that is rounding alone
+REPAIRS = 6  # limit on the steps towards an exact fit
 Directions = Callable[[Predictor], FloatArray]
 
 
@@ -97,15 +103,15 @@ class Normal:
 
 @dataclass(frozen=True, eq=False)
 class Minimum:
-    """Where the minimiser stopped.
+    """Result of a minimisation.
 
     Attributes:
         point: Predictor, states, errors.
-        normal: Normal equations there.
+        normal: Normal equations at the point.
         iterations: Accepted steps.
         evaluations: Evaluations of the criterion.
-        converged: The decrease still to be had is negligible, or the errors are at rounding level.
-        reason: Why it stopped.
+        converged: Whether the remaining decrease is negligible, or the errors are at rounding level.
+        reason: Reason for stopping.
     """
 
     point: Point
@@ -133,12 +139,12 @@ def minimise(records: Sequence[Record], start: Predictor, directions: Directions
         values = np.where(kept, values, 1.0)
         g = np.where(kept, vectors.T @ (normal.gradient / scale), 0.0)
         rows = np.where(kept, outward(point.predictor, normal.basis, limit) / scale @ vectors, 0.0)
-        left = float(g @ constrained_step(values, g, rows)) / (samples * len(point.covariance))
-        if left <= max(CONVERGED, SETTLED / (samples * len(point.covariance))):
+        decrease = float(g @ constrained_step(values, g, rows)) / (samples * len(point.covariance))
+        if decrease <= max(CONVERGED, SETTLED / (samples * len(point.covariance))):
             where = " at the edge of stability" if len(rows) else ""
             return Minimum(point, normal, iterations, evaluations, True, f"no decrease left{where}")
         if iterations >= max_iterations:
-            why = f"stopped after {iterations} iterations, one more promises N dV/V = {left * samples:.2g}"
+            why = f"stopped after {iterations} iterations, one more predicts N dV/V = {decrease * samples:.2g}"
             return Minimum(point, normal, iterations, evaluations, False, why)
         trial = None
         while damping < 1e8:
@@ -152,36 +158,37 @@ def minimise(records: Sequence[Record], start: Predictor, directions: Directions
                 trial = None
             damping = max(damping * 10.0, 1e-8)
         if trial is None:
-            flat = left <= 1e-4 or float(np.trace(point.covariance)) <= 1e-16 * power
-            why = f"no step decreases the errors further; promised is N dV/V = {left * samples:.2g}"
+            flat = decrease <= 1e-4 or float(np.trace(point.covariance)) <= 1e-16 * power
+            why = f"no step decreases the errors further; predicted is N dV/V = {decrease * samples:.2g}"
             return Minimum(point, normal, iterations, evaluations, flat, why)
-        promised = float(2.0 * g @ step - step**2 @ values) / samples
+        predicted = float(2.0 * g @ step - step**2 @ values) / samples
         achieved = point.criterion - trial.criterion
-        damping = damping / 30.0 if achieved > 0.75 * promised else damping
-        if achieved < 0.25 * promised:
+        damping = damping / 30.0 if achieved > 0.75 * predicted else damping
+        if achieved < 0.25 * predicted:
             damping = max(damping * 4.0, 1e-8)
         point = trial.balanced()
         iterations += 1
 
 
 def least_squares_fit(records: Sequence[Record], start: Predictor, directions: Directions) -> Predictor:
-    """Solve for entries in which the prediction is linear, where a single step is exact."""
+    """Solve for the entries in which the prediction is linear, by a single Gauss-Newton step.
+
+    Further steps repair rounding and the first weights if the errors are so small that these matter.
+    """
     point = Point.at(records, start.balanced(), np.eye(start.C.shape[0]))
     power = float(np.mean([np.mean(r.y**2) for r in records]))
-    # further steps repair what rounding and the first weights left, where the errors are so small that it shows
     for _ in range(REPAIRS):
         normal = linearise(records, point, directions(point.predictor))
         scale = column_scale(normal.information)
         solution = np.linalg.lstsq(normal.information / np.outer(scale, scale), normal.gradient / scale, rcond=1e-13)
         step = solution[0] / scale
-        better = Point.at(records, point.predictor.moved(normal.basis @ step), point.weight, point.spreads)
-        if not better.criterion < point.criterion:
+        update = Point.at(records, point.predictor.moved(normal.basis @ step), point.weight, point.spreads)
+        if not update.criterion < point.criterion:
             break
-        point = better
+        point = update
         if float(np.trace(point.covariance)) > 1e-4 * power:
             break
-    found = point.predictor
-    return Predictor(start.A, start.balancing()[1] @ found.M, start.C, found.D)
+    return Predictor(start.A, start.balancing()[1] @ point.predictor.M, start.C, point.predictor.D)
 
 
 def linearise(records: Sequence[Record], point: Point, basis: FloatArray) -> Normal:
@@ -208,11 +215,10 @@ def linearise(records: Sequence[Record], point: Point, basis: FloatArray) -> Nor
 
 
 def coloured_information(records: Sequence[Record], point: Point, basis: FloatArray, order: int) -> FloatArray:
-    """J' W R W J of the errors' own covariance R, where they are independent of the input but not white.
+    """J' W R W J (q, q) with the covariance R of errors that are independent of the input but not white.
 
-    Errors are made uncorrelated by the root of W; each component then stands for an autoregressive model of its own, by
-    whose inverse J is filtered [Ljung1999, ch. 9]. Correlation between components at lags other than zero is left
-    out.
+    The root of W makes the errors uncorrelated; each component is then modelled by an autoregression, by which J is
+    filtered [Ljung1999, ch. 9]. Correlation between components at lags other than zero is ignored.
     """
     sensitivities = Sensitivities.of(point.predictor)
     root = np.linalg.cholesky(point.weight)
@@ -234,6 +240,6 @@ def coloured_information(records: Sequence[Record], point: Point, basis: FloatAr
 
 
 def column_scale(information: FloatArray) -> FloatArray:
-    """Lengths of the columns behind an information matrix (q,), directions without any information aside."""
+    """Lengths of the Jacobian columns of an information matrix (q,), bounded below to stay regular."""
     squares = np.diag(information)
     return np.sqrt(np.maximum(squares, max(1e-20 * float(squares.max(initial=0.0)), np.finfo(float).tiny)))

@@ -15,12 +15,12 @@ class Sensitivities:
     """Derivatives of the prediction in the basis (zI - F)^-1 b of 2n functions, applied to w and to a pulse.
 
     Attributes:
-        predictor: Where.
+        predictor: The predictor.
         F: State matrix of the basis (2n, 2n).
         b: Its input (2n,).
         states: (zI - A)^-1 e_i, coefficients by state, i, and function (n, n, 2n).
-        twice: C (zI - A)^-1 e_i times function a of the first n (ny, n, n, 2n); None where no derivative by A is asked
-            for, which is the costly part.
+        twice: C (zI - A)^-1 e_i times function a of the first n (ny, n, n, 2n), the costly part; None without
+            derivatives by A.
     """
 
     predictor: Predictor
@@ -31,7 +31,7 @@ class Sensitivities:
 
     @staticmethod
     def of(predictor: Predictor, by_dynamics: bool = True) -> "Sensitivities":
-        """Solve for the coefficients, which depend on no data."""
+        """Solve for the coefficients, which do not depend on the data; those by A only with `by_dynamics`."""
         n = len(predictor.A)
         once = all_pass(np.linalg.eigvals(predictor.A).astype(complex))
         basis = once.then(once)
@@ -54,7 +54,7 @@ class Sensitivities:
         ny, nu = p.D.shape
         k = 2 * n
         x = np.einsum("ic,jia->cja", np.column_stack((p.M, x0)), self.states)
-        seen = np.tensordot(p.C, self.states, 1)
+        observed = np.tensordot(p.C, self.states, 1)
         columns = n * n + n * nw + ny * n + ny * nu
         out = np.zeros((ny, (nw + 1) * k + nu, columns))
         functions = out[:, : (nw + 1) * k].reshape(ny, nw + 1, k, columns)
@@ -63,7 +63,7 @@ class Sensitivities:
             functions[..., : n * n] = by_a.reshape(ny, nw + 1, k, n * n)
         at = n * n
         for c in range(nw):
-            functions[:, c, :, at + c : at + n * nw : nw] = seen.transpose(0, 2, 1)
+            functions[:, c, :, at + c : at + n * nw : nw] = observed.transpose(0, 2, 1)
         at += n * nw
         for i in range(ny):
             functions[i, :, :, at + i * n : at + (i + 1) * n] = x.transpose(0, 2, 1)
@@ -71,11 +71,11 @@ class Sensitivities:
         for i in range(ny):
             out[i, (nw + 1) * k :, at + i * nu : at + (i + 1) * nu] = np.eye(nu)
         initial = np.zeros((ny, len(out[0]), n))
-        initial[:, nw * k : (nw + 1) * k] = seen.transpose(0, 2, 1)
+        initial[:, nw * k : (nw + 1) * k] = observed.transpose(0, 2, 1)
         return np.concatenate((out @ basis, initial), axis=2)
 
     def signals(self, record: Record) -> FloatArray:
-        """What `table` refers to, sample by sample (N, signals)."""
+        """The signals of `table`, sample by sample (N, signals)."""
         rest = np.zeros(len(self.b))
         drives = [channel[:, None] * self.b for channel in record.w.T] + [np.zeros((len(record.w), len(self.b)))]
         starts = [rest] * record.w.shape[1] + [self.b]

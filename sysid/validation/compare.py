@@ -1,4 +1,4 @@
-"""Fits of models to data: in simulation and one step ahead, always both, and over any other horizon."""
+"""Fits of models to data in simulation, one step ahead, and over any other horizon."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
@@ -19,9 +19,7 @@ Model = StateSpace | Estimate
 
 @dataclass(frozen=True, eq=False, repr=False)
 class ModelFit(Locked):
-    """How well one model explains a data set.
-
-    Samples of several experiments stand one after the other, as residuals do.
+    """Fit of one model to a data set; samples of several experiments follow each other.
 
     Attributes:
         name: The model.
@@ -29,10 +27,10 @@ class ModelFit(Locked):
         one_step: Fit in percent of the one-step prediction, per output (ny,).
         simulated: Simulated output, initial state fitted (N, ny).
         predicted: One-step prediction, initial state fitted (N, ny).
-        steps: The horizon asked for, in samples.
+        steps: The horizon of a further prediction, in samples.
         ahead: Fit in percent of the prediction over that horizon, per output (ny,).
-        predicted_ahead: That prediction (N, ny).
-        by_experiment: The same experiment by experiment; empty for a single record.
+        predicted_ahead: Prediction over that horizon (N, ny).
+        by_experiment: The same by experiment; empty for a single record.
         output_names: One name per output.
     """
 
@@ -48,7 +46,7 @@ class ModelFit(Locked):
     output_names: tuple[str, ...] = field(default=(), kw_only=True)
 
     def __str__(self) -> str:
-        """One line: all fits, per output where there are several, and a line per experiment where there are several."""
+        """One line with all fits, per output if there are several, and a line for each of several experiments."""
         names = (
             self.output_names if len(self.output_names) == len(self.simulation) > 1 else ("",) * len(self.simulation)
         )
@@ -65,17 +63,17 @@ def compare(
 ) -> tuple[ModelFit, ...]:
     """Fit 100 (1 - |y - yhat| / |y - mean(y)|) of every model, without the initialisation window.
 
-    The initial state is fitted by least squares: to the initialisation window where the record has one, else to the
-    whole record. Over several experiments the squares of errors and of deviations, each from its own mean, are summed.
+    The initial state is fitted by least squares: to the initialisation window if the record has one, else to the whole
+    record. Over several experiments the squares of errors and of deviations, each from its own mean, are summed.
 
     Args:
         models: A model or estimate, several, or several by name.
-        data: The record to explain, best one that no model was fitted to; or several.
-        steps: Horizon of a further prediction, in samples: outputs up to t - steps are known. 1 is the one-step
-            prediction, which is there anyway, as is the simulation.
+        data: The record or records, preferably ones that no model was fitted to.
+        steps: Horizon of a further prediction, from outputs up to t - steps; one-step prediction and simulation are
+            always included.
 
     Returns:
-        One record per model, in the sequence given.
+        One record per model, in their sequence.
 
     Raises:
         SysidError: No model, channels that do not fit, an output that is constant, steps < 1.
@@ -86,11 +84,11 @@ def compare(
     else:
         if not isinstance(models, StateSpace | Estimate | Sequence):
             raise SysidError(f"expected models or estimates, got {type(models).__name__}")
-        several = [models] if isinstance(models, StateSpace | Estimate) else list(models)
-        named = {_name(model, k): model for k, model in enumerate(several)}
+        sequence = [models] if isinstance(models, StateSpace | Estimate) else list(models)
+        named = {_name(model, k): model for k, model in enumerate(sequence)}
     if not named:
         raise SysidError("expected at least one model, got none")
-    steps = whole_number("steps (the simulation is always there)", steps, 1)
+    steps = whole_number("steps (the simulation is always included)", steps, 1)
     experiments = as_experiments(data, missing=True)
     return tuple(_fit(name, model, experiments, steps) for name, model in named.items())
 
@@ -121,11 +119,11 @@ def _of(
     by_experiment: tuple[ModelFit, ...] = (),
 ) -> ModelFit:
     measured = [e.scored.y for e in experiments]
-    # One mean of all would make a difference of level between experiments look explained.
+    # a common mean would count differences of level between experiments as explained
     y = np.concatenate([part - np.nanmean(part, axis=0) if len(measured) > 1 else part for part in measured])
     fits = []
     for kind in zip(*outputs, strict=True):
-        # what an unstable model makes may end as the difference of two infinities
+        # an unstable model may overflow: infinity minus infinity counts as infinite
         hats = [
             np.nan_to_num(hat[e.window :], nan=np.inf, posinf=np.inf, neginf=-np.inf)
             for hat, e in zip(kind, experiments, strict=True)
@@ -151,11 +149,11 @@ def _of(
 def fit_percent(y: ArrayLike, yhat: ArrayLike) -> FloatArray:
     """100 (1 - |y - yhat| / |y - mean(y)|) per output (ny,).
 
-    100 is perfect, 0 no better than the mean, minus infinity what grows beyond all numbers.
+    100 is perfect, 0 no better than the mean, minus infinity an overflow.
 
     Args:
-        y: Measured (N, ny); NaN where a sample is missing: it is not scored.
-        yhat: Explained (N, ny).
+        y: Measured output (N, ny); NaN marks missing samples, which are not scored.
+        yhat: Output of the model (N, ny).
 
     Returns:
         Fits in percent (ny,).
@@ -170,16 +168,15 @@ def fit_percent(y: ArrayLike, yhat: ArrayLike) -> FloatArray:
     if unknown.any():
         raise SysidError(f"yhat is NaN at {int(unknown.sum())} sample(s) where y is known: the fit is not defined")
     spread = np.sqrt(np.nansum((y - np.nanmean(y, axis=0)) ** 2, axis=0))
-    # Rounding of the mean leaves a constant a spread of its last digit.
+    # rounding of the mean gives a constant a spread of its last digit
     rounding = 1e-14 * np.sqrt(len(y)) * np.nanmax(np.abs(y), axis=0)
     if (spread <= rounding).any():
         raise SysidError(f"output {int(np.argmin(spread - rounding))} is constant: its fit is not defined")
-    # samples that are missing are not scored
     known = np.isfinite(y)
     error = np.where(known, np.abs(np.where(known, y, 0.0) - yhat), 0.0)
     largest = error.max(axis=0)
     finite = np.isfinite(largest)
-    # scaled first: an unstable predictor's errors may be too large to square
+    # scaled first: errors of an unstable predictor may overflow when squared
     scale = np.where(finite & (largest > 0.0), largest, 1.0)
     size = np.where(finite, scale * np.linalg.norm(np.where(finite, error, 0.0) / scale, axis=0), np.inf)
     return np.asarray(100.0 * (1.0 - size / spread))

@@ -1,4 +1,4 @@
-"""Cross-validation: every part of the data explained by a model that has not seen it."""
+"""Cross-validation: every part of the data compared with a model of the other parts."""
 
 import warnings
 from collections.abc import Callable, Sequence
@@ -17,15 +17,15 @@ from sysid.validation.compare import ModelFit, compare
 
 @dataclass(frozen=True, eq=False, repr=False)
 class CrossValidation(Locked):
-    """Fits to the parts left out.
+    """Fits to the parts that were left out.
 
     Attributes:
         fits: One record per part.
-        estimates: The estimate that has not seen it, per part.
+        estimates: Estimate from the other parts, per part.
         simulation: Mean fit in percent of the simulated output, per output (ny,).
         one_step: Mean fit in percent of the one-step prediction, per output (ny,).
         simulation_deviation: Standard deviation of the fits over the parts (ny,).
-        one_step_deviation: Likewise.
+        one_step_deviation: Likewise, one step ahead.
     """
 
     fits: tuple[ModelFit, ...]
@@ -43,8 +43,8 @@ def cross_validate(
 
     `cross_validate(lambda parts: sysid.oe(parts, 2, 2), data)`
 
-    Several experiments are the parts themselves; a single one is cut into consecutive parts, which enter the fit as
-    experiments of their own, so that nothing is joined across the gap.
+    Several experiments are the parts; a single one is cut into consecutive parts, which are separate experiments in the
+    fit, so that no regressor crosses the gap.
 
     Args:
         estimator: From experiments to an estimate.
@@ -52,7 +52,7 @@ def cross_validate(
         folds: Number of parts of a single experiment.
 
     Returns:
-        Fits, in simulation and one step ahead, their mean and scatter.
+        Fits in simulation and one step ahead, their mean and standard deviation.
 
     Raises:
         SysidError: Fewer than two parts, or parts too short for the estimator.
@@ -62,14 +62,14 @@ def cross_validate(
         folds = whole_number("folds", folds, 2, len(experiments[0]))
         (whole,) = experiments
         edges = np.linspace(whole.window, len(whole), folds + 1).astype(int)
-        # the window stays in front of the part that it initialises
+        # the window stays with the part that it initialises
         edges[0] = 0
         experiments = tuple(whole[int(a) : int(b)] for a, b in pairwise(edges))
     fits: list[ModelFit] = []
     estimates: list[Estimate] = []
     for k, left_out in enumerate(experiments):
         with warnings.catch_warnings():
-            # a part excites less than the whole; the fit to the whole says what matters
+            # a part excites less than the whole record, whose own fit gives the relevant warnings
             warnings.simplefilter("ignore", SysidWarning)
             estimate = estimator(experiments[:k] + experiments[k + 1 :])
             fits += compare({f"part {k + 1}": estimate}, left_out)

@@ -1,4 +1,4 @@
-"""How well the parameters of an estimate are determined, and what speaks for a smaller model."""
+"""Identifiability: poorly determined parameters, and cancellations that suggest a smaller model."""
 
 from dataclasses import dataclass
 
@@ -10,19 +10,19 @@ from sysid.polynomial.orders import Orders, make_orders
 from sysid.records.arrays import ComplexArray, FloatArray, Locked
 from sysid.records.errors import SysidError
 
-POORLY_KNOWN = 1e3  # condition of the parameters' correlation matrix, square root, worth a word
-TOGETHER = 2.0  # standard deviations below which a pole and a zero cannot be told apart
+POORLY_KNOWN = 1e3  # square root of the condition of the correlation matrix that is reported
+TOGETHER = 2.0  # distance of a pole and a zero, in standard deviations, below which they may coincide
 
 
 @dataclass(frozen=True)
 class Cancellation:
-    """A pole and a zero that the data do not tell apart.
+    """A pole and a zero that the data cannot distinguish.
 
     Attributes:
         pole: Root of A or F in the z plane.
         zero: Root of B in the z plane.
-        distance: Between them.
-        deviation: Standard deviation of that.
+        distance: Distance between them.
+        deviation: Standard deviation of the distance.
         input: Index of the input.
     """
 
@@ -41,10 +41,10 @@ class Identifiability(Locked):
         names: One per parameter.
         relative_deviation: Standard deviation of each parameter over its magnitude (p,).
         condition: Ratio of the longest to the shortest axis of the confidence ellipsoid, parameters in units of their
-            own deviations: 1 for independent ones, large where they are known only jointly.
-        weakest: Direction least determined, in those units, of unit length (p,).
-        cancellations: Poles and zeros that cannot be told apart.
-        texts: What is worth knowing, in words with numbers; empty when there is nothing.
+            own deviations: 1 for independent ones, large if they are determined only jointly.
+        weakest: Least determined direction, in those units, of unit length (p,).
+        cancellations: Poles and zeros that cannot be distinguished.
+        texts: Findings in words with numbers; empty if there is none.
     """
 
     names: tuple[str, ...]
@@ -56,14 +56,14 @@ class Identifiability(Locked):
 
 
 def identifiability(estimate: Estimate) -> Identifiability:
-    """Look at an estimate's covariance for parameters that the data hardly determine [Ljung1999, sec. 16.4].
+    """Find parameters that the data hardly determine, from the covariance of an estimate [Ljung1999, sec. 16.4].
 
     Large deviations of single parameters with a small condition mean too little data; a large condition means that some
     combination of them is hardly excited, or superfluous. A pole and a zero within two standard deviations of each
-    other say that a model with one less of each would do.
+    other suggest a model with one less of each.
 
     Args:
-        estimate: Any estimate with a covariance; cancellations are looked for in polynomial models.
+        estimate: Any estimate with a covariance; cancellations are those of polynomial models.
 
     Returns:
         Numbers and texts.
@@ -74,7 +74,7 @@ def identifiability(estimate: Estimate) -> Identifiability:
     estimate = as_estimate(estimate)
     covariance, theta = estimate.covariance, estimate.parameters
     if not len(theta) or not np.isfinite(covariance).all():
-        raise SysidError(f"{estimate.method} gives no covariance of its parameters: there is nothing to judge by")
+        raise SysidError(f"{estimate.method} gives no covariance of its parameters, which identifiability needs")
     deviation = np.sqrt(np.maximum(np.diag(covariance), 0.0))
     scale = np.where(deviation > 0.0, deviation, 1.0)
     values, vectors = np.linalg.eigh(covariance / np.outer(scale, scale))
@@ -86,7 +86,7 @@ def identifiability(estimate: Estimate) -> Identifiability:
     if condition > POORLY_KNOWN:
         main = np.argsort(-np.abs(vectors[:, -1]))[:4]
         who = ", ".join(estimate.parameter_names[k] for k in main)
-        texts.append(f"the parameters are known only jointly: condition {condition:.3g}; mostly {who} move together")
+        texts.append(f"the parameters are determined only jointly: condition {condition:.3g}, mainly of {who}")
     vague = int((relative > 1.0).sum())
     if vague:
         k = int(np.argmax(relative))
@@ -96,8 +96,8 @@ def identifiability(estimate: Estimate) -> Identifiability:
         )
     for c in cancellations:
         texts.append(
-            f"the pole {_shown(c.pole)} and the zero {_shown(c.zero)} of input {c.input + 1} cannot be told apart: "
-            f"distance {c.distance:.3g}, standard deviation {c.deviation:.3g}; orders smaller by one may do"
+            f"the pole {_shown(c.pole)} and the zero {_shown(c.zero)} of input {c.input + 1} cannot be distinguished: "
+            f"distance {c.distance:.3g}, standard deviation {c.deviation:.3g}; try orders smaller by one"
         )
     return Identifiability(
         names=estimate.parameter_names,
@@ -112,9 +112,8 @@ def identifiability(estimate: Estimate) -> Identifiability:
 def _cancellations(estimate: Estimate) -> tuple[Cancellation, ...]:
     if estimate.polynomials is None:
         return ()
-    asked = dict(estimate.orders)
-    orders = make_orders(estimate.polynomials.nu, **asked)
-    found = []
+    orders = make_orders(estimate.polynomials.nu, **dict(estimate.orders))
+    cancellations = []
     for j in range(len(orders.nb)):
         poles, zeros = _roots(orders, estimate.parameters, j)
         for pole in poles[poles.imag >= 0.0]:
@@ -134,8 +133,8 @@ def _cancellations(estimate: Estimate) -> tuple[Cancellation, ...]:
             along = direction / distance if distance > 0.0 else np.array([1.0, 0.0])
             deviation = float(np.sqrt(along @ whole @ along))
             if distance < TOGETHER * deviation:
-                found.append(Cancellation(complex(pole), complex(zero), distance, deviation, j))
-    return tuple(found)
+                cancellations.append(Cancellation(complex(pole), complex(zero), distance, deviation, j))
+    return tuple(cancellations)
 
 
 def _roots(orders: Orders, theta: FloatArray, j: int) -> tuple[ComplexArray, ComplexArray]:

@@ -25,8 +25,8 @@ def whiteness_p(correlations: FloatArray, counts: NDArray[np.int_]) -> FloatArra
     """p-values of Q = N (N + 2) sum_k (r(k) - E r(k))^2 / (N - k), k = 1..h [LjungBox1978].
 
     Q has mean h and, on short records, a variance well above the 2 h of the chi-square distribution, which would reject
-    white residuals of 250 samples twice as often as claimed. The variance is worked out for Gaussian white noise from
-    the traces of the quadratic forms r(k), and Q compared with the F distribution of that mean and variance.
+    white residuals of 250 samples twice as often as stated. The variance for Gaussian white noise follows from the
+    traces of the quadratic forms r(k); Q is compared with the F distribution of that mean and variance.
 
     Args:
         correlations: r(k) at lags 1..h, one column per signal (h, m).
@@ -37,7 +37,7 @@ def whiteness_p(correlations: FloatArray, counts: NDArray[np.int_]) -> FloatArra
     """
     h, n = len(correlations), float(counts[0])
     k = n - counts[1:].astype(float)
-    # a mean that has been removed leaves correlations of about -1/N
+    # removal of the mean gives correlations of about -1/N
     centred = correlations + ((n - k) / (n * (n - 1.0)))[:, None]
     statistic = n * (n + 2.0) * np.sum(centred**2 / (n - k)[:, None], axis=0)
     a, b = np.meshgrid(k, k)
@@ -57,7 +57,7 @@ def independence_p(e: Sequence[FloatArray], u: Sequence[FloatArray], lags: int) 
     """p-value of "e does not depend on u(t), u(t - 1), ..., u(t - lags)".
 
     Both are filtered by the whitener of e; then an F test of the regression of e on the lags of u, which is exact for
-    white Gaussian e, however short the record and whatever the input. Directions without power are left out.
+    white Gaussian e, however short the record and whatever the input. Directions without power are dropped.
 
     Args:
         e: Residuals per experiment (N_i,), zero mean.
@@ -68,12 +68,12 @@ def independence_p(e: Sequence[FloatArray], u: Sequence[FloatArray], lags: int) 
     order = max(1, min(lags, samples // 20, min(len(part) for part in e) // 8))
     whitener, _ = autoregression(np.concatenate(e), order)
     start = order + lags
-    # half of what there is must be left to judge the rest by
+    # at least half of the samples must remain as degrees of freedom
     reach = min(lags, sum(len(part) - start for part in e) // 2 - 1)
     phi, target = [], []
-    for own, given in zip(e, u, strict=True):
-        phi.append(lagged(lfilter(whitener, [1.0], given), range(reach + 1), start))
-        target.append(lfilter(whitener, [1.0], own)[start:])
+    for errors, inputs in zip(e, u, strict=True):
+        phi.append(lagged(lfilter(whitener, [1.0], inputs), range(reach + 1), start))
+        target.append(lfilter(whitener, [1.0], errors)[start:])
     columns, y = np.vstack(phi), np.concatenate(target)
     columns = columns - columns.mean(axis=0)
     y = y - y.mean()
@@ -81,9 +81,11 @@ def independence_p(e: Sequence[FloatArray], u: Sequence[FloatArray], lags: int) 
     freedom = len(y) - fit.rank - 1
     if fit.rank < 1 or freedom < 1:
         return np.nan
-    left = float(fit.residual_gram[0, 0])
-    explained = max(float(y @ y) - left, 0.0)
-    return float(f_distribution.sf(explained / fit.rank * freedom / max(left, np.finfo(float).tiny), fit.rank, freedom))
+    residual = float(fit.residual_gram[0, 0])
+    explained = max(float(y @ y) - residual, 0.0)
+    return float(
+        f_distribution.sf(explained / fit.rank * freedom / max(residual, np.finfo(float).tiny), fit.rank, freedom)
+    )
 
 
 BoolArray = NDArray[np.bool_]
@@ -94,13 +96,13 @@ class ResidualTest(Locked):
     """Correlations of the residuals, with bounds and tests.
 
     Attributes:
-        residuals: One-step prediction errors behind the initialisation window (N, ny), experiments one after the
+        residuals: One-step prediction errors after the initialisation window (N, ny), experiments one after the
             other.
         lags: 0, 1, ..., (lags + 1,).
         autocorrelation: Normalised R_e (lags + 1, ny, ny).
         cross_lags: -lags, ..., lags (2 lags + 1,).
         cross_correlation: Normalised R_eu (2 lags + 1, ny, nu): e(t + tau) with u(t); correlation at tau > 0 means
-            dynamics not modelled, at tau < 0 feedback.
+            unmodelled dynamics, at tau < 0 feedback.
         level: Confidence level of bounds and tests.
         whiteness_bound: Bound on the autocorrelation at every lag but zero: 2.58/sqrt(N) at 99 %.
         independence_bound: Bound on the cross-correlation per pair (ny, nu), from the correlations of input and
@@ -152,12 +154,12 @@ class ResidualTest(Locked):
 
     @property
     def white(self) -> BoolArray:
-        """Whether whiteness stands at the level, per output (ny,)."""
+        """Whether whiteness is not rejected at the level, per output (ny,)."""
         return np.asarray(self.whiteness_p >= 1.0 - self.level)
 
     @property
     def independent(self) -> BoolArray:
-        """Whether independence of past inputs stands at the level, per pair (ny, nu)."""
+        """Whether independence of past inputs is not rejected at the level, per pair (ny, nu)."""
         return np.asarray(self.independence_p >= 1.0 - self.level)
 
     @property
@@ -172,12 +174,12 @@ def resid(
     """Test the one-step prediction errors of a model on data [Ljung1999, sec. 16.6; LjungBox1978].
 
     Under the null hypothesis r_e(tau) ~ N(0, 1/N), and r_eu(tau) is normal with variance sum_k r_e(k) r_u(k) / N
-    [Ljung1999, sec. 16.6]. Means are removed first. On the data that a model was fitted to the tests are conservative,
-    since fitted parameters use up degrees of freedom.
+    [Ljung1999, sec. 16.6]. Means are removed first. On the data of the fit the tests are conservative, since the
+    parameters take degrees of freedom.
 
     Args:
         estimate: The estimate, or the model itself.
-        data: Inputs and outputs, the fitted ones or fresh ones; one experiment or several.
+        data: Inputs and outputs, of the fit or others; one experiment or several.
         lags: Largest lag.
         level: Confidence level, between 0 and 1.
 
@@ -185,7 +187,7 @@ def resid(
         Correlations, bounds, p-values and flags.
 
     Raises:
-        SysidError: Channels that do not fit the model, lags or level out of range, residuals that vanish.
+        SysidError: Channels that do not fit the model, lags or level out of range, residuals that are zero.
     """
     level = confidence_level(level)
     experiments = as_experiments(data)
@@ -197,13 +199,15 @@ def resid(
     n, (ny, nu) = len(errors), (first.ny, first.nu)
     largest = float(np.abs(errors).max())
     if not np.isfinite(largest) or largest <= 1e-14 * max(np.abs(e.y).max() for e in experiments):
-        raise SysidError("the residuals vanish or are not finite: there is nothing to test")
-    # an unstable predictor's residuals may be too large to square
+        raise SysidError("the residuals are zero or not finite: there is nothing to test")
+    # residuals of an unstable predictor may overflow when squared
     e = [part / largest - part.mean(axis=0) / largest for part in parts]
     v = [x.u[x.window :] - x.u[x.window :].mean(axis=0) for x in experiments]
     e_size, v_size = (np.sqrt(np.mean(np.concatenate(s) ** 2, axis=0)) for s in (e, v))
     if (e_size <= 1e-14).any():
-        raise SysidError("the residuals of an output vanish beside those of another: there is nothing to test")
+        raise SysidError(
+            "the residuals of one output are negligible against those of another: there is nothing to test"
+        )
     if (v_size <= ROUNDING * max(np.abs(x.u).max() for x in experiments)).any():
         raise SysidError("an input is constant: independence of it cannot be tested")
     auto = covariance_function(e, e, lags)[lags:] / (e_size[:, None] * e_size)
@@ -218,12 +222,12 @@ def resid(
         _, r_e = autoregression(np.concatenate(own), lags)
         reach = min(len(r_e), shortest) - 1
         for j in range(nu):
-            given = [part[:, [j]] for part in v]
-            r_u = covariance_function(given, given, reach)[reach:, 0, 0] / v_size[j] ** 2
-            # the sum is a spectrum's integral and positive, but the sample correlations in it are not exact
+            inputs = [part[:, [j]] for part in v]
+            r_u = covariance_function(inputs, inputs, reach)[reach:, 0, 0] / v_size[j] ** 2
+            # the exact sum is positive, as the integral of a spectrum; with sample correlations it may not be
             variance = max(r_u[0] * r_e[0] + 2.0 * float(r_u[1:] @ r_e[1 : reach + 1]), 1.0 / n)
             bound[i, j] = z * np.sqrt(variance / n)
-            p_cross[i, j] = independence_p(own, [part[:, 0] for part in given], int(lags))
+            p_cross[i, j] = independence_p(own, [part[:, 0] for part in inputs], int(lags))
     outside = (np.abs(cross[lags:]) > bound).sum(axis=0)
     return ResidualTest(
         residuals=errors,

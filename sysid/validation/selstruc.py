@@ -32,20 +32,20 @@ def selstruc(
 ) -> StructureTable:
     """Fit every ARX structure of a grid and rank them [Ljung1999, sec. 16.4].
 
-    The triangle of one QR factorisation of all regressors stands for the data; each candidate is a least-squares
-    problem on some of its columns. Every candidate is judged on the same samples.
+    One QR factorisation of all regressors replaces the data: each candidate is a least-squares problem on some columns
+    of its triangle. Every candidate is judged on the same samples.
 
     Args:
         data: One experiment, or several that share the model; one output.
         na: Degrees of A to try.
         nb: Numbers of coefficients of B to try; with several inputs each entry holds for all of them, or is a tuple.
         nk: Delays to try, likewise.
-        validation: Data to judge the one-step errors on.
-        folds: Instead of that, cross-validation over so many consecutive parts of the data, each part predicted by a
-            model fitted to the others; 0 for none.
+        validation: Validation data for the one-step errors.
+        folds: Number of consecutive parts for cross-validation instead, each part predicted by a model fitted to the
+            others; 0 for none.
 
     Returns:
-        Every candidate with all criteria: the best in validation first where it was asked for, else the best by BIC.
+        Every candidate with all criteria, the best in validation first, or by BIC without validation data.
 
     Raises:
         SysidError: Constant input, several outputs, nothing to try, too many orders for the data, or both
@@ -69,7 +69,7 @@ def selstruc(
         raise SysidError("folds must be 0, or a whole number of parts >= 2, got 1")
     columns = np.vstack([_columns(e, every) for e in experiments])
     power = float(np.mean(columns[:, -1] ** 2))
-    # of about equal length, as the factorisation wants them; losses are scaled back
+    # columns of about equal length for the factorisation; losses are scaled back
     lengths = np.sqrt(np.mean(columns**2, axis=0))
     lengths[lengths == 0.0] = 1.0
     columns /= lengths
@@ -92,8 +92,8 @@ def selstruc(
     loss, checked = [], []
     for candidate in candidates:
         index = _index(candidate, every)
-        chosen = np.append(index, whole.shape[1] - 1)
-        factor = np.asarray(np.linalg.qr(whole[:, chosen], mode="r"))
+        columns_used = np.append(index, whole.shape[1] - 1)
+        factor = np.asarray(np.linalg.qr(whole[:, columns_used], mode="r"))
         loss.append(float(factor[-1, -1] * lengths[-1]) ** 2 / rows)
         squares = 0.0
         for fit, other in zip(fitted if held_out else [], held_out, strict=True):
@@ -102,7 +102,7 @@ def selstruc(
         checked.append(squares * lengths[-1] ** 2 / held_rows if held_out else np.nan)
     return make_table(
         ("na", "nb", "nk"),
-        [(c.na, _single(c.nb), _single(c.nk)) for c in candidates],
+        [tuple(c.select("na", "nb", "nk").values()) for c in candidates],
         [c.count for c in candidates],
         loss,
         checked,
@@ -111,26 +111,23 @@ def selstruc(
     )
 
 
-def _degrees(given: int | Sequence[int]) -> list[int]:
-    degrees = _several("na", given)
+def _degrees(value: int | Sequence[int]) -> list[int]:
+    degrees = _several("na", value)
     if not degrees:
         raise SysidError("na: expected at least one value to try, got none")
     return degrees
 
 
-def _listed(name: str, given: Choices) -> list[int | tuple[int, ...]]:
-    entries: list[int | tuple[int, ...]] = _several(name, given)
+def _listed(name: str, value: Choices) -> list[int | tuple[int, ...]]:
+    entries: list[int | tuple[int, ...]] = _several(name, value)
     if not entries:
         raise SysidError(f"{name}: expected at least one value to try, got none")
     return entries
 
 
-def _several(name: str, given: Any) -> list[Any]:
-    if isinstance(given, Iterable) and not isinstance(given, str | bytes | np.ndarray):
-        return list(given)
-    if isinstance(given, np.ndarray) and given.ndim:
-        return list(given)
-    return [whole_number(name, given, 0)]
+def _several(name: str, value: Any) -> list[Any]:
+    scalar = isinstance(value, str | bytes) or (isinstance(value, np.ndarray) and not value.ndim)
+    return list(value) if isinstance(value, Iterable) and not scalar else [whole_number(name, value, 0)]
 
 
 def _spread(entry: int | tuple[int, ...], nu: int) -> tuple[int, ...]:
@@ -138,7 +135,7 @@ def _spread(entry: int | tuple[int, ...], nu: int) -> tuple[int, ...]:
 
 
 def _union(candidates: Sequence[Orders]) -> Orders:
-    """The smallest structure that has every regressor of every candidate."""
+    """Smallest structure with the regressors of all candidates."""
     nu = len(candidates[0].nb)
     nk = tuple(min(c.nk[j] for c in candidates) for j in range(nu))
     nb = tuple(max(c.nk[j] + c.nb[j] for c in candidates) - nk[j] for j in range(nu))
@@ -146,7 +143,7 @@ def _union(candidates: Sequence[Orders]) -> Orders:
 
 
 def _columns(e: IOData, orders: Orders) -> FloatArray:
-    """Regressors and, behind them, the output."""
+    """Regressors, and the output as last column."""
     start = orders.first_row(e.window)
     phi = arx_regressors(e.y[:, 0], e.u, orders.na, orders.nb, orders.nk, start)
     return np.hstack((phi, e.y[start:]))
@@ -159,7 +156,3 @@ def _index(candidate: Orders, every: Orders) -> np.ndarray[tuple[int], np.dtype[
         parts.append(offset + nk - all_nk + np.arange(nb))
         offset += all_nb
     return np.concatenate(parts)
-
-
-def _single(value: tuple[int, ...]) -> int | tuple[int, ...]:
-    return value[0] if len(value) == 1 else value

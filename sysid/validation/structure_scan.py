@@ -15,7 +15,7 @@ from sysid.records.errors import SysidError, SysidWarning
 
 Order = int | tuple[int, ...]
 CRITERIA = ("loss", "aic", "aicc", "bic", "fpe", "mdl", "validation")
-FLOOR = 1e-20  # loss, as a part of the mean square output, below which nothing is left to tell apart
+FLOOR = 1e-20  # loss, relative to the mean square output, below which candidates are equal
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -37,9 +37,9 @@ class StructureTable(Locked):
         bic: Schwarz's criterion (m,).
         fpe: Akaike's final prediction error, in units of the loss (m,).
         mdl: Rissanen's minimum description length, in units of the loss (m,).
-        validation: Mean square error on data that took no part in the fit (m,); NaN where none was asked for.
-        samples: Number of samples N that every candidate is judged on.
-        failed: Candidates left out, with the reason in words.
+        validation: Mean square error on validation data (m,); NaN without such data.
+        samples: Number of samples N on which every candidate is judged.
+        failed: Candidates that could not be fitted, with the reason in words.
     """
 
     names: tuple[str, ...]
@@ -60,7 +60,7 @@ class StructureTable(Locked):
         return len(self.orders)
 
     def best(self, criterion: FloatArray | str) -> dict[str, Order]:
-        """Orders with the least value of one of the criteria, e.g. `table.best("aic")`.
+        """Orders with the smallest value of a criterion, e.g. `table.best("aic")`.
 
         Args:
             criterion: One of the criteria by name, or a value per candidate (m,).
@@ -79,12 +79,12 @@ class StructureTable(Locked):
         if values.shape != (len(self),):
             raise SysidError(f"expected one value per candidate, shape ({len(self)},), got {values.shape}")
         if not np.isfinite(values).any():
-            raise SysidError("no candidate has a finite value; for the validation error give validation data or folds")
+            raise SysidError("no candidate has a finite value; the validation error needs validation data or folds")
         return dict(zip(self.names, self.orders[int(np.nanargmin(values))], strict=True))
 
     @property
     def chosen(self) -> dict[str, Order]:
-        """Orders of the first candidate: the best in validation where there is one, else by `bic`."""
+        """Orders of the first candidate: the best in validation if there is one, else by `bic`."""
         return dict(zip(self.names, self.orders[0], strict=True))
 
     def __str__(self) -> str:
@@ -149,23 +149,23 @@ def structure_scan(
     validation: IOData | Sequence[IOData] | None = None,
     steps: int | None = 1,
 ) -> StructureTable:
-    """Fit every candidate with a given estimator and rank them; `selstruc` does the same for ARX, and fast.
+    """Fit every candidate with an estimator and rank them; `selstruc` does the same faster for ARX.
 
     `structure_scan(sysid.oe, data, ("nb", "nf", "nk"), itertools.product(range(1, 4), range(1, 4), (1, 2)))`
 
-    Candidates are judged on the same samples: those behind the longest start that any of them needs.
+    Candidates are judged on the same samples, after the longest initial transient of all.
 
     Args:
         estimator: Called as `estimator(data, *candidate)`; options are fixed by `functools.partial` or a lambda.
         data: One experiment, or several that share the model.
-        names: What the orders are called.
+        names: Names of the orders.
         candidates: Orders to try, one tuple each.
         validation: Data to judge on, without their initialisation windows, initial states fitted.
         steps: Prediction horizon for that; None simulates.
 
     Returns:
-        The candidates that could be fitted with all criteria: the best in validation first where it was asked for,
-        else the best by BIC. Those that could not stand in `failed`.
+        The fitted candidates with all criteria, the best in validation first, or by BIC without validation data. The
+        others are in `failed`.
 
     Raises:
         SysidError: No candidate, orders that do not match their names, or none that could be fitted.
@@ -174,15 +174,15 @@ def structure_scan(
     others = () if validation is None else as_experiments(validation)
     fits: list[tuple[tuple[Order, ...], Estimate]] = []
     failed = []
-    for given in candidates:
-        if not isinstance(given, Sequence | tuple):
-            raise SysidError(f"expected a tuple of the orders {', '.join(names)} per candidate, got {given!r}")
-        candidate = tuple(given)
+    for orders in candidates:
+        if not isinstance(orders, Sequence | tuple):
+            raise SysidError(f"expected a tuple of the orders {', '.join(names)} per candidate, got {orders!r}")
+        candidate = tuple(orders)
         if len(candidate) != len(names):
             raise SysidError(f"expected the orders {', '.join(names)}, got {candidate}")
         try:
             with warnings.catch_warnings():
-                # of a candidate that is far too large there is much to say; the chosen one says it again
+                # candidates that are too large give many warnings; a later fit of the chosen one repeats its own
                 warnings.simplefilter("ignore", SysidWarning)
                 fits.append((candidate, estimator(data, *candidate)))
         except SysidError as error:

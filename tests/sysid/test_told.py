@@ -16,7 +16,7 @@ def test_okid_says_where_its_model_is_worth_nothing():
     rng = np.random.default_rng(0)
     u = rng.standard_normal(400)
     y = lfilter([0.0, 1.0, 0.5], [1.0, -1.5, 0.7], u) + 40.0
-    with pytest.warns(SysidWarning, match=r"worse than their mean does, in simulation: y1 -\d+ %"):
+    with pytest.warns(SysidWarning, match=r"worse than that of their mean: y1 -\d+ %"):
         sysid.okid(IOData(u + 10.0, y + 0.1 * rng.standard_normal(400), 0.1), 2, p=10)
 
 

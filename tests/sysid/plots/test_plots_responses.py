@@ -123,7 +123,7 @@ def test_all_channels_or_those_chosen(several: IOData) -> None:
         bode(found, output="rist")
     with pytest.raises(SysidError, match="unknown input 2"):
         step(found, input=2)
-    with pytest.raises(SysidError, match=r"same outputs and inputs; given model 2 x 2, model \(2\) 1 x 1"):
+    with pytest.raises(SysidError, match=r"same outputs and inputs; got model 2 x 2, model \(2\) 1 x 1"):
         bode([TWO, MODEL])
     with pytest.raises(SysidError, match="same outputs and inputs"):
         step([TWO, MODEL])

@@ -113,7 +113,7 @@ def test_refusals(p3: Any) -> None:
     with pytest.raises(SysidError, match="lags"):
         resid(p3.model, data, lags=5000)
     perfect = IOData(data.u, lfilter([0, 1, 0.5], [1, -1.5, 0.7], data.u[:, 0]), data.dt)
-    with pytest.raises(SysidError, match="residuals vanish"):
+    with pytest.raises(SysidError, match="residuals are zero"):
         resid(p3.model, perfect)
 
 
