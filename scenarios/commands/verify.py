@@ -96,7 +96,7 @@ def verify(
     from scenarios.bench.verify import BenchPlan
     from scenarios.commands.verify_output import record, show
     from scenarios.estimators.estimator import Limits
-    from scenarios.estimators.referee import REFEREE
+    from scenarios.estimators.known_estimators import KNOWN
     from scenarios.files.errors import ScenarioError
 
     given = parse_estimators(estimators, command, EstimatorOptions(name, structure, method, stays))
@@ -111,7 +111,7 @@ def verify(
         seed,
         limits,
         metrics_named(figures),
-        REFEREE,
+        KNOWN["referee"].estimator,
         {contestant.name: f"hmtb verify {words}{options}" for contestant, words in given.items()},
         records,
     )

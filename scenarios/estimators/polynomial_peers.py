@@ -1,6 +1,7 @@
 """Other packages that identify polynomial models: pysib, SIPPY, SysIdentPy. None claims a covariance."""
 
 import warnings
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -14,46 +15,6 @@ NO_CRITERION = "it has no criterion of orders"
 
 ROUNDS = 60
 """Of SysIdentPy's extended least squares: after its default of 20 it has often not settled."""
-
-
-def pysib_arx(data: IOData, task: Task) -> Answer:
-    """pysib: least squares."""
-    return _pysib("arx", None, data, task)
-
-
-def pysib_armax(data: IOData, task: Task) -> Answer:
-    """pysib: prediction error from the ARX model."""
-    return _pysib("armax", "armax_filtered", data, task)
-
-
-def pysib_oe(data: IOData, task: Task) -> Answer:
-    """pysib: prediction error from the ARX model."""
-    return _pysib("oe", "oe_filtered", data, task)
-
-
-def pysib_bj(data: IOData, task: Task) -> Answer:
-    """pysib: prediction error from the ARX model."""
-    return _pysib("bj", "bj_filtered", data, task)
-
-
-def sippy_arx(data: IOData, task: Task) -> Answer:
-    """SIPPY: least squares."""
-    return sippy_polynomials("arx", data, task)
-
-
-def sippy_armax(data: IOData, task: Task) -> Answer:
-    """SIPPY: prediction error by IPOPT."""
-    return sippy_polynomials("armax", data, task)
-
-
-def sippy_oe(data: IOData, task: Task) -> Answer:
-    """SIPPY: prediction error by IPOPT, one denominator for all inputs."""
-    return sippy_polynomials("oe", data, task)
-
-
-def sippy_bj(data: IOData, task: Task) -> Answer:
-    """SIPPY: prediction error by IPOPT, one denominator for all inputs."""
-    return sippy_polynomials("bj", data, task)
 
 
 def sippy_polynomials(structure: str, data: IOData, task: Task, *, mode: str = "OPT") -> Answer:
@@ -98,17 +59,8 @@ def sippy_polynomials(structure: str, data: IOData, task: Task, *, mode: str = "
     return Answer(innovations_form(p, data.dt), p)
 
 
-def sysidentpy_arx(data: IOData, task: Task) -> Answer:
-    """SysIdentPy: least squares; where the orders are open, forward orthogonal regression chooses terms by BIC."""
-    return _sysidentpy("arx", data, task, None)
-
-
-def sysidentpy_armax(data: IOData, task: Task) -> Answer:
-    """SysIdentPy: extended least squares; it does not return its noise model, so none is claimed."""
-    return _sysidentpy("armax", data, task, task.orders.get("nc", task.most_order))
-
-
-def _pysib(structure: str, filtered: str | None, data: IOData, task: Task) -> Answer:
+def _pysib(structure: str, data: IOData, task: Task) -> Answer:
+    """Least squares for ARX, prediction error from the ARX model otherwise."""
     require(task, structure, data=data, outputs=1, inputs=1, no_choice=NO_CRITERION)
     import pysib
 
@@ -118,15 +70,19 @@ def _pysib(structure: str, filtered: str | None, data: IOData, task: Task) -> An
         warnings.simplefilter("always")
         _, rows = getattr(pysib, structure)(u, y, *orders)
         # Its warning of a predictor that is not stable advises the variant with filtered data.
-        if filtered is not None and any("unit circle" in str(one.message) for one in caught):
-            _, rows = getattr(pysib, filtered)(u, y, *orders)
+        if structure != "arx" and any("unit circle" in str(one.message) for one in caught):
+            _, rows = getattr(pysib, f"{structure}_filtered")(u, y, *orders)
     polynomials = Polynomials(*(np.asarray(rows[name], dtype=float) for name in "ABCDF"))
     return Answer(innovations_form(polynomials, data.dt), polynomials)
 
 
-def _sysidentpy(structure: str, data: IOData, task: Task, nc: int | None) -> Answer:
-    """A polynomial NARX model of degree one, which is linear."""
+def _sysidentpy(structure: str, data: IOData, task: Task) -> Answer:
+    """A polynomial NARX model of degree one, which is linear; its noise model is not returned, so none is claimed.
+
+    Where the orders are open, forward orthogonal regression chooses terms by BIC.
+    """
     require(task, structure, data=data, outputs=1, delayed=True)
+    nc = task.orders.get("nc", task.most_order) if structure == "armax" else None
     from sysidentpy.basis_function import Polynomial
     from sysidentpy.model_structure_selection import FROLS
     from sysidentpy.parameter_estimation import LeastSquares
@@ -163,3 +119,8 @@ def _sysidentpy(structure: str, data: IOData, task: Task, nc: int | None) -> Ans
     polynomials = Polynomials(A=a, B=b if data.nu > 1 else b[0])
     model = innovations_form(polynomials, data.dt)
     return Answer(model, polynomials) if nc is None else Answer(model.input_path())
+
+
+pysib_arx, pysib_armax, pysib_oe, pysib_bj = (partial(_pysib, name) for name in ("arx", "armax", "oe", "bj"))
+sippy_arx, sippy_armax, sippy_oe, sippy_bj = (partial(sippy_polynomials, name) for name in ("arx", "armax", "oe", "bj"))
+sysidentpy_arx, sysidentpy_armax = (partial(_sysidentpy, name) for name in ("arx", "armax"))

@@ -8,9 +8,10 @@ import select
 import signal
 import subprocess
 import time
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import psutil
 
@@ -163,13 +164,13 @@ class WatchedProcess:
         until = time.monotonic() + KILLING
         while time.monotonic() < until:
             self._look()
-            self._tree += [one for one in psutil.process_iter() if self._is_marked(one) and one not in self._tree]
+            marked = (p for p in psutil.process_iter() if _ask(p, lambda p: p.environ().get(MARK), "") == self._mark)
+            self._tree = [*self._tree, *(process for process in marked if process not in self._tree)]
             # The group at once, so that what forks all the time does not outrun this.
             with contextlib.suppress(ProcessLookupError):
                 os.killpg(self._popen.pid, signal.SIGKILL)
             for process in self._tree:
-                with contextlib.suppress(psutil.Error):
-                    process.kill()
+                _ask(process, psutil.Process.kill, None)
             if not any(map(_runs, self._tree)):
                 break
             time.sleep(0.002)
@@ -202,52 +203,35 @@ class WatchedProcess:
 
     def _look(self) -> None:
         """Look for descendants; those seen before count also when their parent has gone."""
-        root, *seen = self._tree
-        with contextlib.suppress(psutil.Error):
-            seen = list({*seen, *root.children(recursive=True)})
+        root, *earlier = self._tree
+        seen = {*earlier, *_ask(root, lambda one: one.children(recursive=True), ())}
         self._tree = [root, *filter(_runs, seen)]
-
-    def _is_marked(self, process: psutil.Process) -> bool:
-        try:
-            return process.environ().get(MARK) == self._mark
-        except psutil.Error:
-            return False
 
     def _memory(self, limit: float) -> int:
         """Resident memory, bytes; above the limit shared pages are counted once, which is exact and slow."""
-        total = sum(_resident(process) for process in self._tree)
-        return total if total <= limit else sum(_proportional(process) for process in self._tree)
+        total: int = sum(_ask(process, lambda one: one.memory_info().rss, 0) for process in self._tree)
+        return total if total <= limit else sum(_ask(p, lambda p: p.memory_full_info().pss, 0) for p in self._tree)
 
     def _processor_seconds(self) -> float:
-        total = 0.0
-        for process in self._tree:
-            with contextlib.suppress(psutil.Error, OSError):
-                times = process.cpu_times()
-                # The clock of another process counts nanoseconds; the tables of the system hundredths of a second.
-                total += times.children_user + times.children_system + time.clock_gettime((~process.pid << 3) | 2)
-        return total
+        def seconds(process: psutil.Process) -> float:
+            times = process.cpu_times()
+            # The clock of another process counts nanoseconds; the tables of the system hundredths of a second.
+            return float(times.children_user + times.children_system + time.clock_gettime((~process.pid << 3) | 2))
+
+        return sum(_ask(process, seconds, 0.0) for process in self._tree)
 
 
 def _die_with_parent() -> None:
     _LIBC.prctl(_PARENT_DEATH_SIGNAL, int(signal.SIGKILL), 0, 0, 0)
 
 
+def _ask(process: psutil.Process, question: Callable[[psutil.Process], Any], default: Any) -> Any:
+    """What a process answers; the default where it has ended, or is not ours."""
+    try:
+        return question(process)
+    except (psutil.Error, OSError):
+        return default
+
+
 def _runs(process: psutil.Process) -> bool:
-    try:
-        return process.is_running() and process.status() != psutil.STATUS_ZOMBIE
-    except psutil.Error:
-        return False
-
-
-def _resident(process: psutil.Process) -> int:
-    try:
-        return int(process.memory_info().rss)
-    except psutil.Error:
-        return 0
-
-
-def _proportional(process: psutil.Process) -> int:
-    try:
-        return int(process.memory_full_info().pss)
-    except psutil.Error:
-        return 0
+    return bool(_ask(process, lambda one: one.is_running() and one.status() != psutil.STATUS_ZOMBIE, False))

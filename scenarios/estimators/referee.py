@@ -1,4 +1,4 @@
-"""A second implementation of prediction-error identification, which shares nothing with the toolbox's search.
+"""A second implementation of prediction-error identification that shares nothing with the toolbox's search.
 
 Residuals by SciPy's filters, a Jacobian by differences, SciPy's own trust-region search, simple starts: slow and plain,
 so that an error in one of the two shows in their difference.
@@ -11,20 +11,11 @@ import numpy as np
 from scipy.optimize import OptimizeResult, least_squares
 from scipy.signal import lfilter
 
-from scenarios.estimators.estimator import Estimator
 from scenarios.estimators.outcome import Answer
 from scenarios.estimators.task import Task
 from sysid import IOData, Polynomials
 from sysid.models import innovations_form
 from sysid.records.arrays import FloatArray
-
-REFEREE = Estimator(
-    "referee",
-    "scenarios.estimators.referee:referee",
-    method="pem",
-    settings="two starts, from a short and from a long ARX model; Jacobian by differences",
-)
-"""For any structure."""
 
 LONG = 30
 """Order of the long ARX model that starts are made of, where the record allows it."""
@@ -78,8 +69,8 @@ def referee(data: IOData, task: Task) -> Answer:
         The model, its polynomials and the covariance of their parameters from the curvature at the minimum.
 
     Raises:
-        NotImplementedError: Several inputs or outputs, or orders to be chosen.
-        ValueError: No start led anywhere.
+        NotImplementedError: Several inputs or outputs, or open orders.
+        ValueError: No search converged.
     """
     if data.nu != 1 or data.ny != 1:
         raise NotImplementedError(f"{data.nu} inputs and {data.ny} outputs given, this method takes one of each")
@@ -88,10 +79,10 @@ def referee(data: IOData, task: Task) -> Answer:
     degrees = Degrees.of(task.structure, task.orders)
     u, y = data.u[:, 0], data.y[:, 0]
     drafts = [_search(u, y, degrees, start, SHORT_SEARCH) for start in _starts(u, y, degrees)]
-    found = [draft for draft in drafts if draft is not None]
-    if not found:
+    finite = [draft for draft in drafts if draft is not None]
+    if not finite:
         raise ValueError("no start has finite prediction errors")
-    best = _search(u, y, degrees, min(found, key=lambda draft: float(draft.cost)).x, MOST_EVALUATIONS)
+    best = _search(u, y, degrees, min(finite, key=lambda draft: float(draft.cost)).x, MOST_EVALUATIONS)
     if best is None or best.status == 0:
         raise ValueError(f"the search did not end within {MOST_EVALUATIONS} evaluations")
     variance = 2.0 * float(best.cost) / (len(best.fun) - len(best.x))
@@ -185,10 +176,10 @@ def _starts(u: FloatArray, y: FloatArray, degrees: Degrees) -> list[FloatArray]:
     return out
 
 
-def _regression(target: FloatArray, given: list[tuple[FloatArray, range]]) -> FloatArray:
+def _regression(target: FloatArray, signals: list[tuple[FloatArray, range]]) -> FloatArray:
     """Least squares of a signal on lags of others, where all of them are known."""
-    first = max((lag for _, lags in given for lag in lags), default=0)
-    columns = [signal[first - lag : len(signal) - lag] for signal, lags in given for lag in lags]
+    first = max((lag for _, lags in signals for lag in lags), default=0)
+    columns = [signal[first - lag : len(signal) - lag] for signal, lags in signals for lag in lags]
     if not columns:
         return np.zeros(0)
     return np.asarray(np.linalg.lstsq(np.array(columns).T, target[first:], rcond=None)[0])

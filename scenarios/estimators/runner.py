@@ -8,6 +8,7 @@ import shutil
 import signal
 import sys
 import tempfile
+from dataclasses import replace
 from pathlib import Path
 from types import TracebackType
 
@@ -127,8 +128,8 @@ class EstimatorProcess:
                 f"cannot write the files of a record: {error.strerror}; expected space in {tempfile.gettempdir()}, or "
                 "in the folder that the variable TMPDIR names"
             ) from error
-        kind, why, reply, seconds = self._ask_process() if self._stays else self._run_once()
-        answer = None
+        outcome = self._ask_process() if self._stays else self._run_once()
+        kind, why, answer = outcome.kind, outcome.why, None
         if kind == MODEL:
             try:
                 with np.errstate(all="ignore"):
@@ -140,8 +141,7 @@ class EstimatorProcess:
             # Numbers of any size in matrices of any kind: LAPACK may fail in ways that no check foresees.
             except (ArithmeticError, ValueError) as error:
                 kind, why = "malformed", f"no model can be made of the numbers: {error}"
-        wall, peak = (reply.wall, reply.peak_bytes) if reply else (float("nan"), 0)
-        return EstimatorOutcome(kind, self._general(why), seconds, wall, peak, answer)
+        return replace(outcome, kind=kind, why=self._general(why), answer=answer)
 
     @property
     def _paths(self) -> dict[str, str]:
@@ -163,8 +163,8 @@ class EstimatorProcess:
         except OSError as error:
             raise ScenarioError(f"cannot start {self._estimator.target!r}: {error.strerror}") from error
 
-    def _start(self) -> None:
-        """Start a process that stays.
+    def _start(self) -> WatchedProcess:
+        """Start the process that stays.
 
         Raises:
             ScenarioError: It does not start, or does not say that it is ready.
@@ -174,7 +174,7 @@ class EstimatorProcess:
         if reply.line == READY:
             self._process = process
             self._at_rest = 0 if self._estimator.program else process.memory()
-            return
+            return process
         code, _ = process.kill(GRACE if reply.end == "exit" else 0.0)
         why = one_line(reply.line.removeprefix("error ")) or (
             f"not ready within {STARTING:g} s" if reply.end == "hang" else self._printed(_exit_text(code), process)
@@ -188,52 +188,49 @@ class EstimatorProcess:
             f"cannot load {self._estimator.target!r} of {self._estimator.name!r} from {str(self._home)!r}: {why}"
         )
 
-    def _ask_process(self) -> tuple[str, str, Reply | None, float]:
-        """Send the request to the process that stays."""
-        if self._process is None:
-            try:
-                self._start()
-            except ScenarioError as error:
-                return "crash", str(error), None, float("nan")
-        process = self._process
-        if process is None:
-            raise ScenarioError("the estimator has not been started; expected a with statement")
+    def _ask_process(self) -> EstimatorOutcome:
+        """Send the request to the process that stays; `MODEL` stands for a model file that has not been read."""
+        try:
+            process = self._process or self._start()
+        except ScenarioError as error:
+            return EstimatorOutcome("crash", str(error))
         reply = process.exchange(
             json.dumps(self._paths),
             SAYS if self._estimator.program else FUNCTION_SAYS,
             seconds=self._limits.seconds,
             memory_bytes=self._at_rest + self._limits.memory_bytes,
         )
+        word, _, text = reply.line.partition(" ")
         if reply.end != "line":
             code, _ = process.kill(GRACE if reply.end == "exit" else 0.0)
-            kind, why = self._failure(process, reply, code)
-            self._end()
-            return kind, why, reply, reply.seconds
-        word, _, text = reply.line.partition(" ")
-        if word == "memory":
-            # What it still holds would count against the next answer.
+            word, text = self._failure(process, reply, code)
+        if reply.end != "line" or word == "memory":
+            # After a MemoryError what it still holds would count against the next answer.
             self._end()
         if word != "done":
-            return word, one_line(self._general(text))[:LONGEST_REASON], reply, reply.seconds
-        return MODEL, "", reply, _seconds(text, reply.seconds)
+            return _outcome(word, one_line(self._general(text))[:LONGEST_REASON], reply, reply.seconds)
+        try:
+            return _outcome(MODEL, "", reply, float(text))
+        except ValueError:
+            return _outcome(MODEL, "", reply, reply.seconds)
 
-    def _run_once(self) -> tuple[str, str, Reply | None, float]:
+    def _run_once(self) -> EstimatorOutcome:
         """Start a program for this request alone."""
         try:
             process = self._launch()
         except ScenarioError as error:
-            return "error", str(error), None, float("nan")
+            return EstimatorOutcome("error", str(error))
         try:
             reply = process.exchange("", (), seconds=self._limits.seconds, memory_bytes=self._limits.memory_bytes)
         finally:
             code, used = process.kill()
         if reply.end != "exit" or code < 0:
-            return *self._failure(process, reply, code), reply, reply.seconds
+            return _outcome(*self._failure(process, reply, code), reply, reply.seconds)
         if code == 0:
-            return MODEL, "", reply, used
+            return _outcome(MODEL, "", reply, used)
         if code == REFUSES:
-            return REFUSED, one_line(self._general(process.printed()))[-LONGEST_REASON:], reply, used
-        return "error", self._printed(_exit_text(code), process), reply, used
+            return _outcome(REFUSED, one_line(self._general(process.printed()))[-LONGEST_REASON:], reply, used)
+        return _outcome("error", self._printed(_exit_text(code), process), reply, used)
 
     def _failure(self, process: WatchedProcess, reply: Reply, code: int) -> tuple[str, str]:
         limit = self._limits.memory_bytes
@@ -300,10 +297,5 @@ def _exit_text(code: int) -> str:
         return f"signal {-code}"
 
 
-def _seconds(text: str, measured: float) -> float:
-    """Processor time that stands behind `done`, else what was measured from outside, s."""
-    try:
-        seconds = float(text)
-    except ValueError:
-        return measured
-    return seconds if 0.0 <= seconds < float("inf") else measured
+def _outcome(kind: str, why: str, reply: Reply, seconds: float) -> EstimatorOutcome:
+    return EstimatorOutcome(kind, why, seconds, reply.wall, reply.peak_bytes)

@@ -2,6 +2,7 @@
 
 import os
 from contextlib import suppress
+from functools import partial
 from typing import Any
 
 import control
@@ -22,7 +23,11 @@ LARGEST_GAP = -1.0
 """Tolerance by which SLICOT takes the order at the largest gap between logarithms of singular values."""
 
 N4SID, MOESP, BOTH = ("N", "N"), ("M", "M"), ("M", "C")
-"""Routes of SLICOT: METH of IB01AD and of IB01BD; the third takes A and C from MOESP, B and D from N4SID."""
+"""Routes of SLICOT: METH of IB01AD and of IB01BD; the third takes A and C from MOESP, B and D from N4SID.
+
+Without noise the least-squares problem of N4SID lacks full rank, and the model is wrong. B and D of MOESP are wrong in
+version 1.1.1 of ctrlsys, also without noise. Octave has the third route as `moen4`.
+"""
 
 FLAGS = "--xla_cpu_multi_thread_eigen=false intra_op_parallelism_threads=1"
 """Of the compiler of jax-sysid: one thread."""
@@ -49,21 +54,6 @@ def control_realisation(data: IOData, order: int) -> StateSpace:
     # A square Hankel matrix of all values but D: by default it would have only twice the order of rows.
     m, _ = control.eigensys_realization(pulses, order, m=(count - 1) // 2, n=(count - 1) // 2)
     return StateSpace(m.A, m.B, m.C, m.D, None, data.dt)
-
-
-def slicot_moen4(data: IOData, task: Task) -> Answer:
-    """SLICOT's combined route, as Octave has it under this name."""
-    return _slicot(BOTH, data, task)
-
-
-def slicot_n4sid(data: IOData, task: Task) -> Answer:
-    """SLICOT's N4SID route; without noise its least-squares problem lacks full rank, and the model is wrong."""
-    return _slicot(N4SID, data, task)
-
-
-def slicot_moesp(data: IOData, task: Task) -> Answer:
-    """SLICOT's MOESP route, whose B and D are wrong in version 1.1.1 of ctrlsys, also without noise."""
-    return _slicot(MOESP, data, task)
 
 
 def slicot_subspace(route: tuple[str, str], data: IOData, order: int | None, most_order: int) -> StateSpace:
@@ -206,3 +196,6 @@ def delayed(model: StateSpace, samples: int) -> StateSpace:
 def _slicot(route: tuple[str, str], data: IOData, task: Task) -> Answer:
     require(task, "ss")
     return Answer(slicot_subspace(route, data, task.orders.get("order"), task.most_order))
+
+
+slicot_moen4, slicot_n4sid, slicot_moesp = (partial(_slicot, route) for route in (BOTH, N4SID, MOESP))

@@ -12,7 +12,7 @@ from scenarios.estimators.task import Task
 from scenarios.problems.registry import problem
 
 QUIET, NOISY = "quiet-2-2@800", "p3@800"
-INSTALLED = [known.estimator for known in KNOWN.values() if known.install and known.available()[0]]
+INSTALLED = [known.estimator for known in KNOWN.values() if (known.module or known.octave) and known.available()[0]]
 PYTHON = [one for one in INSTALLED if not one.program]
 
 DIGITS = {"pysib-armax": 3, "pysib-oe": 3, "pysib-bj": 3, "sippy-armax": 6, "sippy-oe": 6, "sippy-bj": 6} | {
