@@ -12,20 +12,19 @@ from scenarios.bench.measurement import Measurement, Measurements
 from scenarios.bench.metric import DRAWS, NAN, UNLIMITED, Metric, MetricDefinition, Part, unjudged
 from scenarios.bench.statistics import (
     bound_for,
-    free_parts,
+    error_against_bound,
+    in_variances,
     interval_of_mean_share,
     interval_of_positive_mean,
     limits_of_mean,
     limits_of_pooled_mean,
     null_distribution,
-    real_and_imaginary,
     variance_ratio,
 )
 from scenarios.bench.theory import Expectation, expectation
 from scenarios.estimators.estimator import Estimator
 from scenarios.estimators.outcome import MODEL
 from scenarios.files.errors import ScenarioError
-from scenarios.problems.bound import response_covariance
 from scenarios.problems.problem import Bound
 from scenarios.problems.trial import Trial
 from sysid.records.arrays import ComplexArray, FloatArray
@@ -275,14 +274,6 @@ class Efficiency(AccuracyMetric):
         )
 
 
-def error_against_bound(good: Measurements, name: str, structure: str | None) -> FloatArray:
-    """Mean over frequencies of |error|^2 over the variance of the bound, record by record (n,)."""
-    bound = bound_for(name, structure)
-    if bound is None or not good:
-        return np.empty(0)
-    return _in_variances(np.stack([m.response - bound.response for m in good if m.response is not None]), bound)
-
-
 class Agreement(MetricDefinition):
     """Mean of |difference|^2 / variance of the responses of the estimator and of a second implementation.
 
@@ -350,7 +341,7 @@ def _agreement_on(
         why = f"{len(pairs)} of {len(asked)} records can be compared, at least {needed(len(asked))} are needed"
         return unjudged(name, why, len(pairs)), NAN
     difference = np.array([one - other for one, other in pairs])
-    values = _in_variances(difference, bound)
+    values = in_variances(difference, bound)
     _, high = limits_of_mean(GREATEST_DIFFERENCE * null, len(pairs), false_alarm, low=False)
     high *= SECOND_ORDER
     length = np.sqrt(np.mean(np.abs(difference) ** 2, axis=(1, 2, 3)) / np.mean(np.abs(truth.response) ** 2))
@@ -361,12 +352,6 @@ def _agreement_on(
     return Part.judged(name, float(np.mean(values)), 0.0, interval, (0.0, high), theory, len(pairs)), digits
 
 
-def _in_variances(difference: ComplexArray, bound: Bound) -> FloatArray:
-    """Mean over frequencies of |difference|^2 over the variance of the bound (n,)."""
-    covariance = response_covariance(bound)
-    return variance_ratio(real_and_imaginary(difference), covariance, free_parts(covariance))
-
-
 def _plausible(name: str, truth: Bound, second: Mapping[Trial, ComplexArray]) -> dict[Trial, ComplexArray]:
     """Responses of the second implementation that are not implausibly far from the truth."""
     null = null_distribution(name, None, variance_ratio, 1.0)
@@ -374,5 +359,5 @@ def _plausible(name: str, truth: Bound, second: Mapping[Trial, ComplexArray]) ->
     if not fitting or null is None:
         return {}
     _, most = limits_of_mean(null, 1, IMPLAUSIBLE, low=False)
-    values = _in_variances(np.array(list(fitting.values())) - truth.response, truth)
+    values = in_variances(np.array(list(fitting.values())) - truth.response, truth)
     return {trial: fitting[trial] for trial, value in zip(fitting, values, strict=True) if value <= most}

@@ -1,12 +1,14 @@
-"""Claims of accuracy against the errors: coverage of intervals, and the normalised error."""
+"""Claims of accuracy against the errors: coverage, normalised error, and frequency response in claimed deviations."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
+from dataclasses import replace
+from functools import lru_cache
+from typing import Any
 
 import numpy as np
 from scipy.stats import chi2, ks_2samp, kstest
 
 from scenarios.bench.accuracy import (
-    EFFICIENT,
     QUICK,
     TOGETHER,
     Acceptance,
@@ -14,17 +16,17 @@ from scenarios.bench.accuracy import (
     RecordStatistic,
     by_problem,
     enough,
-    error_against_bound,
     mean_parts,
     pooled_part,
 )
 from scenarios.bench.measurement import Measurement, Measurements
-from scenarios.bench.metric import NAN, Metric, Part
+from scenarios.bench.metric import Metric, Part, excess
 from scenarios.bench.statistics import (
     Statistic,
     bound_for,
     covered_share,
     free_parts,
+    limits_of_moments,
     normalised_square,
     null_bandwidth_coverage,
     null_chi_square,
@@ -32,8 +34,9 @@ from scenarios.bench.statistics import (
     null_parameter_coverage,
     real_and_imaginary,
     variance_ratio,
+    variance_ratio_by_frequency,
 )
-from scenarios.bench.theory import BIAS, BIAS_AND_SCATTER, Expectation, expectation, limitation
+from scenarios.bench.theory import Expectation, expected_of_claims
 from scenarios.estimators.estimator import Estimator
 from scenarios.files.errors import ScenarioError
 from scenarios.problems.bound import response_covariance
@@ -46,79 +49,12 @@ NO_INTERVAL = "no verdict: the estimator claims no interval of the {}"
 NO_TRUE_VALUES = "no verdict: no {} model is the truth: the parameters that it claims have no true values"
 OTHER_ORDERS = "no verdict: the parameters that it claims are not those of the orders that were asked"
 
-NEGLIGIBLE_BIAS = 0.1
-"""Greatest share of a bias in the mean square error that explains no failure: it would make errors in claimed
-deviations a ninth larger in the square, which is within the limits. Ten records cannot show it, a hundred can."""
-
-INEFFICIENT = 1e-3
-"""Probability that the mean square error of a perfect estimator is taken as larger than the bound."""
-
 UNIT_SQUARE = Acceptance(expected=1.0, ratio=1.05)
 """Of squares in claimed variances."""
 
 COVERAGE = 0.95
 COVERED = Acceptance(expected=COVERAGE, points=0.01, shares=True)
 KINDS = ("parameters", "bandwidth", "response")
-
-
-def expected_of_claims(estimator: Estimator, name: str, good: Measurements, metric: str) -> Expectation:
-    """Theory of an estimator's claims on one problem; an excuse by bias is withdrawn where there is no bias.
-
-    A method with a known bias may claim too little, since its claims do not include the bias. Where the mean error is
-    no more than `NEGLIGIBLE_BIAS` of the mean square error at any frequency, it may not. Where a wrong model of the
-    disturbance would spoil the claims too, the mean square error must also be that of the bound.
-
-    Args:
-        estimator: The estimator.
-        name: Name of the problem.
-        good: Records of the problem that have a model.
-        metric: Key of the metric.
-    """
-    expected = expectation(estimator, name, metric)
-    limit = limitation(estimator.method, estimator.structure, name)
-    if expected.passes or limit is None or limit.claims not in (BIAS, BIAS_AND_SCATTER):
-        return expected
-    share = greatest_bias(good, name, estimator.structure)
-    if not share <= NEGLIGIBLE_BIAS or (
-        limit.claims == BIAS_AND_SCATTER and not _efficient(good, name, estimator.structure)
-    ):
-        return expected
-    return Expectation(
-        True,
-        f"its mean error is at most {100.0 * max(share, 0.0):.2g} % of its mean square error at any frequency: "
-        "there is no bias that would excuse its claims",
-    )
-
-
-def _efficient(good: Measurements, name: str, structure: str | None) -> bool:
-    values = error_against_bound(good, name, structure)
-    null = null_distribution(name, structure, variance_ratio, 1.0)
-    if null is None or not len(values):
-        return False
-    return float(np.mean(values)) <= EFFICIENT.limits([null], [len(values)], INEFFICIENT)[1]
-
-
-def greatest_bias(good: Measurements, name: str, structure: str | None) -> float:
-    """Square of the mean error of the response over the mean square error, at the frequency where it is largest.
-
-    Free of what scatter leaves in a mean. NaN where there is no bound or fewer than two records.
-
-    Args:
-        good: Records of the problem that have a model.
-        name: Of the problem.
-        structure: Of the estimator.
-    """
-    bound = bound_for(name, structure)
-    responses = [m.response for m in good if m.response is not None]
-    if bound is None or len(responses) < 2:
-        return NAN
-    free = free_parts(response_covariance(bound)).any(axis=-1)
-    errors = real_and_imaginary(np.stack(responses) - bound.response)[:, free]
-    squares: FloatArray = np.mean(np.sum(errors**2, axis=-1), axis=0)
-    of_mean = np.sum(np.mean(errors, axis=0) ** 2, axis=-1)
-    scatter = (squares - of_mean) / (len(errors) - 1)
-    with np.errstate(invalid="ignore", divide="ignore"):
-        return float(np.max((of_mean - scatter) / squares))
 
 
 def claims_covariance(m: Measurement) -> bool:
@@ -287,3 +223,129 @@ def _distribution_p(values: FloatArray, freedom: int, null: FloatArray | None) -
     if freedom:
         return float(kstest(values * freedom, chi2(freedom).cdf).pvalue)
     return None if null is None else float(ks_2samp(values, null).pvalue)
+
+
+class FrequencyResponse(AccuracyMetric):
+    """Root mean square error of the response in claimed standard deviations, over all frequencies and at the worst.
+
+    The error relative to the response, in percent, is shown beside it, also where nothing is claimed.
+    """
+
+    name = "frequency_response"
+    title = "Error of the frequency response against the claimed band"
+    unit = "claimed standard deviations"
+    verdicts = 2 * len(QUICK) + 1
+
+    def evaluate(
+        self, measurements: Measurements, estimator: Estimator, false_alarm: float, reference: Measurements
+    ) -> Metric:
+        """Compare the errors with the claimed covariance."""
+        groups = by_problem(measurements)
+        budget = false_alarm * self.verdicts
+        share = budget / (2 * len(groups) + 1)
+        structure = estimator.structure
+        statistics: list[RecordStatistic] = []
+        parts: list[Part] = []
+        for name, (good, run) in groups.items():
+            theory = expected_of_claims(estimator, name, good, self.name)
+            ratios = by_claim(good, name, structure, variance_ratio_by_frequency)
+            values = np.array([float(np.nanmean(ratio)) for ratio in ratios])
+            null = null_distribution(name, structure, variance_ratio, 1.0)
+            statistics.append(RecordStatistic(name, values, run, null, theory, NO_COVARIANCE, len(good)))
+            parts.append(statistics[-1].part(UNIT_SQUARE, share))
+            if enough(len(ratios), run):
+                parts.append(_worst_frequency(np.concatenate(ratios), name, structure, theory, share))
+        parts += pooled_part(TOGETHER, statistics, UNIT_SQUARE, share)
+        curves = {name: _response_curves(good, name, structure) for name, (good, _) in groups.items() if good}
+        percent = ", ".join(f"{curve['relative_error_percent']:.3g} % on {name}" for name, curve in curves.items())
+        return self.of_parts(
+            [_root(part) for part in parts],
+            budget,
+            "root mean square error of the response in claimed standard deviations, within what chance allows a "
+            f"perfect estimator and 5 % of the variance; relative to the response it is {percent or 'not known'}",
+            curves,
+        )
+
+
+def _worst_frequency(
+    ratios: FloatArray, name: str, structure: str | None, theory: Expectation, false_alarm: float
+) -> Part:
+    """The frequency at which the mean of squares (n, nf, ny, nu) lies furthest from its limits."""
+    bound = bound_for(name, structure)
+    if bound is None:
+        raise AssertionError(f"{name}: errors in claimed deviations without a bound")
+    low, high = limits_by_frequency(name, structure, len(ratios), false_alarm)
+    parts = []
+    for k, i, j in np.argwhere(np.isfinite(low)):
+        limits = UNIT_SQUARE.with_slack(float(low[k, i, j]), float(high[k, i, j]))
+        values = ratios[:, k, i, j]
+        interval, label = UNIT_SQUARE.interval(values), f"{name} at {bound.frequencies[k]:.3g} Hz"
+        parts.append(Part.judged(label, float(np.mean(values)), 1.0, interval, limits, theory, len(values)))
+    return max(parts, key=lambda part: (np.isinf(part.value), excess(part)))
+
+
+@lru_cache(maxsize=256)
+def limits_by_frequency(
+    name: str, structure: str | None, draws: int, false_alarm: float
+) -> tuple[FloatArray, FloatArray]:
+    """Limits of the mean of |error|^2 over its variance at each frequency (nf, ny, nu), without slack.
+
+    Args:
+        name: Of a problem with a bound.
+        structure: Of the estimator.
+        draws: Records.
+        false_alarm: Greatest probability that a perfect estimator's mean lies outside at any frequency.
+
+    Returns:
+        Lower and upper limits, NaN where the response cannot be wrong.
+    """
+    bound = bound_for(name, structure)
+    if bound is None:
+        raise AssertionError(f"{name}: limits without a bound")
+    covariance = response_covariance(bound)
+    free = free_parts(covariance)
+    low, high = np.full(bound.response.shape, np.nan), np.full(bound.response.shape, np.nan)
+    places = [tuple(place) for place in np.argwhere(free.any(axis=-1))]
+    for place in places:
+        kept = covariance[place] * np.outer(free[place], free[place])
+        # |error|^2 is a sum of squares of independent Gaussian variables with these shares of its mean
+        shares = np.linalg.eigvalsh(kept) / np.trace(kept)
+        variance, third = 2.0 * float(np.sum(shares**2)), 8.0 * float(np.sum(shares**3))
+        low[place], high[place] = limits_of_moments(1.0, variance / draws, third / draws**2, false_alarm / len(places))
+    return low, high
+
+
+def _root(part: Part) -> Part:
+    """The part of mean squares as one of root mean squares."""
+
+    def root(square: float) -> float:
+        return float(np.sqrt(max(square, 0.0))) if not np.isnan(square) else square
+
+    low, high = part.limits
+    return replace(
+        part,
+        value=float(np.sqrt(part.value)),
+        interval=(root(part.interval[0]), root(part.interval[1])),
+        limits=(root(low) if np.isfinite(low) else -np.inf, root(high)),
+    )
+
+
+def _response_curves(good: Measurements, name: str, structure: str | None) -> Mapping[str, Any]:
+    """Gains (nf, ny, nu) of truth, error, claimed band and bound."""
+    bound = bound_for(name, structure)
+    frequencies = problem(name).frequencies
+    true = problem(name).truth.frequency_response(frequencies)
+    square = np.mean([np.abs(m.response - true) ** 2 for m in good if m.response is not None], axis=0)
+    claimed = [
+        np.trace(m.response_covariance, axis1=-2, axis2=-1)
+        for m in good
+        if claims_covariance(m) and m.response_covariance is not None
+    ]
+    return {
+        "frequencies_hz": frequencies.tolist(),
+        "truth": np.abs(true).tolist(),
+        "error": np.sqrt(square).tolist(),
+        "claimed": np.sqrt(np.mean(claimed, axis=0)).tolist() if claimed else None,
+        "bound": None if bound is None else np.sqrt(np.sum(bound.response_directions**2, axis=(0, -1))).tolist(),
+        "relative_error_percent": 100.0 * float(np.sqrt(np.mean(square) / np.mean(np.abs(true) ** 2))),
+    }

@@ -10,9 +10,8 @@ from scenarios.bench.accuracy import Agreement, Efficiency
 from scenarios.bench.amplitude_split import AmplitudeSplit
 from scenarios.bench.bandwidth import Bandwidth
 from scenarios.bench.bias import Bias
-from scenarios.bench.claims import Coverage, NormalisedError
+from scenarios.bench.claims import Coverage, FrequencyResponse, NormalisedError
 from scenarios.bench.consistency import Consistency, NoiseFreeRecovery
-from scenarios.bench.frequency_response import FrequencyResponse
 from scenarios.bench.measurement import Measurements
 from scenarios.bench.metric import (
     FALSE_ALARM,

@@ -2,6 +2,7 @@
 
 import re
 import tempfile
+import warnings
 from collections.abc import Collection, Iterable, Iterator, Sequence
 from contextlib import ExitStack, suppress
 from dataclasses import dataclass, replace
@@ -10,27 +11,36 @@ from pathlib import Path
 from threading import local
 from time import perf_counter
 from types import TracebackType
+from typing import Protocol, runtime_checkable
+
+import numpy as np
 
 from scenarios.bench.estimator_files import EstimatorFiles
 from scenarios.bench.measurement import Measurement, measure
-from scenarios.bench.perfect import PERFECT, perfect
 from scenarios.estimators.estimator import Estimator, Limits
-from scenarios.estimators.outcome import EstimatorOutcome
+from scenarios.estimators.ours import prediction_error
+from scenarios.estimators.outcome import MODEL, Answer, EstimatorOutcome
 from scenarios.estimators.reference_time import Ruler
 from scenarios.estimators.runner import EstimatorProcess
 from scenarios.estimators.seeds import task_seed
 from scenarios.estimators.task import Task
 from scenarios.jobs.executor import at_worker_exit
+from scenarios.problems.bound import response_covariance
 from scenarios.problems.problem import Bound, Problem
 from scenarios.problems.registry import problem as find_problem
 from scenarios.problems.trial import ASKS, Trial
-from sysid import IOData
+from sysid import IOData, Polynomials, StateSpace, SysidWarning
+from sysid.models.frequency_response import NORMAL_95
+from sysid.records.arrays import FloatArray
 
 FAMILY = re.compile("[-@]")
 """Ends the first word of a problem's name, its family."""
 
 TWIN = "twin-"
 """Names of problems whose records come from the physics begin so."""
+
+PERFECT = "bench:perfect"
+"""Target of the perfect estimator; it runs in the bench's own process, since no other process sees the truth."""
 
 LONGEST_REASON = 300
 """Characters of an error that are kept."""
@@ -120,6 +130,69 @@ def interleaved(jobs: Iterable[RecordJob]) -> tuple[RecordJob, ...]:
         for place, job in enumerate(family)
     ]
     return tuple(job for _, _, job in sorted(places, key=lambda one: one[:2]))
+
+
+@runtime_checkable
+class Efficient(Protocol):
+    """A problem with a perfect estimate for each record."""
+
+    def efficient(self, structure: str, seed: int) -> FloatArray:
+        """Its parameters (p,)."""
+
+    def realise(self, structure: str, theta: FloatArray) -> tuple[StateSpace, Polynomials | None]:
+        """The model with these parameters, and its polynomials."""
+
+
+@runtime_checkable
+class Scattered(Protocol):
+    """A problem without bound, with an estimate as good as any for each record."""
+
+    def scattered(self, seed: int) -> StateSpace:
+        """The model."""
+
+
+def perfect(problem: Problem, task: Task, seed: int) -> EstimatorOutcome:
+    """Answer as well as possible.
+
+    The truth with an error of exactly the Cramér-Rao covariance, claiming exactly that; the truth itself where there is
+    no noise or no bound. Where the orders are to be chosen, those of the truth; where they are too low, the
+    prediction-error fit to the record. An error that makes the model unstable counts as such and is not drawn again:
+    the rest of a distribution after redrawing has another covariance.
+
+    Args:
+        problem: With its truth.
+        task: The task.
+        seed: Of the record; the error belongs to it.
+    """
+    fit = problem.task(task.structure)
+    if not task.chooses and (fit is None or dict(task.orders) != dict(fit.orders)):
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", SysidWarning)  # a model that is too small is known not to fit
+            answer = Answer(prediction_error(problem.draw(seed), task).model)
+    else:
+        bound = problem.bound(task.structure)
+        if bound is not None and isinstance(problem, Efficient):
+            model, polynomials = problem.realise(task.structure, problem.efficient(task.structure, seed))
+            answer = _with_claims(bound, model, None if task.structure == "ss" else polynomials)
+        elif isinstance(problem, Scattered):
+            answer = Answer(problem.scattered(seed))
+        else:
+            answer = Answer(problem.truth)
+    if not answer.model.input_path().is_stable():
+        return EstimatorOutcome("unstable", "the error of a perfect estimate makes it unstable", answer=answer)
+    return EstimatorOutcome(MODEL, answer=answer)
+
+
+def _with_claims(bound: Bound, model: StateSpace, polynomials: Polynomials | None) -> Answer:
+    hz = model.bandwidth()
+    factor = np.exp(NORMAL_95 * bound.bandwidth_deviation)
+    return Answer(
+        model,
+        polynomials,
+        None if polynomials is None else bound.covariance,
+        response_covariance(bound),
+        (hz / factor, np.minimum(hz * factor, 0.5 / model.dt)),
+    )
 
 
 class Runner:

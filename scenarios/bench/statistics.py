@@ -12,6 +12,7 @@ from functools import lru_cache
 import numpy as np
 from scipy.stats import beta, chi2, norm, pearson3, t
 
+from scenarios.bench.measurement import Measurements
 from scenarios.problems.bound import perfect_errors, response_covariance
 from scenarios.problems.problem import Bound
 from scenarios.problems.registry import problem
@@ -28,6 +29,9 @@ SEED = 20_260_801
 TWO_SIDED_95 = float(norm.ppf(0.975))
 TAIL = 0.025
 """Probability beyond either end of a 95 % interval."""
+
+SLACK = 1.05
+"""Factor on limits of variances for what asymptotic theory leaves out."""
 
 NEGLIGIBLE_VARIANCE = 1e-12
 """A part of the response with less than this share of the variance of both parts does not vary."""
@@ -103,6 +107,20 @@ def bound_for(name: str, structure: str | None) -> Bound | None:
     """The bound of a structure on a problem, or else that of the truth's own structure; None where there is none."""
     bound = problem(name).bound(structure)
     return problem(name).bound(None) if bound is None else bound
+
+
+def in_variances(difference: ComplexArray, bound: Bound) -> FloatArray:
+    """Mean over frequencies of |difference|^2 over the variance of the bound (n,)."""
+    covariance = response_covariance(bound)
+    return variance_ratio(real_and_imaginary(difference), covariance, free_parts(covariance))
+
+
+def error_against_bound(good: Measurements, name: str, structure: str | None) -> FloatArray:
+    """Mean over frequencies of |error|^2 over the variance of the bound, record by record (n,)."""
+    bound = bound_for(name, structure)
+    if bound is None or not good:
+        return np.empty(0)
+    return in_variances(np.stack([m.response - bound.response for m in good if m.response is not None]), bound)
 
 
 @lru_cache(maxsize=1024)

@@ -16,7 +16,6 @@ from scenarios.bench.estimator_files import EstimatorFiles, source_hash
 from scenarios.bench.measurement import Measurement, Measurements
 from scenarios.bench.metric import DRAWS, MetricDefinition
 from scenarios.bench.metrics import ALL_METRICS, false_alarm_of_each
-from scenarios.bench.perfect import PERFECT
 from scenarios.bench.progress import (
     IDENTITY,
     Cost,
@@ -32,6 +31,7 @@ from scenarios.bench.progress import (
 from scenarios.bench.result import Result, effort_text, lost_by, machine, trials_within
 from scenarios.bench.runner import (
     FAMILY,
+    PERFECT,
     TWIN,
     BenchSetup,
     RecordJob,

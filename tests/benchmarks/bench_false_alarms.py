@@ -15,11 +15,10 @@ import numpy as np
 from simulated_estimators import FAULTS, FOUND_BY, simulated
 
 from scenarios.bench.accuracy import QUICK, RECORDS, Efficiency
-from scenarios.bench.claims import COVERAGE, Coverage, NormalisedError
+from scenarios.bench.claims import COVERAGE, Coverage, FrequencyResponse, NormalisedError, limits_by_frequency
 from scenarios.bench.consistency import LENGTHS, Consistency, NoiseFreeRecovery, perfect_slopes
 from scenarios.bench.consistency import QUICK as SLOPES
 from scenarios.bench.consistency import RECORDS as SLOPE_RECORDS
-from scenarios.bench.frequency_response import FrequencyResponse, limits_by_frequency
 from scenarios.bench.metric import MetricDefinition
 from scenarios.bench.metrics import false_alarm_of_each
 from scenarios.bench.statistics import (

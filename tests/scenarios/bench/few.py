@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 from scenarios.bench.metric import Metric, MetricDefinition
-from scenarios.bench.perfect import PERFECT as TARGET
+from scenarios.bench.runner import PERFECT as TARGET
 from scenarios.bench.runner import BenchSetup, RecordJob, Runner, TrialResult
 from scenarios.estimators.estimator import Estimator
 from scenarios.jobs.executor import Executor

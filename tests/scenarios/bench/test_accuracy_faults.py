@@ -4,9 +4,8 @@ import numpy as np
 import pytest
 
 from scenarios.bench.accuracy import Efficiency
-from scenarios.bench.claims import Coverage, NormalisedError
+from scenarios.bench.claims import Coverage, FrequencyResponse, NormalisedError
 from scenarios.bench.consistency import Consistency, NoiseFreeRecovery
-from scenarios.bench.frequency_response import FrequencyResponse
 from scenarios.bench.metric import MetricDefinition
 from scenarios.bench.metrics import false_alarm_of_each
 from scenarios.estimators.estimator import Estimator

@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 
 from scenarios.bench.accuracy import Efficiency, accuracy_trials
-from scenarios.bench.claims import Coverage, NormalisedError
-from scenarios.bench.frequency_response import FrequencyResponse
+from scenarios.bench.claims import Coverage, FrequencyResponse, NormalisedError
 from scenarios.bench.measurement import Measurement
 from scenarios.bench.metric import MetricDefinition
 from scenarios.estimators.estimator import Estimator

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.stats import chi2, kstest
 
-from scenarios.bench.perfect import perfect
+from scenarios.bench.runner import perfect
 from scenarios.estimators.claims import parameters
 from scenarios.estimators.outcome import MODEL
 from scenarios.problems.embedding import layout

@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 
 from scenarios.bench.accuracy import Efficiency, accuracy_trials
-from scenarios.bench.claims import Coverage, NormalisedError, expected_of_claims, greatest_bias
-from scenarios.bench.frequency_response import FrequencyResponse
+from scenarios.bench.claims import Coverage, FrequencyResponse, NormalisedError
 from scenarios.bench.measurement import Measurement
 from scenarios.bench.metric import MetricDefinition
+from scenarios.bench.theory import expected_of_claims, greatest_bias
 from scenarios.estimators.estimator import Estimator
 from tests.benchmarks.simulated_estimators import Fault, simulated
 
