@@ -1,7 +1,7 @@
-"""What a spec asks for, experiment by experiment, made when it is asked for: a plan of any size weighs nothing."""
+"""The experiments of a data set, each made on demand from the spec: a plan of any size needs little memory."""
 
 from collections import Counter
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Hashable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import product
@@ -29,34 +29,17 @@ CONDITIONS = ("variants", "payloads", "poses", "actuators", "frictions", "proces
 
 
 @dataclass(frozen=True)
-class Condition:
-    """On which arm, and where, an experiment is run."""
-
-    variant: str
-    payload: str
-    pose: str
-    actuator: str
-    friction: str
-    process_noise: float
-
-    @property
-    def plant(self) -> Plant:
-        """What the drives run on and rub with."""
-        return Plant(actuator=self.actuator, friction=self.friction, process_noise=self.process_noise)
-
-
-@dataclass(frozen=True)
 class PlannedExperiment:
     """One experiment of a data set.
 
     Attributes:
         name: Its own name, that of its files.
-        part: What it is for.
+        part: `train`, `validation` or `test`.
         block: Name of the block of records that asks for it.
         arm: Name of the arm under its conditions, that of the file of its truth.
         twin: Number of the randomised twin; None for a variant itself.
-        joints: Whose commands are the inputs and whose angles the outputs.
-        experiment: What is run.
+        joints: Joints whose commands are the inputs and whose angles the outputs.
+        experiment: The experiment to run.
     """
 
     name: str
@@ -90,18 +73,22 @@ class PlannedExperiment:
 
 @dataclass(frozen=True)
 class _Template:
-    """An experiment but for its twin and its seeds.
+    """An experiment without its twin and its seeds.
 
-    `key` tells it from all others whatever else the spec asks for: seeds come from it, not from the name, whose marks
-    and digits depend on what there is to tell apart.
+    Seeds follow from `key`, which is the same whatever else the spec asks for; marks and digits in `name` depend on
+    how many other experiments there are.
     """
 
     name: str
     key: str
     block: RecordBlock
-    condition: Condition
     experiment: Scenario | MultisineExperiment
     joints: tuple[str, ...]
+
+    @property
+    def condition(self) -> Hashable:
+        """What makes an arm and its surroundings."""
+        return self.experiment.variant, self.experiment.payload, self.experiment.pose, self.experiment.plant
 
 
 class DataSetPlan(Sequence[PlannedExperiment]):
@@ -133,7 +120,7 @@ class DataSetPlan(Sequence[PlannedExperiment]):
 
     @cached_property
     def twins(self) -> int:
-        """How many arms every experiment is run on."""
+        """Number of arms that every experiment is run on."""
         return self.spec.twins.count if self.spec.twins else 1
 
     def __len__(self) -> int:
@@ -155,11 +142,11 @@ class DataSetPlan(Sequence[PlannedExperiment]):
         return (self[i] for i in range(len(self)))
 
     def duration(self, index: int) -> float:
-        """Length of the record at a place in the plan, s."""
+        """Return the length of a record by its number in the plan, s."""
         return self._templates[index % len(self._templates)].experiment.duration
 
     def brings_arm(self, index: int) -> bool:
-        """Whether the experiment at a place in the plan is the first on its arm: the truth of that is made with it."""
+        """Return whether an experiment is the first on its arm, whose truth is made with it."""
         return index % len(self._templates) in self._first
 
     @property
@@ -200,7 +187,7 @@ class DataSetPlan(Sequence[PlannedExperiment]):
         return replace(one, excitation=tuple(_reseeded(e, waveform + k) for k, e in enumerate(one.excitation)))
 
     def _drawn(self, twin: int) -> tuple[Specimen, Mapping[str, float]]:
-        """The arm of a twin, and what changes of its plant; experiments of one twin follow each other."""
+        """Specimen and plant of a twin, kept for the next experiment, which is mostly on the same twin."""
         assert self.spec.twins is not None  # noqa: S101 - only a spec with twins has any
         if self._last is None or self._last[0] != twin:
             self._last = (
@@ -211,7 +198,7 @@ class DataSetPlan(Sequence[PlannedExperiment]):
 
 
 def _check_length(template: _Template, window: int) -> None:
-    """Refuse a length that the laboratory or the score would refuse, before anything is run."""
+    """Refuse a length that the laboratory or the score would refuse later."""
     duration = template.experiment.duration
     samples = round(duration * SAMPLE_RATE)
     if samples < 1 or abs(samples - duration * SAMPLE_RATE) > 1e-9 * samples:
@@ -226,9 +213,9 @@ def _check_length(template: _Template, window: int) -> None:
 
 
 def _seeds(spec: DataSetSpec, key: str) -> tuple[int, int]:
-    """Seeds of the noise and of the waveform of an experiment, of 62 bits: among millions no two are alike."""
-    draw_specimen = np.random.SeedSequence([spec.seed, *key.encode()]).generate_state(2, np.uint64)
-    return int(draw_specimen[0]) >> 2, int(draw_specimen[1]) >> 2
+    """Seeds of noise and waveform of an experiment. Of 62 bits, so that no two are equal among millions."""
+    seeds = np.random.SeedSequence([spec.seed, *key.encode()]).generate_state(2, np.uint64)
+    return int(seeds[0]) >> 2, int(seeds[1]) >> 2
 
 
 def _reseeded(excitation: Excitation, seed: int) -> Excitation:
@@ -238,98 +225,71 @@ def _reseeded(excitation: Excitation, seed: int) -> Excitation:
 
 
 def _templates(block: RecordBlock) -> Iterator[_Template]:
-    lists = {key: getattr(block, key) for key in CONDITIONS}
-    for played, values, repeat in product(_played(block), product(*lists.values()), range(block.repeats)):
-        name, key, experiment = played
-        varied = [
-            _word(key, value) for (key, known), value in zip(lists.items(), values, strict=True) if len(known) > 1
-        ]
-        run = [f"r{repeat + 1:0{len(str(block.repeats))}d}"] if block.repeats > 1 else []
-        under = _under(block, experiment, Condition(*values))
+    """The experiments of a block: what is played, on every combination of its conditions, repeated."""
+    lists = [getattr(block, key) for key in CONDITIONS]
+    for (name, key, experiment), values, repeat in product(_played(block), product(*lists), range(block.repeats)):
+        variant, payload, pose, actuator, friction, noise = values
+        words = (variant, payload, pose, actuator, friction, f"noise{noise:g}")
+        marks = [word for word, known in zip(words, lists, strict=True) if len(known) > 1]
+        if block.repeats > 1:
+            marks.append(f"r{repeat + 1:0{len(str(block.repeats))}d}")
+        # Registered scenarios have a payload and a pose of their own, unless the block names others.
+        own = bool(block.scenarios)
         yield _Template(
-            name="-".join((name, *varied, *run)),
+            name="-".join((name, *marks)),
             key=" | ".join((block.name, key, *map(str, values), f"repeat {repeat}")),
             block=block,
-            condition=replace(Condition(*values), payload=under.payload, pose=under.pose),
-            experiment=under,
+            experiment=replace(
+                experiment,
+                variant=variant,
+                payload=experiment.payload if own and block.payloads == (PAYLOAD,) else payload,
+                pose=experiment.pose if own and block.poses == (OPERATING_POSE,) else pose,
+                plant=Plant(actuator=actuator, friction=friction, process_noise=noise),
+            ),
             joints=block.joints or tuple(axis for axis in experiment.axes if axis in JOINTS) or STUDIED_JOINTS,
         )
-
-
-def _word(key: str, value: object) -> str:
-    """A value in the name of an experiment."""
-    return f"noise{value:g}" if key == "process_noises" else str(value)
-
-
-def _under(
-    block: RecordBlock, experiment: Scenario | MultisineExperiment, condition: Condition
-) -> Scenario | MultisineExperiment:
-    """The experiment on the arm and in the place that a condition names."""
-    # Registered scenarios have a payload and a pose of their own, unless the block names others.
-    own = bool(block.scenarios)
-    return replace(
-        experiment,
-        variant=condition.variant,
-        payload=experiment.payload if own and block.payloads == (PAYLOAD,) else condition.payload,
-        pose=experiment.pose if own and block.poses == (OPERATING_POSE,) else condition.pose,
-        plant=condition.plant,
-    )
 
 
 def _played(block: RecordBlock) -> Iterator[tuple[str, str, Scenario | MultisineExperiment]]:
     """What is played on the nominal arm, with its name and its key; records of one measurement share the latter."""
     if block.scenarios:
-        for name in block.scenarios:
-            for one in names(name) if name in tags() else (name,):
-                scenario = load(one)
-                shortened = scenario if block.duration is None else replace(scenario, duration=block.duration)
-                for mark, excitation in _amplified(block, shortened.excitation):
-                    yield f"{one}{mark}", f"{one} {_volts(excitation)}", replace(shortened, excitation=excitation)
+        for scenario in (load(one) for name in block.scenarios for one in (names(name) if name in tags() else (name,))):
+            duration = scenario.duration if block.duration is None else block.duration
+            for mark, volts, excitation in _amplified(block, scenario.excitation):
+                played = replace(scenario, duration=duration, excitation=excitation)
+                yield f"{scenario.name}{mark}", f"{scenario.name} {volts}", played
         return
     for axes in [(axis,) for axis in block.axes] if block.each_axis else [block.axes]:
-        of_axis = f"-{axes[0]}" if block.each_axis else ""
-        if block.multisines is not None:
-            for amplitude in block.amplitudes or (block.multisines.rms,):
-                mark = f"-{1000 * amplitude:g}mrad" if len(block.amplitudes) > 1 else ""
-                multisines = replace(block.multisines, rms=amplitude)
-                setting = _scenario(block, axes, (Excitation("white_noise"),), 1.0)
-                key = f"{' '.join(axes)} {amplitude!r}"
-                for number, record in enumerate(multisine_experiments(setting, multisines), start=1):
-                    yield f"{block.name}{of_axis}{mark}-{number:02d}", key, record
+        name, joined = f"{block.name}-{axes[0]}" if block.each_axis else block.name, " ".join(axes)
+        setting = Scenario(
+            name=block.name,
+            axes=axes,
+            excitation=block.excitation or (Excitation("white_noise"),),
+            duration=block.duration or 1.0,
+            mode=block.mode,
+            independent_channels=True,
+            chain=block.chain,
+            hand_controller=block.hand_controller,
+        )
+        if block.multisines is None:
+            for mark, volts, excitation in _amplified(block, block.excitation):
+                yield f"{name}{mark}", f"{joined} {volts}", replace(setting, excitation=excitation)
             continue
-        assert block.duration is not None  # noqa: S101 - the block has been checked
-        for mark, excitation in _amplified(block, block.excitation):
-            key = f"{' '.join(axes)} {_volts(excitation)}"
-            yield f"{block.name}{of_axis}{mark}", key, _scenario(block, axes, excitation, block.duration)
+        for amplitude in block.amplitudes or (block.multisines.rms,):
+            mark = f"-{1000 * amplitude:g}mrad" if len(block.amplitudes) > 1 else ""
+            experiments = multisine_experiments(setting, replace(block.multisines, rms=amplitude))
+            for number, experiment in enumerate(experiments, start=1):
+                yield f"{name}{mark}-{number:02d}", f"{joined} {amplitude!r}", experiment
 
 
-def _scenario(
-    block: RecordBlock, axes: tuple[str, ...], excitation: tuple[Excitation, ...], duration: float
-) -> Scenario:
-    return Scenario(
-        name=block.name,
-        axes=axes,
-        excitation=excitation,
-        duration=duration,
-        mode=block.mode,
-        independent_channels=True,
-        chain=block.chain,
-        hand_controller=block.hand_controller,
-    )
-
-
-def _amplified(block: RecordBlock, excitation: tuple[Excitation, ...]) -> Iterator[tuple[str, tuple[Excitation, ...]]]:
-    """The excitation at every amplitude of a block, with the word that names it."""
-    if not block.amplitudes:
-        yield "", excitation
-    for amplitude in block.amplitudes:
+def _amplified(
+    block: RecordBlock, excitation: tuple[Excitation, ...]
+) -> Iterator[tuple[str, str, tuple[Excitation, ...]]]:
+    """The excitation at every amplitude of a block, with the mark of its name and the volts of its key."""
+    for amplitude in block.amplitudes or (None,):
         mark = f"-{amplitude:g}V" if len(block.amplitudes) > 1 else ""
-        yield mark, tuple(_with_amplitude(entry, amplitude) for entry in excitation)
-
-
-def _volts(excitation: tuple[Excitation, ...]) -> str:
-    """The amplitudes of an excitation, for its key."""
-    return " ".join(repr(entry.parameters.get("amplitude")) for entry in excitation)
+        entries = excitation if amplitude is None else tuple(_with_amplitude(one, amplitude) for one in excitation)
+        yield mark, " ".join(repr(one.parameters.get("amplitude")) for one in entries), entries
 
 
 def _with_amplitude(entry: Excitation, amplitude: float) -> Excitation:
