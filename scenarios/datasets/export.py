@@ -8,7 +8,6 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from pathlib import Path
-from types import MappingProxyType
 
 import numpy as np
 
@@ -16,26 +15,30 @@ from scenarios.datasets.data_set import WINDOW, DataSet, IndexEntry, open_data_s
 from scenarios.datasets.layout import SUMS
 from scenarios.files.errors import ScenarioError, unknown
 from scenarios.files.hashes import file_hash
-from scenarios.files.netcdf import Contents, Variable, read_netcdf
+from scenarios.files.netcdf import Contents, read_netcdf
 
-_NAMES = {
-    "u": "u_{}",
-    "y": "y_{}",
-    "joint_commanded": "{}_commanded",
-    "joint_measured": "{}_measured",
-}
-"""How the columns of a variable are named after its channels; others are prefixed by their own name."""
+LARGEST = 2**31 - 2**10
+"""Bytes of a variable that version 5 of .mat files can hold, with room for its head."""
+
+MAT_HEAD = b"MATLAB 5.0 MAT-file, a record of a data set of the HMTB twin".ljust(116)
+"""Instead of SciPy's head, which contains the time of day: equal records give equal files."""
+
+NAMES = {"u": "u_{}", "y": "y_{}", "joint_commanded": "{}_commanded", "joint_measured": "{}_measured"}
+"""Names of the columns of a variable by channel; columns of other variables start with its name."""
+
+ALONG = ("LICENSE", "CITATION.cff")
+"""Files of the data set that every copy of its records contains."""
 
 
 @dataclass(frozen=True)
-class Column:
-    """A column.
+class ExportColumn:
+    """A column of numbers.
 
     Attributes:
         name: Its name, e.g. `u_elbow_pitch`; a valid name in MATLAB, too.
         unit: Of the values, `1` for whole numbers without one.
         role: What the values are for: `input`, `output`, `auxiliary`, or `index`.
-        meaning: In words; empty where the file says none.
+        meaning: In words; empty where the file has none.
         values: The values (N,), whole numbers or float64.
     """
 
@@ -46,18 +49,18 @@ class Column:
     values: np.ndarray
 
 
-def columns(contents: Contents) -> tuple[Column, ...]:
-    """All numbers of a record, a column per channel, the sample's number first.
+def columns(contents: Contents) -> tuple[ExportColumn, ...]:
+    """Return all numbers of a record, a column per channel, the number of the sample first.
 
-    What is withheld of a record with hidden truth is NaN in its column, which then holds float64.
+    Withheld samples are NaN; their column holds float64.
 
     Args:
-        contents: What its file holds.
+        contents: Contents of its file.
 
     Raises:
         ScenarioError: Numbers that do not run over the samples.
     """
-    made: list[Column] = []
+    table: list[ExportColumn] = []
     for name, variable in contents.variables.items():
         if variable.values.dtype.kind == "U" or name == WINDOW:
             continue
@@ -65,106 +68,18 @@ def columns(contents: Contents) -> tuple[Column, ...]:
             raise ScenarioError(
                 f"{name} has dimensions {', '.join(variable.dims)}, expected sample, or sample and another"
             )
-        all_values = variable.values if variable.dims[0] == "sample" else _with_gaps(variable.values, contents)
-        if all_values.ndim == 1:
-            made.append(_column(name, variable, all_values))
+        values = variable.values
+        if variable.dims[0] == WINDOW:
+            values = np.full((len(contents.variables["sample"].values), *values.shape[1:]), np.nan)
+            values[: len(variable.values)] = variable.values
+        unit, meaning = str(variable.attributes["units"]), str(variable.attributes.get("long_name", ""))
+        role = "index" if name == "sample" else str(variable.attributes.get("role", ""))
+        if values.ndim == 1:
+            table.append(ExportColumn(name, unit, role, meaning, values))
             continue
-        channels = contents.variables[variable.dims[1]].values
-        for channel, values in zip(channels, all_values.T, strict=True):
-            full = _NAMES.get(name, name + "_{}").format(channel)
-            made.append(_column(full, variable, values))
-    return tuple(sorted(made, key=lambda column: column.name != "sample"))
-
-
-def _with_gaps(values: np.ndarray, contents: Contents) -> np.ndarray:
-    """Values of the window, NaN behind it."""
-    samples = len(contents.variables["sample"].values)
-    whole = np.full((samples, *values.shape[1:]), np.nan)
-    whole[: len(values)] = values
-    return whole
-
-
-def _column(name: str, variable: Variable, values: np.ndarray) -> Column:
-    told = {key: str(variable.attributes.get(key, "")) for key in ("role", "long_name")}
-    role = "index" if name == "sample" else told["role"]
-    return Column(name, str(variable.attributes["units"]), role, told["long_name"], values)
-
-
-ASCII = "hmtb data set ascii 1"
-"""Marks the ASCII files of this version, in their first line."""
-
-
-def csv(contents: Contents) -> bytes:
-    """Write a record as CSV: one line of names with units, then a line per sample.
-
-    Numbers have the digits that bring every bit back; NaN is a sample that was lost.
-
-    Args:
-        contents: What the file of the record holds.
-    """
-    table = columns(contents)
-    header = ",".join(f"{column.name} [{column.unit}]" for column in table)
-    return f"{header}\n{_rows(table, ',')}".encode()
-
-
-def csv_metadata(contents: Contents, file: str) -> bytes:
-    """Write what is said of a CSV file, in the form of CSV on the Web (W3C).
-
-    Args:
-        contents: What the file of the record holds.
-        file: Name of the CSV file beside it.
-    """
-    described = [
-        {
-            "name": column.name,
-            "titles": f"{column.name} [{column.unit}]",
-            "dc:description": column.meaning,
-            "datatype": "integer" if column.values.dtype.kind in "iu" else "double",
-            "hmtb:unit": column.unit,
-            "hmtb:role": column.role,
-        }
-        for column in columns(contents)
-    ]
-    said = {
-        "@context": ["http://www.w3.org/ns/csvw", {"hmtb": "urn:hmtb:"}],
-        "url": file,
-        **{f"hmtb:{key}": value for key, value in contents.attributes.items()},
-        "tableSchema": {"columns": described, "primaryKey": "sample"},
-    }
-    return (json.dumps(said, indent=1, allow_nan=False, default=np.ndarray.tolist) + "\n").encode()
-
-
-def ascii_table(contents: Contents) -> bytes:
-    """Write a record as the ASCII flat file [Morris1996, II.5]: lines of comment, then numbers between blanks.
-
-    MATLAB's `load -ascii` and `numpy.loadtxt(..., comments="%")` read it.
-
-    Args:
-        contents: What the file of the record holds.
-    """
-    table = columns(contents)
-    said = {key: json.dumps(value, default=np.ndarray.tolist) for key, value in contents.attributes.items()}
-    lines = [
-        ASCII,
-        *(f"{key}: {value}" for key, value in said.items()),
-        f"sampling time: {sampling_time(contents)} s",
-        f"samples: {len(table[0].values)}",
-        "lost samples: NaN",
-        *(f"column {k}: {column.name}, {column.unit}" for k, column in enumerate(table, start=1)),
-    ]
-    return ("".join(f"% {line}\n" for line in lines) + _rows(table, " ")).encode()
-
-
-def _rows(table: tuple[Column, ...], separator: str) -> str:
-    text = [[repr(value) for value in column.values.tolist()] for column in table]
-    return "".join(separator.join(row) + "\n" for row in zip(*text, strict=True)).replace("nan", "NaN")
-
-
-LARGEST = 2**31 - 2**10
-"""Bytes of a variable that version 5 of the format can hold, with room for its head."""
-
-_HEAD = b"MATLAB 5.0 MAT-file, a record of a data set of the HMTB twin"
-_HEAD_LENGTH = 116
+        for channel, column in zip(contents.variables[variable.dims[1]].values, values.T, strict=True):
+            table.append(ExportColumn(NAMES.get(name, name + "_{}").format(channel), unit, role, meaning, column))
+    return tuple(sorted(table, key=lambda column: column.name != "sample"))
 
 
 def mat(contents: Contents) -> bytes:
@@ -173,40 +88,37 @@ def mat(contents: Contents) -> bytes:
     `units` and `about` are structures: the unit of each variable, and all attributes of the record.
 
     Args:
-        contents: What the file of the record holds.
+        contents: Contents of the file of the record.
 
     Raises:
         ScenarioError: A variable that is larger than the format allows.
     """
     from scipy.io import savemat
 
+    units: dict[str, object] = {"dt": "s"}
+    variables: dict[str, object] = {"dt": float(sampling_time(contents))}
     for name, variable in contents.variables.items():
         if variable.values.nbytes > LARGEST:
             raise ScenarioError(
                 f"{name} has {variable.values.nbytes / 2**30:.3g} GiB, a .mat file of version 5 holds less than 2 per "
                 "variable; MATLAB reads the data set's own .nc files of any size by ncread, and Parquet by parquetread"
             )
-    units: dict[str, object] = {"dt": "s"}
-    variables: dict[str, object] = {"dt": float(sampling_time(contents))}
-    for name, variable in contents.variables.items():
         if variable.values.dtype.kind == "U":
             variables[f"{name}_names"] = variable.values.astype(object)
         else:
             variables[name] = variable.values
             units[name] = str(variable.attributes["units"])
-    variables |= {"units": units, "about": dict(contents.attributes)}
-    target = io.BytesIO()
-    savemat(target, variables, oned_as="column", do_compression=True, long_field_names=True)
-    made = target.getvalue()
-    # The head is a text with the time of day; equal records give equal files.
-    return _HEAD.ljust(_HEAD_LENGTH) + made[_HEAD_LENGTH:]
+    stream = io.BytesIO()
+    about = {"units": units, "about": dict(contents.attributes)}
+    savemat(stream, variables | about, oned_as="column", do_compression=True, long_field_names=True)
+    return MAT_HEAD + stream.getvalue()[len(MAT_HEAD) :]
 
 
 def parquet(contents: Contents) -> bytes:
-    """Write a record as Parquet: a column per channel; units stand in the metadata of the columns.
+    """Write a record as Parquet: a column per channel; units are in the metadata of the columns.
 
     Args:
-        contents: What the file of the record holds.
+        contents: Contents of the file of the record.
 
     Raises:
         ScenarioError: pyarrow is not installed.
@@ -226,52 +138,93 @@ def parquet(contents: Contents) -> bytes:
         )
         for column in table
     ]
-    about = {
-        key: value if isinstance(value, str) else json.dumps(value, default=np.ndarray.tolist)
-        for key, value in contents.attributes.items()
-    }
-    made = pa.Table.from_arrays([pa.array(column.values) for column in table], schema=pa.schema(fields, about))
-    target = io.BytesIO()
-    pq.write_table(made, target)
-    return target.getvalue()
+    about = {key: value if isinstance(value, str) else _json(value) for key, value in contents.attributes.items()}
+    arrays = [pa.array(column.values) for column in table]
+    stream = io.BytesIO()
+    pq.write_table(pa.Table.from_arrays(arrays, schema=pa.schema(fields, about)), stream)
+    return stream.getvalue()
 
 
-ALONG = ("LICENSE", "CITATION.cff")
-"""Files of the data set that go with every copy of its records."""
+def csv(contents: Contents) -> bytes:
+    """Write a record as CSV: one line of names with units, then a line per sample.
 
+    Numbers have the digits that give every bit back; NaN is a sample that was lost or is withheld.
 
-@dataclass(frozen=True)
-class Format:
-    """A format of records.
-
-    Attributes:
-        ending: Of its files.
-        content: The file for what a record's NetCDF file holds.
-        metadata: A second file with what the first cannot say, for its name; its own ends in `-metadata.json`.
+    Args:
+        contents: Contents of the file of the record.
     """
+    table = columns(contents)
+    header = ",".join(f"{column.name} [{column.unit}]" for column in table)
+    return f"{header}\n{_rows(table, ',')}".encode()
 
-    ending: str
-    content: Callable[[Contents], bytes]
-    metadata: Callable[[Contents, str], bytes] | None = None
 
+def csv_metadata(contents: Contents, file: str) -> bytes:
+    """Write the metadata of a CSV file, in the form of CSV on the Web (W3C).
 
-FORMATS: Mapping[str, Format] = MappingProxyType(
-    {
-        "mat": Format(".mat", mat),
-        "csv": Format(".csv", csv, csv_metadata),
-        "parquet": Format(".parquet", parquet),
-        "ascii": Format(".txt", ascii_table),
+    Args:
+        contents: Contents of the file of the record.
+        file: Name of the CSV file beside it.
+    """
+    described = [
+        {
+            "name": column.name,
+            "titles": f"{column.name} [{column.unit}]",
+            "dc:description": column.meaning,
+            "datatype": "integer" if column.values.dtype.kind in "iu" else "double",
+            "hmtb:unit": column.unit,
+            "hmtb:role": column.role,
+        }
+        for column in columns(contents)
+    ]
+    metadata = {
+        "@context": ["http://www.w3.org/ns/csvw", {"hmtb": "urn:hmtb:"}],
+        "url": file,
+        **{f"hmtb:{key}": value for key, value in contents.attributes.items()},
+        "tableSchema": {"columns": described, "primaryKey": "sample"},
     }
-)
-"""The formats, by name."""
+    return (_json(metadata, indent=1) + "\n").encode()
+
+
+def ascii_table(contents: Contents) -> bytes:
+    """Write a record as the ASCII flat file [Morris1996, II.5]: lines of comment, then numbers between blanks.
+
+    MATLAB's `load -ascii` and `numpy.loadtxt(..., comments="%")` read it.
+
+    Args:
+        contents: Contents of the file of the record.
+    """
+    table = columns(contents)
+    lines = [
+        "hmtb data set ascii 1",
+        *(f"{key}: {_json(value)}" for key, value in contents.attributes.items()),
+        f"sampling time: {sampling_time(contents)} s",
+        f"samples: {len(table[0].values)}",
+        "lost samples: NaN",
+        *(f"column {k}: {column.name}, {column.unit}" for k, column in enumerate(table, start=1)),
+    ]
+    return ("".join(f"% {line}\n" for line in lines) + _rows(table, " ")).encode()
+
+
+def _rows(table: Sequence[ExportColumn], separator: str) -> str:
+    text = [[repr(value) for value in column.values.tolist()] for column in table]
+    return "".join(separator.join(row) + "\n" for row in zip(*text, strict=True)).replace("nan", "NaN")
+
+
+def _json(value: object, indent: int | None = None) -> str:
+    return json.dumps(value, indent=indent, default=np.ndarray.tolist)
+
+
+FORMATS: Mapping[str, tuple[str, Callable[[Contents], bytes]]] = {
+    "mat": (".mat", mat),
+    "csv": (".csv", csv),
+    "parquet": (".parquet", parquet),
+    "ascii": (".txt", ascii_table),
+}
+"""Ending and writer of each format, by its name."""
 
 
 def export(
-    folder: Path,
-    out: Path,
-    formats: Sequence[str],
-    *,
-    progress: Callable[[int, int], None] | None = None,
+    folder: Path, out: Path, formats: Sequence[str], *, progress: Callable[[int, int], None] | None = None
 ) -> tuple[Path, ...]:
     """Write the records of a data set in other formats; nothing but its index and its `data/` is read.
 
@@ -282,7 +235,7 @@ def export(
         folder: The data set.
         out: Folder in which those of the formats are made.
         formats: Names of `FORMATS`.
-        progress: Told the records done and those there are.
+        progress: Called with the records done and their total.
 
     Returns:
         The folders, one per format.
@@ -302,22 +255,26 @@ def export(
             unknown("format", wrong[0], FORMATS) if wrong else f"no format given of {', '.join(FORMATS)}"
         )
     finals = {name: out / f"{data_set.label}-{name}" for name in names}
-    there = [str(path) for path in finals.values() if path.exists()]
-    if there:
+    existing = [str(path) for path in finals.values() if path.exists()]
+    if existing:
         raise ScenarioError(
-            f"{', '.join(there)} is already there, and is not overwritten; remove it, or name another --out"
+            f"{', '.join(existing)} is already there, and is not overwritten; remove it, or name another --out"
         )
-    lines = [line for line in data_set.index if line.failed is None]
+    entries = [one for one in data_set.index if one.failed is None]
     with working_folder(out) as place:
-        for done, line in enumerate(lines):
-            contents = _checked(data_set, line)
+        for done, one in enumerate(entries, start=1):
+            contents = _checked(data_set, one)
             for name in names:
-                _write(place / name / line.part, line.name, FORMATS[name], contents)
+                ending, writer = FORMATS[name]
+                path = place / name / one.part / f"{one.name}{ending}"
+                path.parent.mkdir(parents=True, exist_ok=True)
+                path.write_bytes(writer(contents))
+                if name == "csv":
+                    path.with_name(f"{path.name}-metadata.json").write_bytes(csv_metadata(contents, path.name))
             if progress is not None:
-                progress(done + 1, len(lines))
-        for name in names:
-            _describe(data_set, lines, place / name, name)
+                progress(done, len(entries))
         for name, final in finals.items():
+            _describe(data_set, entries, place / name, name)
             (place / name).rename(final)
     return tuple(finals.values())
 
@@ -329,26 +286,26 @@ def working_folder(out: Path) -> Iterator[Path]:
     Args:
         out: Folder of the results, made if missing.
     """
-    made = [path for path in (out, *out.parents) if not path.exists()]
+    new = [path for path in (out, *out.parents) if not path.exists()]
     out.mkdir(parents=True, exist_ok=True)
     place = Path(tempfile.mkdtemp(prefix=".export-", dir=out))
     try:
         yield place
     except BaseException:
         shutil.rmtree(place)
-        with suppress(OSError):  # others may have put something there meanwhile
-            for path in made:  # innermost first
+        with suppress(OSError):  # another program may have written there meanwhile
+            for path in new:  # innermost first
                 path.rmdir()
         raise
     shutil.rmtree(place)
 
 
-def _checked(data_set: DataSet, line: IndexEntry) -> Contents:
-    """What a record's file holds, if it is what the index says."""
-    path = data_set.folder / line.file
+def _checked(data_set: DataSet, one: IndexEntry) -> Contents:
+    """Contents of the file of a record, if they are what the index says."""
+    path = data_set.folder / one.file
     contents = read_netcdf(path)
-    said, found = line.facts.get("arrays", {}).get(line.file, {}), contents.array_hashes()
-    differing = sorted(name for name in {*said, *found} if said.get(name) != found.get(name))
+    expected, hashes = one.facts.get("arrays", {}).get(one.file, {}), contents.array_hashes()
+    differing = sorted(name for name in {*expected, *hashes} if expected.get(name) != hashes.get(name))
     if differing:
         raise ScenarioError(
             f"{path}: {', '.join(differing)} differ from what the index says; expected an undamaged data set, "
@@ -357,28 +314,13 @@ def _checked(data_set: DataSet, line: IndexEntry) -> Contents:
     return contents
 
 
-def _write(folder: Path, name: str, format: Format, contents: Contents) -> None:
-    folder.mkdir(parents=True, exist_ok=True)
-    path = folder / f"{name}{format.ending}"
-    path.write_bytes(format.content(contents))
-    if format.metadata is not None:
-        path.with_name(f"{path.name}-metadata.json").write_bytes(format.metadata(contents, path.name))
-
-
-def _describe(data_set: DataSet, lines: Sequence[IndexEntry], folder: Path, name: str) -> None:
-    """Say what the folder holds, and put a checksum on all of it."""
+def _describe(data_set: DataSet, entries: Sequence[IndexEntry], folder: Path, name: str) -> None:
+    """Write the index of an export and the checksums of its files."""
     folder.mkdir(exist_ok=True)
+    keys = ("name", "part", "block", "arm", "twin", "joints")
     records = [
-        {
-            "name": line.name,
-            "part": line.part,
-            "block": line.block,
-            "arm": line.arm,
-            "twin": line.twin,
-            "joints": line.joints,
-            "file": f"{line.part}/{line.name}{FORMATS[name].ending}",
-        }
-        for line in lines
+        {key: getattr(one, key) for key in keys} | {"file": f"{one.part}/{one.name}{FORMATS[name][0]}"}
+        for one in entries
     ]
     index = {"data_set": data_set.label, "hash": data_set.hash, "format": name, "records": records}
     (folder / "export.json").write_text(json.dumps(index, indent=1, allow_nan=False) + "\n", encoding="utf-8")
