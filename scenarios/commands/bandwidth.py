@@ -1,4 +1,4 @@
-"""`hmtb bandwidth`: recovered against true and published bandwidths, the 1 Hz finding."""
+"""`hmtb bandwidth`: does the 1 Hz finding hold? Recovered against true and published bandwidths."""
 
 from contextlib import ExitStack
 from pathlib import Path
@@ -6,11 +6,12 @@ from typing import TYPE_CHECKING, Annotated
 
 import tyro
 
-from scenarios.commands.output import output_folder, print_json, print_table, progress, say
+from scenarios.commands.output import output_folder, plain, print_json, print_table, progress, say
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
+    from hmtb_twin import JointLog
     from scenarios.identification.bandwidth_study import BandwidthStudy
     from scenarios.identification.recovered_bandwidth import RecoveredBandwidth
 
@@ -19,7 +20,7 @@ TESTS = (5,)
 METHODS = ("arx", "armax", "iv4", "oe", "okid", "oe_high", "spa", "etfe")
 
 FILES = ("bandwidth.csv", "bandwidth.png", "bandwidth.svg")
-"""What goes into the folder."""
+"""Files of --out."""
 
 
 def bandwidth(
@@ -38,23 +39,23 @@ def bandwidth(
     out: Path | None = None,
     json: bool = False,
 ) -> int:
-    """Does the thesis' finding stand that every joint has a bandwidth of about 1 Hz?
+    """Does the 1 Hz finding hold: has every joint a bandwidth of about 1 Hz?
 
-    For each joint, method, test and seed the recovered bandwidth with its 95 % interval, against what is true of the
-    arm in two senses, against the models that the thesis prints, and against 1 Hz; then the answer in words.
+    For each joint, method, test and seed it prints the recovered bandwidth with its 95 % interval, beside the true
+    bandwidth of the arm in two senses, the models that the thesis prints, and 1 Hz; then the answer in words.
 
     A bandwidth is where the gain has fallen by 3 dB from its value at 0 Hz. Small-signal truth: of the linearised arm,
-    no friction. Best linear truth: of the linear system that is nearest to the arm, friction, velocity limit and all,
-    when a random-phase multisine commands it as strongly as the test does, in the same band (four seconds of one core
-    for each joint and test; --no-bla leaves it out).
+    without friction. Best linear truth: of the linear system that is nearest to the arm, with friction and velocity
+    limit, when a random-phase multisine commands it as strongly as the test does, in the same band (four seconds of one
+    core for each joint and test; --no-bla leaves it out).
 
     Two questions are kept apart: whether a bandwidth is near 1 Hz (0.8 to 1.25 Hz), and whether its interval holds the
-    truth. A bandwidth that the record does not bear, because nothing so slow is excited or the interval says nothing,
+    truth. A bandwidth that the record cannot support, because nothing so slow is excited or the interval says nothing,
     is not claimed but counts, as neither.
 
     Methods: armax, oe, okid with the thesis' orders; arx, iv4 with those of its ARMAX; oe_high, an output-error model
-    whose order suffices without friction; spa and etfe, without a model: their lines, every 0.5 Hz on files of 2 s, are
-    too few to tell the gain at 0 Hz, so that only the frequency of the gain 0.707 is theirs.
+    whose order suffices without friction; spa and etfe, without a model. Their lines, every 0.5 Hz on files of 2 s, are
+    too few to show the gain at 0 Hz, so they give only the frequency of the gain 0.707.
 
       hmtb bandwidth                                three joints, PRBS test, one record each
       hmtb bandwidth --seeds 20 --tests 5 6 --out bandwidth
@@ -69,8 +70,8 @@ def bandwidth(
         seed: The first of the seeds. When not given: one record has the scenarios' own, several have 1, 2, 3, ...
         variant: Which arm; nominal when not given.
         no_friction: Leave dry friction out.
-        duration: Length of each test, s; 240, the thesis', when not given. Less is a look.
-        data: Logs of hmtb simulate (.nc) to take instead, of one joint each; the arm is theirs.
+        duration: Length of each test, s; 240, the thesis', when not given. Shorter ones are a preview.
+        data: Logs of hmtb simulate (.nc) to use instead, of one joint each; they define the arm.
         no_bla: Leave out the best linear truth.
         threads: Threads for the physics; all processors when not given.
         out: Folder for bandwidth.csv and the figure, bandwidth.png and .svg.
@@ -80,24 +81,24 @@ def bandwidth(
     from scenarios.experiments.waveform import check_seed
     from scenarios.files.atomic_write import check_place
     from scenarios.files.errors import ScenarioError
-    from scenarios.identification.bandwidth_study import from_simulation
+    from scenarios.identification.bandwidth_study import from_logs, from_simulation
 
     check_seed(0 if seed is None else seed)
     if threads is not None and threads < 1:
         raise ScenarioError(f"threads must be 1 or more, given {threads}")
-    if data is not None:
-        given = {
-            "--joints": joints,
-            "--tests": tests,
-            "--seeds": seeds,
-            "--variant": variant,
-            "--no-friction": no_friction or None,
-            "--duration": duration,
-        }
-        if said := [name for name, value in given.items() if value is not None]:
-            raise ScenarioError(f"--data takes arm and tests from the logs; leave out {', '.join(said)}")
-        if not data:
-            raise ScenarioError("--data given without a log, expected one or more")
+    of_arm = {
+        "--joints": joints,
+        "--tests": tests,
+        "--seeds": seeds,
+        "--variant": variant,
+        "--no-friction": no_friction or None,
+        "--duration": duration,
+    }
+    contradicting = [name for name, value in of_arm.items() if value is not None]
+    if data is not None and contradicting:
+        raise ScenarioError(f"--data takes arm and tests from the logs; leave out {', '.join(contradicting)}")
+    if data is not None and not data:
+        raise ScenarioError("--data given without a log, expected one or more")
     with ExitStack() as stack:
         folder = None
         if out is not None:
@@ -105,13 +106,14 @@ def bandwidth(
             for name in FILES:
                 check_place(folder / name)
         if data is not None:
-            study = _of_logs(data, methods, seed, threads, best_linear=not no_bla)
+            logs = _read(data)
+            study = from_logs(logs, methods, best_linear=not no_bla, seed=seed or 0, threads=threads, stage=progress)
         else:
             study = from_simulation(
                 JOINTS if joints is None else joints,
                 methods,
                 TESTS if tests is None else tests,
-                seeds=_seeds(seeds, seed),
+                seeds=_seeds(1 if seeds is None else seeds, seed),
                 condition=Condition(variant or "nominal", not no_friction),
                 duration=duration,
                 best_linear=not no_bla,
@@ -128,37 +130,24 @@ def bandwidth(
     return 1 if study.failed else 0
 
 
-def _seeds(count: int | None, first: int | None) -> tuple[int | None, ...]:
+def _seeds(count: int, first: int | None) -> tuple[int | None, ...]:
     from scenarios.thesis.seeds import counted
 
-    count = 1 if count is None else count
-    chosen = counted(count, 1 if first is None else first)
-    return (None,) if first is None and count == 1 else tuple(chosen)
+    return (None,) if first is None and count == 1 else tuple(counted(count, 1 if first is None else first))
 
 
-def _of_logs(
-    paths: tuple[Path, ...], methods: tuple[str, ...], seed: int | None, threads: int | None, *, best_linear: bool
-) -> "BandwidthStudy":
+def _read(paths: "Sequence[Path]") -> "list[JointLog]":
     from hmtb_twin import JointLog
     from scenarios.files.data_file import check_complete
     from scenarios.files.errors import ScenarioError
-    from scenarios.identification.bandwidth_study import from_logs
 
     for path in paths:
         if path.suffix != ".nc":
-            raise ScenarioError(f"--data {path} given, expected a log of hmtb simulate, .nc: it tells of its arm")
+            raise ScenarioError(f"--data {path} given, expected a log of hmtb simulate, .nc: it knows its arm")
     logs = [JointLog.load(path) for path in paths]
     for path, log in zip(paths, logs, strict=True):
-        # Told by its file, which is what was typed; a log names itself.
-        check_complete(log, log.axes, path.name)
-    return from_logs(
-        logs,
-        methods,
-        best_linear=best_linear,
-        seed=seed or 0,
-        threads=threads,
-        stage=progress,
-    )
+        check_complete(log, log.axes, path.name)  # the name that was typed; a log has another one
+    return logs
 
 
 def _write(study: "BandwidthStudy", folder: Path) -> list[Path]:
@@ -167,7 +156,6 @@ def _write(study: "BandwidthStudy", folder: Path) -> list[Path]:
 
     import matplotlib
 
-    from scenarios.commands.output import plain
     from scenarios.files.atomic_write import write_whole
     from scenarios.identification.bandwidth_figure import bandwidth_figure
     from scenarios.report.figures import SETTINGS, save_figure
@@ -201,56 +189,38 @@ def _print(study: "BandwidthStudy") -> None:
     from sysid.models.bandwidth import half_power_hz
 
     several = False
+    with_bla = bool(study.best_linear)
+    columns = ["method", "test", "bandwidth\n/ Hz", "95 % interval\n/ Hz", "near\n1 Hz", "holds small-\nsignal truth"]
+    columns += ["agrees with\nbest linear"] if with_bla else []
+    columns += ["gain 0.707\nat / Hz", "gain\nat 0 Hz"]
     for joint in study.joints:
-        columns = [
-            "method",
-            "test",
-            "bandwidth\n/ Hz",
-            "95 % interval\n/ Hz",
-            "near\n1 Hz",
-            "holds small-\nsignal truth",
-        ]
-        columns += ["agrees with\nbest linear"] if study.best_linear else []
-        columns += ["gain 0.707\nat / Hz", "gain\nat 0 Hz"]
         groups: dict[tuple[str, str], list[RecoveredBandwidth]] = {}
         for row in study.rows:
             if row.joint == joint:
                 groups.setdefault((row.label, row.test), []).append(row)
-        several |= any(len(found) > 1 for found in groups.values())
-        lines = [_line(found, best_linear=bool(study.best_linear)) for found in groups.values()]
-        blank = [""] * (len(columns) - 4)
-        blank = [""] * (len(columns) - 6)
+        several |= any(len(group) > 1 for group in groups.values())
+        lines = [_line(group, best_linear=with_bla) for group in groups.values()]
+        unjudged = [""] * (len(columns) - 6)  # near, holds, agrees
         truth = study.truth.joint(joint)
         level = f"{half_power_hz(truth.model):.3f}"
         lines.append(
-            [
-                "small-signal truth",
-                "",
-                f"{truth.bandwidth_hz:.3f}",
-                "",
-                "",
-                "",
-                *blank[2:],
-                level,
-                f"{truth.dc_gain:.3f}",
-            ]
+            ["small-signal truth", "", f"{truth.bandwidth_hz:.3f}", "", *unjudged, level, f"{truth.dc_gain:.3f}"]
         )
-        for one in (one for one in study.best_linear.values() if one.joint == joint):
-            hz = f"{one.hz:.3f}" if np.isfinite(one.hz) else "none shows"
-            ends, level = f"{one.ci95[0]:.3f} to {one.ci95[1]:.3f}", f"{one.half_power_hz:.3f}"
-            lines.append(["best linear truth", one.test, hz, ends, "", "", *blank[2:], level, ""])
-        lines += [
-            [f"published {one.label}", "", f"{one.bandwidth_hz:.3f}", "", "", "", *blank] for one in published(joint)
-        ]
+        for entry in (entry for entry in study.best_linear.values() if entry.joint == joint):
+            hz = f"{entry.hz:.3f}" if np.isfinite(entry.hz) else "none shows"
+            ends, level = f"{entry.ci95[0]:.3f} to {entry.ci95[1]:.3f}", f"{entry.half_power_hz:.3f}"
+            lines.append(["best linear truth", entry.test, hz, ends, *unjudged, level, ""])
+        for model in published(joint):
+            lines.append([f"published {model.label}", "", f"{model.bandwidth_hz:.3f}", "", *unjudged, "", ""])
         print_table(f"{joint}, {study.condition}", columns, lines)
     if several:
         say("Of several seeds: the middle bandwidth with its own interval, the range in brackets, and how many of all")
     for text in study.refusals():
         say(f"not claimed: {text}")
-    for one in study.best_linear.values():
-        for text in one.cautions:
-            say(f"{one.joint}, test {one.test}: its best linear bandwidth says little: {text}")
-    if study.best_linear:
+    for entry in study.best_linear.values():
+        for text in entry.cautions:
+            say(f"{entry.joint}, test {entry.test}: its best linear bandwidth says little: {text}")
+    if with_bla:
         first = next(iter(study.best_linear.values()))
         say(f"Best linear truth, e.g. {first.joint}, test {first.test}: {first.described}; friction as in the test")
     for text in study.answers():
@@ -259,32 +229,33 @@ def _print(study: "BandwidthStudy") -> None:
         say(f"failed: {name}: {why}")
 
 
-def _line(found: "Sequence[RecoveredBandwidth]", *, best_linear: bool) -> list[str]:
+def _line(group: "Sequence[RecoveredBandwidth]", *, best_linear: bool) -> list[str]:
+    """The line of one method and test; of several seeds the middle bandwidth stands in it."""
     import numpy as np
 
     from scenarios.identification.one_hertz import between
 
-    claimed = sorted((row for row in found if np.isfinite(row.hz)), key=lambda row: row.hz)
-    several = len(found) > 1
+    several = len(group) > 1
 
-    def counted(values: "Sequence[bool | None]") -> str:
+    def count(values: "Sequence[bool | None]") -> str:
         known = [value for value in values if value is not None]
         if not known:
             return "—"
         return f"{sum(known)} of {len(known)}" if several else ("yes" if known[0] else "no")
 
-    levels = [row.half_power_hz for row in found if np.isfinite(row.half_power_hz)]
-    gains = [row.dc_gain for row in found if np.isfinite(row.dc_gain)]
-    hz = interval = "not claimed"
-    models = [row.model_hz for row in found if row.refused and np.isfinite(row.model_hz)]
-    if models:
-        hz += f" (model: {between(models)})"
+    def median(values: "Sequence[float]") -> str:
+        known = [value for value in values if np.isfinite(value)]
+        return f"{np.median(known):.3f}" if known else "—"
+
+    claimed = sorted((row for row in group if np.isfinite(row.hz)), key=lambda row: row.hz)
+    models = [row.model_hz for row in group if row.refused and np.isfinite(row.model_hz)]
     if claimed:
         middle = claimed[(len(claimed) - 1) // 2]
         hz = f"{middle.hz:.3f}" + (f" ({claimed[0].hz:.3f}..{claimed[-1].hz:.3f})" if several else "")
         interval = f"{middle.ci95[0]:.3f} to {middle.ci95[1]:.3f}"
-    line = [found[0].label, found[0].test, hz, interval if claimed else "—"]
-    line += [counted([row.near for row in found]), counted([row.covers for row in found])]
-    line += [counted([row.covers_best_linear for row in found])] if best_linear else []
-    line += [f"{np.median(values):.3f}" if values else "—" for values in (levels, gains)]
-    return line
+    else:
+        hz, interval = "not claimed" + (f" (model: {between(models)})" if models else ""), "—"
+    line = [group[0].label, group[0].test, hz, interval]
+    line += [count([row.near for row in group]), count([row.covers for row in group])]
+    line += [count([row.covers_best_linear for row in group])] if best_linear else []
+    return [*line, median([row.half_power_hz for row in group]), median([row.dc_gain for row in group])]
