@@ -1,4 +1,4 @@
-"""Everything that is true of an arm at an operating point, gathered for the screen and for JSON."""
+"""Summary of the truth about an arm at an operating point, for the screen and for JSON."""
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
@@ -28,7 +28,7 @@ REALISATIONS = 8
 
 @dataclass(frozen=True, eq=False)
 class TruthSummary:
-    """The truth about an arm, of whichever kinds were asked for.
+    """The truth about an arm.
 
     Attributes:
         arm: The arm.
@@ -36,8 +36,8 @@ class TruthSummary:
         joints: The same, joint by joint.
         hydraulics: Each joint's actuator on the inertia that it sees, the others held; empty for electric drives
             and for servo valves with orifices, which have no linear flow law.
-        best_linear: Best linear approximation of each studied joint, where it was asked for.
-        attainable: What could be achieved at best on a record, joint by joint, where one was given.
+        best_linear: Best linear approximation of each studied joint, where it was measured.
+        attainable: Attainable errors on a record by joint, where one was given.
     """
 
     arm: Arm
@@ -55,7 +55,7 @@ class TruthSummary:
     def record(self) -> dict[str, object]:
         """Return what `hmtb truth --json` prints."""
         truth = self.truth
-        found: dict[str, object] = {
+        record: dict[str, object] = {
             "dt": truth.dt,
             "variant": truth.variant,
             "payload": truth.payload,
@@ -68,21 +68,21 @@ class TruthSummary:
             "provenance": truth.provenance,
         }
         if truth.plant.process_noise:
-            found["noise"] = {
+            record["noise"] = {
                 "drive_torque_nm": self.arm.process_noise,
                 "resolver_covariance_rad2": truth.disturbances.resolvers,
                 "K": truth.model.K,
                 "innovation_covariance_rad2": truth.model.innovation_covariance,
             }
         if self.best_linear:
-            found["best_linear"] = {name: _best_linear(one, truth) for name, one in self.best_linear.items()}
+            record["best_linear"] = {name: _best_linear(one, truth) for name, one in self.best_linear.items()}
         if self.attainable:
-            found["attainable"] = {name: _attainable(one) for name, one in self.attainable.items()}
-        return found
+            record["attainable"] = {name: _attainable(one) for name, one in self.attainable.items()}
+        return record
 
     def _joint(self, name: str) -> dict[str, object]:
         entry, locked = self.joints[name], name in self.locked
-        found: dict[str, object] = {
+        record: dict[str, object] = {
             "bandwidth_hz": None if locked else entry.bandwidth_hz,
             "dc_gain": entry.dc_gain,
             "poles": np.asarray(entry.poles, dtype=complex),
@@ -92,28 +92,26 @@ class TruthSummary:
             "note": LOCKED_NOTE if locked else None,
         }
         if self.truth.plant.process_noise and entry.model.innovation_covariance is not None:
-            found["innovation_sd_rad"] = float(np.sqrt(entry.model.innovation_covariance[0, 0]))
+            record["innovation_sd_rad"] = float(np.sqrt(entry.model.innovation_covariance[0, 0]))
         if name in self.hydraulics:
             oil = self.hydraulics[name]
-            found["hydraulics"] = {
+            record["hydraulics"] = {
                 "inertia_kgm2": oil.inertia,
                 "resonance_hz": oil.natural_frequency / (2.0 * np.pi),
                 "damping_ratio": oil.damping_ratio,
                 "stall_torque_nm": oil.stall_torque,
                 "no_load_speed_rad_s": oil.no_load_speed,
             }
-        return found
+        return record
 
 
 def truth_summary(arm: Arm, truth: Truth) -> TruthSummary:
-    """Gather the small-signal truth about an arm.
-
-    Args:
-        arm: The arm.
-        truth: Its truth.
-    """
-    joints = {name: truth.joint(name) for name in JOINTS}
-    return TruthSummary(arm, truth, joints, _hydraulics(arm, truth.angles))
+    """Return the summary of an arm and its small-signal truth."""
+    hydraulics = {}
+    if hydraulic(arm) and arm.plant.actuator == "linear":
+        inertia = np.diag(arm.inertia(truth.angles))
+        hydraulics = {name: linear_hydraulics(arm.actuators[name], float(inertia[k])) for k, name in enumerate(JOINTS)}
+    return TruthSummary(arm, truth, {name: truth.joint(name) for name in JOINTS}, hydraulics)
 
 
 def measured_best_linear(
@@ -139,7 +137,7 @@ def measured_best_linear(
         ScenarioError: See `best_linear`.
     """
     multisines = Multisines(rms=amplitude, realisations=REALISATIONS, seed=seed)
-    found = {}
+    approximations: dict[str, BestLinearTruth] = {}
     for joint in STUDIED_JOINTS:
         setting = MultisineExperiment(
             joint,
@@ -151,10 +149,10 @@ def measured_best_linear(
             pose=pose,
             seed=seed,
         )
-        found[joint] = best_linear(setting, multisines, threads=threads)
+        approximations[joint] = best_linear(setting, multisines, threads=threads)
         if progress is not None:
-            progress(len(found), len(STUDIED_JOINTS))
-    return found
+            progress(len(approximations), len(STUDIED_JOINTS))
+    return approximations
 
 
 def attainable_on(log: JointLog, truth: Truth) -> dict[str, Attainable]:
@@ -171,56 +169,40 @@ def attainable_on(log: JointLog, truth: Truth) -> dict[str, Attainable]:
     return {joint: attainable(log, joint, truth=truth) for joint in joints}
 
 
-def _hydraulics(arm: Arm, angles: np.ndarray) -> dict[str, LinearHydraulics]:
-    if not hydraulic(arm) or arm.plant.actuator != "linear":
-        return {}
-    inertia = np.diag(arm.inertia(angles))
-    return {
-        name: linear_hydraulics(arm.actuators[name], float(seen)) for name, seen in zip(JOINTS, inertia, strict=True)
-    }
-
-
 def hydraulic(arm: Arm) -> bool:
     """Whether all drives of the arm are hydraulic."""
     return all(isinstance(drive, Actuator) for drive in variant_named(arm.variant).actuators.values())
 
 
+def _conditions(arm: Arm) -> list[tuple[bool, str]]:
+    """List what the arm's drives run on and rub with: whether it departs from the nominal plant, and the words."""
+    plant, nominal, oil = arm.plant, NOMINAL_PLANT, hydraulic(arm)
+    texts = [
+        (plant.actuator != nominal.actuator, f"{plant.actuator} actuators" if oil else "electric drives"),
+        (plant.friction != nominal.friction, f"friction {plant.friction}"),
+    ]
+    if arm.friction and plant.friction_level != nominal.friction_level:
+        texts.append((True, f"dry friction {plant.friction_level:g} times the arm's"))
+    if oil:
+        pressure, celsius = plant.supply_pressure, plant.oil_temperature
+        texts.append((pressure != nominal.supply_pressure, f"supply pressure {pressure:g} MPa"))
+        texts.append((celsius != nominal.oil_temperature, f"oil at {celsius:g} °C"))
+    if plant.process_noise:
+        texts.append((True, f"process noise {plant.process_noise:g} of the rated torque"))
+    # By name: a value for each body would fill the page.
+    if names := [name.replace("_", " ") for name in arm.specimen.deviations]:
+        texts.append((True, f"a specimen whose {', '.join(names)} deviate"))
+    return texts
+
+
 def conditions_in_words(arm: Arm) -> str:
     """Return what the arm's drives run on and rub with, in words and with units; of oil only where there is some."""
-    plant = arm.plant
-    said = [f"{plant.actuator} actuators" if hydraulic(arm) else "electric drives", f"friction {plant.friction}"]
-    if arm.friction and plant.friction_level != 1.0:
-        said.append(f"dry friction {plant.friction_level:g} times the arm's")
-    if hydraulic(arm):
-        said += [f"supply pressure {plant.supply_pressure:g} MPa", f"oil at {plant.oil_temperature:g} °C"]
-    if plant.process_noise:
-        said.append(f"process noise {plant.process_noise:g} of the rated torque")
-    return ", ".join([*said, *_deviations(arm)])
+    return ", ".join(text for _, text in _conditions(arm))
 
 
 def departures_in_words(arm: Arm) -> str:
-    """Return in words and with units what of the arm's conditions is not nominal; nothing where all are."""
-    plant, nominal = arm.plant, NOMINAL_PLANT
-    said = []
-    if plant.actuator != nominal.actuator:
-        said.append(f"{plant.actuator} actuators")
-    if plant.friction != nominal.friction:
-        said.append(f"friction {plant.friction}")
-    if arm.friction and plant.friction_level != nominal.friction_level:
-        said.append(f"dry friction {plant.friction_level:g} times the arm's")
-    if plant.supply_pressure != nominal.supply_pressure:
-        said.append(f"supply pressure {plant.supply_pressure:g} MPa")
-    if plant.oil_temperature != nominal.oil_temperature:
-        said.append(f"oil at {plant.oil_temperature:g} °C")
-    if plant.process_noise != nominal.process_noise:
-        said.append(f"process noise {plant.process_noise:g} of the rated torque")
-    return ", ".join([*said, *_deviations(arm)])
-
-
-def _deviations(arm: Arm) -> list[str]:
-    """What of the arm is not its variant's, by name: a value for each body would fill the page."""
-    names = [name.replace("_", " ") for name in arm.specimen.deviations]
-    return [f"a specimen whose {', '.join(names)} deviate"] if names else []
+    """Return the conditions of the arm that are not nominal, in words and with units; empty where all are."""
+    return ", ".join(text for departs, text in _conditions(arm) if departs)
 
 
 def pose_in_words(truth: Truth) -> str:
@@ -244,32 +226,32 @@ def _natural(pole: complex) -> dict[str, float]:
     }
 
 
-def _best_linear(found: BestLinearTruth, truth: Truth) -> dict[str, object]:
-    band = found.bandwidth
+def _best_linear(approximation: BestLinearTruth, truth: Truth) -> dict[str, object]:
+    band = approximation.bandwidth
     return {
-        "amplitude_rad": found.multisines.rms,
+        "amplitude_rad": approximation.multisines.rms,
         "bandwidth_hz": float(band.hz[0, 0]),
         "ci95": [float(band.ci95[0][0, 0]), float(band.ci95[1][0, 0])],
-        "distortion_percent": float(found.distortion_percent[0]),
-        "velocity_limited_share": found.slewing,
-        "cautions": list(cautions(found, truth)),
-        "frequency_hz": found.servo.response.frequencies,
-        "response": found.servo.response.response[:, 0, 0],
-        "standard_error": np.sqrt(found.servo.total_variance[:, 0, 0]),
+        "distortion_percent": float(approximation.distortion_percent[0]),
+        "velocity_limited_share": approximation.slewing,
+        "cautions": list(cautions(approximation, truth)),
+        "frequency_hz": approximation.servo.response.frequencies,
+        "response": approximation.servo.response.response[:, 0, 0],
+        "standard_error": np.sqrt(approximation.servo.total_variance[:, 0, 0]),
     }
 
 
-def _attainable(found: Attainable) -> dict[str, object]:
-    def horizon(which: str) -> dict[str, object]:
-        one = getattr(found, which)
-        return {name: vars(getattr(one, name)) for name in ("any_model", "best_linear", "small_signal")}
-
+def _attainable(attainable: Attainable) -> dict[str, object]:
+    simulation, one_step = (
+        {name: vars(getattr(horizon, name)) for name in ("any_model", "best_linear", "small_signal")}
+        for horizon in (attainable.simulation, attainable.one_step)
+    )
     return {
-        "samples": found.samples,
-        "chance_takes_off": 1.0 - found.by_chance(1.0),
-        "spread_rad": found.spread,
-        "mean_error_rad": found.mean_error,
-        "simulation": {**horizon("simulation"), "right_order": vars(found.right_order)},
-        "one_step": horizon("one_step"),
-        "order": found.order,
+        "samples": attainable.samples,
+        "chance_takes_off": 1.0 - attainable.by_chance(1.0),
+        "spread_rad": attainable.spread,
+        "mean_error_rad": attainable.mean_error,
+        "simulation": {**simulation, "right_order": vars(attainable.right_order)},
+        "one_step": one_step,
+        "order": attainable.order,
     }

@@ -232,7 +232,7 @@ def test_maps_by_one_command(
     out = run(capsys, "--maps", "--out", tmp_path / "here")
     assert f"maps: {tmp_path / 'here' / 'maps.html'}" in out
     files = {path.name for path in (tmp_path / "here").iterdir()}
-    assert files >= {"maps.html", "workspace.svg", "workspace.csv", "truth.svg"}
+    assert files >= {"maps.html", "maps.csv", "workspace.svg", "truth.svg"}
 
 
 def complaint(capsys: pytest.CaptureFixture[str], *words: object) -> str:
