@@ -11,7 +11,7 @@ from sysid import IOData, StateSpace
 from sysid.models.delta_method import spread
 from sysid.models.estimate import DataSummary
 from sysid.records.arrays import FloatArray
-from sysid.subspace.predictor import LocalCoordinates, Predictor, Record, Scales
+from sysid.subspace.predictor import Predictor, Record, Scales, local_coordinates
 from sysid.subspace.predictor_errors import Point
 from sysid.subspace.predictor_estimate import RealiseLocally
 from sysid.subspace.predictor_fit import Normal, linearise
@@ -77,7 +77,7 @@ def coordinates(truth: StateSpace, data: IOData) -> Coordinates:
         raise ScenarioError("a truth without covariance of the innovation given, expected one")
     scales = Scales.of([data])
     predictor = scales.predictor(truth, gain=True).balanced()
-    basis = LocalCoordinates(direct=False)(predictor)
+    basis = local_coordinates(predictor, direct=False)
     realise = RealiseLocally(
         predictor, basis, basis.T @ predictor.vector(), scales, DataSummary.of([data]), truth.innovation_covariance
     )

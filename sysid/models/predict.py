@@ -8,7 +8,7 @@ from numpy.typing import ArrayLike
 
 from sysid.models.delta_method import standard_directions
 from sysid.models.estimate import Estimate
-from sysid.models.recursion import LARGEST, FilterRun, free_response, kalman_filter, state_trajectory
+from sysid.models.recursion import LARGEST, free_response, kalman_filter, state_trajectory
 from sysid.models.state_space import StateSpace
 from sysid.records.arguments import whole_number
 from sysid.records.arrays import FloatArray, real_array
@@ -131,9 +131,9 @@ def predict(
         drive = data.u @ (m.B - m.gain @ m.D).T + data.y @ m.gain.T
         states = state_trajectory(observer, drive, start)
     elif run is not None:
-        states = run.states[:, :, 0] + run.states[:, :, 1:] @ start
+        states = run[0][:, :, 0] + run[0][:, :, 1:] @ start
     else:
-        states = kalman_filter(m, data, start).states[:, :, 0]
+        states = kalman_filter(m, data, start)[0][:, :, 0]
     if steps == 1:
         return states @ m.C.T + data.u @ m.D.T
     horizon = min(int(steps), len(data))
@@ -167,11 +167,11 @@ def initial_state(model: StateSpace, data: IOData, gain: FloatArray | None = Non
     return np.asarray(solution, dtype=np.float64)
 
 
-def _fitted_state(model: StateSpace, data: IOData, run: FilterRun) -> FloatArray:
+def _fitted_state(model: StateSpace, data: IOData, run: tuple[FloatArray, FloatArray]) -> FloatArray:
     """The same from the known outputs of a record with gaps, each weighted by its prediction variance."""
-    outputs = np.einsum("ij,tjk->tik", model.C, run.states)
+    states, weights = run
+    outputs = np.einsum("ij,tjk->tik", model.C, states)
     error = np.where(data.known, data.y, 0.0) - outputs[:, :, 0] - data.u @ model.D.T
-    weights = run.deviations
     usable = (np.abs(outputs) < LARGEST).all(axis=(1, 2))
     rows = min(data.window or len(data), len(usable) if usable.all() else int(np.argmin(usable)))
     phi = (weights[:, :, None] * outputs[:, :, 1:])[:rows].reshape(-1, model.order)

@@ -1,7 +1,5 @@
 """State recursions over whole records, and the Kalman filter over missing output samples."""
 
-from dataclasses import dataclass
-
 import numpy as np
 from scipy.linalg import schur
 from scipy.signal import lfilter
@@ -76,21 +74,9 @@ WARM_UP = 32  # samples before each part for the state covariance to converge fr
 SETTLED = 1e-12  # relative difference of covariances that counts as converged
 
 
-@dataclass(frozen=True, eq=False)
-class FilterRun:
-    """Predicted states and the inverse deviations of the predicted outputs.
-
-    Attributes:
-        states: x(t) from outputs up to t - 1; the first column driven from rest, the others the free responses to unit
-            initial states (N, n, 1 + n), or the first alone (N, n, 1).
-        deviations: Inverse square root of each output's prediction variance (N, ny); zero where it is missing.
-    """
-
-    states: FloatArray
-    deviations: FloatArray
-
-
-def kalman_filter(model: StateSpace, data: IOData, x0: FloatArray, *, free: bool = False) -> FilterRun:
+def kalman_filter(
+    model: StateSpace, data: IOData, x0: FloatArray, *, free: bool = False
+) -> tuple[FloatArray, FloatArray]:
     """Run the predictor over a record with gaps [Ljung1999, sec. 14.2].
 
     In x+ = A x + B u + K e, y = C x + D u + e with e white of covariance R, the state is known exactly as long as no
@@ -101,6 +87,11 @@ def kalman_filter(model: StateSpace, data: IOData, x0: FloatArray, *, free: bool
         data: The record.
         x0: State at the first sample (n,).
         free: Whether to compute the free responses too.
+
+    Returns:
+        States x(t) from outputs up to t - 1, the first column driven from x0, the others the free responses to unit
+        initial states (N, n, 1 + n), or the first alone (N, n, 1); and the inverse square root of the prediction
+        variance of each output (N, ny), zero where it is missing.
     """
     n = model.order
     known = data.known
@@ -108,7 +99,7 @@ def kalman_filter(model: StateSpace, data: IOData, x0: FloatArray, *, free: bool
     y = np.where(known, data.y, 0.0)
     drive = data.u @ model.B.T + np.einsum("tnl,tl->tn", gains, y - data.u @ model.D.T)
     start = np.concatenate((np.asarray(x0, dtype=float)[:, None], np.eye(n)), axis=1) if free else x0[:, None]
-    return FilterRun(_trajectory(model.A - gains @ model.C, drive, start), deviations)
+    return _trajectory(model.A - gains @ model.C, drive, start), deviations
 
 
 def _gains(model: StateSpace, known: np.ndarray) -> tuple[FloatArray, FloatArray]:

@@ -4,10 +4,10 @@ from dataclasses import replace
 
 import numpy as np
 
-from sysid.models.balanced_truncation import balanced_truncation
 from sysid.models.estimate import Estimate
 from sysid.models.predict import as_model
 from sysid.models.state_space import StateSpace
+from sysid.models.system_matrices import balanced_truncation
 from sysid.records.arguments import whole_number
 from sysid.records.arrays import FloatArray
 

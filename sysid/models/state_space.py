@@ -10,8 +10,7 @@ import scipy.linalg
 from numpy.typing import ArrayLike
 from scipy.optimize import brentq
 
-from sysid.models.balanced_truncation import balanced_truncation
-from sysid.models.transmission_zeros import transmission_zeros
+from sysid.models.system_matrices import balanced_truncation, transmission_zeros
 from sysid.records.arguments import real_number, sampling_interval, shown, whole_number
 from sysid.records.arrays import ComplexArray, FloatArray, Locked, lock, real_array
 from sysid.records.errors import SysidError

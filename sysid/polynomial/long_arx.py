@@ -60,13 +60,11 @@ class LongArxFamily:
     Attributes:
         experiments: Single-output experiments.
         nk: Delay per input.
-        largest: Largest order.
         gram: Products of all lagged signals: y at lags 0.., then every u likewise (nu + 1, lags, nu + 1, lags).
     """
 
     experiments: Sequence[IOData]
     nk: tuple[int, ...]
-    largest: int
     gram: FloatArray
 
     def model(self, n: int) -> LongArx:
@@ -101,7 +99,7 @@ def long_arx_family(experiments: Sequence[IOData], orders: Orders, largest: int)
     gram = np.zeros((len(orders.nk) + 1, lags + 1) * 2)
     for e in experiments:
         gram += lagged_products(np.column_stack((e.y[:, 0], e.u)), lags, max(e.window, lags))
-    return LongArxFamily(experiments, orders.nk, largest, gram)
+    return LongArxFamily(experiments, orders.nk, gram)
 
 
 def long_arx_order(experiments: Sequence[IOData], orders: Orders, factor: int) -> int:

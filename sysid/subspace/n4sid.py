@@ -3,6 +3,7 @@
 import warnings
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 import scipy.linalg
@@ -14,7 +15,7 @@ from sysid.records.arguments import truth_value, whole_number
 from sysid.records.arrays import FloatArray
 from sysid.records.data import IOData, as_experiments
 from sysid.records.errors import SysidError, SysidWarning
-from sysid.subspace.predictor import InputCoordinates, LocalCoordinates, Predictor, Record, Scales
+from sysid.subspace.predictor import Predictor, Record, Scales, input_coordinates, local_coordinates
 from sysid.subspace.predictor_estimate import check_enough_samples, make_predictor_estimate
 from sysid.subspace.predictor_fit import least_squares_fit
 
@@ -253,7 +254,7 @@ def n4sid(
                 raise SysidError("neither a stable model nor a stable predictor found; try another order or block_rows")
     if not observer:
         records = [Record.of(e, scales, gain=False) for e in experiments]
-    fitted = least_squares_fit(records, start, InputCoordinates(direct))
+    fitted = least_squares_fit(records, start, partial(input_coordinates, direct=direct))
     if observer and not gain:
         B = fitted.M[:, :nu] + step.K @ fitted.D
         predictor = Predictor(step.A, B, step.C, fitted.D)
@@ -263,7 +264,7 @@ def n4sid(
         predictor = fitted
     for message in messages:
         warnings.warn(message, SysidWarning, stacklevel=2)
-    basis = LocalCoordinates(direct)(predictor)
+    basis = local_coordinates(predictor, direct)
     return make_predictor_estimate(
         "n4sid",
         experiments,

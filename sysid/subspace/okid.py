@@ -34,19 +34,6 @@ class Realiser(Protocol):
         ...
 
 
-@dataclass(frozen=True, eq=False)
-class ObserverParameters:
-    """Markov parameters of system and gain, computed from observer Markov parameters.
-
-    Attributes:
-        system: D, CB, CAB, ... (K, ny, nu).
-        gain: CK, CAK, ... of the innovation gain K = -G (K - 1, ny, ny).
-    """
-
-    system: FloatArray
-    gain: FloatArray
-
-
 @dataclass(frozen=True)
 class Realise:
     """Pure function from observer Markov parameters to the model.
@@ -80,11 +67,14 @@ class Realise:
         with warnings.catch_warnings():
             # the estimate itself has warned of a reduced order
             warnings.simplefilter("ignore", SysidWarning)
-            markov = self.markov(theta)
-            return self.model(self.realisation(markov), markov)
+            system, gain = self.markov(theta)
+            return self.model(self.realisation(system), gain)
 
-    def markov(self, theta: FloatArray) -> ObserverParameters:
-        """System and gain Markov parameters, unscaled, by recursion [Juang1993]."""
+    def markov(self, theta: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Markov parameters of system and gain by recursion [Juang1993].
+
+        D, CB, CAB, ... (K, ny, nu), and CK, CAK, ... of the innovation gain K = -G (K - 1, ny, ny).
+        """
         direct, from_u, from_y = self.blocks(theta)
         ny, nu = direct.shape
         y = np.zeros((self.count, ny, nu + ny))
@@ -96,7 +86,7 @@ class Realise:
             y[k] = np.einsum("iab,ibc->ac", from_y[:past], y[k - 1 :: -1][:past] if k > past else y[:k][::-1])
             if k <= self.p:
                 y[k] += own[k - 1]
-        return ObserverParameters(y[:, :, :nu], y[1:, :, nu:])
+        return y[:, :, :nu], y[1:, :, nu:]
 
     def blocks(self, theta: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
         """D (ny, nu), coefficients of u(t-i) (p, ny, nu) and of y(t-i) (p, ny, ny)."""
@@ -106,12 +96,12 @@ class Realise:
         rest = table[:, nu if self.direct else 0 :].reshape(ny, self.p, nu + ny).transpose(1, 0, 2)
         return direct, rest[:, :, :nu], rest[:, :, nu:]
 
-    def realisation(self, markov: ObserverParameters) -> Realisation:
+    def realisation(self, system: FloatArray) -> Realisation:
         """Realisation of the Markov parameters in scaled channels."""
-        scaled = markov.system * self.input_scale / self.output_scale[:, None]
+        scaled = system * self.input_scale / self.output_scale[:, None]
         return self.realiser(scaled, self.order, dt=self.data.dt)
 
-    def model(self, realised: Realisation, markov: ObserverParameters) -> StateSpace:
+    def model(self, realised: Realisation, gain: FloatArray) -> StateSpace:
         """Undo the scaling, and add K [Juang1993]."""
         C = realised.model.C * self.output_scale[:, None]
         B = realised.model.B / self.input_scale
@@ -120,7 +110,7 @@ class Realise:
         if self.deadbeat:
             K = deadbeat_gain(A, C)
         else:
-            K = stable_gain(A, C, self.observer_gain(realised, markov), self.covariance)
+            K = stable_gain(A, C, self.observer_gain(realised, gain), self.covariance)
         return StateSpace(
             realised.model.A,
             B,
@@ -132,10 +122,9 @@ class Realise:
             **self.data.labels,
         )
 
-    def observer_gain(self, realised: Realisation, markov: ObserverParameters) -> FloatArray:
+    def observer_gain(self, realised: Realisation, gain: FloatArray) -> FloatArray:
         """K = -G by least squares on the observability matrix, in output units (n, ny)."""
         C = realised.model.C * self.output_scale[:, None]
-        gain = markov.gain
         observability = free_response(realised.model.A, C, len(gain))
         rows = len(observability)
         weighted = (observability / self.output_scale[:, None]).reshape(rows * len(C), -1)
@@ -242,19 +231,19 @@ def okid(
         deadbeat=deadbeat,
     )
     theta = fit.solution.T.ravel()
-    markov = realise.markov(theta)
+    system_markov, gain_markov = realise.markov(theta)
     with warnings.catch_warnings():
         # reported below, with the other warnings
         warnings.simplefilter("ignore", SysidWarning)
-        realised = realise.realisation(markov)
+        realised = realise.realisation(system_markov)
     if realised.model.order < order:
         messages.append(
             f"the system Markov parameters have numerical rank {realised.model.order}: the model has that order "
             f"instead of {order}"
         )
     realise = replace(realise, order=realised.model.order)
-    model = realise.model(realised, markov)
-    gain = model.gain if deadbeat else realise.observer_gain(realised, markov)
+    model = realise.model(realised, gain_markov)
+    gain = model.gain if deadbeat else realise.observer_gain(realised, gain_markov)
     messages += _stability(model, spectral_radius(model.A - gain @ model.C)) + _poor_fits(model, experiments)
     for message in messages:
         warnings.warn(message, SysidWarning, stacklevel=2)
@@ -280,8 +269,8 @@ def okid(
             "converged": True,
             "observer_markov_u": from_u,
             "observer_markov_y": from_y,
-            "system_markov": markov.system,
-            "gain_markov": markov.gain,
+            "system_markov": system_markov,
+            "gain_markov": gain_markov,
             "hankel_singular_values": realised.hankel_singular_values,
             "percent_described": realised.percent_described,
             "percent_described_unsquared": realised.percent_described_unsquared,

@@ -17,7 +17,7 @@ from sysid.records.errors import SysidError, SysidWarning
 from sysid.subspace.n4sid import n4sid
 from sysid.subspace.observer_gain import spectral_radius, stable_gain
 from sysid.subspace.okid import okid
-from sysid.subspace.predictor import LocalCoordinates, Predictor, Record, Scales
+from sysid.subspace.predictor import Predictor, Record, Scales, local_coordinates
 from sysid.subspace.predictor_errors import Point, gapped_covariance
 from sysid.subspace.predictor_estimate import check_enough_samples, degrees_of_freedom, make_predictor_estimate
 from sysid.subspace.predictor_fit import Minimum, coloured_information, column_scale, minimise
@@ -214,7 +214,7 @@ def _searched(
     """The lowest of several minima, and the name of its initial estimate."""
     name, start, best = first
     summary = DataSummary.of(experiments)
-    directions = LocalCoordinates(direct)
+    directions = partial(local_coordinates, direct=direct)
     screened: list[tuple[str, Minimum]] = []
     candidates = list(initial_estimates(experiments, start.order))
     # the minimum of the criterion with the opposite `gain` helps to escape from local minima
@@ -245,7 +245,7 @@ def _refined(records: Sequence[Record], starts: Sequence[Predictor], direct: boo
     begin = starts[0]
     if len(starts) > 1:
         begin = min(starts, key=lambda p: Point.at(records, p.balanced(), np.eye(p.C.shape[0])).criterion)
-    return minimise(records, begin, LocalCoordinates(direct), max_iterations)
+    return minimise(records, begin, partial(local_coordinates, direct=direct), max_iterations)
 
 
 def _starts(model: StateSpace, scales: Scales, direct: bool, gain: bool) -> list[Predictor]:

@@ -198,50 +198,31 @@ def initial_spread(free: FloatArray) -> FloatArray:
     return PRIOR * np.maximum(np.sqrt(np.einsum("tln,tln->n", free, free)), np.sqrt(np.finfo(float).tiny))
 
 
-@dataclass(frozen=True)
-class LocalCoordinates:
-    """Directions orthogonal to those that only change the basis of the state [McKelvey2004].
+def local_coordinates(at: Predictor, direct: bool = True) -> FloatArray:
+    """Directions orthogonal to changes of the basis of the state, D free if `direct` [McKelvey2004].
 
-    Attributes:
-        direct: Whether D is free.
+    x -> (I + E) x changes A by E A - A E, M by E M, C by -C E: n^2 directions that change no prediction. The result has
+    orthonormal columns (entries of A, M, C, D; q).
     """
-
-    direct: bool = True
-
-    def __call__(self, at: Predictor) -> FloatArray:
-        """Orthonormal columns (entries of A, M, C, D; q).
-
-        x -> (I + E) x changes A by E A - A E, M by E M, C by -C E: n^2 directions that change no prediction.
-        """
-        n = len(at.A)
-        free = at.A.size + at.M.size + at.C.size
-        unit = np.eye(n * n).reshape(n * n, n, n)
-        changes = [unit @ at.A - at.A @ unit, unit @ at.M, -at.C @ unit]
-        tangent = np.hstack([change.reshape(n * n, -1) for change in changes]).T
-        complement = np.linalg.qr(tangent, mode="complete")[0][:, n * n :]
-        out = np.zeros((free + at.D.size, complement.shape[1] + (at.D.size if self.direct else 0)))
-        out[:free, : complement.shape[1]] = complement
-        if self.direct:
-            out[free:, complement.shape[1] :] = np.eye(at.D.size)
-        return out
+    n = len(at.A)
+    free = at.A.size + at.M.size + at.C.size
+    unit = np.eye(n * n).reshape(n * n, n, n)
+    changes = [unit @ at.A - at.A @ unit, unit @ at.M, -at.C @ unit]
+    tangent = np.hstack([change.reshape(n * n, -1) for change in changes]).T
+    complement = np.linalg.qr(tangent, mode="complete")[0][:, n * n :]
+    out = np.zeros((free + at.D.size, complement.shape[1] + (at.D.size if direct else 0)))
+    out[:free, : complement.shape[1]] = complement
+    if direct:
+        out[free:, complement.shape[1] :] = np.eye(at.D.size)
+    return out
 
 
-@dataclass(frozen=True)
-class InputCoordinates:
-    """Directions that change B and D alone, in which the prediction is linear.
-
-    Attributes:
-        direct: Whether D is free.
-    """
-
-    direct: bool = True
-
-    def __call__(self, at: Predictor) -> FloatArray:
-        """Unit columns (entries of A, M, C, D; q)."""
-        n, nu = len(at.A), at.D.shape[1]
-        index = np.arange(at.M.size).reshape(n, -1)[:, :nu].ravel() + at.A.size
-        if self.direct:
-            index = np.concatenate((index, np.arange(at.D.size) + at.A.size + at.M.size + at.C.size))
-        out = np.zeros((at.A.size + at.M.size + at.C.size + at.D.size, len(index)))
-        out[index, range(len(index))] = 1.0
-        return out
+def input_coordinates(at: Predictor, direct: bool = True) -> FloatArray:
+    """Unit columns (entries of A, M, C, D; q) that change B, and D if `direct`: the prediction is linear in them."""
+    n, nu = len(at.A), at.D.shape[1]
+    index = np.arange(at.M.size).reshape(n, -1)[:, :nu].ravel() + at.A.size
+    if direct:
+        index = np.concatenate((index, np.arange(at.D.size) + at.A.size + at.M.size + at.C.size))
+    out = np.zeros((at.A.size + at.M.size + at.C.size + at.D.size, len(index)))
+    out[index, range(len(index))] = 1.0
+    return out

@@ -58,25 +58,13 @@ class Eliminated:
         return into.T @ (self.white.T @ self.white + unknown) @ into
 
 
-@dataclass(frozen=True, eq=False)
-class Likelihood:
-    """Likelihood of the known outputs, given a predictor.
-
-    Attributes:
-        parts: Elimination per experiment.
-        covariance: Of the errors (ny, ny).
-        criterion: -2 times the logarithm of the likelihood per sample, without constants.
-    """
-
-    parts: tuple[Eliminated, ...]
-    covariance: FloatArray
-    criterion: float
-
-
 def greatest_likelihood(
     records: Sequence[Record], predictor: Predictor, weight: FloatArray, rounds: int = 1
-) -> Likelihood:
-    """Likelihood of the known outputs, the error covariance iterated from the inverse of `weight`."""
+) -> tuple[tuple[Eliminated, ...], FloatArray, float]:
+    """Likelihood of the known outputs, the error covariance iterated from the inverse of `weight`.
+
+    Elimination per experiment, covariance of the errors (ny, ny), and -2 log likelihood per sample without constants.
+    """
     covariance = np.asarray(np.linalg.inv(weight), dtype=np.float64)
     samples, ny = sum(len(r.y) for r in records), len(weight)
     parts = [eliminate(record, predictor, covariance) for record in records]
@@ -87,7 +75,7 @@ def greatest_likelihood(
     scale = max(sum(part.cost for part in parts) / observed, np.finfo(float).tiny)
     determinant = sum(part.missing.log_determinant for part in parts)
     criterion = float(np.linalg.slogdet(covariance)[1]) + (determinant + observed * np.log(scale)) / samples
-    return Likelihood(tuple(parts), scale * covariance, float(criterion))
+    return tuple(parts), scale * covariance, float(criterion)
 
 
 def gapped_normal(
@@ -129,8 +117,8 @@ def gapped_covariance(
     directions = standard_directions(covariance)
 
     def gradient(at: Predictor) -> FloatArray:
-        likely = greatest_likelihood(records, at, weight, ROUNDS)
-        return gapped_normal(at, likely.parts, [part.state for part in likely.parts], likely.covariance, basis)[1]
+        parts, errors, _ = greatest_likelihood(records, at, weight, ROUNDS)
+        return gapped_normal(at, parts, [part.state for part in parts], errors, basis)[1]
 
     here, gradients = gradient(predictor), []
     for step in STEP * directions.T:
@@ -231,9 +219,9 @@ class Point:
         step, or the criterion does not follow its gradient.
         """
         if any(record.known is not None for record in records):
-            likely = greatest_likelihood(records, predictor, weight)
-            initial, errors = [part.state for part in likely.parts], [part.errors for part in likely.parts]
-            return Point(predictor, initial, errors, likely.covariance, likely.criterion, likely.parts)
+            parts, covariance, criterion = greatest_likelihood(records, predictor, weight)
+            initial, errors = [part.state for part in parts], [part.errors for part in parts]
+            return Point(predictor, initial, errors, covariance, criterion, parts)
         root = np.linalg.cholesky(weight)
         n = len(predictor.A)
         states: list[FloatArray] = []

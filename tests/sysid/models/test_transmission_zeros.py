@@ -6,7 +6,7 @@ import pytest
 
 from sysid import Polynomials, StateSpace
 from sysid.models import innovations_form
-from sysid.models.transmission_zeros import transmission_zeros
+from sysid.models.system_matrices import transmission_zeros
 
 
 @pytest.mark.parametrize("delay", [0, 1, 3])

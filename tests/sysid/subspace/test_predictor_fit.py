@@ -9,12 +9,12 @@ from sysid.models.recursion import free_response
 from sysid.polynomial.gram_matrices import hankel_moments, hankel_triangle
 from sysid.subspace.predictor import (
     PRIOR,
-    InputCoordinates,
-    LocalCoordinates,
     Predictor,
     Record,
     Scales,
     initial_spread,
+    input_coordinates,
+    local_coordinates,
 )
 from sysid.subspace.predictor_errors import Point
 from sysid.subspace.predictor_fit import least_squares_fit, linearise
@@ -50,7 +50,7 @@ def test_normal_equations_are_those_of_the_samples(gain: bool, samples: int) -> 
     records = [a_record(gain, samples, 1), a_record(gain, samples + 5, 2)]
     states = [np.arange(4.0), np.ones(4)]
     point = a_point(records, p, states)
-    basis = LocalCoordinates()(p)
+    basis = local_coordinates(p)
     normal = linearise(records, point, basis)
     root = np.linalg.cholesky(point.weight)
     rows, targets = [], []
@@ -83,12 +83,12 @@ def test_normal_equations_are_those_of_the_samples(gain: bool, samples: int) -> 
 
 def test_local_coordinates_leave_out_what_changes_nothing() -> None:
     p = a_predictor(True)
-    basis = LocalCoordinates()(p)
+    basis = local_coordinates(p)
     assert basis.shape == (len(p.vector()), len(p.vector()) - 16)
     change = np.random.default_rng(3).standard_normal((4, 4))
     tangent = Predictor(change @ p.A - p.A @ change, change @ p.M, -p.C @ change, np.zeros((3, 2))).vector()
     np.testing.assert_allclose(basis.T @ tangent, 0.0, atol=1e-12)
-    assert LocalCoordinates(direct=False)(p).shape[1] == basis.shape[1] - 6
+    assert local_coordinates(p, direct=False).shape[1] == basis.shape[1] - 6
 
 
 def test_balancing_changes_no_prediction() -> None:
@@ -105,7 +105,7 @@ def test_input_matrices_in_one_step(gain: bool) -> None:
     record = Record(record.u, y, record.w)
     M = truth.M.copy()
     M[:, :2] = 1.0
-    found = least_squares_fit([record], Predictor(truth.A, M, truth.C, 0 * truth.D), InputCoordinates())
+    found = least_squares_fit([record], Predictor(truth.A, M, truth.C, 0 * truth.D), input_coordinates)
     np.testing.assert_allclose(found.vector(), truth.vector(), atol=1e-10)
 
 
