@@ -8,6 +8,7 @@ from typing import Annotated
 import tyro
 
 from scenarios.commands.output import print_json, print_table, progress, say
+from scenarios.jobs.progress import show_progress
 
 DESCRIPTION = """Benchmark data sets with exact truth: built from a spec, checked, exported and scored.
 
@@ -113,7 +114,7 @@ def check(
     """
     from scenarios.datasets.check import examine
 
-    with progress("checking") as report:
+    with show_progress("checking") as report:
         result = examine(folder, regenerate=regenerate, seed=seed, workers=workers, progress=report)
     if json:
         print_json({"passed": result.passed, "problems": result.problems, "notes": result.notes})

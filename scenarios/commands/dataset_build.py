@@ -7,15 +7,14 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import tyro
 
-from scenarios.commands.build_progress import How, build_progress
 from scenarios.commands.output import print_json, say
+from scenarios.jobs.progress import How, Progress, show_progress
 
 MOST_REASONS = 20
 """Reasons of failures that are printed."""
 
 if TYPE_CHECKING:
-    from scenarios.datasets.build_progress import Progress
-    from scenarios.datasets.executor import Executor
+    from scenarios.jobs.executor import Executor
 
 
 def build(
@@ -69,21 +68,22 @@ def build(
     for option, value in (("--students", students), ("--seed", seed)):
         if value is not None and withhold is None:
             raise ScenarioError(f"{option} given without --withhold FOLDER; the seed of other data sets is in the spec")
-    executor: Executor | None = None
+    executor: Executor[Any] | None = None
     if cluster is not None:
-        from scenarios.datasets.cluster import ROWS, Cluster
+        from scenarios.datasets.chunk import CLUSTER_ROWS
+        from scenarios.jobs.cluster import Cluster
 
         if workers is not None:
             raise ScenarioError("--workers and --cluster given; expected one: Dask's workers have threads of their own")
-        executor, usual = Cluster(cluster, patience=patience, said=_said), ROWS
+        executor, usual = Cluster(cluster, patience=patience, report=_write_line), CLUSTER_ROWS
     else:
         usual = MOST_ROWS
     work: dict[str, Any] = {"workers": workers, "rows": usual if rows is None else rows, "executor": executor}
     read = load_spec(spec)
     latest: list[Progress] = []
-    with build_progress(read.label, progress) as show:
+    with show_progress(read.label, progress) as show:
 
-        def update(now: "Progress") -> None:
+        def update(now: Progress) -> None:
             latest[:] = [now]
             show(now)
 
@@ -125,13 +125,13 @@ def _say_failed(failed: Mapping[str, str]) -> None:
         say(f"failed: {sum(map(len, list(names.values())[MOST_REASONS:]))} more, for other reasons; the index has them")
 
 
-def _said(line: str) -> None:
+def _write_line(line: str) -> None:
     """Write a line to stderr; a progress bar stays below it."""
     sys.stderr.write(f"{line}\n")
     sys.stderr.flush()
 
 
-def _kept(latest: "list[Progress]", folder: Path) -> str:
+def _kept(latest: list[Progress], folder: Path) -> str:
     """What an interrupted build has kept."""
     if not latest or not folder.is_dir():
         return ""

@@ -1,9 +1,12 @@
-"""Build a data set into a folder of its own; interrupted builds resume from the manifest."""
+"""Build a data set into a folder of its own; interrupted builds resume from the journal."""
 
+import json
 import os
+import tomllib
 from collections import Counter
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
+from itertools import count
 from pathlib import Path
 from time import monotonic
 from typing import Any
@@ -11,37 +14,40 @@ from typing import Any
 from hmtb_twin.hydraulics.orifice import require_compiler
 from hmtb_twin.parameters.values import SAMPLE_RATE
 from hmtb_twin.run.simulation import MOST_THREADS
-from scenarios.datasets import build_record
-from scenarios.datasets.build_progress import RECORDS, Progress, Told
-from scenarios.datasets.chunk import MOST_ROWS, Made, chunks
-from scenarios.datasets.executor import Executor, Threads
-from scenarios.datasets.finish import finish, finished
-from scenarios.datasets.layout import MANIFEST, UNFINISHED
-from scenarios.datasets.lock import locked
-from scenarios.datasets.manifest import Manifest
+from scenarios.datasets.chunk import MOST_ROWS, BuiltExperiment, chunks, run_chunk, run_chunk_elsewhere
+from scenarios.datasets.finish import EXPERIMENT, experiment_entries, experiment_key, finish
+from scenarios.datasets.index import summary
+from scenarios.datasets.layout import BUILD, JOURNAL, SPEC, UNFINISHED
 from scenarios.datasets.plan import DataSetPlan
 from scenarios.datasets.spec import DataSetSpec
 from scenarios.files.atomic_write import make_folder, remove_partial, write_files
 from scenarios.files.errors import ScenarioError
 from scenarios.files.hashes import bytes_hash, file_hash
+from scenarios.files.provenance import fingerprint, versions
+from scenarios.jobs.executor import Executor
+from scenarios.jobs.journal import Journal
+from scenarios.jobs.progress import Progress, Report
 from scenarios.jobs.steady_memory import steady_memory
 
-TOGETHER = 16
-"""Experiments that are seen on the disk together: fewer waits for the disk."""
+BATCH = 16
+"""Experiments that are written together: their folders are flushed to the disk once."""
 
-SOON = 2.0
-"""After what time they are at the latest when another comes, s; and they are before the next chunk is begun."""
+LATEST = 2.0
+"""Longest time that experiments wait for others to be written with, s."""
+
+SHOWN = 3
+"""Files that an error names."""
 
 
 @dataclass(frozen=True)
-class Built:
+class BuiltDataSet:
     """A data set on disk.
 
     Attributes:
         path: Its folder.
-        experiments: How many experiments have a record.
+        experiments: Number of experiments that have a record.
         failed: Why others have none, and what else could not be made, by name.
-        hash: Of all arrays together.
+        hash: Hash of all arrays.
     """
 
     path: Path
@@ -56,193 +62,197 @@ def build(
     *,
     workers: int | None = None,
     rows: int = MOST_ROWS,
-    executor: Executor | None = None,
-    progress: Told | None = None,
-) -> Built:
-    """Build a data set, or go on with a build that was interrupted.
+    executor: Executor[Any] | None = None,
+    progress: Report | None = None,
+) -> BuiltDataSet:
+    """Build a data set; an interrupted build resumes.
 
     Args:
         spec: The spec.
-        out: The folder in which that of the data set is made.
+        out: Folder in which that of the data set is made.
         workers: Threads for the physics; all processors by default. The bits do not depend on it.
         rows: Experiments that run side by side at most: less memory and less to lose, or more speed. The bits do not
             depend on it.
-        executor: Who runs the experiments instead of this process.
-        progress: Told how far the build is.
+        executor: Runs the experiments instead of this process.
+        progress: Called with the progress.
 
     Raises:
-        ScenarioError: The data set is already there; another build is at work on it; what is there was begun with
-            another spec or by other software; no experiment has a record; or a file cannot be written: then what is
-            written stays, and the next build goes on from there.
+        ScenarioError: The data set is already there; another build is at work on it; it was begun with another spec or
+            by other software; no experiment has a record; or a file cannot be written: then the next build resumes.
         TwinError: What the spec needs is not installed.
-    """
-    check_work(workers, rows)
-    if spec.withheld:
-        raise ScenarioError(f"{spec.label} is a public spec: its seed is withheld, so it cannot be built")
-    steady_memory()
-    final, folder = out / spec.label, out / (spec.label + UNFINISHED)
-    plan = DataSetPlan(spec)
-    check_installed(spec)
-    told = progress or (lambda _: None)
-    try:
-        if final.exists() or final.is_symlink():
-            if (summary := finished(final)) is None:
-                raise ScenarioError(
-                    f"{final} is already there: a version is never overwritten; give the spec another version, or "
-                    "build in another folder"
-                )
-            return Built(final, summary.experiments, summary.failed, summary.hash)
-        make_folder(folder)
-        with locked(folder):
-            remove_partial(folder)
-            build_record.begin(folder, spec)
-            with Manifest(folder / MANIFEST, len(plan)) as manifest:
-                _check(folder, manifest, told)
-                _try_again(manifest, len(plan))
-                _run(plan, folder, manifest, executor or Threads(workers), rows, told)
-                _check_records(manifest, folder)
-                summary = finish(plan, folder, final, manifest, told)
-    except OSError as error:
-        raise ScenarioError(_said(error, folder)) from error
-    return Built(final, summary.experiments, summary.failed, summary.hash)
-
-
-def check_work(workers: int | None, rows: int) -> None:
-    """Refuse what no build can be done with.
-
-    Args:
-        workers: Threads for the physics; None: all processors.
-        rows: Experiments that run side by side at most.
-
-    Raises:
-        ScenarioError: One of them is out of range.
     """
     if rows < 1:
         raise ScenarioError(f"rows = {rows} given, expected 1 experiment side by side or more")
     if workers is not None and not 1 <= workers <= MOST_THREADS:
         raise ScenarioError(f"workers = {workers} given, expected 1 to {MOST_THREADS} threads")
-
-
-def _check(folder: Path, manifest: Manifest, told: Told) -> None:
-    """Look at every file that is noted; what is missing or damaged is made anew."""
-    total = manifest.done
-    for number, line in enumerate(manifest.noted(), start=1):
-        if not _holds(folder, line):
-            manifest.forget(line)
-        told(Progress("check", number, total))
-    for line in list(manifest.pieces()):
-        if not _holds(folder, line):
-            manifest.forget(line)
-
-
-def _holds(folder: Path, line: Mapping[str, Any]) -> bool:
-    return all(
-        (folder / place).is_file() and file_hash(folder / place) == expected
-        for place, expected in line["files"].items()
-    )
-
-
-def _try_again(manifest: Manifest, size: int) -> None:
-    """Forget experiments that failed where all did: what kept them from running may be gone."""
-    if manifest.done == size and all("failed" in line for line in manifest.noted()):
-        for line in list(manifest.noted()):
-            manifest.forget(line)
-
-
-def _check_records(manifest: Manifest, folder: Path) -> None:
-    """Refuse to publish a data set without any record."""
-    reasons: Counter[str] = Counter()
-    for line in manifest.noted():
-        if "failed" not in line:
-            return
-        reasons[line["failed"].removeprefix(f"{line['about']['name']}: ")] += 1
-    (why, count), more = reasons.most_common(1)[0], len(reasons) - 1
-    raise ScenarioError(
-        f"none of {manifest.done} experiments has a record, and nothing is published; {count} of them: {why}"
-        f"{f'; {more} other reasons' if more else ''}. The same command tries them anew; what is there is in {folder}"
-    )
-
-
-def _run(plan: DataSetPlan, folder: Path, manifest: Manifest, executor: Executor, rows: int, told: Told) -> None:
-    """Run what is left of the experiments; what is done when something fails is kept."""
-    done, total, whole = manifest.done, len(plan), plan.seconds
-    come = max(whole - sum(map(plan.duration, manifest.left)), 0.0)
-    seconds = 0.0
-    waiting: list[Made] = []
-    kept = monotonic()
-
-    def show(ticks: int = 0) -> None:
-        nonlocal seconds
-        # When the first of a chunk comes, the ticks of the others are not counted any more: they have been shown.
-        seconds = min(max(seconds, come + ticks / SAMPLE_RATE), whole)
-        told(Progress(RECORDS, done, total, seconds, whole))
-
-    def keep() -> None:
-        nonlocal done, kept
-        if not waiting:
-            return
-        # Together: the names in a folder are seen on the disk once.
-        write_files(folder, {place: content for made in waiting for place, content in made.files.items()})
-        manifest.append([_line(made) for made in waiting])
-        done += len(waiting)
-        waiting.clear()
-        kept = monotonic()
-        show()
-
-    def next_chunks() -> Iterator[Sequence[int]]:
-        for chunk in chunks(plan, manifest.left, rows=rows):
-            keep()
-            yield chunk
-
-    show()
+    if spec.withheld:
+        raise ScenarioError(f"{spec.label} is a public spec: its seed is withheld, so it cannot be built")
+    steady_memory()
+    final, folder = out / spec.label, out / (spec.label + UNFINISHED)
+    plan, report = DataSetPlan(spec), progress or (lambda _: None)
+    if any("orifice" in block.actuators for block in spec.records):
+        require_compiler()  # without it every such experiment would fail
     try:
-        for made in executor(plan, next_chunks(), show):
-            waiting.append(made)
-            come += plan.duration(made.number)
-            if len(waiting) >= TOGETHER or monotonic() - kept > SOON:
-                keep()
-    except BaseException as error:
-        if not isinstance(error, OSError):
-            keep()
-        raise
-    keep()
-    if manifest.done < total:
-        raise ScenarioError(f"{total - manifest.done} experiments were given to run, and nothing has come of them")
+        if final.exists() or final.is_symlink():
+            if not (final / JOURNAL).is_file():
+                raise ScenarioError(
+                    f"{final} is already there: a version is never overwritten; give the spec another version, or "
+                    "build in another folder"
+                )
+            # The build was killed between its last two steps, renaming the folder and removing the journal.
+            (final / JOURNAL).unlink()
+        else:
+            make_folder(folder)
+            _check_folder(folder)
+            with Journal(folder / JOURNAL, _fingerprint(spec)) as journal:
+                remove_partial(folder)
+                record = {"data_set": spec.label, "source": fingerprint(), "versions": versions()}
+                build_text = json.dumps(record, indent=1, sort_keys=True) + "\n"
+                write_files(folder, {SPEC: spec.to_toml().encode(), BUILD: build_text.encode()})
+                _check_entries(folder, plan, journal, report)
+                _run(plan, folder, journal, executor, workers, rows, report)
+                _check_records(plan, journal, folder)
+                finish(plan, folder, journal, report)
+            folder.rename(final)
+            (final / JOURNAL).unlink()
+            report(Progress("finish", 1, 1))
+    except OSError as error:
+        raise ScenarioError(_system_error(error, folder)) from error
+    index = summary(final)
+    return BuiltDataSet(final, index.experiments, index.failed, index.hash)
 
 
-def _line(made: Made) -> dict[str, Any]:
-    """The entry of the manifest about an experiment."""
+def _fingerprint(spec: DataSetSpec) -> dict[str, str]:
+    """Everything that the bits of a data set depend on, by name."""
+    table = tomllib.loads(spec.to_toml())
     return {
-        "number": made.number,
-        "about": dict(made.about),
-        "files": {place: bytes_hash(content) for place, content in made.files.items()},
-        "arrays": {place: dict(hashes) for place, hashes in made.arrays.items()},
-        **({"failed": made.failed} if made.failed else {}),
-        **({"missing": dict(made.missing)} if made.missing else {}),
+        **{key: json.dumps(value, sort_keys=True) for key, value in table.items()},
+        **versions(),
+        "source": fingerprint(),
     }
 
 
-def _said(error: OSError, folder: Path) -> str:
-    """One line about what the system refused, and what becomes of what is there."""
+def _check_folder(folder: Path) -> None:
+    """Refuse a folder that holds something else than a build."""
+    foreign = sorted(path.name for path in folder.iterdir())
+    if foreign and not {JOURNAL, SPEC} & set(foreign):
+        raise ScenarioError(
+            f"{folder} holds no build but {', '.join(foreign[:SHOWN])}: expected an empty folder or none"
+        )
+
+
+def _check_entries(folder: Path, plan: DataSetPlan, journal: Journal, report: Report) -> None:
+    """Remove entries of the journal whose files are missing or damaged: they are made again."""
+    total, done, failed = len(journal), count(1), 0
+    for key, entry in list(journal.items()):
+        report(Progress("check", next(done), total))
+        failed += "failed" in entry and "number" in entry
+        if not all((folder / path).is_file() and file_hash(folder / path) == h for path, h in entry["files"].items()):
+            journal.remove(key)
+    if failed == len(plan):
+        # Whatever kept all of them from running may be gone.
+        for key, _ in list(journal.items()):
+            journal.remove(key)
+
+
+def _check_records(plan: DataSetPlan, journal: Journal, folder: Path) -> None:
+    """Refuse to publish a data set without any record."""
+    reasons: Counter[str] = Counter()
+    for entry in experiment_entries(journal):
+        if "failed" not in entry:
+            return
+        reasons[entry["failed"].removeprefix(f"{entry['about']['name']}: ")] += 1
+    (why, times), more = reasons.most_common(1)[0], len(reasons) - 1
+    raise ScenarioError(
+        f"none of {len(plan)} experiments has a record, and nothing is published; {times} of them: {why}"
+        f"{f'; {more} other reasons' if more else ''}. The same command tries them again in {folder}"
+    )
+
+
+def _run(
+    plan: DataSetPlan,
+    folder: Path,
+    journal: Journal,
+    executor: Executor[Any] | None,
+    workers: int | None,
+    rows: int,
+    report: Report,
+) -> None:
+    """Simulate the rest of the experiments; those that are done when something fails are kept."""
+    keys = journal.keys(EXPERIMENT)
+    left = [number for number in range(len(plan)) if experiment_key(number) not in keys]
+    done, total, whole = len(plan) - len(left), len(plan), plan.seconds
+    simulated = max(whole - sum(map(plan.duration, left)), 0.0)
+    shown = 0.0
+    waiting: list[BuiltExperiment] = []
+    written = monotonic()
+
+    def show(ticks: int = 0) -> None:
+        nonlocal shown
+        # When the first experiment of a chunk arrives, the ticks of the others have been shown already.
+        shown = min(max(shown, simulated + ticks / SAMPLE_RATE), whole)
+        report(Progress("records", done, total, "experiments", shown, whole))
+
+    def write() -> None:
+        nonlocal done, written
+        if not waiting:
+            return
+        write_files(folder, {path: content for one in waiting for path, content in one.files.items()})
+        journal.add_all({experiment_key(one.number): _entry(one) for one in waiting})
+        done += len(waiting)
+        waiting.clear()
+        written = monotonic()
+        show()
+
+    def batches() -> Iterator[tuple[int, ...]]:
+        for chunk in chunks(plan, left, rows=rows):
+            write()  # before the next long piece of work begins
+            yield chunk
+
+    def results() -> Iterator[BuiltExperiment]:
+        if executor is None:
+            for chunk in batches():
+                yield from run_chunk(plan, chunk, threads=workers, progress=lambda ticks, _: show(ticks))
+            return
+        with executor:
+            text = plan.spec.to_toml()
+            names = lambda number: plan[number].name  # noqa: E731
+            yield from executor.run(run_chunk_elsewhere, text, batches(), name=names, items="experiments")
+
+    show()
+    try:
+        for experiment in results():
+            waiting.append(experiment)
+            simulated += plan.duration(experiment.number)
+            if len(waiting) >= BATCH or monotonic() - written > LATEST:
+                write()
+    except BaseException as error:
+        if not isinstance(error, OSError):
+            write()
+        raise
+    write()
+    if done < total:
+        raise ScenarioError(f"the executor returned {done} of {total} experiments; expected all")
+
+
+def _entry(experiment: BuiltExperiment) -> dict[str, Any]:
+    """Journal entry of an experiment."""
+    return {
+        "number": experiment.number,
+        "about": dict(experiment.about),
+        "files": {path: bytes_hash(content) for path, content in experiment.files.items()},
+        "arrays": {path: dict(hashes) for path, hashes in experiment.arrays.items()},
+        **({"failed": experiment.failed} if experiment.failed else {}),
+        **({"missing": dict(experiment.missing)} if experiment.missing else {}),
+    }
+
+
+def _system_error(error: OSError, folder: Path) -> str:
+    """One line about what the system refused, and whether the build can resume."""
     why = os.strerror(error.errno) if error.errno else str(error)
-    if isinstance(error, FileExistsError):
+    if isinstance(error, FileExistsError | NotADirectoryError):
         why = "a file of that name is there, expected a folder or nothing"
-    if isinstance(error, IsADirectoryError):
-        why = "a folder of that name is there, expected a file or nothing; remove it"
     line = f"cannot write or read {error.filename or folder}: {why}"
-    if not os.path.exists(folder / MANIFEST):
+    if not os.path.exists(folder / JOURNAL):
         return line
-    return f"{line}; what is done stays in {folder}: the same command goes on from there"
-
-
-def check_installed(spec: DataSetSpec) -> None:
-    """Refuse a spec for which an extra of this package is missing: without it every experiment would fail.
-
-    Args:
-        spec: The spec.
-
-    Raises:
-        TwinError: Servo valves are asked for, and what compiles their equations is not there.
-    """
-    if any("orifice" in block.actuators for block in spec.records):
-        require_compiler()
+    return f"{line}; progress is saved in {folder}: run the command again to resume"

@@ -1,7 +1,9 @@
-"""A chunk of a plan: experiments that run side by side, and the files that come of them."""
+"""Chunks of a plan: experiments that are simulated side by side, and their files."""
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
+from functools import lru_cache
+from threading import Lock
 from typing import Any
 
 from hmtb_twin import TwinError, simulate
@@ -9,28 +11,34 @@ from hmtb_twin.parameters.values import SAMPLE_RATE
 from hmtb_twin.run.simulation import Progress
 from scenarios.datasets.experiment_file import data_contents, signal_contents
 from scenarios.datasets.plan import DataSetPlan, PlannedExperiment
+from scenarios.datasets.spec import DataSetSpec
 from scenarios.datasets.stages import ARM_TRUTH
 from scenarios.files.errors import ScenarioError
 from scenarios.files.netcdf import Contents
+from scenarios.jobs.cluster import worker_threads
+from scenarios.jobs.steady_memory import steady_memory
 
 MOST_SAMPLES = 400_000
 """Samples of a chunk's records together: what is in memory at a time."""
 
 MOST_ROWS = 256
-"""Experiments of a chunk."""
+"""Experiments of a chunk in this process."""
+
+CLUSTER_ROWS = 32
+"""Experiments of a chunk for the workers of a cluster: many chunks keep many workers busy, and little is lost."""
 
 
 @dataclass(frozen=True)
-class Made:
-    """What came of an experiment.
+class BuiltExperiment:
+    """Files of an experiment.
 
     Attributes:
-        number: Its place in the plan.
-        about: What the index says of it beside hashes: name, part, block, arm, twin, joints, file, seed, conditions.
-        files: Content of its files, by their place in the folder.
+        number: Index of the experiment in the plan.
+        about: Facts for the index: name, part, block, arm, twin, joints, file, seed, conditions.
+        files: Contents of its files, by path in the folder of the data set.
         arrays: Hash of each array, by file.
         failed: Why there is no record; empty where there is one.
-        missing: Why a file of the truth could not be made, by its place.
+        missing: Why a file of the truth could not be made, by its path.
     """
 
     number: int
@@ -42,11 +50,11 @@ class Made:
 
 
 def chunks(plan: DataSetPlan, left: Iterable[int], *, rows: int = MOST_ROWS) -> Iterator[tuple[int, ...]]:
-    """Part what is left of a plan into chunks, in order.
+    """Split the rest of a plan into chunks, in order.
 
     Args:
         plan: The plan.
-        left: Places in the plan that are still to do.
+        left: Indices of the experiments that are still to do.
         rows: Experiments of a chunk at most.
     """
     chunk: list[int] = []
@@ -64,17 +72,17 @@ def chunks(plan: DataSetPlan, left: Iterable[int], *, rows: int = MOST_ROWS) -> 
 
 def run_chunk(
     plan: DataSetPlan, numbers: Sequence[int], *, threads: int | None = None, progress: Progress | None = None
-) -> Iterator[Made]:
-    """Run experiments of a plan side by side.
+) -> Iterator[BuiltExperiment]:
+    """Simulate experiments of a plan side by side.
 
     Args:
         plan: The plan.
-        numbers: Their places in it.
+        numbers: Their indices in it.
         threads: Threads for the physics; the bits do not depend on it, nor on what else is in the chunk.
-        progress: Told of the ticks done and of those there are.
+        progress: Called with the ticks done and those in all.
 
     Yields:
-        What came of each, in the order of the numbers. An experiment that cannot be run is one that failed.
+        The files of each, in the order of the numbers; of one that cannot be simulated, the reason.
     """
     entries = {number: plan[number] for number in numbers}
     experiments = [entry.experiment for entry in entries.values()]
@@ -87,7 +95,7 @@ def run_chunk(
             contents[entry.data] = data_contents(plan.spec, entry, log)
             contents[entry.signals] = signal_contents(plan.spec, entry, log)
         missing = _add_truth(plan, entry, contents) if plan.brings_arm(number) else {}
-        yield Made(
+        yield BuiltExperiment(
             number,
             about(entry),
             files={path: one.to_bytes() for path, one in contents.items()},
@@ -97,8 +105,29 @@ def run_chunk(
         )
 
 
+def run_chunk_elsewhere(spec: str, numbers: tuple[int, ...]) -> list[BuiltExperiment]:
+    """Simulate a chunk on a worker; a task of `scenarios.jobs.executor`.
+
+    Args:
+        spec: The spec as TOML.
+        numbers: Indices of the experiments in its plan.
+    """
+    steady_memory()
+    # The threads of a worker share the arms that are loaded.
+    with _ALONE:
+        return list(run_chunk(_plan(spec), numbers, threads=worker_threads()))
+
+
+_ALONE = Lock()
+
+
+@lru_cache(maxsize=1)
+def _plan(spec: str) -> DataSetPlan:
+    return DataSetPlan(DataSetSpec.from_toml(spec))
+
+
 def about(entry: PlannedExperiment) -> dict[str, Any]:
-    """What the index says of an experiment, but for its hashes."""
+    """Facts about an experiment for the index, beside its hashes."""
     experiment = entry.experiment
     return {
         "name": entry.name,
@@ -117,7 +146,7 @@ def about(entry: PlannedExperiment) -> dict[str, Any]:
 
 
 def _add_truth(plan: DataSetPlan, entry: PlannedExperiment, contents: dict[str, Contents]) -> dict[str, str]:
-    """Add the files of the truth about an arm, and say which could not be made."""
+    """Add the truth about an arm, and return which files could not be made and why."""
     missing: dict[str, str] = {}
     for truth in ARM_TRUTH:
         try:

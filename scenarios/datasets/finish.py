@@ -1,166 +1,108 @@
-"""The end of a build: truth, scores and metadata, checksums, and the folder's own name."""
+"""End of a build: stages, index, metadata and checksums."""
 
-import os
-from collections.abc import Collection, Iterator
-from itertools import chain
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
 from hmtb_twin import TwinError
-from scenarios.datasets.build_progress import Progress, Told
-from scenarios.datasets.index import Summary, failures, read_index, summary, write_index
-from scenarios.datasets.layout import BUILD, DATA, INDEX, LOCK, MANIFEST, SPEC, SUMS, TRUTH
-from scenarios.datasets.lock import locked, unlock_file
-from scenarios.datasets.manifest import Manifest
+from scenarios.datasets.index import read_index, write_index
+from scenarios.datasets.layout import BUILD, INDEX, JOURNAL, SPEC, SUMS
 from scenarios.datasets.plan import DataSetPlan
-from scenarios.datasets.stage import Stage
-from scenarios.datasets.stages import PAPERS, STAGES
-from scenarios.files.atomic_write import replacing, sync_folder, write_files
+from scenarios.datasets.stages import METADATA, STAGES, Stage
+from scenarios.files.atomic_write import sync_folder, write_files, write_whole
 from scenarios.files.errors import ScenarioError
 from scenarios.files.hashes import bytes_hash, file_hash
 from scenarios.files.netcdf import Contents
+from scenarios.jobs.journal import Journal
+from scenarios.jobs.progress import Progress, Report
 from sysid import SysidError
 
 SHOWN = 3
 """Files that an error names."""
 
-
-def refuse_strays(folder: Path, manifest: Manifest, written: Collection[str]) -> None:
-    """Refuse a folder with files of nobody.
-
-    Args:
-        folder: That of the build.
-        manifest: What it says was made is there.
-        written: Places of files that the manifest does not name.
-
-    Raises:
-        ScenarioError: There are others.
-    """
-    # Of millions of files the names would fill the memory: they are compared only where their number is not right.
-    if sum(1 for _ in _places(folder)) == sum(1 for _ in _noted(manifest)) + len(written):
-        return
-    known = {*_noted(manifest), *written}
-    strays = sorted(place for place in _places(folder) if place not in known)
-    if strays:
-        more = f" and {len(strays) - SHOWN} more" if len(strays) > SHOWN else ""
-        raise ScenarioError(
-            f"{folder} holds {', '.join(map(ascii, strays[:SHOWN]))}{more}, which no part of the build made: take away "
-            "what is not of the data set; the same command goes on from there"
-        )
+EXPERIMENT, PIECE = "experiment ", "stage "
+"""Begin of the keys of experiments and of pieces of stages in the journal."""
 
 
-def _places(folder: Path) -> Iterator[str]:
-    for parent, folders, names in os.walk(folder):
-        links = [name for name in folders if Path(parent, name).is_symlink()]
-        yield from (Path(parent, name).relative_to(folder).as_posix() for name in (*names, *links))
+def experiment_key(number: int) -> str:
+    """Key of an experiment in the journal; keys sort in the order of the plan."""
+    return f"{EXPERIMENT}{number:09d}"
 
 
-def _noted(manifest: Manifest) -> Iterator[str]:
-    for line in chain(manifest.noted(), manifest.pieces()):
-        yield from line["files"]
-
-
-def write_sums(folder: Path, manifest: Manifest) -> None:
-    """Write the checksums, as `sha256sum --check` reads them: files of experiments in the order of the plan first.
-
-    Args:
-        folder: That of the data set.
-        manifest: What is noted in it was written, or looked at, with the hash that stands there.
-
-    Raises:
-        OSError: A file cannot be read or written.
-    """
-    with replacing(folder / SUMS, durable=True) as partial, partial.open("wb") as stream:
-        for line in manifest.noted():
-            for place, of_file in sorted(line["files"].items()):
-                stream.write(f"{of_file}  {place}\n".encode())
-        noted = {place: of_file for line in manifest.pieces() for place, of_file in line["files"].items()}
-        for place in sorted({*noted, *_papers(folder)}):
-            stream.write(f"{noted.get(place) or file_hash(folder / place)}  {place}\n".encode())
-
-
-def _papers(folder: Path) -> Iterator[str]:
-    """Files that no manifest names: all but those of data and truth."""
-    for parent, folders, names in os.walk(folder):
-        if Path(parent) == folder:
-            folders[:] = [name for name in folders if name not in (DATA, TRUTH)]
-            names = [name for name in names if name not in (LOCK, SUMS, f"{SUMS}.partial")]
-        for name in names:
-            yield Path(parent, name).relative_to(folder).as_posix()
-
-
-def finish(plan: DataSetPlan, folder: Path, final: Path, manifest: Manifest, told: Told) -> Summary:
-    """Bring a build of which every experiment is noted to its end.
+def finish(plan: DataSetPlan, folder: Path, journal: Journal, report: Report) -> None:
+    """Complete a build whose experiments are all in the journal.
 
     Args:
         plan: The experiments.
-        folder: The folder of the build, locked.
-        final: Its name once it is done.
-        manifest: The manifest of the build.
-        told: Told how far it is.
+        folder: Folder of the build.
+        journal: Journal of the build.
+        report: Called with the progress.
 
     Raises:
-        ScenarioError: Files are in the folder that no part of the build made.
-        OSError: A file cannot be written; the next build goes on from there.
+        ScenarioError: The folder holds files that no part of the build made.
+        OSError: A file cannot be written; the next build resumes.
     """
-    # What an earlier end left would be false while files still change.
+    # Checksums of an earlier end are wrong while files still change.
     (folder / SUMS).unlink(missing_ok=True)
-    found = write_index(folder, plan.spec.label, manifest)
-    failed = dict(found.failed)
+    write_index(folder, plan.spec.label, experiment_entries(journal))
     for stage in STAGES:
-        failed |= _run_stage(stage, plan, folder, manifest, told)
-    told(Progress("finish", 0, 1))
-    manifest.put_in_order([(stage.name, piece) for stage in STAGES for piece in stage.pieces(plan)])
-    written = {SPEC, BUILD, MANIFEST, INDEX, LOCK}
-    for papers in PAPERS:
-        made = papers(folder, plan.spec, read_index(folder))
-        write_files(folder, made)
-        written |= made.keys()
-    refuse_strays(folder, manifest, written)
-    write_sums(folder, manifest)
-    folder.rename(final)
-    sync_folder(final.parent)
-    unlock_file(final)
-    told(Progress("finish", 1, 1))
-    return Summary(found.experiments, failed, found.hash)
+        _run_stage(stage, plan, folder, journal, report)
+    report(Progress("finish", 0, 1))
+    # In the order of the plan, whatever order they were made in.
+    keys = [_piece_key(stage, piece) for stage in STAGES for piece in stage.pieces(plan)]
+    write_index(folder, plan.spec.label, experiment_entries(journal), (journal.get(key) for key in keys))
+    metadata = {SPEC: b"", BUILD: b"", INDEX: b""}
+    for write in METADATA:
+        files = write(folder, plan.spec, read_index(folder))
+        write_files(folder, files)
+        metadata |= files
+    _write_checksums(folder, journal, metadata)
+    sync_folder(folder)
 
 
-def finished(final: Path) -> Summary | None:
-    """What came of a build that was killed when all was done but the last stroke: taking the lock's file away.
-
-    Returns:
-        The same as the build would have; None where a data set is there to which nothing is left to do.
-    """
-    if not (final / LOCK).is_file():
-        return None
-    with locked(final):
-        unlock_file(final)
-    return summary(final)
+def experiment_entries(journal: Journal) -> Iterator[dict[str, Any]]:
+    """Journal entries of the experiments, in the order of the plan."""
+    return (entry for _, entry in journal.items(EXPERIMENT))
 
 
-def _run_stage(stage: Stage, plan: DataSetPlan, folder: Path, manifest: Manifest, told: Told) -> dict[str, str]:
-    """Run the pieces of a stage that are missing, and return what failed of all."""
+def _piece_key(stage: Stage, piece: str) -> str:
+    return f"{PIECE}{stage.name}: {piece}"
+
+
+def _run_stage(stage: Stage, plan: DataSetPlan, folder: Path, journal: Journal, report: Report) -> None:
+    """Run the pieces of a stage that are not in the journal."""
     pieces = list(stage.pieces(plan))
-    failed: dict[str, str] = {}
     for number, piece in enumerate(pieces):
-        told(Progress(stage.name, number, len(pieces)))
-        line = manifest.piece(stage.name, piece)
-        if line is None:
-            line = _made(stage, plan, folder, piece)
-            manifest.append([line])
-        failed |= failures(line)
-    return failed
+        report(Progress(stage.name, number, len(pieces)))
+        if _piece_key(stage, piece) not in journal:
+            journal.add(_piece_key(stage, piece), _made(stage, plan, folder, piece))
 
 
 def _made(stage: Stage, plan: DataSetPlan, folder: Path, piece: str) -> dict[str, Any]:
-    """Make and write the files of a piece, and return the entry of the manifest about it."""
-    line: dict[str, Any] = {"stage": stage.name, "piece": piece, "files": {}, "arrays": {}}
+    """Make and write the files of a piece, and return its journal entry."""
+    entry: dict[str, Any] = {"stage": stage.name, "piece": piece, "files": {}, "arrays": {}}
     try:
         contents = stage.make(plan, folder, piece)
     except (ScenarioError, TwinError, SysidError) as error:
-        return {**line, "failed": str(error)}
-    files = {place: one.to_bytes() if isinstance(one, Contents) else one for place, one in contents.items()}
+        return {**entry, "failed": str(error)}
+    files = {path: one.to_bytes() if isinstance(one, Contents) else one for path, one in contents.items()}
     write_files(folder, files)
-    line["files"] = {place: bytes_hash(content) for place, content in files.items()}
-    line["arrays"] = {place: one.array_hashes() for place, one in contents.items() if isinstance(one, Contents)}
-    return line
+    entry["files"] = {path: bytes_hash(content) for path, content in files.items()}
+    entry["arrays"] = {path: one.array_hashes() for path, one in contents.items() if isinstance(one, Contents)}
+    return entry
+
+
+def _write_checksums(folder: Path, journal: Journal, metadata: dict[str, bytes]) -> None:
+    """Write the checksums of all files, as `sha256sum --check` reads them; refuse files that the build did not make."""
+    sums = {path: value for _, entry in journal.items() for path, value in entry["files"].items()}
+    sums |= {path: file_hash(folder / path) for path in metadata}
+    ours = {*sums, *(path.relative_to(folder).as_posix() for path in folder.glob(f"{JOURNAL}*"))}
+    files = (path.relative_to(folder).as_posix() for path in folder.rglob("*") if path.is_symlink() or path.is_file())
+    strays = sorted(path for path in files if path not in ours)
+    if strays:
+        more = f" and {len(strays) - SHOWN} more" if len(strays) > SHOWN else ""
+        raise ScenarioError(
+            f"{folder} holds {', '.join(map(ascii, strays[:SHOWN]))}{more}, which no part of the build made: move away "
+            "what does not belong to the data set, and run the command again to resume"
+        )
+    write_whole(folder / SUMS, "".join(f"{sums[path]}  {path}\n" for path in sorted(sums)), durable=True)

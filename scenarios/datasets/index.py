@@ -1,25 +1,24 @@
-"""The index of a data set: every experiment and its one hash."""
+"""Index of a data set: experiments and pieces of stages with the hashes of their arrays, and one hash of all."""
 
 import json
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from hashlib import sha256
 from pathlib import Path
 from typing import Any
 
-from scenarios.datasets.layout import INDEX, MANIFEST
-from scenarios.datasets.manifest import Manifest, entry_of
+from scenarios.datasets.layout import INDEX
 from scenarios.files.atomic_write import replacing
 
 
 @dataclass(frozen=True)
-class Summary:
-    """What an index says of the whole.
+class IndexSummary:
+    """An index in short.
 
     Attributes:
-        experiments: How many experiments have a record.
+        experiments: Number of experiments that have a record.
         failed: Why others have none, and what else could not be made, by name.
-        hash: Of all arrays together.
+        hash: Hash of the arrays of all experiments.
     """
 
     experiments: int
@@ -27,42 +26,41 @@ class Summary:
     hash: str
 
 
-def write_index(folder: Path, label: str, manifest: Manifest) -> Summary:
-    """Write the index from the manifest, entry by entry.
+def write_index(
+    folder: Path, label: str, experiments: Iterable[Mapping[str, Any]], stages: Iterable[Mapping[str, Any]] = ()
+) -> None:
+    """Write the index entry by entry: of a million experiments only one is in memory.
 
     Args:
-        folder: That of the data set.
+        folder: Folder of the data set.
         label: Name and version of the data set.
-        manifest: All experiments are noted in it.
+        experiments: Journal entries of the experiments, in the order of the plan.
+        stages: Journal entries of the pieces of stages, in their order.
 
     Raises:
         OSError: The file cannot be written.
     """
-    digest, failed, kept = sha256(), dict[str, str](), 0
+    digest = sha256()
     with replacing(folder / INDEX, durable=True) as partial, partial.open("wb") as stream:
         stream.write(f'{{\n "data_set": {json.dumps(label)},\n "experiments": ['.encode())
-        for number, line in enumerate(manifest.noted()):
-            arrays = line.get("arrays", {})
+        for number, entry in enumerate(experiments):
+            arrays = entry.get("arrays", {})
             for file in sorted(arrays):
                 for name in sorted(arrays[file]):
                     digest.update(array_line(file, name, arrays[file][name]))
-            entry = {**line["about"], "arrays": arrays, "failed": line.get("failed")}
-            stream.write(f"{',' if number else ''}\n  {json.dumps(entry, allow_nan=False)}".encode())
-            failed |= failures(line)
-            kept += "failed" not in line
+            line = {**entry["about"], "arrays": arrays, "failed": entry.get("failed")}
+            line |= {"missing": entry["missing"]} if entry.get("missing") else {}
+            stream.write(f"{',' if number else ''}\n  {json.dumps(line, allow_nan=False)}".encode())
+        stream.write(b'\n ],\n "stages": [')
+        for number, entry in enumerate(stages):
+            line = {key: entry.get(key) for key in ("stage", "piece", "arrays", "failed")}
+            stream.write(f"{',' if number else ''}\n  {json.dumps(line, allow_nan=False)}".encode())
         stream.write(f'\n ],\n "hash": "{digest.hexdigest()}"\n}}\n'.encode())
-    return Summary(kept, failed, digest.hexdigest())
 
 
 def array_line(file: str, name: str, array_hash: str) -> bytes:
-    """What one array adds to the hash of the whole; arrays in the order of the plan, then of files, then of names."""
+    """Line of one array in the hash of all; arrays in the order of the plan, then of files, then of names."""
     return f"{array_hash}  {file}:{name}\n".encode()
-
-
-def failures(line: Mapping[str, Any]) -> dict[str, str]:
-    """What an entry of the manifest says could not be made, and why."""
-    name = line["about"]["name"] if "about" in line else f"{line['stage']}: {line['piece']}"
-    return {**({name: line["failed"]} if "failed" in line else {}), **line.get("missing", {})}
 
 
 def read_index(folder: Path) -> Any:
@@ -70,15 +68,14 @@ def read_index(folder: Path) -> Any:
     return json.loads((folder / INDEX).read_text(encoding="utf-8"))
 
 
-def summary(folder: Path) -> Summary:
-    """What was said of a data set at the end of its build.
-
-    Args:
-        folder: That of the finished data set.
-    """
-    failed, kept = dict[str, str](), 0
-    with (folder / MANIFEST).open("rb") as stream:
-        for line in filter(None, map(entry_of, stream)):
-            failed |= failures(line)
-            kept += "number" in line and "failed" not in line
-    return Summary(kept, failed, read_index(folder)["hash"])
+def summary(folder: Path) -> IndexSummary:
+    """The index of a finished data set in short."""
+    index = read_index(folder)
+    experiments = index["experiments"]
+    failed: dict[str, str] = {}
+    for entry in experiments:
+        failed |= {entry["name"]: entry["failed"]} if entry["failed"] else {}
+        failed |= entry.get("missing", {})
+    for entry in index.get("stages", ()):
+        failed |= {f"{entry['stage']}: {entry['piece']}": entry["failed"]} if entry["failed"] else {}
+    return IndexSummary(sum(not entry["failed"] for entry in experiments), failed, index["hash"])

@@ -14,18 +14,15 @@ TRUTH = "truth"
 SPEC = "spec.toml"
 """The spec, all defaults written out, from which the data set can be built again."""
 
-MANIFEST = "manifest.jsonl"
-"""What was done of the work: a line of JSON per experiment and per piece of what comes after. Only ever appended to
-while the data set is being built; in order at its end."""
+JOURNAL = "journal.sqlite"
+"""Finished work of a build, from which it resumes; gone from a data set that is done."""
 
 INDEX = "experiments.json"
-"""Every experiment with its part, joints, seeds, conditions, file and array hashes, in the order of the plan."""
+"""Every experiment with its part, joints, seeds, conditions, file and array hashes, in the order of the plan; and the
+pieces of the stages."""
 
 BUILD = "build.json"
 """Which software the data set was built with."""
-
-LOCK = "lock"
-"""Held by the builder at work, let go of by the kernel however the builder ends; gone from a data set that is done."""
 
 SUMS = "SHA256SUMS"
 """Checksum of every other file."""

@@ -15,7 +15,7 @@ from hmtb_twin import Status
 from hmtb_twin.control.data_acquisition import BOARD
 from hmtb_twin.parameters.values import SAMPLE_RATE
 from scenarios.datasets.datasheet import datasheet
-from scenarios.datasets.layout import LICENSE, LOCK, MANIFEST, SUMS
+from scenarios.datasets.layout import JOURNAL, LICENSE, SUMS
 from scenarios.datasets.plan import DataSetPlan
 from scenarios.datasets.spec import DataSetSpec
 from scenarios.experiments.scenario import Scenario
@@ -251,9 +251,9 @@ def bibtex(spec: DataSetSpec, data_hash: str) -> str:
 
 def _listed_paths(folder: Path) -> list[str]:
     """Paths of the files of a data set in order, except metadata, checksums and notes of the build."""
-    skipped = {SUMS, MANIFEST, LOCK, *METADATA}
+    skipped = {SUMS, *METADATA}
     paths = (path.relative_to(folder).as_posix() for path in folder.rglob("*") if path.is_file())
-    return sorted(path for path in paths if path not in skipped and not path.endswith(".partial"))
+    return sorted(path for path in paths if path not in skipped and not path.startswith(JOURNAL))
 
 
 def _file_sets(paths: Sequence[str]) -> Mapping[str, str]:

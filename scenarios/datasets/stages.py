@@ -1,8 +1,8 @@
-"""What is made of a data set beside its records, and in which order: where every other part of the work hooks in."""
+"""What a data set has beside its records: truth of the arms, stages of work after the experiments, metadata."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from pathlib import Path
-from typing import Any
+from typing import Any, Protocol
 
 from scenarios.datasets.arm_truth import arm_files
 from scenarios.datasets.attainable_scores import AttainableStage
@@ -11,22 +11,55 @@ from scenarios.datasets.best_linear_truth import BestLinearStage
 from scenarios.datasets.metadata import metadata_files
 from scenarios.datasets.plan import DataSetPlan, PlannedExperiment
 from scenarios.datasets.spec import DataSetSpec
-from scenarios.datasets.stage import Stage
 from scenarios.files.netcdf import Contents
 
-ArmTruth = Callable[[DataSetPlan, PlannedExperiment], Mapping[str, Contents]]
-"""Makes the files of the truth about the arm that an experiment runs on, by place in the folder."""
 
-Papers = Callable[[Path, DataSetSpec, Mapping[str, Any]], Mapping[str, bytes]]
-"""Makes the files that say something of a whole data set (its folder, spec and index), by place in the folder; the same
-bytes at every call."""
+class Stage(Protocol):
+    """Work on the records of a data set, in pieces of which each is done once.
+
+    The builder writes the files and keeps each piece in the journal, as it does with experiments; a stage writes
+    nothing itself.
+    """
+
+    @property
+    def name(self) -> str:
+        """Name of the stage, one word: ``"baselines"``."""
+
+    def pieces(self, plan: DataSetPlan) -> Iterable[str]:
+        """Names of its pieces of work, the same and in the same order at every call.
+
+        Args:
+            plan: The experiments.
+        """
+
+    def make(self, plan: DataSetPlan, folder: Path, piece: str) -> Mapping[str, Contents | bytes]:
+        """Make the files of a piece.
+
+        Args:
+            plan: The experiments.
+            folder: Folder of the records, the index and the files of earlier stages and pieces.
+            piece: Its name.
+
+        Returns:
+            Contents of files by path in the folder.
+
+        Raises:
+            ScenarioError: The piece cannot be made; also `TwinError` and `SysidError`. The reason stands in the index,
+                and the build continues. Any other error stops it.
+        """
+
+
+ArmTruth = Callable[[DataSetPlan, PlannedExperiment], Mapping[str, Contents]]
+"""Makes the truth about the arm that an experiment runs on, by path in the folder."""
+
+MetadataWriter = Callable[[Path, DataSetSpec, Mapping[str, Any]], Mapping[str, bytes]]
+"""Makes files about a whole data set from its folder, spec and index, by path in the folder."""
 
 ARM_TRUTH: tuple[ArmTruth, ...] = (arm_files,)
-"""Run with the first experiment of every arm, by the process that ran it, while the arm is still loaded; the files
-are noted with those of the experiment. Errors of ours (`TwinError`, `ScenarioError`) are noted; the rest goes on."""
+"""Run with the first experiment of every arm, by the process that simulated it, while the arm is still loaded."""
 
 STAGES: tuple[Stage, ...] = (BestLinearStage(), AttainableStage(), BaselineStage())
 """Run one after the other when all experiments and the index are there."""
 
-PAPERS: tuple[Papers, ...] = (metadata_files,)
-"""Run after the stages, at every build that comes so far. The builder writes the checksums of all files last."""
+METADATA: tuple[MetadataWriter, ...] = (metadata_files,)
+"""Run after the stages."""

@@ -15,10 +15,8 @@ import numpy as np
 
 from scenarios.datasets.baselines import read_table
 from scenarios.datasets.build import build
-from scenarios.datasets.build_progress import Told
 from scenarios.datasets.chunk import MOST_ROWS, about
 from scenarios.datasets.data_set import GIVEN, WINDOW, open_data_set
-from scenarios.datasets.executor import Executor
 from scenarios.datasets.export import working_folder, write_checksums
 from scenarios.datasets.index import array_line, read_index
 from scenarios.datasets.layout import BASELINES, BUILD, INDEX, SPEC, SUMS
@@ -29,6 +27,8 @@ from scenarios.experiments.scenario import NAME
 from scenarios.files.atomic_write import write_whole
 from scenarios.files.errors import ScenarioError
 from scenarios.files.netcdf import Contents, Variable, read_netcdf
+from scenarios.jobs.executor import Executor
+from scenarios.jobs.progress import Report
 
 PERSONS = "persons.json"
 """In the withheld folder: label and seed of the data set of each person."""
@@ -67,8 +67,8 @@ def build_withheld(
     seed: int | None = None,
     workers: int | None = None,
     rows: int = MOST_ROWS,
-    executor: Executor | None = None,
-    progress: Told | None = None,
+    executor: Executor[Any] | None = None,
+    progress: Report | None = None,
 ) -> WithheldBuild:
     """Build a data set for each person and publish it without its truth; an interrupted build resumes.
 

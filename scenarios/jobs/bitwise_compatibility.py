@@ -39,14 +39,6 @@ def bit_differences(expected: Mapping[str, str]) -> list[str]:
     ]
 
 
-kinship = bit_fingerprint
-
-
-def strangeness(here: Mapping[str, str], there: Mapping[str, str]) -> tuple[str, ...]:
-    """Describe in what two fingerprints differ; kept until the bench runs on jobs.executor."""
-    return tuple(differences(there, here, ("there", "here")))
-
-
 def _rounding() -> str:
     grid = np.linspace(-3.0, 3.0, 4099)
     matrix = np.cos(np.outer(np.arange(1.0, 61.0), np.linspace(0.1, 1.9, 60)))

@@ -1,8 +1,8 @@
 """Builds of a data set that are killed again and again: is anything lost?
 
-A build is killed by SIGKILL, at random moments and at random ones of the moments at which it waits for the disk, and
-begun again by the same command; one that comes to its end before it is killed is laid aside and the next begun. At the
-end every file of every data set is compared with those of a build that nobody disturbed.
+A build is killed by SIGKILL, at random moments or at a random wait for the disk, and resumed by the same command. When
+it ends before it is killed, the next build begins. At the end every file of every data set is compared with those of an
+undisturbed build.
 
     python tests/benchmarks/dataset_kills.py --kills 25 --seed 1
 """
@@ -10,11 +10,13 @@ end every file of every data set is compared with those of a build that nobody d
 import argparse
 import os
 import signal
+import sqlite3
 import subprocess
 import sys
 import tempfile
 import time
 from collections.abc import Mapping, Sequence
+from contextlib import closing, suppress
 from dataclasses import dataclass
 from hashlib import sha256
 from pathlib import Path
@@ -127,13 +129,16 @@ def state(out: Path) -> str:
     if not folders:
         return "nothing"
     (folder,) = folders
-    manifest = folder / "manifest.jsonl"
-    lines = manifest.read_bytes().split(b"\n") if manifest.exists() else [b""]
-    noted = sum(b'"number"' in line for line in lines[:-1]), sum(b'"stage"' in line for line in lines[:-1])
+    journal = folder / "journal.sqlite"
+    keys: list[str] = []
+    if journal.exists():
+        with closing(sqlite3.connect(journal)) as database, suppress(sqlite3.Error):
+            keys = [key for (key,) in database.execute("SELECT key FROM entries")]
+    experiments = sum(key.startswith("experiment") for key in keys)
     half = sum(path.name.endswith(".partial") for path in folder.rglob("*"))
-    end = "done but for its lock" if (folder / "lock").exists() else "done"
+    end = "done but for its journal" if journal.exists() else "done"
     named = end if done else "checksums" if (folder / "SHA256SUMS").exists() else ""
-    parts = [f"{noted[0]} experiments", f"{noted[1]} pieces", f"{half} half files", named]
+    parts = [f"{experiments} experiments", f"{len(keys) - experiments} pieces", f"{half} half files", named]
     return ", ".join(part for part in parts if part and not part.startswith("0 "))
 
 

@@ -36,8 +36,8 @@ def one(label: str, twins: int, seconds: float, rows: int, *, models: bool = Tru
     from hmtb_twin.run import batch_run
     from scenarios.datasets import chunk
     from scenarios.datasets.build import build
-    from scenarios.datasets.build_progress import RECORDS, Progress
     from scenarios.datasets.spec import load_spec
+    from scenarios.jobs.progress import Progress
 
     spec = load_spec(label)
     if spec.twins is not None:
@@ -48,7 +48,7 @@ def one(label: str, twins: int, seconds: float, rows: int, *, models: bool = Tru
         # A test record is scored behind its window.
         records = tuple(replace(block, duration=min(seconds, block.duration or seconds)) for block in spec.records)
         spec = replace(spec, records=records)
-    physics, step, steps = 0.0, RECORDS, dict[str, float]()
+    physics, step, steps = 0.0, "records", dict[str, float]()
     simulate = chunk.simulate
 
     def timed(*given, **options):

@@ -11,7 +11,7 @@ import pytest
 
 from scenarios.commands.cli import COMMANDS, _data_set_command, main
 from scenarios.commands.dataset import DATA_SET_COMMANDS
-from scenarios.datasets.chunk import Made, run_chunk
+from scenarios.datasets.chunk import BuiltExperiment, run_chunk
 from scenarios.datasets.plan import DataSetPlan
 from scenarios.datasets.spec import DataSetSpec, load_spec, shipped
 
@@ -102,7 +102,7 @@ WEAK = 'supply_pressure = { kind = "uniform", spread = 2.5, centre = 8.0 }\n'
 def least(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     """A spec whose records alone are built; what is made of them has tests of its own."""
     monkeypatch.setattr("scenarios.datasets.finish.STAGES", ())
-    monkeypatch.setattr("scenarios.datasets.finish.PAPERS", ())
+    monkeypatch.setattr("scenarios.datasets.finish.METADATA", ())
     monkeypatch.setattr("scenarios.datasets.chunk.ARM_TRUTH", ())
     path = tmp_path / "least.toml"
     path.write_text(TINY)
@@ -134,12 +134,12 @@ def test_an_interrupted_build_says_how_to_go_on_and_goes_on(
     with monkeypatch.context() as patch:
         calls = iter((run_chunk,))
 
-        def interrupted(plan: DataSetPlan, numbers: Sequence[int], **given: object) -> Iterator[Made]:
+        def interrupted(plan: DataSetPlan, numbers: Sequence[int], **given: object) -> Iterator[BuiltExperiment]:
             for one in calls:
                 return one(plan, numbers)
             raise KeyboardInterrupt
 
-        patch.setattr("scenarios.datasets.executor.run_chunk", interrupted)
+        patch.setattr("scenarios.datasets.build.run_chunk", interrupted)
         code, out, err = run(capsys, *words)
     assert (code, out) == (130, "")
     kept = f"1 of 2 experiments kept in {tmp_path / 'least-v1.unfinished'}"

@@ -1,54 +1,48 @@
-"""What stands in the folder of a data set, and what its checksums say should: no path leads out of it."""
+"""Compare the files in the folder of a data set with its checksums; no path leads out of the folder."""
 
 import os
 import re
 import stat
-from collections.abc import Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
 
 from scenarios.datasets.layout import SUMS
 
 LINE = re.compile(rb"([0-9a-f]{64})  ([^\x00-\x1f\x7f\\]{1,4096})\n")
-"""A line of the checksums, as the builder writes it: no other spelling is taken, so that no byte can change unseen."""
+"""A line of the checksums, as the builder writes it; no other spelling passes, so that no byte can change unseen."""
 
 MOST_BAD = 20
-"""Lines of the checksums that are complained about one by one."""
+"""Wrong lines of the checksums that are reported one by one."""
 
 MOST_BYTES = 2**36
 """No file of a data set is larger."""
 
 
 @dataclass
-class Files:
-    """Files by place in the folder.
+class FolderFiles:
+    """Files by path in the folder.
 
     Attributes:
-        sizes: Of those there are, in bytes.
-        sums: Checksums of those there should be.
-        problems: What is wrong with either.
+        sizes: Sizes of the files that are there and listed, bytes.
+        sums: Checksums of the files that are listed.
+        problems: One line for each thing that is wrong.
     """
 
     sizes: dict[str, int] = field(default_factory=dict)
     sums: dict[str, str] = field(default_factory=dict)
     problems: list[str] = field(default_factory=list)
 
-    @property
-    def sound(self) -> Iterator[str]:
-        """Files that are there and should be, in the order of the checksums."""
-        return (place for place in self.sums if place in self.sizes)
 
-
-def folder_files(folder: Path) -> Files:
-    """List what is in a folder and in its checksums, and compare.
+def folder_files(folder: Path) -> FolderFiles:
+    """List the files of a data set and its checksums, and compare.
 
     Args:
-        folder: That of a data set. Links in it are not followed.
+        folder: Folder of the data set; links in it are not followed.
     """
-    files = Files()
+    files = FolderFiles()
     _walk(folder, files)
     if files.sizes.pop(SUMS, None) is None:
-        files.problems.append(f"{SUMS} is missing: nothing can be held against it")
+        files.problems.append(f"{SUMS} is missing: no file can be checked against it")
         return files
     _read_sums(folder / SUMS, files)
     files.problems += [f"{place} is missing" for place in files.sums if place not in files.sizes]
@@ -59,7 +53,7 @@ def folder_files(folder: Path) -> Files:
     return files
 
 
-def _walk(folder: Path, files: Files) -> None:
+def _walk(folder: Path, files: FolderFiles) -> None:
     def refused(error: OSError) -> None:
         files.problems.append(f"{error.filename}: cannot be listed: {error.strerror}")
 
@@ -68,21 +62,21 @@ def _walk(folder: Path, files: Files) -> None:
         for name in sorted((*names, *folders)):
             path = Path(parent, name)
             place = path.relative_to(folder).as_posix()
-            found = path.lstat()
+            status = path.lstat()
             if not place.isprintable():
-                files.problems.append(f"{place!r}: a file of a data set has no such name")
-            elif stat.S_ISDIR(found.st_mode):
+                files.problems.append(f"{place!r}: expected a name of printable characters")
+            elif stat.S_ISDIR(status.st_mode):
                 continue
-            elif not stat.S_ISREG(found.st_mode):
-                kind = "a link" if stat.S_ISLNK(found.st_mode) else "no ordinary file"
+            elif not stat.S_ISREG(status.st_mode):
+                kind = "a link" if stat.S_ISLNK(status.st_mode) else "no ordinary file"
                 files.problems.append(f"{place!r} is {kind}; expected files alone")
-            elif found.st_size > MOST_BYTES:
-                files.problems.append(f"{place!r} has {found.st_size} bytes, more than any file of a data set")
+            elif status.st_size > MOST_BYTES:
+                files.problems.append(f"{place!r} has {status.st_size} bytes; expected at most {MOST_BYTES}")
             else:
-                files.sizes[place] = found.st_size
+                files.sizes[place] = status.st_size
 
 
-def _read_sums(path: Path, files: Files) -> None:
+def _read_sums(path: Path, files: FolderFiles) -> None:
     bad = 0
     with path.open("rb") as stream:
         number = 0
@@ -93,14 +87,14 @@ def _read_sums(path: Path, files: Files) -> None:
             if wrong:
                 files.problems.append(f"{SUMS}, line {number}: {wrong}")
             if bad > MOST_BAD:
-                files.problems.append(f"{SUMS}: more lines that are none; it is damaged")
+                files.problems.append(f"{SUMS}: more wrong lines; it is damaged")
                 return
     if not files.sums:
         files.problems.append(f"{SUMS} lists no file")
 
 
-def _note(line: bytes, files: Files) -> str:
-    """Take a line in; what is wrong with it, or nothing."""
+def _note(line: bytes, files: FolderFiles) -> str:
+    """Add a line to the checksums; return what is wrong with it, or nothing."""
     match = LINE.fullmatch(line)
     if match is None:
         return f"{line[:100]!r} given, expected a SHA-256, two spaces, a file and the end of the line"
