@@ -25,11 +25,7 @@ MOST_PARAMETERS = 100
 
 
 def check_covariance(name: str, matrix: FloatArray) -> None:
-    """Check that a matrix is a covariance.
-
-    Raises:
-        NoModelError: It is not symmetric, or has a negative eigenvalue.
-    """
+    """Raise NoModelError unless a matrix is symmetric without negative eigenvalues, to rounding."""
     size = float(np.abs(matrix).max(initial=0.0))
     if np.abs(matrix - matrix.T).max(initial=0.0) > NEGATIVE * size:
         raise NoModelError("malformed", f"{name} is not symmetric, expected a covariance")
@@ -42,19 +38,7 @@ def check_covariance(name: str, matrix: FloatArray) -> None:
 
 
 def claimed_response_covariance(values: FloatArray, data: IOData, task: Task) -> FloatArray:
-    """Check a claimed covariance of the response.
-
-    Args:
-        values: (nf, ny, nu, 2, 2), or (nf, 2, 2) where there is one input and one output.
-        data: The record.
-        task: With the frequencies.
-
-    Returns:
-        (nf, ny, nu, 2, 2).
-
-    Raises:
-        NoModelError: It has another shape or is no covariance.
-    """
+    """A claimed covariance of the response, checked (nf, ny, nu, 2, 2); (nf, 2, 2) does for one channel each."""
     nf = len(task.frequencies)
     expected = (nf, data.ny, data.nu, 2, 2)
     if (data.ny, data.nu) == (1, 1) and values.shape == (nf, 2, 2):
@@ -76,18 +60,7 @@ def claimed_response_covariance(values: FloatArray, data: IOData, task: Task) ->
 
 
 def claimed_interval(values: FloatArray, data: IOData) -> tuple[FloatArray, FloatArray]:
-    """Check a claimed interval of the bandwidth.
-
-    Args:
-        values: (2, ny, nu), or two numbers where there is one input and one output; NaN where there is no bandwidth.
-        data: The record.
-
-    Returns:
-        Lower and upper ends (ny, nu).
-
-    Raises:
-        NoModelError: It has another shape, or an end lies beyond the other.
-    """
+    """A claimed interval of the bandwidth, checked: lower and upper ends (ny, nu), Hz, NaN where there is none."""
     low, high = shaped("bandwidth_ci95", values, (2, data.ny, data.nu))
     if (np.isnan(low) != np.isnan(high)).any() or (low > high).any() or (low < 0.0).any():
         raise NoModelError("malformed", "bandwidth_ci95 holds an interval whose ends are not 0 <= lower <= upper, Hz")
@@ -181,11 +154,7 @@ def parameters(polynomials: Polynomials, orders: Orders) -> FloatArray:
 
 
 def filled(name: str, row: FloatArray, length: int) -> FloatArray:
-    """Coefficients with zeros behind, up to a length.
-
-    Raises:
-        ScenarioError: They are longer.
-    """
+    """Coefficients with zeros behind, up to a length; ScenarioError where they are longer."""
     longest = int(np.flatnonzero(row)[-1]) + 1 if row.any() else 1
     if longest > length:
         raise ScenarioError(f"{name} has {longest} coefficients, expected at most {length}")

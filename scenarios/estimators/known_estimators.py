@@ -63,12 +63,7 @@ class KnownEstimator:
 
 @lru_cache(maxsize=8)
 def octave_version(program: str, package: str) -> str:
-    """Versions of Octave and of one of its packages; empty where one of them is missing.
-
-    Args:
-        program: Octave's.
-        package: The package.
-    """
+    """Versions of the program Octave and of one of its packages; empty where one of them is missing."""
     path = shutil.which(program)
     if path is None:
         return ""

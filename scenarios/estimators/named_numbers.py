@@ -28,11 +28,7 @@ NAMES = ("dt", *MATRICES, *POLYNOMIALS, *FRACTION, *CLAIMS)
 
 
 def real(name: str, value: Any) -> FloatArray:
-    """Real numbers of any shape; None among them is NaN, which JSON cannot write.
-
-    Raises:
-        NoModelError: They are not real numbers.
-    """
+    """Real numbers of any shape, else NoModelError; None among them is NaN, which JSON cannot write."""
     try:
         array = np.array(value)
         if array.dtype == object:
@@ -47,11 +43,7 @@ def real(name: str, value: Any) -> FloatArray:
 
 
 def shaped(name: str, values: FloatArray, shape: tuple[int, ...]) -> FloatArray:
-    """Values in a shape; a plain list or one number does where the shape leaves no choice. Nothing is transposed.
-
-    Raises:
-        NoModelError: They have another shape.
-    """
+    """Values in a shape, else NoModelError; a plain list does where no choice is left. Nothing is transposed."""
     if values.shape == shape:
         return values
     single = sum(n != 1 for n in shape) <= 1
@@ -62,11 +54,7 @@ def shaped(name: str, values: FloatArray, shape: tuple[int, ...]) -> FloatArray:
 
 
 def row(name: str, values: FloatArray) -> FloatArray:
-    """Coefficients (k,): programs that know only matrices write (1, k) or (k, 1).
-
-    Raises:
-        NoModelError: It is a matrix, or empty.
-    """
+    """Coefficients (k,), else NoModelError: programs that know only matrices write (1, k) or (k, 1)."""
     if values.size == 0 or sum(n != 1 for n in values.shape) > 1:
         raise NoModelError("malformed", f"{name} of shape {values.shape} given, expected a row of coefficients")
     return values.ravel()

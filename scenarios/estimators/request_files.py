@@ -26,12 +26,7 @@ MOST_BYTES = 2**26
 
 
 def paths(folder: Path, formats: Collection[str]) -> dict[str, str]:
-    """Paths of the files of a request by placeholder.
-
-    Args:
-        folder: Of the request.
-        formats: Some of `FORMATS`.
-    """
+    """Paths of the files of a request by placeholder; formats are some of `FORMATS`."""
     names = {**{name: FORMATS[name] for name in formats}, "task": TASK_FILE, "model": MODEL_STEM}
     return {name: str(folder / file) for name, file in names.items()}
 
@@ -89,12 +84,7 @@ def read_request(record: Path, task: Path) -> tuple[IOData, Task]:
 
 
 def write_model(stem: Path, numbers: Numbers) -> None:
-    """Write the numbers of a model as JSON, which keeps every bit of them.
-
-    Args:
-        stem: The file without its ending.
-        numbers: By names of `NAMES`.
-    """
+    """Write named numbers of a model as JSON, which keeps every bit of them; the stem is the path without ending."""
     text = json.dumps({name: values.tolist() for name, values in numbers.items()})
     stem.with_name(f"{stem.name}.json").write_text(text, encoding="utf-8")
 

@@ -260,15 +260,7 @@ class EstimatorProcess:
 
 
 def program_words(estimator: Estimator, home: Path) -> list[str]:
-    """Command line of a program in words, with the path of the program.
-
-    Args:
-        estimator: A program.
-        home: Folder in which it runs.
-
-    Raises:
-        ScenarioError: It cannot be split, has no place for the record or the model, or there is no such program.
-    """
+    """Command line of a program in words, with the path of the program; ScenarioError where it cannot run."""
     line = estimator.target
     try:
         words = shlex.split(line)

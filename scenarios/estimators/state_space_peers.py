@@ -43,12 +43,7 @@ def control_era(data: IOData, task: Task) -> Answer:
 
 
 def control_realisation(data: IOData, order: int) -> StateSpace:
-    """Model by python-control, D as it comes out.
-
-    Args:
-        data: The record; equations that reach before it are left out.
-        order: Number of states.
-    """
+    """Model of an order by python-control, D as it comes out; equations that reach before the record are left out."""
     count = min(PULSES, int(MOST_COLUMNS * len(data) / data.nu))
     pulses = control.markov(data.y.T, data.u.T, count, truncate=True)
     # A square Hankel matrix of all values but D: by default it would have only twice the order of rows.
@@ -89,12 +84,7 @@ def nfoursid_n4sid(data: IOData, task: Task) -> Answer:
 
 
 def nfoursid_subspace(data: IOData, order: int) -> StateSpace:
-    """Model by nfoursid with the Kalman gain that belongs to its covariances, D as it comes out.
-
-    Args:
-        data: The record.
-        order: Number of states.
-    """
+    """Model of an order by nfoursid with the Kalman gain that belongs to its covariances, D as it comes out."""
     import pandas
     from nfoursid.nfoursid import NFourSID
 
@@ -177,12 +167,7 @@ def jax_output_error(data: IOData, order: int, *, direct: bool) -> StateSpace:
 
 
 def delayed(model: StateSpace, samples: int) -> StateSpace:
-    """A model with a further delay of its inputs, a state for each input and sample.
-
-    Args:
-        model: Any model.
-        samples: 0 or more.
-    """
+    """A model with a further delay of its inputs by some samples, a state for each input and sample."""
     for _ in range(samples):
         n, nu, ny = model.order, model.nu, model.ny
         A = np.block([[model.A, model.B], [np.zeros((nu, n + nu))]])

@@ -9,7 +9,6 @@ from scipy.signal import lfilter
 from scenarios.files.errors import ScenarioError
 from scenarios.problems.problem import Bound
 from sysid import Polynomials
-from sysid.models.delta_method import standard_directions
 from sysid.polynomial.orders import Orders
 from sysid.records.arrays import ComplexArray, FloatArray
 
@@ -167,12 +166,6 @@ def perfect_errors(bound: Bound, count: int, rng: np.random.Generator) -> Comple
     parts = rng.standard_normal((count, p)) @ bound.response_directions.reshape(p, -1)
     parts = parts.reshape(count, *bound.response_directions.shape[1:])
     return np.asarray(parts[..., 0] + 1j * parts[..., 1])
-
-
-def perfect_parameters(bound: Bound, rng: np.random.Generator) -> FloatArray:
-    """Parameters of one perfect estimate (p,)."""
-    directions = standard_directions(bound.covariance)
-    return bound.parameters + directions @ rng.standard_normal(directions.shape[1])
 
 
 def response_covariance(bound: Bound) -> FloatArray:

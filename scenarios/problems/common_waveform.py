@@ -91,13 +91,7 @@ class SharedAlone(Locked):
 
 
 def shared(plain: str, name: str, samples: int | None) -> LinearProblem | SharedAlone:
-    """One of `SHARED`.
-
-    Args:
-        plain: Its name there.
-        name: The problem's name.
-        samples: Of a record; None: `SAMPLES`.
-    """
+    """A problem of `SHARED`; samples of a record, or None for `SAMPLES`."""
     truth = Polynomials(B=np.stack((B1, B2)), F=np.stack((F, F)))
     variance = noise_variance(truth, _inputs(SAMPLES), SIGNAL_TO_NOISE_DB)
     inputs = _inputs(samples or SAMPLES)

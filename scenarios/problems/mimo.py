@@ -113,13 +113,7 @@ class MimoProblem(Locked):
 
 
 def mimo(plain: str, name: str, samples: int | None) -> MimoProblem:
-    """One of `MIMO`.
-
-    Args:
-        plain: Its name there.
-        name: The problem's name.
-        samples: Of a record; None: `SAMPLES`.
-    """
+    """A problem of `MIMO`; samples of a record, or None for `SAMPLES`."""
     A, B, C = _system()
     n = len(A)
     full = state_trajectory(A, _inputs(SAMPLES) @ B.T, np.zeros(n)) @ C.T

@@ -81,12 +81,6 @@ def noise_free(order: int, delay: int, name: str, samples: int | None) -> NoiseF
     """The system of an order and a delay.
 
     Poles are real or in pairs, of modulus up to 0.95; B is random.
-
-    Args:
-        order: Number of poles.
-        delay: nk.
-        name: The problem's name.
-        samples: Of a record; None: `SAMPLES`.
     """
     rng = generator_of(f"quiet-{order}-{delay}")
     while True:

@@ -27,11 +27,6 @@ def published_problem(plain: str, name: str, samples: int | None) -> LinearProbl
 
     The noise is that of the printed K where there is one, else white at the output; its power is 20 dB below the
     output's. OKID's models have a direct term and no state-space task, which is without.
-
-    Args:
-        plain: One of `SINGLE`.
-        name: The problem's name.
-        samples: Of a record; None: `SAMPLES`.
     """
     entry = SINGLE[plain]
     model = entry.model

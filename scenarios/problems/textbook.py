@@ -37,13 +37,7 @@ def binary_sequence(samples: int, hold: int, bits: int = BITS) -> FloatArray:
 
 
 def textbook(name: str, label: str, samples: int | None) -> LinearProblem:
-    """One of `TEXTBOOK`.
-
-    Args:
-        name: Its name there.
-        label: The problem's name.
-        samples: Of a record; None: as many as it has.
-    """
+    """A problem of `TEXTBOOK` under a name; samples of a record, or None for as many as it has."""
     a: FloatArray = ONE
     b: FloatArray = np.array([0.0, 0.03459, 0.07584])
     c: FloatArray = ONE
@@ -94,11 +88,6 @@ def feedback(plain: str, name: str, samples: int | None) -> LinearProblem:
     Which estimators are biased: all that take the input as independent of the noise (output error, instruments of the
     input, spectra, open-loop subspace methods), and those whose noise model is wrong. Which are not: prediction-error
     methods in a structure that holds the noise [Ljung1999, sec. 13.4].
-
-    Args:
-        plain: One of `FEEDBACK`.
-        name: The problem's name.
-        samples: Of a record; None: 1000.
     """
     c: FloatArray = np.array([1.0, 0.6, 0.3]) if plain == "feedback" else np.ones(1)
     truth = Polynomials(A=np.array([1.0, -1.5, 0.7]), B=np.array([0.0, 1.0, 0.5]), C=c)
