@@ -14,8 +14,8 @@ from modulefinder import ModuleFinder
 from pathlib import Path
 
 from scenarios.estimators.estimator import Estimator
+from scenarios.estimators.known_estimators import KNOWN
 from scenarios.estimators.known_estimators import estimator as known_estimator
-from scenarios.estimators.known_estimators import names
 from scenarios.files.errors import ScenarioError, unknown
 
 FUNCTION = re.compile(r"[^\W\d]\w*(?:\.[^\W\d]\w*)*", re.ASCII)
@@ -86,11 +86,11 @@ def parse_estimators(texts: Sequence[str], command: str | None, options: Estimat
     for text in texts:
         if ":" in text:
             estimators[_function(text, options)] = shlex.join([text, *replace(options, stays=False).words()])
-        elif text in names():
+        elif text in KNOWN:
             estimators[known_estimator(text)] = shlex.quote(text)
         else:
             raise ScenarioError(
-                unknown("estimator", text, names(), listing="hmtb verify --list")
+                unknown("estimator", text, KNOWN, listing="hmtb verify --list")
                 + "; an estimator of your own is given as MODULE:FUNCTION or FILE.py:FUNCTION"
             )
     if command is not None:

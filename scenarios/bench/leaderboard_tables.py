@@ -8,7 +8,7 @@ from math import inf, isinf, isnan
 from scenarios.bench.leaderboard_rows import LeaderboardRow, common_problems, listed
 from scenarios.bench.leaderboard_verdict import GUIDE, Verdict, count, judged_metrics, part_verdict, verdict
 from scenarios.bench.metric import Metric, Part
-from scenarios.estimators.contestant import METHODS
+from scenarios.estimators.estimator import METHODS
 from scenarios.estimators.outcome import KINDS
 from scenarios.files.printable import one_line
 

@@ -162,7 +162,7 @@ def limitation(method: str | None, structure: str | None, name: str) -> Limitati
     """The limitation of a method in a structure on a problem; None: there is none.
 
     Args:
-        method: One of `scenarios.estimators.contestant.METHODS`, or None.
+        method: One of `scenarios.estimators.estimator.METHODS`, or None.
         structure: One of `scenarios.estimators.task.STRUCTURES`; None: that of the truth.
         name: Name of the problem.
     """

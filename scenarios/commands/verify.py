@@ -184,10 +184,10 @@ def _requests(plan: "BenchPlan") -> str:
 
 def _listed(*, json: bool) -> int:
     """Print the estimators that the bench knows."""
-    from scenarios.estimators.known_estimators import ENTRIES, available
+    from scenarios.estimators.known_estimators import KNOWN, available
 
     rows = []
-    for name, entry in ENTRIES.items():
+    for name, entry in KNOWN.items():
         can_run, why = available(name)
         one = entry.versioned() if can_run else entry.estimator
         rows.append((one, can_run, why))

@@ -125,11 +125,3 @@ def _read() -> dict[str, KnownEstimator]:
 
 KNOWN = MappingProxyType(_read())
 """Known estimators by name, also those whose packages are not installed."""
-
-ENTRIES = KNOWN
-contestant = estimator
-
-
-def names() -> tuple[str, ...]:
-    """Names of all known estimators."""
-    return tuple(KNOWN)

@@ -80,7 +80,3 @@ class EstimatorOutcome(Locked):
     def failed(self) -> bool:
         """Whether it counts as a failure."""
         return self.kind not in (MODEL, REFUSED)
-
-
-Outcome = EstimatorOutcome
-"""Former name, until all callers use the new one."""
