@@ -1,4 +1,4 @@
-"""The arm as MuJoCo runs it: the MJCF of `models/hmtb` with the actuators and servos of one variant."""
+"""The arm as MuJoCo simulates it: the MJCF of `models/hmtb` with the drives and servos of one variant."""
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
@@ -11,7 +11,7 @@ import numpy as np
 from hmtb_twin.arm.arm_model import compile_arm, tuned_gains
 from hmtb_twin.arm.controller_model import ControllerModel, controller_model
 from hmtb_twin.arm.worksite_model import LATCH_WELD
-from hmtb_twin.hydraulics.rest import drooping, inertia, lean_on_pins, scales
+from hmtb_twin.hydraulics.rest import drooping, inertia, lean_on_pins, weight_function
 from hmtb_twin.parameters.drives import Actuator, Drive
 from hmtb_twin.parameters.errors import OverloadError, TwinError
 from hmtb_twin.parameters.payloads import PAYLOADS, SEATS, WORKSITE_PAYLOADS
@@ -32,12 +32,12 @@ class Arm:
         model: The compiled MuJoCo model.
         controller: The controller's own rigid-body model.
         variant: One of `VARIANTS`.
-        payload: One of `PAYLOADS`; at the worksite, what the end effector holds at first.
-        plant: What its drives run on and rub with.
-        specimen: How it deviates from its variant, which alone its controller knows.
+        payload: One of `PAYLOADS`; at the worksite, the initial payload of the end effector.
+        plant: Supply, oil, friction and noise of its drives.
+        specimen: Its deviations from its variant; its controller knows only the variant.
         worksite: Whether the arm stands at its worksite: the model has contact, and the replacement unit as a free body
             behind the arm's joints.
-        drives: Drive of each joint, as it is under the conditions of the plant.
+        drives: Drive of each joint under the conditions of the plant.
         servos: Servo of each joint.
         gains: kp (N m/rad) and kd (N m s/rad) of each joint, as its servo has them.
     """
@@ -55,19 +55,15 @@ class Arm:
 
     @property
     def actuators(self) -> Mapping[str, Actuator]:
-        """Hydraulic actuator of each joint.
-
-        Raises:
-            TwinError: The drives of this arm are electric.
-        """
+        """Hydraulic actuator of each joint; raises `TwinError` for electric drives."""
         hydraulic = {name: drive for name, drive in self.drives.items() if isinstance(drive, Actuator)}
         if len(hydraulic) < len(self.drives):
-            raise TwinError(f"hydraulic actuators of the arm {self.variant!r} asked for; its drives are electric")
+            raise TwinError(f"hydraulic actuators of the arm {self.variant!r} requested; its drives are electric")
         return MappingProxyType(hydraulic)
 
     @property
     def drives_kind(self) -> str:
-        """What drives it: "hydraulic" or "electric"."""
+        """Kind of its drives: "hydraulic" or "electric"."""
         return "hydraulic" if all(isinstance(drive, Actuator) for drive in self.drives.values()) else "electric"
 
     @cached_property
@@ -81,12 +77,12 @@ class Arm:
 
     @property
     def friction(self) -> bool:
-        """Whether the drives rub: dry friction, not the oil's drag."""
+        """Whether the joints have dry friction, which the oil's drag is not."""
         return self.plant.friction in ("coulomb", "lugre")
 
     @property
     def delays(self) -> np.ndarray:
-        """How late each measured angle reaches the record, samples, shape (7,)."""
+        """Delay of each measured angle on the bus, samples, shape (7,)."""
         bus = variant_named(self.variant).bus
         return np.array([bus[name].delay for name in JOINTS])
 
@@ -116,27 +112,17 @@ class Arm:
         return None if self.plant.actuator != "orifice" else np.array([0])
 
     def pose(self, name: str) -> np.ndarray:
-        """Return the joint angles of a named pose.
-
-        Args:
-            name: A keyframe of the model.
-
-        Returns:
-            Angles (7,), rad.
-
-        Raises:
-            TwinError: There is no such pose.
-        """
+        """Return the joint angles (7,), rad, of a keyframe; raises `TwinError` for an unknown one."""
         if name not in POSES:
             raise TwinError(f"unknown pose {name!r}, available: {', '.join(POSES)}")
         return np.array(POSES[name])
 
     def controls(self, command: np.ndarray, noise: np.ndarray | None = None) -> np.ndarray:
-        """Return the control vectors that command poses with the torque that holds them.
+        """Return the control vectors that command poses and feed forward the torques that hold them.
 
         Args:
             command: Commanded angles (n, 7), rad.
-            noise: Torques (n, 7) that noise in the valve drives adds, N m.
+            noise: Torque noise of the drives (n, 7), N m.
 
         Returns:
             Controls (n, 14): angle and feedforward torque of each joint in turn.
@@ -150,15 +136,14 @@ class Arm:
 
     @property
     def process_noise(self) -> np.ndarray:
-        """Standard deviation of the torque that noise in each valve drive adds, (7,) N m."""
+        """Standard deviation of the torque noise of each drive, (7,) N m."""
         return self.plant.process_noise * np.array([self.drives[name].rated_torque for name in JOINTS])
 
     def rest(self, angles: np.ndarray) -> mujoco.MjData:
-        """Return the state of the arm at rest at a commanded pose, its oil already carrying the load.
+        """Return the state of the arm at rest under a commanded pose, its oil already carrying the load.
 
-        A linear arm that weighs what its controller feeds forward stands exactly there; one that does not droops, and
-        servo valves under load leave any arm a little off. At the worksite the unit is
-        where the end effector holds it, or stands in the holster.
+        A linear arm whose weight its controller knows rests exactly there; any other droops, and servo valves under
+        load leave a small offset. At the worksite the unit is held by the end effector or stands in the holster.
 
         Args:
             angles: Commanded joint angles (7,), rad.
@@ -193,28 +178,26 @@ class Arm:
         return data
 
     def _check_load(self, angles: np.ndarray) -> None:
-        """Refuse a pose (7,), rad, whose weight takes all the torque of a drive; pins need none."""
+        """Raise `OverloadError` for a pose (7,), rad, whose weight takes all torque of a drive; pins need none."""
         needed = np.abs(self.weight(angles))
-        # What servo valves leak at rest is not known before their balance is.
+        # The leakage of servo valves at rest is known only after their balance is solved.
         valves = self.plant.actuator == "orifice"
         drives = [self.drives[name] for name in JOINTS]
-        has = [drive.maximum_torque if valves else drive.motor.holding_torque for drive in drives]
+        available = [drive.maximum_torque if valves else drive.motor.holding_torque for drive in drives]
         short = [
             f"{name.replace('_', ' ')} needs {torque:.0f} N m and has {most:.0f}"
-            for name, torque, most in zip(JOINTS, needed, has, strict=True)
+            for name, torque, most in zip(JOINTS, needed, available, strict=True)
             if name not in INDEXED_JOINTS and torque >= most
         ]
         if short:
-            at = f"at {self.plant.supply_pressure:g} MPa " if self.drives_kind == "hydraulic" else ""
-            raise OverloadError(f"{at}the drives cannot hold the arm at this pose: {', '.join(short)}")
+            pressure = f"at {self.plant.supply_pressure:g} MPa " if self.drives_kind == "hydraulic" else ""
+            raise OverloadError(f"{pressure}the drives cannot hold the arm at this pose: {', '.join(short)}")
 
     def _settled(self, command: np.ndarray, pinned: np.ndarray | None = None) -> tuple[np.ndarray, np.ndarray]:
-        """Return angles (7,) and activations at which the commanded arm rests.
+        """Return angles (7,), rad, and activations at which the commanded arm rests.
 
-        Args:
-            command: Commanded angles (7,), rad.
-            pinned: Angles (7,) of which pins hold those of the indexed joints; the commanded ones by default. Of servo
-                valves only: linear actuators settle with their pins.
+        Of `pinned`, the angles (7,) at which pins hold, only servo valves make use: linear actuators settle with their
+        pins.
         """
         feedforward = self.controller.gravity_torque(command[None])[0]
         if self.plant.actuator == "orifice":
@@ -222,13 +205,15 @@ class Arm:
 
             return settled_arm(self.model, command, feedforward, self.weight, pinned)
         if self.specimen.as_designed:
-            # What is fed forward is what it weighs.
-            return command, self._pressed(feedforward)
+            # The feedforward torque is exactly the weight.
+            return command, self._activations(feedforward)
         stiffness = np.array([self.gains[name][0] for name in JOINTS])
-        angles, torque = drooping(self._in_free_space, self._scales, command, feedforward, stiffness, self._pressed)
-        return angles, self._pressed(torque)
+        angles, torque = drooping(
+            self._in_free_space, self._weight_function, command, feedforward, stiffness, self._activations
+        )
+        return angles, self._activations(torque)
 
-    def _pressed(self, torque: np.ndarray) -> np.ndarray:
+    def _activations(self, torque: np.ndarray) -> np.ndarray:
         """Return the activations at which linear drives exert torques (7,), N m."""
         act = np.zeros(self.model.na)
         constant = np.array([self.drives[name].motor.constant for name in JOINTS])
@@ -236,38 +221,24 @@ class Arm:
         return act
 
     def weight(self, angles: np.ndarray) -> np.ndarray:
-        """Return the torques that hold the arm at a pose, which its controller may not know.
-
-        Args:
-            angles: Joint angles (7,), rad.
-
-        Returns:
-            Torques (7,), N m.
-        """
+        """Return the torques (7,), N m, that hold this specimen at joint angles (7,), rad."""
         if self.specimen.as_designed:
             return self.controller.gravity_torque(angles[None])[0]
-        return self._scales(angles)
+        return self._weight_function(angles)
 
     def inertia(self, angles: np.ndarray) -> np.ndarray:
-        """Return the joint-space inertia matrix at a pose, which its controller may not know.
-
-        Args:
-            angles: Joint angles (7,), rad.
-
-        Returns:
-            Inertia (7, 7), kg m^2.
-        """
+        """Return the joint-space inertia matrix (7, 7), kg m^2, of this specimen at joint angles (7,), rad."""
         if self.specimen.as_designed:
             return self.controller.inertia_matrix(angles)
         return inertia(self._in_free_space, angles)
 
     @cached_property
-    def _scales(self) -> Callable[[np.ndarray], np.ndarray]:
-        return scales(self._in_free_space)
+    def _weight_function(self) -> Callable[[np.ndarray], np.ndarray]:
+        return weight_function(self._in_free_space)
 
     @cached_property
     def _in_free_space(self) -> mujoco.MjModel:
-        """The model in which what the end effector holds is part of the arm."""
+        """The model in which the payload is part of the arm."""
         if not self.worksite:
             return self.model
         return load_arm(self.variant, self.payload, plant=self.plant, specimen=self.specimen).model
@@ -286,20 +257,20 @@ def load_arm(
 
     Args:
         variant: One of `VARIANTS`.
-        payload: What the end effector holds, one of `PAYLOADS`. The servo gains are those of the RPCM either way. At
-            the worksite, what it holds at first: "none" leaves the unit in its holster.
-        plant: What the drives run on and rub with.
-        specimen: How this arm deviates from its variant.
-        friction: Whether the seals rub as the plant says; without, the oil's drag is left, and the arm is what
-            `linearize` describes.
+        payload: Payload of the end effector, one of `PAYLOADS`. The servo gains are always those for the RPCM. At the
+            worksite, the initial payload: "none" leaves the unit in its holster.
+        plant: Supply, oil, friction and noise of the drives.
+        specimen: Deviations of this arm from its variant.
+        friction: Whether the joints have the dry friction of the plant; without it the oil's drag stays, and the arm
+            is the one that `linearize` describes.
         worksite: Whether the arm stands at the worksite, with contact, instead of in free space.
 
     Returns:
         The arm. Calls with equal arguments return the same record.
 
     Raises:
-        TwinError: Unknown variant or payload, no `Plant` or `Specimen` or one that the variant has not, or an arm
-            or a payload for which the worksite has no place.
+        TwinError: Unknown variant or payload, a plant or specimen that the variant cannot have, or an arm or a payload
+            that does not fit the worksite.
     """
     check_arm(variant, payload, plant, worksite=bool(worksite), specimen=specimen)
     if not friction:
@@ -307,7 +278,7 @@ def load_arm(
     if plant.actuator == "orifice":
         from hmtb_twin.hydraulics.orifice import install_valve_equations
 
-        # An arm from the cache, too, needs them in force.
+        # MuJoCo needs the equations for arms from the cache, too.
         install_valve_equations()
     return _load(variant, payload, plant, specimen, bool(worksite))
 
@@ -315,11 +286,7 @@ def load_arm(
 def check_arm(
     variant: str, payload: str, plant: Plant, *, worksite: bool, specimen: Specimen = NOMINAL_SPECIMEN
 ) -> None:
-    """Refuse what `load_arm` cannot load.
-
-    Raises:
-        TwinError: See `load_arm`.
-    """
+    """Raise `TwinError` for arguments that `load_arm` cannot load."""
     arm = variant_named(variant)
     if not isinstance(plant, Plant):
         raise TwinError(f'plant = {plant!r} given, expected a Plant, such as Plant(actuator="orifice")')

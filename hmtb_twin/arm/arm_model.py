@@ -60,16 +60,16 @@ def compile_arm(
 
     Args:
         name: One of `VARIANTS`.
-        payload: What the end effector holds, one of `PAYLOADS`.
-        plant: What the drives run on and rub with.
-        specimen: How bodies deviate from the variant's.
-        drives: Drive of each joint, as it is under the conditions of the plant and on the specimen.
-        gains: kp and kd of each joint, as its servo has them.
+        payload: Payload of the end effector, one of `PAYLOADS`.
+        plant: Supply, oil, friction and noise of the drives.
+        specimen: Deviations of the bodies from the variant's.
+        drives: Drive of each joint under the conditions of the plant and on the specimen.
+        gains: kp and kd of each joint's servo.
         worksite: Whether the arm stands at the worksite.
     """
     variant = variant_named(name)
     if plant.actuator == "orifice":
-        # The compiler behind it takes a second to load, and only this form needs it.
+        # Numba takes a second to load, and only servo valves need it.
         from hmtb_twin.hydraulics.orifice import STEP, add_orifice_actuators
 
         spec = _spec(variant, payload, specimen, worksite_spec(STEP) if worksite else None)
@@ -79,20 +79,20 @@ def compile_arm(
     else:
         spec = _spec(variant, payload, specimen, worksite_spec() if worksite else None)
         for joint in JOINTS:
-            configure(spec.actuator(joint), drives[joint], gains[joint])
+            configure_actuator(spec.actuator(joint), drives[joint], gains[joint])
     for joint in JOINTS:
-        turn(spec.joint(joint), drives[joint])
+        configure_joint(spec.joint(joint), drives[joint])
     return spec.compile()
 
 
 def _spec(variant: Variant, payload: str, specimen: Specimen, scene: mujoco.MjSpec | None) -> mujoco.MjSpec:
     if scene is not None:
-        # There the unit is a body of its own, whoever holds it at first.
+        # At the worksite the unit is a body of its own even if the end effector holds it at first.
         write_bodies(scene, variant, "rpcm", specimen)
         return scene
     spec = mujoco.MjSpec.from_file(str(model_file("hmtb/hmtb.xml")))
     for key in list(spec.keys):
-        # Its activations would not fit an arm without friction, and `Arm.rest` computes the same state.
+        # The activations of keyframes would not fit an arm without friction; `Arm.rest` computes the same state.
         spec.delete(key)
     write_bodies(spec, variant, payload, specimen)
     spec.option.timestep = variant.step
@@ -108,17 +108,17 @@ def tuned_gains(variant: Variant) -> dict[str, tuple[float, float]]:
     }
 
 
-def turn(joint: mujoco.MjsJoint, drive: Drive) -> None:
-    """Write to a joint what turns and rubs with its drive: rotor, drag, brake, Coulomb friction without bristles."""
+def configure_joint(joint: mujoco.MjsJoint, drive: Drive) -> None:
+    """Write rotor inertia, drag, brake, and Coulomb friction without bristles into a joint."""
     bristles = drive.friction is not None and drive.friction.bristles
     joint.armature = drive.motor.armature
     joint.damping = [drive.drag, 0.0, 0.0]
     joint.frictionloss = drive.motor.brake + (0.0 if bristles else drive.coulomb_torque)
-    # As hard as the constraint gets: the softer default lets a stuck joint creep.
+    # The hardest possible constraint: the softer default lets a stuck joint creep.
     joint.solref_friction, joint.solimp_friction = [0.002, 1.0], [0.9999, 0.9999, 0.001, 0.5, 2.0]
 
 
-def configure(target: mujoco.MjsActuator, drive: Drive, gains: tuple[float, float]) -> None:
+def configure_actuator(target: mujoco.MjsActuator, drive: Drive, gains: tuple[float, float]) -> None:
     """Write a drive and its servo into a MuJoCo `dcmotor`; pressure for current, flow for voltage if hydraulic."""
     kp, kd = gains
     motor, friction, coulomb = drive.motor, drive.friction, drive.coulomb_torque

@@ -1,4 +1,4 @@
-"""What the controller knows of the arm: a Pinocchio model read from the same MJCF, never the plant itself."""
+"""The controller's own model of the arm: Pinocchio on the same MJCF, never the plant itself."""
 
 from collections.abc import Iterable
 from functools import lru_cache
@@ -9,7 +9,7 @@ from xml.etree import ElementTree
 import numpy as np
 import pinocchio as pin
 
-from hmtb_twin.arm.rigid_bodies import controllers_bodies
+from hmtb_twin.arm.rigid_bodies import write_controller_bodies
 from hmtb_twin.parameters.resources import model_file
 from hmtb_twin.parameters.variants import EARTH, variant_named
 
@@ -64,7 +64,7 @@ class ControllerModel:
         """
         pin.forwardKinematics(self._model, self._data, np.asarray(angles, float))
         placement = pin.updateFramePlacement(self._model, self._data, self._tool)
-        # Pinocchio hands out views of what the next call overwrites.
+        # Pinocchio returns views that the next call overwrites.
         return placement.translation.copy(), placement.rotation.copy()
 
     def tool_jacobian(self, angles: np.ndarray) -> np.ndarray:
@@ -114,5 +114,5 @@ def controller_model(payload: str, variant: str = "nominal") -> ControllerModel:
     """
     root = ElementTree.fromstring(model_file("hmtb/hmtb.xml").read_text(encoding="utf-8"))
     arm = variant_named(variant)
-    controllers_bodies(root, arm, payload)
+    write_controller_bodies(root, arm, payload)
     return ControllerModel(ElementTree.tostring(root, encoding="unicode"), arm.gravity)

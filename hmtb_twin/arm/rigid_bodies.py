@@ -1,4 +1,4 @@
-"""Links, payload and gravity of an arm, written into the nominal model: for MuJoCo, and for the controller."""
+"""Links, payload and gravity of an arm, written into the nominal MJCF for MuJoCo and for the controller."""
 
 from collections.abc import Iterator
 from xml.etree import ElementTree
@@ -12,7 +12,7 @@ from hmtb_twin.parameters.values import JOINTS, LINKS, Link
 from hmtb_twin.parameters.variants import Variant
 
 UNIT = "rpcm"
-"""The body of what the end effector holds."""
+"""Name of the payload's body."""
 
 BODIES = dict(
     zip(
@@ -37,10 +37,10 @@ def write_bodies(spec: mujoco.MjSpec, variant: Variant, payload: str, specimen: 
     """Write gravity, links and payload into a MuJoCo model that holds the RPCM.
 
     Args:
-        spec: The model, of `hmtb.xml` or of a scene round it.
-        variant: The arm; what it shares with the nominal one is left as it is.
+        spec: The model of `hmtb.xml` or of a scene around it.
+        variant: The arm; entries equal to the nominal arm's stay untouched.
         payload: One of `PAYLOADS`.
-        specimen: How links and payload deviate from these.
+        specimen: Deviations of links and payload.
     """
     spec.option.gravity = [0.0, 0.0, -variant.gravity]
     for name, link in _other_links(variant):
@@ -60,7 +60,7 @@ def write_bodies(spec: mujoco.MjSpec, variant: Variant, payload: str, specimen: 
 
 
 def _deviate(spec: mujoco.MjSpec, specimen: Specimen, *, held: bool) -> None:
-    """Write how a specimen's bodies deviate; what does not is left as it is, to the bit."""
+    """Write the deviating bodies of a specimen; all others keep their bits."""
     names = specimen.deviating
     if names:
         links = [spec.body(BODIES[name]) for name in LINK_NAMES]
@@ -72,7 +72,7 @@ def _deviate(spec: mujoco.MjSpec, specimen: Specimen, *, held: bool) -> None:
         for i in map(LINK_NAMES.index, names):
             links[i].mass, links[i].ipos = masses[i], centres[i]
             if not inertias[i][np.triu_indices(3, 1)].any():
-                # Still principal along the body's axes.
+                # The principal axes are still those of the body.
                 links[i].inertia = np.diag(inertias[i])
                 continue
             links[i].inertia = moments[i]
@@ -82,14 +82,8 @@ def _deviate(spec: mujoco.MjSpec, specimen: Specimen, *, held: bool) -> None:
         unit.mass, unit.inertia = specimen.payload_mass * unit.mass, specimen.payload_mass * unit.inertia
 
 
-def controllers_bodies(root: ElementTree.Element, variant: Variant, payload: str) -> None:
-    """Write links, payload and rotor inertias into the MJCF that the controller's model is read from.
-
-    Args:
-        root: The tree of `hmtb.xml`.
-        variant: The arm.
-        payload: One of `PAYLOADS`.
-    """
+def write_controller_bodies(root: ElementTree.Element, variant: Variant, payload: str) -> None:
+    """Write links, payload and rotor inertias of an arm into the tree of `hmtb.xml` for the controller's model."""
     bodies = {str(body.get("name")): body for body in root.iter("body")}
     for name, link in _other_links(variant):
         _write_inertia(bodies[BODIES[name]], link.mass, link.length / 2, link)

@@ -1,4 +1,4 @@
-"""The arm at its worksite: the replacement unit a free body that a latch holds, contact on where it belongs."""
+"""The arm at its worksite: the replacement unit as a free body with a latch, and contact where it is needed."""
 
 import mujoco
 
@@ -7,17 +7,17 @@ from hmtb_twin.parameters.resources import model_file
 from hmtb_twin.parameters.values import LINKS, SAMPLE_TIME
 
 UNIT_BODY = "rpcm"
-"""The replacement unit's body; its frame is the tool's when it is held exactly."""
+"""Body of the replacement unit; its frame is the tool's when it is held exactly."""
 
 LATCH_WELD = "latch"
 """The constraint by which the end effector holds the unit."""
 
 TOUCH_SENSOR = "unit_touch"
-"""Sum of the normal contact forces between the unit and the worksite, N, and its history over the last tick."""
+"""Sensor of the sum of normal contact forces between unit and worksite, N, with its history over the last tick."""
 
 
 def worksite_spec(timestep: float | None = None) -> mujoco.MjSpec:
-    """Return the scene in which the unit comes free of the end effector.
+    """Return the scene with the unit as a free body.
 
     Contact is on between the unit and walls, guides and panel, and between the unit and the finger tips, nowhere else.
     The latch is a stiff weld, open at first.
@@ -33,7 +33,6 @@ def worksite_spec(timestep: float | None = None) -> mujoco.MjSpec:
         spec.delete(key)
     if timestep is not None:
         spec.option.timestep = timestep
-    # One solver call for one small problem, as in free space, but with contact.
     spec.option.disableflags &= ~int(mujoco.mjtDisableBit.mjDSBL_CONTACT)
     _free(spec)
     _fingers(spec)
@@ -44,7 +43,7 @@ def worksite_spec(timestep: float | None = None) -> mujoco.MjSpec:
 
 
 def _free(spec: mujoco.MjSpec) -> None:
-    """Take the unit off the end effector, give it a free joint, a latch and a sensor of touch."""
+    """Separate the unit from the end effector; give it a free joint, a latch and a touch sensor."""
     fixed = spec.body(UNIT_BODY)
     unit = spec.worldbody.add_body(
         mass=fixed.mass, ipos=fixed.ipos, iquat=fixed.iquat, inertia=fixed.inertia, explicitinertial=True
@@ -68,7 +67,7 @@ def _free(spec: mujoco.MjSpec) -> None:
     body = unit.geoms[0]
     body.contype = 1
     _touching(body)
-    # The zone leaves out the end at the fingers: their touch is no contact with the worksite.
+    # The sensor's zone excludes the end at the fingers, whose touch is no contact with the worksite.
     margin, edge = 0.01, 0.01
     x, y, z = (side / 2 for side in UNIT.size)
     unit.add_site(
@@ -100,7 +99,7 @@ def _free(spec: mujoco.MjSpec) -> None:
 
 
 def _fingers(spec: mujoco.MjSpec) -> None:
-    """Give the fingers tips that touch the unit; those that are seen do not."""
+    """Give the fingers spheres that touch the unit; their visible shapes do not."""
     hand = spec.body("end_effector")
     radius = 0.006
     for side in (1.0, -1.0):

@@ -1,4 +1,4 @@
-"""The best small step within bounds: a convex quadratic programme of a few unknowns, solved exactly."""
+"""Convex quadratic programme of a few unknowns with bounds, solved exactly: the best small step."""
 
 import numpy as np
 
@@ -6,7 +6,7 @@ ITERATIONS = 50
 """More changes of the active set than any step of three unknowns needs; a bound against cycling."""
 
 NEGLIGIBLE = 1e-12
-"""A direction that moves a bounded quantity less than this, relative to its own size, does not move it."""
+"""Relative motion of a bounded quantity below which a direction does not move it."""
 
 
 def bounded_step(
@@ -19,12 +19,12 @@ def bounded_step(
     Args:
         hessian: Positive definite (n, n).
         gradient: (n,).
-        rows: What is bounded, linear in the step (m, n).
+        rows: Bounded linear functions of the step (m, n).
         lower: Lower bounds (m,), none above zero.
         upper: Upper bounds (m,), none below zero.
 
     Returns:
-        The step (n,) and the rows that hold it back.
+        The step (n,) and the active rows.
     """
     n = len(gradient)
     step = np.zeros(n)

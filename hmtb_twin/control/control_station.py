@@ -1,4 +1,4 @@
-"""The control station of one experiment: what happens between the stick and the joint command, tick by tick."""
+"""Control station of one experiment: from the stick to the joint command, tick by tick."""
 
 from collections.abc import Callable
 
@@ -15,13 +15,13 @@ from hmtb_twin.parameters.values import JOINTS, SAMPLE_RATE, SAMPLE_TIME
 class ControlStation:
     """Excitation computer or operator, hand controller, control mode and emergency shutdown of one experiment.
 
-    Commands that depend on nothing but the excitation are computed at once; those of an operator, who sees the arm, and
-    of an experiment with an emergency shutdown, after which the command starts where the arm stands, tick by tick.
-    Both take the same steps, to the bit.
+    Commands that depend only on the excitation are computed at once. Those of an operator, who sees the arm, and of an
+    experiment with an emergency shutdown, after which the command starts where the arm stands, are computed tick by
+    tick, with the same arithmetic to the bit.
 
     Args:
         experiment: The experiment.
-        arm: The arm that its controller knows.
+        arm: The arm as its controller knows it.
         rng: Source of bias, noise and hum.
 
     Attributes:
@@ -31,12 +31,12 @@ class ControlStation:
         commands: Joint commands (N, 7), rad.
         status: What was limited at each tick, bits of `Status` (N,).
         powered: Whether the servos have power at each tick (N,).
-        operator: Who moves the stick; None where the excitation computer does.
+        operator: Operator; None if the excitation computer moves the stick.
         live: Whether commands are computed tick by tick.
-        grip: Whether the operator has the end effector closed; None where nobody works it.
+        grip: Whether the operator has the end effector closed; None without an operator.
 
     Raises:
-        TwinError: The experiment asks for something that the station does not have.
+        TwinError: The experiment needs something that the station does not have.
     """
 
     def __init__(self, experiment: Experiment, arm: Arm, rng: np.random.Generator) -> None:
@@ -64,35 +64,35 @@ class ControlStation:
         else:
             self.volts, self.counts = np.empty((2, self.ticks, axes))
         if not self.live:
-            asked = self._gains * deflection(self.counts, self._parameters)
+            deflections = self._gains * deflection(self.counts, self._parameters)
             for tick in range(self.ticks):
-                self.commands[tick], self.status[tick] = self._mode.step(asked[tick])
+                self.commands[tick], self.status[tick] = self._mode.step(deflections[tick])
             self._flag_saturation(slice(None))
 
     def tick(self, tick: int, reading: np.ndarray, look: Callable[[], View]) -> None:
-        """Compute the command of one tick, of a live station only.
+        """Compute the command of one tick of a live station.
 
         Args:
             tick: The tick.
             reading: Resolver readings at this tick (7,), rad.
-            look: Gives an operator's view.
+            look: Returns the operator's view.
 
         Raises:
-            TwinError: The operator does what the stick cannot do.
+            TwinError: The operator returns an invalid motion.
         """
         if self.operator is not None:
             motion = self.operator.move(look())
             self.grip = motion.grip if isinstance(motion, Motion) else None
             self.volts[tick] = self._interface.receive(_checked_volts(motion, self.volts.shape[1])[None], tick)[0]
             self.counts[tick] = self._interface.convert(self.volts[tick - tick % self._interface.hold])
-        asked = self._gains * deflection(self.counts[tick], self._parameters)
+        deflections = self._gains * deflection(self.counts[tick], self._parameters)
         if not self.powered[tick]:
-            self.commands[tick], self.status[tick] = self._mode.rebase(reading, asked)
+            self.commands[tick], self.status[tick] = self._mode.rebase(reading, deflections)
             self.status[tick] |= Status.SHUT_DOWN
         elif tick > 0 and not self.powered[tick - 1]:
-            self.commands[tick], self.status[tick] = self._mode.rebase(reading, asked)
+            self.commands[tick], self.status[tick] = self._mode.rebase(reading, deflections)
         else:
-            self.commands[tick], self.status[tick] = self._mode.step(asked)
+            self.commands[tick], self.status[tick] = self._mode.step(deflections)
         self._flag_saturation(slice(tick, tick + 1))
 
     def _flag_saturation(self, ticks: slice) -> None:
@@ -134,7 +134,7 @@ def _excitation(experiment: Experiment, ticks: int) -> np.ndarray:
 
 
 def _powered(experiment: Experiment, ticks: int) -> np.ndarray:
-    """Return whether the servos have power at each tick: times in turn switch it off and on."""
+    """Return whether the servos have power at each tick; the shutdown times alternate between off and on."""
     powered = np.ones(ticks, dtype=bool)
     times = np.asarray(experiment.shutdown, dtype=float)
     if times.size == 0:

@@ -13,18 +13,17 @@ from hmtb_twin.parameters.values import HandController
 
 @dataclass(frozen=True)
 class Chain:
-    """The imperfections of the laboratory; each can be switched off alone.
+    """Imperfections of the laboratory; each can be switched off separately.
 
     Attributes:
         dac: The excitation computer's converter rounds.
         noise: The wires pick up noise and hum.
-        bias: The hand controller's axes stand off zero.
+        bias: The hand controller's axes have offsets.
         adc: The hand controller's converter rounds.
-        hold: Its processor samples slower than the position loop and holds; matters where `HandController.hold` is
-            above 1.
+        hold: Its processor holds each sample for `HandController.hold` ticks.
         velocity_limit: Joint commands move no faster than their limits.
-        friction: The seals rub; without, the oil's drag is left.
-        resolver: The resolvers are noisy and round.
+        friction: The seals have dry friction; the oil's drag is always there.
+        resolver: The resolvers round and have noise.
     """
 
     dac: bool = True
@@ -40,17 +39,17 @@ class Chain:
 IDEAL = Chain(
     dac=False, noise=False, bias=False, adc=False, hold=False, velocity_limit=False, friction=False, resolver=False
 )
-"""Every link switched off; converters still saturate and joints keep their ranges."""
+"""All imperfections switched off; converters still saturate and joints keep their ranges."""
 
 
 class Status(IntFlag):
-    """Flags of one tick; 0 is ordinary operation.
+    """Status flags of one tick; 0 is normal operation.
 
     Attributes:
-        VELOCITY_LIMITED: A joint's command moved as fast as its limit allows.
+        VELOCITY_LIMITED: A joint's command moved at its velocity limit.
         JOINT_LIMITED: A joint's command stood at an end of its range.
-        SINGULAR: The tool could not move as asked near a singular pose, and the step was damped.
-        CONVERTER_SATURATED: A hand-controller count stood at an end of the converter.
+        SINGULAR: The step was damped near a singular pose, and the tool lags.
+        CONVERTER_SATURATED: A hand-controller count stood at an end of the converter's range.
         SHUT_DOWN: Emergency shutdown: servo power off, valves closed.
         UNIT_HELD: The end effector holds the orbital replacement unit.
     """
@@ -65,7 +64,7 @@ class Status(IntFlag):
 
 @dataclass(frozen=True)
 class UnitView:
-    """The replacement unit as the cameras show it.
+    """View of the replacement unit by the cameras.
 
     Attributes:
         position: Its grip, the tool point when it is held, in the world (3,), m.
@@ -80,7 +79,7 @@ class UnitView:
 
 @dataclass(frozen=True)
 class View:
-    """What an operator at the control station sees at a tick: cameras and displays, without his own delay or error.
+    """View of an operator at the control station at a tick: cameras and displays, without human delay or error.
 
     Attributes:
         time: Since the start of the experiment, s.
@@ -99,7 +98,7 @@ class View:
 
 @dataclass(frozen=True)
 class Motion:
-    """What an operator does at a tick.
+    """Stick and grip motion of an operator at a tick.
 
     Attributes:
         volts: Stick voltage of each axis of the experiment (n_axes,), V.
@@ -111,16 +110,16 @@ class Motion:
 
 
 class Operator(Protocol):
-    """Someone at the hand controller. One operator serves one experiment from its first tick to its last."""
+    """Whoever moves the hand controller; one operator serves one experiment from its first tick to its last."""
 
     def move(self, view: View) -> Motion:
-        """Look, and move the stick; called at every tick, 50 times a second.
+        """Return the stick motion of a tick; called 50 times a second.
 
         Args:
-            view: What is seen at this tick, in the world frame.
+            view: The operator's view at this tick, in the world frame.
 
         Returns:
-            Volts in the sequence of the experiment's axes. Positive moves a joint up its angle, or the tool along or
+            Volts in the order of the experiment's axes. Positive moves a joint up its angle, or the tool along or
             about its own axis, by `axis_gains` per volt: an offset in the position modes, a velocity in the rate modes.
             `grip` matters at the worksite only.
         """
@@ -131,20 +130,20 @@ class Experiment(Protocol):
     """One experiment on the arm; any object with these attributes will do.
 
     Attributes:
-        name: Name under which its log, or its failure, is reported.
+        name: Name of its log, or of its failure.
         variant: Arm variant.
-        payload: What the end effector holds.
-        plant: What the drives run on and rub with.
-        specimen: How this one arm deviates from its variant.
+        payload: Payload of the end effector.
+        plant: Supply, oil, friction and noise of the drives.
+        specimen: Deviations of this arm from its variant.
         pose: Keyframe at which the arm rests before the experiment and about which it is excited.
         worksite: Whether the arm works at the worksite, with contact, instead of in free space.
         mode: Control mode, one of `MODES`.
-        axes: What the stick moves: joints in the single-joint modes, directions of the tool in the Cartesian modes.
+        axes: Axes that the stick moves: joints in the single-joint modes, tool directions in the Cartesian modes.
         seed: Seed of every random draw of the laboratory.
         duration: Length, s.
-        chain: Which links of the chain act.
+        chain: Imperfections that are switched on.
         hand_controller: The hand-controller interface.
-        shutdown: Emergency shutdowns: times of power off and of power on again in turn, s.
+        shutdown: Emergency shutdowns: times of power off and power on, alternating, s.
     """
 
     @property
@@ -181,5 +180,5 @@ class Experiment(Protocol):
         ...
 
     def operator(self) -> Operator | None:
-        """Return a new operator who moves the stick in place of the excitation computer, or none."""
+        """Return a new operator who replaces the excitation computer, or None."""
         ...

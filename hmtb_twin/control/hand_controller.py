@@ -1,4 +1,4 @@
-"""The hand-controller interface: noisy volts in, held and quantised counts out."""
+"""Hand-controller interface: from noisy volts to held and quantised counts."""
 
 from dataclasses import dataclass
 
@@ -10,20 +10,12 @@ from hmtb_twin.parameters.values import SAMPLE_TIME, HandController
 
 
 def quantise(signal: np.ndarray, step: float) -> np.ndarray:
-    """Round a signal to whole converter counts.
-
-    Args:
-        signal: Any shape, in the unit of `step`.
-        step: Size of one count.
-
-    Returns:
-        The counts, integers held as float64, same shape.
-    """
+    """Round a signal of any shape to whole converter counts of size `step`, integers as float64."""
     return np.rint(signal / step)
 
 
 def pickup(ticks: int, axes: int, parameters: HandController, rng: np.random.Generator, chain: Chain) -> np.ndarray:
-    """Return what bias and wires add to the excitation.
+    """Return the disturbance that bias and wires add to the excitation.
 
     The noise is white, or a first-order low-pass of white noise where a corner is given, with the same standard
     deviation; hum is a sinusoid of random phase, which the 50 Hz loop sees at its alias.
@@ -32,8 +24,8 @@ def pickup(ticks: int, axes: int, parameters: HandController, rng: np.random.Gen
         ticks: Length N.
         axes: Number of axes n.
         parameters: The interface.
-        rng: Source of bias, noise and phase; the same number of draws is made whatever the chain.
-        chain: Which links act.
+        rng: Source of bias, noise and phase; the number of draws does not depend on the chain.
+        chain: Imperfections that are switched on.
 
     Returns:
         Disturbance (N, n), V.
@@ -59,13 +51,13 @@ def pickup(ticks: int, axes: int, parameters: HandController, rng: np.random.Gen
 class HandControllerInterface:
     """The interface of one experiment: volts of the excitation computer to stick deflections.
 
-    Bias and noise are picked up, the converter saturates and rounds, its processor holds each sample and keeps small
-    deflections from the arm [Morris1996, III.2A, III.2C and III.4].
+    The wires add bias and noise, the converter saturates and rounds, the processor holds each sample and suppresses
+    small deflections [Morris1996, III.2A, III.2C and III.4].
 
     Attributes:
         parameters: The interface.
-        chain: Which links act.
-        disturbance: What bias and wires add, tick by tick (N, n), V.
+        chain: Imperfections that are switched on.
+        disturbance: Disturbance by bias and wires at each tick (N, n), V.
     """
 
     parameters: HandController
@@ -74,7 +66,7 @@ class HandControllerInterface:
 
     @property
     def hold(self) -> int:
-        """How many ticks of the position loop each sample lasts."""
+        """Ticks of the position loop that each sample lasts."""
         return self.parameters.hold if self.chain.hold else 1
 
     def receive(self, volts: np.ndarray, first: int = 0) -> np.ndarray:
@@ -82,7 +74,7 @@ class HandControllerInterface:
         return volts + self.disturbance[first : first + len(volts)]
 
     def convert(self, received: np.ndarray) -> np.ndarray:
-        """Return converter counts of voltages, same shape; fractions of counts where the converter does not round."""
+        """Return converter counts of voltages, same shape; fractions if the converter does not round."""
         step, limit = self.parameters.adc_step, self.parameters.adc_limit
         counts = quantise(received, step) if self.chain.adc else received / step
         return np.clip(counts, -limit, limit - 1)

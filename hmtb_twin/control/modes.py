@@ -50,7 +50,7 @@ class SingleJoint:
             deflection: Offsets in rad, or velocities in rad/s, of the joints that move (n,).
 
         Returns:
-            The command (7,), rad, and what was limited.
+            The command (7,), rad, and its limits.
         """
         status = 0
         for (joint, lower, upper, step), moved in zip(self._joints, deflection.tolist(), strict=True):
@@ -67,15 +67,7 @@ class SingleJoint:
         return self._command.copy(), Status(status)
 
     def rebase(self, angles: np.ndarray, deflection: np.ndarray) -> tuple[np.ndarray, Status]:
-        """Take over at measured angles without a bump: this deflection now means the arm as it stands.
-
-        Args:
-            angles: Measured angles (7,), rad.
-            deflection: The deflection at this tick (n,).
-
-        Returns:
-            The command (7,), rad, and whether a range kept it from the angles.
-        """
+        """Continue from measured angles without a jump: this deflection now means the present arm; see `Mode`."""
         self._command[:] = np.clip(angles, self._lower, self._upper)
         self._reference[:] = self._command
         if self._dt is None:
@@ -125,7 +117,7 @@ class Cartesian:
             deflection: Offsets in m and rad, or velocities in m/s and rad/s, of the directions that move (n,).
 
         Returns:
-            The command (7,), rad, and what was limited.
+            The command (7,), rad, and its limits.
         """
         twist = np.zeros(6)
         twist[self._directions] = deflection if self._dt is None else self._dt * deflection
@@ -139,22 +131,14 @@ class Cartesian:
             | reached.singular * Status.SINGULAR
         )
         if self._dt is not None:
-            # What was not reached is not owed: a limited rate command does not wind up.
+            # A limited rate command must not wind up: the reference follows what the tool reached.
             self._position, self._rotation = (
                 self._controller.tool_pose(self._command) if status else (position, rotation)
             )
         return self._command.copy(), Status(status)
 
     def rebase(self, angles: np.ndarray, deflection: np.ndarray) -> tuple[np.ndarray, Status]:
-        """Take over at measured angles without a bump: this deflection now means the tool where it is.
-
-        Args:
-            angles: Measured angles (7,), rad.
-            deflection: The deflection at this tick (n,).
-
-        Returns:
-            The command (7,), rad, and whether a range kept it from the angles.
-        """
+        """Continue from measured angles without a jump: this deflection now means the present tool pose; see `Mode`."""
         self._command = np.clip(angles, self._lower, self._upper)
         self._position, self._rotation = self._controller.tool_pose(self._command)
         if self._dt is None:
@@ -175,34 +159,26 @@ TOOL_AXES = ("x", "y", "z", "roll", "pitch", "yaw")
 
 
 class Mode(Protocol):
-    """A control mode at work: it keeps the last command."""
+    """A control mode; it keeps the last command."""
 
     def step(self, deflection: np.ndarray) -> tuple[np.ndarray, Status]:
-        """Return the next command (7,), rad, and what was limited, from deflections (n_axes,) in SI units."""
+        """Return the next command (7,), rad, and its limits, from deflections (n_axes,) in SI units."""
         ...
 
     def rebase(self, angles: np.ndarray, deflection: np.ndarray) -> tuple[np.ndarray, Status]:
-        """Take over at measured angles (7,) without a bump; return the command (7,), rad, and what was limited."""
+        """Continue from measured angles (7,), rad, without a jump; return the command (7,), rad, and its limits."""
         ...
 
 
 def joint_index(name: str) -> int:
-    """Return a joint's place in `JOINTS`.
-
-    Raises:
-        TwinError: There is no such joint.
-    """
+    """Return the index of a joint in `JOINTS`; raises `TwinError` for an unknown joint."""
     if not isinstance(name, str) or name not in JOINTS:
         raise TwinError(f"unknown joint {name!r}, available: {', '.join(JOINTS)}")
     return JOINTS.index(name)
 
 
 def axis_names(mode: str) -> tuple[str, ...]:
-    """Return what the stick can move in a mode.
-
-    Raises:
-        TwinError: There is no such mode.
-    """
+    """Return the axes that the stick can move in a mode; raises `TwinError` for an unknown mode."""
     if mode not in MODES:
         raise TwinError(f"unknown mode {mode!r}, available: {', '.join(MODES)}")
     if mode.startswith("cartesian"):
@@ -211,7 +187,7 @@ def axis_names(mode: str) -> tuple[str, ...]:
 
 
 def axis_gains(mode: str, axes: tuple[str, ...], parameters: HandController) -> np.ndarray:
-    """Return what one volt of deflection asks for on each axis (n_axes,), in rad/V, m/V, rad/(s V) or m/(s V)."""
+    """Return the gain of each axis (n_axes,) from deflection in V, in rad/V, m/V, rad/(s V) or m/(s V)."""
     rate = mode.endswith("rate")
     joint = parameters.rate_gain if rate else parameters.gain
     translation = parameters.translation_rate_gain if rate else parameters.translation_gain
@@ -221,11 +197,7 @@ def axis_gains(mode: str, axes: tuple[str, ...], parameters: HandController) -> 
 
 
 def start_mode(experiment: Experiment, arm: Arm) -> Mode:
-    """Return an experiment's control mode, its command at the experiment's pose.
-
-    Args:
-        experiment: Its pose, mode, axes and chain count.
-        arm: The arm whose controller it is.
+    """Return the control mode of an experiment, its command at the experiment's pose.
 
     Raises:
         TwinError: Unknown mode, or axes that the mode does not have.

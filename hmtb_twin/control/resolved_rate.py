@@ -1,10 +1,10 @@
-"""Resolved-rate control of the tool: one tick of joint commands toward a wanted tool pose.
+"""Resolved-rate control of the tool: joint commands, tick by tick, toward a target tool pose.
 
-What a controller that resolves rates does [Whitney1969], with the tool's orientation as the task of first priority:
+Resolved rates [Whitney1969] with the tool's orientation as the task of first priority:
 
 - **Orientation** is exact at every tick, limited or not: the wrist takes it up in closed form (`ToolKinematics`), and
   the three joints before it position the wrist centre.
-- **Position** follows the straight line from the command to the wanted place. The end of each step is known in closed
+- **Position** follows the straight line from the command to the target. The end of each step is known in closed
   form too, so that nothing drifts. Near singular poses, where joints turn fast for a slow tool, the step is damped
   [NakamuraHanafusa1986; Wampler1986], the more so the more singular the pose [Chiaverini1997], and the tool lags.
 - **Velocity limits**: the whole step is shortened along its path until every joint keeps its limit. The tool slows down
@@ -14,7 +14,7 @@ What a controller that resolves rates does [Whitney1969], with the tool's orient
 - **Singular surfaces** are not crossed: the elbow stays bent its way, the wrist centre keeps clear of the yaw axis, and
   the wrist yaw of its quarter turn. The arm stays on its branch and comes back from a limit as it went there.
 
-Nothing is owed after a limit: each tick starts from the last command alone.
+Limits leave no memory: each tick starts from the last command alone.
 """
 
 from collections.abc import Callable, Sequence
@@ -49,25 +49,25 @@ STRIDE = 0.1
 """Without velocity limits a tick takes as many strides as it needs, no joint moving more than this in each, rad."""
 
 STRIDES = 500
-"""The most strides of a tick."""
+"""Largest number of strides in a tick."""
 
 CORRECTIONS = 6
-"""The most corrections by Newton's method where joints slide along the ends of their ranges."""
+"""Largest number of Newton corrections where joints slide along the ends of their ranges."""
 
 HELD = 1e-7
-"""A wanted orientation no further than this from the command's is taken over at once, rad."""
+"""Largest change of orientation that needs no path, rad."""
 
 SLACK = 1e-3
-"""Part of a velocity limit that a shortened step leaves free for its own curvature."""
+"""Fraction of a velocity limit that a shortened step keeps in reserve for its curvature."""
 
 ATTEMPTS = 12
-"""How often a step is shortened before the command holds."""
+"""Largest number of shortenings of a step before the command holds."""
 
 HALVINGS = 3
-"""How often a turn that meets the end of a range is halved before it stops."""
+"""Largest number of halvings of a rotation that meets the end of a range before it stops."""
 
 ARRIVED = 1e-9
-"""A tool this near to where it is wanted is there, m; joints that still move this much have come to rest, rad."""
+"""Distance at which a tool has reached its target, m; motion at which joints are at rest, rad."""
 
 ROUNDING = 1e-12
 """Excess over the end of a range that is cut off, rad: the tool turns by no more."""
@@ -78,7 +78,7 @@ GUARDS = frozenset({4, 6})
 
 @dataclass(frozen=True, eq=False)
 class CartesianStep:
-    """One tick's command.
+    """Command of one tick.
 
     Attributes:
         angles: Commanded joint angles (7,), rad.
@@ -172,7 +172,7 @@ class ResolvedRate:
         return reached
 
     def _ordinary(self, previous: list[float], position: list[float], rotation: Rotation) -> CartesianStep | None:
-        """Return the command that reaches the wanted pose in this tick; None where a limit stands against it."""
+        """Return the command that reaches the target in this tick; None if a limit prevents it."""
         roll, _, shoulder, elbow, pitch, wrist_yaw, wrist_roll = previous
         wrist = WristAngles(shoulder - elbow + pitch, wrist_yaw, wrist_roll)
         arrived = self._kinematics.reaching(*self._kinematics.wanted(roll, position, rotation), wrist)

@@ -11,14 +11,14 @@ from hmtb_twin.parameters.values import INDEXED_JOINTS, JOINTS
 
 
 def newton(function: Callable[[np.ndarray], np.ndarray], start: np.ndarray) -> np.ndarray:
-    """Solve by Newton's method with centred differences, halving steps that make matters worse.
+    """Find a root by Newton's method with centred differences, halving steps that do not reduce the norm.
 
     Args:
-        function: What is to vanish, (n,) of (n,), all of order one or smaller.
-        start: Where to begin (n,).
+        function: Function (n,) of (n,), both of order one or smaller.
+        start: First point (n,).
 
     Returns:
-        The point (n,) reached; whether the function vanishes there is the caller's to check.
+        The last point (n,); the caller checks whether the function vanishes there.
     """
     point, value = start, function(start)
     for _ in range(50):
@@ -38,11 +38,11 @@ def newton(function: Callable[[np.ndarray], np.ndarray], start: np.ndarray) -> n
 
 
 LEAN = 1e-8
-"""How far a joint is pushed aside to feel its pin, rad: about as far as it leans."""
+"""Displacement by which the stiffness of a pin is measured, rad: about the deflection that it has under load."""
 
 
-def scales(model: mujoco.MjModel) -> Callable[[np.ndarray], np.ndarray]:
-    """Return the function that gives the torques (7,) in N m that hold a model in free space at angles (7,) in rad."""
+def weight_function(model: mujoco.MjModel) -> Callable[[np.ndarray], np.ndarray]:
+    """Return the function from angles (7,), rad, to the torques (7,), N m, that hold a model in free space."""
     data = mujoco.MjData(model)
 
     def weight(angles: np.ndarray) -> np.ndarray:
@@ -72,7 +72,7 @@ def drooping(
     command: np.ndarray,
     feedforward: np.ndarray,
     stiffness: np.ndarray,
-    pressed: Callable[[np.ndarray], np.ndarray],
+    activations: Callable[[np.ndarray], np.ndarray],
 ) -> tuple[np.ndarray, np.ndarray]:
     """Find the equilibrium of a servo arm under a constant command, kp (q_cmd - q) + feedforward = weight(q).
 
@@ -80,17 +80,17 @@ def drooping(
 
     Args:
         model: The arm in free space.
-        weight: Gives the torques (7,) in N m that hold it at angles (7,) in rad.
+        weight: Function from angles (7,), rad, to the torques (7,), N m, that hold it.
         command: Commanded angles (7,), rad.
         feedforward: Feedforward torques (7,), N m.
         stiffness: kp of each joint (7,), N m/rad.
-        pressed: Gives the activations at which the drives exert torques (7,), N m.
+        activations: Function from torques (7,), N m, to the activations at which the drives exert them.
 
     Returns:
         Joint angles (7,) in rad and torques of the drives (7,) in N m.
 
     Raises:
-        OverloadError: There is none.
+        OverloadError: There is no equilibrium.
     """
     indexed = np.isin(JOINTS, INDEXED_JOINTS)
 
@@ -101,21 +101,21 @@ def drooping(
         def imbalance(angles: np.ndarray) -> np.ndarray:
             return np.where(indexed, angles - pins, (torque(angles) - weight(angles)) / stiffness)
 
-        found = newton(imbalance, command)
-        if not np.abs(imbalance(found)).max() < 1e-9:
+        solution = newton(imbalance, command)
+        if not np.abs(imbalance(solution)).max() < 1e-9:
             raise OverloadError("the servos cannot hold the arm at this pose: it weighs more than its controller knows")
-        return found
+        return solution
 
     smooth = model
     if model.dof_frictionloss.any():
-        # Dry friction would hide what the pin carries.
+        # Dry friction would hide the force of the pin.
         smooth = copy(model)
         smooth.dof_frictionloss[:] = 0.0
 
     def exerting(angles: np.ndarray) -> mujoco.MjData:
         data = mujoco.MjData(smooth)
         data.ctrl[0::2], data.ctrl[1::2] = command, feedforward
-        data.qpos[:], data.act[:] = angles, pressed(torque(angles))
+        data.qpos[:], data.act[:] = angles, activations(torque(angles))
         return data
 
     data = exerting(settled(command))
@@ -125,12 +125,11 @@ def drooping(
 
 
 def lean_on_pins(model: mujoco.MjModel, data: mujoco.MjData) -> None:
-    """Push indexed joints onto their pins, some 1e-8 rad, until these carry what the drives leave.
+    """Deflect indexed joints against their pins, some 1e-8 rad, until these carry what the drives do not.
 
     Args:
         model: The arm's model.
-        data: The arm at rest but for the pins; the angles of indexed joints are changed, and all that follows stays
-            for the caller to settle anew.
+        data: The arm at rest except for the pins; only the angles of indexed joints change.
     """
     for name in INDEXED_JOINTS:
         joint = model.joint(name)
@@ -139,5 +138,5 @@ def lean_on_pins(model: mujoco.MjModel, data: mujoco.MjData) -> None:
         before = data.qacc[speed]
         data.qpos[angle] += LEAN
         mujoco.mj_forward(model, data)
-        # A pin's force is linear in how far it is pushed aside.
+        # The force of a pin is linear in its deflection.
         data.qpos[angle] -= LEAN * (1.0 + before / (data.qacc[speed] - before))

@@ -1,13 +1,13 @@
-"""The laboratory's error and warning."""
+"""Errors and warnings of the laboratory."""
 
 
 class TwinError(ValueError):
-    """Bad input to the laboratory; the message says what was given, what was expected and what is available."""
+    """Invalid input to the laboratory; the message names the given, expected and available values."""
 
 
 class OverloadError(TwinError):
-    """The drives cannot hold the arm at a pose, as the supply pressure is."""
+    """The drives cannot hold the arm at a pose under the present supply pressure."""
 
 
 class TwinWarning(UserWarning):
-    """Something about the physics that a user should know, such as an experiment that ran into a limit."""
+    """A physical condition that affects the result, such as an experiment that reached a limit."""

@@ -1,4 +1,4 @@
-"""What the arm's drives run on and rub with: the table `[plant]` of an experiment."""
+"""Plant: supply, oil, friction and process noise of the drives; the table `[plant]` of an experiment."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
@@ -11,12 +11,12 @@ ACTUATOR_FORMS = ("linear", "orifice")
 """Fidelities of the actuators: a linear load-flow characteristic, or a servo valve with square-root orifices."""
 
 FRICTIONS = ("none", "viscous", "coulomb", "lugre")
-"""What the joints rub with: nothing; the oil's drag; that and Coulomb friction; that and LuGre friction."""
+"""Friction of the joints: none; viscous drag of the oil; drag and Coulomb friction; drag and LuGre friction."""
 
 
 @dataclass(frozen=True)
 class Plant:
-    """The physics of the drives that an experiment may choose, beside the variant of the arm and its payload.
+    """Physics of the drives that an experiment may choose, besides the variant of the arm and its payload.
 
     Attributes:
         actuator: One of `ACTUATOR_FORMS`.
@@ -24,8 +24,8 @@ class Plant:
         friction_level: Dry friction, in multiples of the variant's.
         supply_pressure: Pressure of the supply, MPa.
         oil_temperature: Temperature of the oil, which sets its viscosity, and so drag and leakage, degrees Celsius.
-        process_noise: Standard deviation of the torque that noise in the valve drives adds, as a part of each joint's
-            rated torque; white at 50 Hz and held over each tick.
+        process_noise: Standard deviation of the torque noise of the valve drives, as a fraction of each joint's rated
+            torque; white at 50 Hz and held over each tick.
     """
 
     actuator: str = "linear"
@@ -37,11 +37,11 @@ class Plant:
 
     def __post_init__(self) -> None:
         for name, known in (("actuator", ACTUATOR_FORMS), ("friction", FRICTIONS)):
-            text = getattr(self, name)
-            if not isinstance(text, str) or text not in known:
-                raise TwinError(f"plant: unknown {name} {text!r}, available: {', '.join(known)}")
-            # Texts and numbers of NumPy are stored as Python's own: equal plants look equal, in files too.
-            object.__setattr__(self, name, str(text))
+            choice = getattr(self, name)
+            if not isinstance(choice, str) or choice not in known:
+                raise TwinError(f"plant: unknown {name} {choice!r}, available: {', '.join(known)}")
+            # NumPy texts and numbers become Python's: equal plants are written equally to files.
+            object.__setattr__(self, name, str(choice))
         lowest = 1.5 * Hydraulics.return_pressure
         ranges: Mapping[str, tuple[float, float, str]] = {
             "friction_level": (0.0, 100.0, "0 to 100"),
@@ -51,7 +51,7 @@ class Plant:
         }
         for name, (lower, upper, expected) in ranges.items():
             value = getattr(self, name)
-            # A truth value equals 0 or 1 and would pass for it.
+            # bool is a subclass of int, so True would pass as 1.
             number = isinstance(value, Real) and not isinstance(value, bool)
             if not (number and lower <= value <= upper):
                 raise TwinError(f"plant: {name} = {value} given, expected {expected}")
@@ -59,32 +59,27 @@ class Plant:
 
     @property
     def sliding(self) -> "Plant":
-        """The plant without dry friction: the oil's drag, where there is any, is left."""
+        """The plant without dry friction, but with the oil's drag if it has any."""
         return self if self.friction == "none" else replace(self, friction="viscous")
 
     def applied(self, drive: Drive) -> Drive:
-        """Return a drive of the arm as it is under these conditions.
-
-        Raises:
-            TwinError: The conditions are those of oil, and the drive is electric.
-        """
+        """Return a drive under these conditions; raises `TwinError` for conditions of oil and an electric drive."""
         if isinstance(drive, ElectricDrive):
-            self._check_dry()
-            return replace(drive, friction=self._rubbing(drive.friction))
+            self._check_no_oil()
+            return replace(drive, friction=self._friction(drive.friction))
         oil = replace(drive.hydraulics, supply_pressure=self.supply_pressure, oil_temperature=self.oil_temperature)
-        return replace(drive, hydraulics=oil, friction=self._rubbing(drive.friction))
+        return replace(drive, hydraulics=oil, friction=self._friction(drive.friction))
 
-    def _check_dry(self) -> None:
+    def _check_no_oil(self) -> None:
         for name in ("actuator", "supply_pressure", "oil_temperature"):
-            given, nominal = getattr(self, name), getattr(type(self), name)
-            if given != nominal:
+            value, nominal = getattr(self, name), getattr(type(self), name)
+            if value != nominal:
                 raise TwinError(
-                    f"plant: {name} = {given!r} given, but the drives of this arm are electric, without valves and "
-                    f"oil; expected {nominal!r} as where there is no choice. friction, friction_level and "
-                    "process_noise apply"
+                    f"plant: {name} = {value!r} given, but the drives of this arm are electric, without valves and "
+                    f"oil; expected the nominal {nominal!r}. friction, friction_level and process_noise apply"
                 )
 
-    def _rubbing(self, seals: Friction | None) -> Friction | None:
+    def _friction(self, seals: Friction | None) -> Friction | None:
         if seals is None or self.friction == "none":
             return None
         dry = 0.0 if self.friction == "viscous" else self.friction_level * seals.coulomb
@@ -92,4 +87,4 @@ class Plant:
 
 
 NOMINAL_PLANT = Plant()
-"""The linear actuator with LuGre friction, at the nominal pressure and temperature, without process noise."""
+"""Linear actuators with LuGre friction at the nominal pressure and temperature, without process noise."""

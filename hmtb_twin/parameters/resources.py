@@ -1,4 +1,4 @@
-"""Where the MJCF models lie, in an installed wheel and in a checkout alike."""
+"""Paths of the MJCF models, in an installed wheel and in a checkout."""
 
 from importlib.resources import files
 from pathlib import Path
@@ -7,13 +7,7 @@ from hmtb_twin.parameters.errors import TwinError
 
 
 def models_directory() -> Path:
-    """Return the folder that holds the model folders.
-
-    In a wheel the models lie inside this package; in a checkout, and so in an editable install, they stand at the root
-    of the repository beside it.
-
-    Returns:
-        The folder `models`.
+    """Return the folder `models`: inside this package in a wheel, at the root of the repository in a checkout.
 
     Raises:
         FileNotFoundError: Neither place holds models: the installation is incomplete.
@@ -30,13 +24,7 @@ def models_directory() -> Path:
 
 
 def model_file(name: str) -> Path:
-    """Return the path of one model file.
-
-    Args:
-        name: Path below the folder `models`, with forward slashes, such as `hmtb/hmtb.xml`.
-
-    Returns:
-        The file's path; MuJoCo and Pinocchio both read it from there.
+    """Return the path of a model file, named below the folder `models` with forward slashes, as in `hmtb/hmtb.xml`.
 
     Raises:
         TwinError: There is no such file; the message lists the files that exist.

@@ -1,4 +1,4 @@
-"""One specimen of the arm: how it differs from the variant that it was built as; the table `[specimen]`."""
+"""Specimen: deviations of one arm from its variant; the table `[specimen]` of an experiment."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -21,46 +21,46 @@ LARGEST = 100.0
 """Largest factor; the smallest of those that must not vanish is one over it."""
 
 FARTHEST = 3.0
-"""Largest entry of `stretch`, `shear` and `shift` either way: no such body was ever built."""
+"""Largest magnitude of `stretch`, `shear` and `shift`: far beyond any body that can be built."""
 
 MAY_VANISH = ("dry_friction", "drag", "resolver_noise")
-"""Factors that may be 0: what they multiply is then missing."""
+"""Factors that may be 0, which switches off the quantity that they multiply."""
 
 OIL = ("bulk_modulus", "leakage")
-"""What electric drives have not."""
+"""Quantities of the oil, which electric drives do not have."""
 
 DEVIATIONS = ("stretch", "shear", "shift")
-"""What is nominally 0; the rest are factors, nominally 1."""
+"""Quantities that are nominally 0; all others are factors, nominally 1."""
 
 LENGTHS = {
     "mass": len(LINK_NAMES),
     **{name: AXES * len(LINK_NAMES) for name in DEVIATIONS},
     **{name: len(JOINTS) for name in ("dry_friction", "drag", "kp", "kd")},
 }
-"""How many numbers a quantity has that is not the same for the whole arm."""
+"""Number of entries of each quantity that has one per body, axis or joint."""
 
 
 @dataclass(frozen=True)
 class Specimen:
-    """How one arm deviates from its variant. Its controller knows the variant, not the specimen.
+    """Deviations of one arm from its variant. Its controller knows the variant, not the specimen.
 
     The pseudo-inertia of a body about its own centre of mass, J = [[S, 0], [0, m]] with S the second moments of its
     mass, becomes m_f U0 U U^T U0^T: U0 U0^T = J, and U the log-Cholesky matrix of [Rucker2022]
 
         U = [[exp(d1), s12, s13, t1], [0, exp(d2), s23, t2], [0, 0, exp(d3), t3], [0, 0, 0, 1]].
 
-    Any numbers give a body that can be built, zeros give the variant's, and the mass factor scales mass and inertia
+    Any numbers give a physically possible body, zeros give the variant's, and the mass factor scales mass and inertia
     alike. The axes are those of the body's frame, x along the link; one unit of a `shift` is the root mean square
     extent of the variant's body along that axis.
 
-    An empty tuple, the default, stands for nothing that deviates; one that deviates nowhere is stored as such.
+    An empty tuple, the default, means no deviation; a tuple of nominal entries is stored as an empty one.
 
     Attributes:
         mass: Factors of the masses of the bodies in the sequence of `LINK_NAMES` (8,).
         stretch: d1, d2, d3 of each body in turn (24,).
         shear: s12, s23, s13 of each body in turn (24,).
-        shift: t1, t2, t3 of each body in turn, how far the centre of mass is moved (24,).
-        payload_mass: Factor of the mass and inertia of what the end effector holds; of nothing it is nothing.
+        shift: t1, t2, t3 of each body in turn, the displacement of the centre of mass (24,).
+        payload_mass: Factor of the mass and inertia of the payload.
         dry_friction: Factors of the dry friction of the joints, in the sequence of `JOINTS` (7,).
         drag: Factors of their viscous friction (7,).
         kp: Factors of their servo gains for position (7,).
@@ -111,7 +111,7 @@ class Specimen:
 
     @property
     def as_designed(self) -> bool:
-        """Whether links and payload are those of the variant."""
+        """Whether links and payload have the masses and inertias of the variant."""
         return not self.deviations.keys() & {"mass", "payload_mass", *DEVIATIONS}
 
     @property
@@ -120,19 +120,15 @@ class Specimen:
         return replace(RECORDER, noise=self.resolver_noise * RECORDER.noise)
 
     def applied(self, joint: str, drive: Drive) -> Drive:
-        """Return the drive of a joint as it is on this arm.
-
-        Raises:
-            TwinError: The oil deviates, and the drive is electric.
-        """
-        wrong = [name for name in OIL if getattr(self, name) != 1.0]
+        """Return the drive of a joint on this arm; raises `TwinError` for deviating oil and an electric drive."""
+        oil_factors = [name for name in OIL if getattr(self, name) != 1.0]
         if isinstance(drive, ElectricDrive):
-            if wrong:
+            if oil_factors:
                 raise TwinError(
-                    f"specimen: {wrong[0]} = {getattr(self, wrong[0])!r} given, but the drives of this arm are "
-                    "electric, without oil; expected 1.0 as where there is no choice"
+                    f"specimen: {oil_factors[0]} = {getattr(self, oil_factors[0])!r} given, but the drives of this arm "
+                    "are electric, without oil; expected 1.0"
                 )
-        elif wrong:
+        elif oil_factors:
             oil = drive.hydraulics
             oil = replace(oil, bulk_modulus=self.bulk_modulus * oil.bulk_modulus, leakage=self.leakage * oil.leakage)
             drive = replace(drive, hydraulics=oil)
@@ -145,14 +141,14 @@ class Specimen:
         return replace(drive, friction=seals)
 
     def gains(self, joint: str, tuned: tuple[float, float]) -> tuple[float, float]:
-        """Return kp and kd that the servo of a joint has where it was given the tuned ones."""
+        """Return kp and kd of a joint's servo on this arm from the tuned ones."""
         kp, kd = tuned
         return self._of_joint("kp", joint) * kp, self._of_joint("kd", joint) * kd
 
     def bodies(
         self, masses: np.ndarray, centres: np.ndarray, moments: np.ndarray
     ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Return the mass properties of the bodies on this arm, in the sequence of `LINK_NAMES`.
+        """Return the mass properties of the bodies of this arm, in the order of `LINK_NAMES`.
 
         Args:
             masses: Masses of the variant's bodies (8,), kg.
@@ -178,11 +174,11 @@ class Specimen:
 
     @property
     def deviating(self) -> tuple[str, ...]:
-        """The bodies of `LINK_NAMES` that are not those of the variant."""
-        moved = np.any(self._shapes, axis=(0, 2))
+        """The bodies of `LINK_NAMES` that differ from the variant's."""
+        deviates = np.any(self._shapes, axis=(0, 2))
         if self.mass:
-            moved |= np.array(self.mass) != 1.0
-        return tuple(name for name, other in zip(LINK_NAMES, moved, strict=True) if other)
+            deviates |= np.array(self.mass) != 1.0
+        return tuple(name for name, flag in zip(LINK_NAMES, deviates, strict=True) if flag)
 
     @property
     def _shapes(self) -> np.ndarray:
@@ -200,13 +196,13 @@ def _range(name: str) -> tuple[float, float]:
     return (0.0 if name in MAY_VANISH else 1.0 / LARGEST), LARGEST
 
 
-def _number(name: str, given: object, lower: float, upper: float) -> float:
-    # A truth value equals 0 or 1 and would pass for it.
-    number = float(given) if isinstance(given, Real) and not isinstance(given, bool) else nan
+def _number(name: str, value: object, lower: float, upper: float) -> float:
+    # bool is a subclass of int, so True would pass as 1.
+    number = float(value) if isinstance(value, Real) and not isinstance(value, bool) else nan
     if not lower <= number <= upper:
-        raise TwinError(f"specimen: {name} = {given!r} given, expected a number from {lower:g} to {upper:g}")
+        raise TwinError(f"specimen: {name} = {value!r} given, expected a number from {lower:g} to {upper:g}")
     return number
 
 
 NOMINAL_SPECIMEN = Specimen()
-"""The arm that is just what its variant says."""
+"""The arm exactly as its variant defines it."""

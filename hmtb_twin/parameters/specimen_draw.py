@@ -1,4 +1,4 @@
-"""Arms drawn at random: from which distributions, and one arm of many by its seed."""
+"""Random arms: distributions of their parameters, and the arm that a seed draws from them."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, fields, replace
@@ -15,29 +15,28 @@ from hmtb_twin.parameters.plant import Plant
 from hmtb_twin.parameters.specimen import DEVIATIONS, LENGTHS, Specimen
 
 KINDS = ("fixed", "normal", "uniform", "lognormal")
-"""What a distribution may be."""
+"""Kinds of distributions."""
 
 CUT = 4.0
-"""Normal numbers beyond it are drawn anew, one in 16,000: so every draw is an arm that can be."""
-
+"""Truncation of normal numbers, in standard deviations; one in 16,000 is redrawn, so that every arm is valid."""
 
 LARGEST = 700.0
-"""The exponential of a larger number is taken for infinite."""
+"""Exponent above which the exponential overflows and counts as infinite."""
 
 
 @dataclass(frozen=True)
 class Distribution:
-    """How one quantity scatters over arms.
+    """Distribution of one quantity over arms.
 
     Attributes:
         kind: ``"fixed"`` at the centre; ``"normal"`` or ``"uniform"`` about it; ``"lognormal"``, its logarithm normal
-            about that of the centre. Normal ones are cut at `CUT` standard deviations.
-        spread: Standard deviation of a normal one, half the width of a uniform one, standard deviation of the natural
-            logarithm of a lognormal one; in the quantity's unit, but for the last. None of a fixed one.
+            about that of the centre. Normal numbers are truncated at `CUT` standard deviations.
+        spread: Standard deviation if normal, half the width if uniform, standard deviation of the natural logarithm if
+            lognormal, 0 if fixed; in the quantity's unit, except for lognormal.
         centre: Mean, middle or median; the nominal value of the quantity by default.
 
     Raises:
-        TwinError: No such kind, no such spread, or a lognormal one about a centre that is not above 0.
+        TwinError: Unknown kind, invalid spread, or a lognormal distribution whose centre is not above 0.
     """
 
     kind: str
@@ -61,28 +60,28 @@ class Distribution:
             raise TwinError(f"centre = {self.centre:g} of a lognormal distribution given, expected above 0")
 
     def support(self) -> tuple[float, float]:
-        """Return the smallest and the largest number that can be drawn, of a distribution whose centre is stated."""
+        """Return the smallest and the largest possible number; needs a stated centre."""
         return self._at(-CUT), self._at(CUT)
 
     def draw(self, count: int, rng: np.random.Generator) -> np.ndarray:
-        """Draw numbers (count,), of a distribution whose centre is stated."""
+        """Draw numbers (count,); needs a stated centre."""
         if self.kind == "fixed":
             return np.full(count, self._middle)
         if self.kind == "uniform":
             return self._middle + self.spread * rng.uniform(-1.0, 1.0, count)
         normal = rng.standard_normal(count)
-        while (beyond := np.abs(normal) > CUT).any():
-            normal[beyond] = rng.standard_normal(int(beyond.sum()))
+        while (outside := np.abs(normal) > CUT).any():
+            normal[outside] = rng.standard_normal(int(outside.sum()))
         return np.array([self._at(float(number)) for number in normal])
 
     @property
     def _middle(self) -> float:
         if self.centre is None:
-            raise TwinError("a distribution without a centre asked for numbers, expected one that states it")
+            raise TwinError("numbers requested of a distribution without a centre, expected a stated centre")
         return self.centre
 
     def _at(self, number: float) -> float:
-        """The value at a standard normal number; of a uniform distribution, the nearest there is."""
+        """Return the value at a standard normal number; of a uniform distribution, the nearest possible one."""
         if self.kind == "lognormal":
             exponent = log(self._middle) + self.spread * number
             return exp(exponent) if exponent < LARGEST else inf
@@ -91,14 +90,14 @@ class Distribution:
 
 @dataclass(frozen=True)
 class TwinDistributions:
-    """How the arms of a population differ: one distribution per quantity, none where it is what the scenario says.
+    """Distributions of the parameters of a population of arms; quantities without one keep the scenario's value.
 
-    Every number of a quantity, such as the factors of the seven joints, is drawn on its own. The first twelve are those
-    of `Specimen`: `stretch`, `shear` and `shift` scatter in the space of its log-Cholesky matrix, where every draw is a
-    body that can be built. The last four are those of `Plant`.
+    Every number of a quantity, such as the factors of the seven joints, is drawn independently. The first twelve are
+    those of `Specimen`: `stretch`, `shear` and `shift` are drawn in the space of its log-Cholesky matrix, where every
+    draw is a physically possible body. The last four are those of `Plant`.
 
     Raises:
-        TwinError: Something that is no `Distribution`, or one that would draw what no arm can be.
+        TwinError: Something other than a `Distribution`, or one that would draw an impossible arm.
     """
 
     mass: Distribution | None = None
@@ -119,38 +118,38 @@ class TwinDistributions:
     process_noise: Distribution | None = None
 
     def __post_init__(self) -> None:
-        for name, given in vars(self).items():
-            if given is None:
+        for name, entry in vars(self).items():
+            if entry is None:
                 continue
-            if not isinstance(given, Distribution):
-                raise TwinError(f"{name} = {given!r} given, expected a Distribution")
+            if not isinstance(entry, Distribution):
+                raise TwinError(f"{name} = {entry!r} given, expected a Distribution")
             try:
-                stated = given if given.centre is not None else replace(given, centre=_nominal(name))
+                distribution = entry if entry.centre is not None else replace(entry, centre=_nominal(name))
             except TwinError as error:
                 raise TwinError(f"{name}: {error}") from error
-            object.__setattr__(self, name, stated)
+            object.__setattr__(self, name, distribution)
+            lower, upper = distribution.support()
             try:
-                for value in stated.support():
-                    _check(name, value)
+                _check(name, lower)
+                _check(name, upper)
             except TwinError as error:
-                lower, upper = stated.support()
                 raise TwinError(f"{name} from {lower:.4g} to {upper:.4g} would be drawn: {error}") from error
 
     @property
     def stated(self) -> Mapping[str, Distribution]:
-        """The distributions there are, by the name of the quantity."""
+        """The stated distributions by the name of their quantity."""
         return MappingProxyType({name: value for name, value in vars(self).items() if value is not None})
 
     @classmethod
     def from_table(cls, table: object) -> "TwinDistributions":
-        """Read them from a parsed TOML table, strictly: one table of `kind`, `spread` and `centre` per quantity.
+        """Read distributions from a parsed TOML table: one table of `kind`, `spread` and `centre` per quantity.
 
         Raises:
-            TwinError: No table, an unknown quantity or key, or a distribution that cannot be.
+            TwinError: No table, an unknown quantity or key, or an invalid distribution.
         """
         values: dict[str, Distribution] = {}
-        for name, given in _entries("distributions", table, cls).items():
-            entries = _entries(name, given, Distribution)
+        for name, value in _entries("distributions", table, cls).items():
+            entries = _entries(name, value, Distribution)
             if "kind" not in entries:
                 raise TwinError(f"{name} without a kind given, expected one of {', '.join(KINDS)}")
             try:
@@ -160,14 +159,14 @@ class TwinDistributions:
         return cls(**values)
 
     def to_toml(self) -> str:
-        """Write them as the lines of a TOML table, such that `from_table` gives equal ones back."""
+        """Write the distributions as the lines of a TOML table that `from_table` reads back equal."""
         lines = []
-        for name, given in self.stated.items():
-            entries = [f'kind = "{given.kind}"']
-            if given.spread:
-                entries.append(f"spread = {given.spread!r}")
-            if given.centre != _nominal(name):
-                entries.append(f"centre = {given.centre!r}")
+        for name, distribution in self.stated.items():
+            entries = [f'kind = "{distribution.kind}"']
+            if distribution.spread:
+                entries.append(f"spread = {distribution.spread!r}")
+            if distribution.centre != _nominal(name):
+                entries.append(f"centre = {distribution.centre!r}")
             lines.append(f"{name} = {{ {', '.join(entries)} }}\n")
         return "".join(lines)
 
@@ -177,17 +176,16 @@ def draw_specimen(
 ) -> tuple[Specimen, Mapping[str, float]]:
     """Draw one arm.
 
-    Each quantity has a random stream of its own, which its name picks: a distribution more or less changes nothing of
-    the others, nor does the order in which they are named.
+    Each quantity has its own random stream, selected by its name: adding or removing one does not change the others.
 
     Args:
-        distributions: How arms differ.
-        seed_sequence: That of this one arm; it is left as it is.
+        distributions: The distributions.
+        seed_sequence: Seed of this arm; it is not advanced.
 
     Returns:
-        The specimen, and by name what changes of its `Plant`.
+        The specimen, and the changed values of its `Plant` by name.
     """
-    found: dict[str, Any] = {}
+    values: dict[str, Any] = {}
     for name, distribution in distributions.stated.items():
         stream = np.random.SeedSequence(
             seed_sequence.entropy,
@@ -195,9 +193,9 @@ def draw_specimen(
             pool_size=seed_sequence.pool_size,
         )
         numbers = distribution.draw(LENGTHS.get(name, 1), np.random.Generator(np.random.PCG64(stream)))
-        found[name] = tuple(map(float, numbers)) if name in LENGTHS else float(numbers[0])
-    of_plant = {name: found.pop(name) for name in list(found) if name not in _OF_SPECIMEN}
-    return Specimen(**found), MappingProxyType(of_plant)
+        values[name] = tuple(map(float, numbers)) if name in LENGTHS else float(numbers[0])
+    plant_values = {name: values.pop(name) for name in list(values) if name not in _OF_SPECIMEN}
+    return Specimen(**values), MappingProxyType(plant_values)
 
 
 _OF_SPECIMEN = frozenset(entry.name for entry in fields(Specimen))
@@ -210,7 +208,7 @@ def _nominal(name: str) -> float:
 
 
 def _check(name: str, value: float) -> None:
-    """Refuse a value that a specimen or a plant cannot have."""
+    """Raise `TwinError` for a value that a specimen or a plant cannot have."""
     if name not in _OF_SPECIMEN:
         Plant(**{name: value})  # type: ignore[arg-type]
     elif name in LENGTHS:

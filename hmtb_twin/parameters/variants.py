@@ -1,4 +1,16 @@
-"""The arms that exist, nominal, published and flight, and what each is made of."""
+"""The variants of the arm: nominal, published and flight.
+
+`published` has the dominant poles of the printed models [Morris1996, eq. 4.14]: shoulder yaw ARMAX (4.7), shoulder
+pitch OE (4.10) and elbow pitch ARMAX (4.12), which the thesis chose. Its servo poles are solutions for the coupled arm,
+so that the poles of the arm, not of the servos, are the printed ones; `python -m docs.images.published_servos` solves
+for them again. The bus delays are the nominal ones, which are the printed nk. docs/published-variant.md describes what
+could not be matched.
+
+`flight` is the arm in orbit that the ground arm is to answer like [Morris1996, VII.2]. The thesis names it, the
+Dexterous Orbital Servicing System after the Flight Telerobotic Servicer, says that the ground arm has its kinematics,
+and gives no number of it. Its numbers are assumed, within what public documents say of electric arms for space: geared
+brushless motors, brakes that hold without power, no weight to carry.
+"""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
@@ -120,10 +132,10 @@ EARTH = 9.81
 
 @dataclass(frozen=True, eq=False)
 class Variant:
-    """One arm: whatever may differ from the nominal one.
+    """One arm: everything that may differ from the nominal one.
 
     Attributes:
-        name: What it is called.
+        name: Its name.
         description: One line for lists.
         gravity: Acceleration of gravity, m/s^2.
         links: Link that each joint moves, and the end effector.
@@ -168,15 +180,11 @@ VARIANTS: Mapping[str, Variant] = MappingProxyType(
         )
     }
 )
-"""Every arm by its name."""
+"""All arms by name."""
 
 
 def variant_named(name: str) -> Variant:
-    """Return a variant.
-
-    Raises:
-        TwinError: There is none of that name.
-    """
+    """Return a variant by name; raises `TwinError` for an unknown one."""
     if not isinstance(name, str) or name not in VARIANTS:
         raise TwinError(f"unknown variant {name!r}, available: {', '.join(VARIANTS)}")
     return VARIANTS[name]
