@@ -17,10 +17,10 @@ from hmtb_twin.parameters.errors import TwinError
 from hmtb_twin.parameters.values import SAMPLE_RATE
 
 TIME_CHANNEL, BUS_CHANNEL = 1, 2
-"""Channels of the recording; the set-up record itself is channel 0."""
+"""Channels of the recording; the set-up record is channel 0."""
 
 PLAIN = " _-.,+=()/*"
-"""What names may hold beside letters and digits; a semicolon would end the attribute."""
+"""Characters of names besides letters and digits; a semicolon would end the attribute."""
 
 
 @dataclass(frozen=True)
@@ -30,8 +30,8 @@ class Test:
     Attributes:
         name: Its name.
         ticks: Its length, in ticks of 20 ms.
-        axes: What it excites.
-        planned: The length that it should have had; more than `ticks` where the memory was full.
+        axes: Excited axes.
+        planned: Planned length; more than `ticks` if the memory was full.
     """
 
     name: str
@@ -40,17 +40,17 @@ class Test:
     planned: int
 
     __test__ = False
-    """A test of the arm, not one of the code."""
+    """Tells pytest that this is a test of the arm, not of the code."""
 
 
 def setup_record(tests: Sequence[Test]) -> str:
     """Write the set-up record.
 
     Groups G (general), R (recorder), B (bus messages and their words), C (conversion to engineering units) and V (the
-    tests, an attribute of the maker's own) [IRIG2015, ch. 9].
+    tests, a vendor-specific attribute) [IRIG2015, ch. 9].
 
     Args:
-        tests: The tests in their sequence.
+        tests: The tests in order.
 
     Returns:
         Lines of attributes, ASCII.
@@ -118,7 +118,7 @@ def setup_record(tests: Sequence[Test]) -> str:
     ours = [r"V-1\ID:HMTB", r"V-1\VN:HTB", rf"V-1\HTB\TST\N:{len(tests)}"]
     for n, test in enumerate(tests, start=1):
         ours += [
-            rf"V-1\HTB\NAM-{n}:{spelled(test.name)}",
+            rf"V-1\HTB\NAM-{n}:{encoded(test.name)}",
             rf"V-1\HTB\TIC-{n}:{test.ticks}",
             rf"V-1\HTB\PLN-{n}:{test.planned}",
             rf"V-1\HTB\AXS-{n}:{' '.join(quote(axis) for axis in test.axes)}",
@@ -126,36 +126,29 @@ def setup_record(tests: Sequence[Test]) -> str:
     return "".join(f"{line};\r\n" for line in [*lines, *ours, rf"V-1\HTB\CRC:{_check(ours)}"])
 
 
-def announced(text: str) -> tuple[Test, ...]:
-    """Read the tests from a set-up record.
-
-    Args:
-        text: The record.
-
-    Returns:
-        The tests in their sequence; none if the record is not ours, or their lines are damaged.
-    """
+def read_setup(text: str) -> tuple[Test, ...]:
+    """Return the tests of a set-up record in order; none if the record is not of this format, or damaged."""
     *ours, check = re.findall(r"^(V-1\\[^;]*);", text, re.M) or [""]
     if check != rf"V-1\HTB\CRC:{_check(ours)}":
         return ()
-    found = dict(re.findall(r"^V-1\\HTB\\([A-Z]+-\d+):([^;]*);", text, re.M))
+    attributes = dict(re.findall(r"^V-1\\HTB\\([A-Z]+-\d+):([^;]*);", text, re.M))
     tests = []
-    for n in range(1, len(found) + 1):
-        length, planned = found.get(f"TIC-{n}", ""), found.get(f"PLN-{n}", "")
-        if f"NAM-{n}" not in found or not (length.isdecimal() and int(length) < 2**16) or not planned.isdecimal():
+    for n in range(1, len(attributes) + 1):
+        length, planned = attributes.get(f"TIC-{n}", ""), attributes.get(f"PLN-{n}", "")
+        if f"NAM-{n}" not in attributes or not (length.isdecimal() and int(length) < 2**16) or not planned.isdecimal():
             break
-        axes = tuple(map(unquote, found.get(f"AXS-{n}", "").split()))
-        tests.append(Test(unquote(found[f"NAM-{n}"]), int(length), axes, int(planned)))
+        axes = tuple(map(unquote, attributes.get(f"AXS-{n}", "").split()))
+        tests.append(Test(unquote(attributes[f"NAM-{n}"]), int(length), axes, int(planned)))
     return tuple(tests)
 
 
 def _check(lines: Sequence[str]) -> str:
-    """A check of our own lines: the sum that guards a packet lets two wrong bits through that cancel."""
+    """Return the CRC of the tests' lines: two wrong bits that cancel pass the packet's checksum."""
     return f"{crc_hqx(';'.join(lines).encode(errors='replace'), 0xFFFF):04X}"
 
 
-def spelled(name: str) -> str:
-    """A name in plain ASCII, so that it comes back exactly: what is not plain stands as its percent code."""
+def encoded(name: str) -> str:
+    """Return a name in plain ASCII that decodes exactly: other characters become their percent codes."""
     return quote(name, safe=PLAIN)
 
 
@@ -172,13 +165,13 @@ CHECKSUM_32 = 3
 """Packet flag: a 32-bit sum of the body stands at its end."""
 
 FIRST_BIT_OF_FIRST_WORD = 1
-"""What the time stamps of the messages mark."""
+"""Event that the time stamps of the messages mark."""
 
 INTERNAL_CLOCK, REAL_TIME_CLOCK, MONTH_AND_YEAR = 0, 3, 1
 """Source, format and date format of the time packets."""
 
 _FIRST_BYTES = np.cumsum([0, *(FRAME[message.name].itemsize for message in MESSAGES[:-1])])
-"""Where the messages of a tick begin; of each that the recorder has, it has the first byte."""
+"""First byte of each message of a tick; the recorder has it of every message that it has."""
 
 TICKS_PER_PACKET = 5
 """A packet must hold less than 100 ms of data: five ticks, whose last message ends at 82 ms."""

@@ -1,4 +1,4 @@
-"""Find every message in the bytes of a Chapter 10 file, whatever has happened to the rest of it."""
+"""Search for every message in the bytes of a Chapter 10 file, however damaged the rest of it is."""
 
 import re
 import struct
@@ -21,10 +21,10 @@ HEADER = 24
 
 @dataclass(frozen=True)
 class Scan:
-    """What stands where.
+    """Contents of a file.
 
     Attributes:
-        offsets: Where messages begin, in bytes from the beginning of the file (M,).
+        offsets: Offsets of messages, in bytes from the beginning of the file (M,).
         setups: Texts of the set-up records.
         packets: Number of whole packets.
         damaged: Number of parts of the file that are in no whole packet.
@@ -39,14 +39,10 @@ class Scan:
 
 
 def scan(data: bytes) -> Scan:
-    """Walk through the packets; where they are damaged, look for the messages themselves.
+    """Read the packets of a file; search damaged parts for the messages themselves.
 
-    Args:
-        data: The file.
-
-    Returns:
-        Where messages begin. In whole packets these are all messages, in damaged parts all places at which length and
-        command word of one of ours stand; what is read there proves itself by its own checksum.
+    In whole packets all messages are listed, in damaged parts all offsets with length and command word of a known
+    message; its own checksum decides later whether it is one.
     """
     offsets: list[int] = []
     setups: list[str] = []
@@ -71,12 +67,12 @@ def scan(data: bytes) -> Scan:
 
 
 def _packets(data: bytes) -> Iterator[tuple[int, int, int, int]]:
-    """Whole packets, checksums of header and body verified: begin, end, data type, end of the body."""
+    """Yield the whole packets with right checksums: begin, end, data type, end of the body."""
     library = pychapter10().packet
     position = data.find(SYNC)
     while 0 <= position <= len(data) - HEADER:
         length = int.from_bytes(data[position + 4 : position + 8], "little")
-        # Its library checks the header too; asked here first, damaged files of any size are searched fast.
+        # The library checks the header again; this check first keeps the search of large damaged files fast.
         *words, total = struct.unpack_from("<12H", data, position)
         if sum(words) & 0xFFFF == total and HEADER + 4 <= length <= len(data) - position:
             raw = data[position : position + length]
@@ -93,7 +89,7 @@ def _packets(data: bytes) -> Iterator[tuple[int, int, int, int]]:
 
 
 def _sound(raw: bytes, packet: object) -> bool:
-    """Whether the body fits into the packet and adds up to its checksum."""
+    """Return whether the body fits into the packet and matches its checksum."""
     size = (0, 1, 2, 4)[packet.data_checksum]  # type: ignore[attr-defined]
     end = len(raw) - size
     if HEADER + packet.data_length > end or (end - HEADER) % max(size, 1):  # type: ignore[attr-defined]
@@ -105,7 +101,7 @@ def _sound(raw: bytes, packet: object) -> bool:
 
 
 def _walk(data: bytes, position: int, end: int) -> Iterator[int]:
-    """Messages of a whole packet, by their lengths."""
+    """Yield the offsets of the messages of a whole packet."""
     while position + INTRA_PACKET_HEADER <= end:
         yield position
         (length,) = struct.unpack_from("<H", data, position + INTRA_PACKET_HEADER - 2)
@@ -113,14 +109,14 @@ def _walk(data: bytes, position: int, end: int) -> Iterator[int]:
 
 
 _SIGNATURE = re.compile(b"|".join(re.escape(struct.pack("<HH", m.length, m.command)) for m in MESSAGES))
-"""Length and command word, which stand side by side."""
+"""Length and command word of a message, which are adjacent."""
 
 
 def _search(data: bytes, begin: int, end: int) -> Iterator[int]:
-    """Places in a damaged part at which one of our messages may begin."""
+    """Yield the offsets in a damaged part at which a message may begin."""
     position = begin
-    while (found := _SIGNATURE.search(data, position, end)) is not None:
-        position = found.start() + 1
-        start = found.start() - (INTRA_PACKET_HEADER - 2)
+    while (match := _SIGNATURE.search(data, position, end)) is not None:
+        position = match.start() + 1
+        start = match.start() - (INTRA_PACKET_HEADER - 2)
         if start >= begin:
             yield start

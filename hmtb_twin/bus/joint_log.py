@@ -1,4 +1,4 @@
-"""What the 1553 bus recorded of one experiment, and beside it what only a simulation knows."""
+"""Joint log: the record of one experiment on the 1553 bus, and the quantities that only a simulation knows."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
@@ -39,7 +39,7 @@ _CHANNELS = {
 }
 
 _ELECTRIC_CHANNELS = {"load_pressure": ("joint", "A", "current of each motor, in the place of a pressure")}
-"""What a channel means for an arm with electric drives."""
+"""Channels with another meaning for an arm with electric drives."""
 
 _OPTIONAL_CHANNELS = {
     "unit_pose": ("pose", "m, 1", "position and quaternion (w, x, y, z) of the replacement unit in the world"),
@@ -71,8 +71,8 @@ class JointLog:
         load_pressure: Load pressures (N, 7), MPa; of electric drives, motor currents, A.
         volts: Voltage at the hand-controller converter (N, n_axes), V.
         counts: Hand-controller counts (N, n_axes).
-        status: What was limited or switched off at each tick, bits of `Status` (N,), integers.
-        provenance: Versions, arm and switches with which the log was made.
+        status: Limits and shutdowns at each tick, bits of `Status` (N,), integers.
+        provenance: Software versions, arm and settings of the simulation.
         unit_pose: At the worksite, position (m) and quaternion of the replacement unit (N, 7); None elsewhere.
         contact_force: At the worksite, sum of the normal forces between the unit and the worksite (N,), N: the largest
             since the tick before; None elsewhere.
@@ -114,7 +114,7 @@ class JointLog:
         return len(self.commanded)
 
     def _channels(self) -> "dict[str, tuple[str | None, str, str]]":
-        """The channels of this log: what each runs along besides time, unit and meaning."""
+        """Return the channels of this log: dimension besides time, unit and meaning."""
         present = {name: entry for name, entry in _OPTIONAL_CHANNELS.items() if getattr(self, name) is not None}
         electric = _ELECTRIC_CHANNELS if self.provenance.get("drives") == "electric" else {}
         return {**_CHANNELS, **electric, **present}
@@ -125,7 +125,7 @@ class JointLog:
         return np.arange(len(self)) * self.dt
 
     def iodata(self, joints: str | Sequence[str] | None = None) -> IOData:
-        """Hand commands and measurements of one joint, or of several, to the analyst.
+        """Return commands and measurements of one joint, or of several, as a record for identification.
 
         Args:
             joints: The joint, or several; the excited one by default.
@@ -134,7 +134,7 @@ class JointLog:
             Commanded angles as inputs, measured angles as outputs, rad, in the order of the joints.
 
         Raises:
-            TwinError: Unknown joint, one named twice, or none named where several are excited.
+            TwinError: Unknown or repeated joint, or no joint named although several are excited.
         """
         if joints is None:
             if len(self.axes) != 1:
@@ -212,13 +212,13 @@ FORMAT = "hmtb joint log 2"
 
 
 def software_versions() -> dict[str, str]:
-    """Return the versions that a log depends on."""
+    """Return the versions of the packages that determine a log."""
     return {package.replace("-", "_"): _version(package) for package in ("hmtb-twin", "mujoco", "numpy", "pin")}
 
 
 @cache
 def _version(package: str) -> str:
-    # The metadata of an installed package is a text that takes milliseconds to parse.
+    # Parsing the metadata of a package takes milliseconds.
     try:
         return version(package)
     except PackageNotFoundError:

@@ -1,4 +1,4 @@
-"""The words of a test: records to 1553 messages as Chapter 10 stores them, and back."""
+"""Conversion of records to 1553 messages as Chapter 10 stores them, and back; faults of the bus."""
 
 from dataclasses import dataclass, fields
 from functools import cache
@@ -13,22 +13,15 @@ INTRA_PACKET_HEADER = 14
 """Bytes before the words of a message: time stamp 8, block status 2, gap times 2, length 2 [IRIG2015, 10.6.4]."""
 
 RESPONSE_TIME = 80
-"""How long a terminal takes to answer, 0.1 us: within the 4 to 12 us that are allowed [MilStd1978, 4.3.3.8]."""
+"""Response time of a terminal, 0.1 us: within the permitted 4 to 12 us [MilStd1978, 4.3.3.8]."""
 
 FIRST_BIT = {"commanded": 0, "measured": 7, "wrench": 14}
-"""Where a message's bits stand in `BusRecord.saturated`."""
+"""First bit of each message in `BusRecord.saturated`."""
 
 
 @cache
 def layout(message: Message) -> np.dtype:
-    """How a whole message lies in the file: intra-packet header, then the words in their sequence on the bus.
-
-    Args:
-        message: The message.
-
-    Returns:
-        A packed little-endian structure.
-    """
+    """Return the layout of a message in the file, packed and little-endian: intra-packet header, words in bus order."""
     answer = [("status", "<u2"), ("data", "<u2", (message.count,))]
     return np.dtype(
         [
@@ -47,9 +40,7 @@ FRAME = np.dtype([(message.name, layout(message)) for message in MESSAGES])
 
 
 def pack(record: BusRecord, test: int, start: int) -> tuple[np.ndarray, np.ndarray]:
-    """Make the messages of a test.
-
-    A value that does not fit into its word stands at the end of the range and sets its bit of `saturated`.
+    """Encode a test as messages; a value outside the range of its word saturates and sets its bit of `saturated`.
 
     Args:
         record: The test, at the rate of the bus.
@@ -57,7 +48,7 @@ def pack(record: BusRecord, test: int, start: int) -> tuple[np.ndarray, np.ndarr
         start: Relative time counter at its first tick.
 
     Returns:
-        The ticks (N,) as `FRAME`, and which messages there are (N, 3): those of which no value is missing.
+        The ticks (N,) as `FRAME`, and which messages exist (N, 3): those without missing values.
     """
     ticks = np.arange(len(record))
     frames = np.zeros(len(record), FRAME)
@@ -91,12 +82,12 @@ def pack(record: BusRecord, test: int, start: int) -> tuple[np.ndarray, np.ndarr
 
 
 def unpack(messages: dict[str, np.ndarray], name: str, axes: tuple[str, ...], length: int, dt: float) -> BusRecord:
-    """Read the values of a test from its good messages; what no message brings is NaN.
+    """Decode a test from its valid messages; values without a message are NaN.
 
     Args:
-        messages: Good messages by name, each as `layout`, no two of the same tick.
+        messages: Valid messages by name, each as `layout`, at most one per tick.
         name: The test.
-        axes: What it excites.
+        axes: Excited axes.
         length: Its number of ticks.
         dt: Sampling time, s.
     """
@@ -127,14 +118,7 @@ def unpack(messages: dict[str, np.ndarray], name: str, axes: tuple[str, ...], le
 
 
 def rounding(record: BusRecord) -> dict[str, float]:
-    """What the words would change.
-
-    Args:
-        record: The record.
-
-    Returns:
-        Largest change by channel, in the channel's units; nothing for channels that pass unchanged.
-    """
+    """Return the largest change of each channel by rounding to words, in its units; unchanged channels are left out."""
     changed = {}
     for message in MESSAGES:
         values, steps = getattr(record, message.name), np.array(message.steps)
@@ -146,14 +130,7 @@ def rounding(record: BusRecord) -> dict[str, float]:
 
 
 def incomplete(record: BusRecord) -> dict[str, int]:
-    """At how many ticks a message has some of its values and lacks others; the words cannot say so.
-
-    Args:
-        record: The record.
-
-    Returns:
-        The number by channel; nothing for channels of which every tick is whole or lost altogether.
-    """
+    """Return by channel the number of ticks with some values but not all, which words cannot express."""
     counts = {}
     for message in MESSAGES:
         known = np.isfinite(getattr(record, message.name))
@@ -174,7 +151,7 @@ WORD_COUNT_ERROR, SYNC_ERROR, INVALID_WORD = 1 << 5, 1 << 4, 1 << 3
 """Bits of the block status word [IRIG2015, 10.6.4]."""
 
 BUS_B = 1 << 13
-"""The bit that says on which of the two buses a message passed; no fault."""
+"""Bit that tells the two redundant buses apart; not a fault."""
 
 FAULTS = {
     INVALID_WORD: "invalid word",
@@ -184,15 +161,15 @@ FAULTS = {
     SYNC_ERROR: "wrong sync",
     MESSAGE_ERROR: "message error",
 }
-"""What to call a flagged message: by the first of these bits that it has."""
+"""Names of faults; the first of these bits that a message has names its fault."""
 
 
 @dataclass(frozen=True)
 class BusFaults:
-    """How often each fault occurs, independently of the others.
+    """Probabilities of the faults, which occur independently of each other.
 
     Attributes:
-        dropped: Probability that the recorder misses a message altogether.
+        dropped: Probability that the recorder misses a message completely.
         silent: Probability that a terminal does not answer a message.
         invalid: Probability that a data word fails parity. A terminal that receives one does not answer.
         short: Probability that the last data word of a message is missing. A terminal that receives too few does not
@@ -212,16 +189,16 @@ class BusFaults:
             if entry.name != "seed" and not 0.0 <= value <= 1.0:
                 raise TwinError(f"{entry.name}: a probability of {value} given, expected 0 to 1")
 
-    def strike(self, frames: np.ndarray, sent: np.ndarray, test: int) -> tuple[np.ndarray, np.ndarray]:
-        """Let the faults act.
+    def apply(self, frames: np.ndarray, sent: np.ndarray, test: int) -> tuple[np.ndarray, np.ndarray]:
+        """Apply the faults to the messages of a test.
 
         Args:
-            frames: The ticks (N,) as `FRAME`, left as they are.
-            sent: Which messages there are (N, 3).
-            test: Number of the test; each has draws of its own.
+            frames: The ticks (N,) as `FRAME`; not changed.
+            sent: Which messages exist (N, 3).
+            test: Number of the test; each has its own draws.
 
         Returns:
-            The ticks with their faults flagged, and which of their bytes the recorder holds (N, bytes of a tick).
+            The ticks with flagged faults, and the bytes that the recorder keeps (N, bytes of a tick).
         """
         rng = np.random.default_rng([self.seed, test])
         frames = frames.copy()
@@ -234,7 +211,7 @@ class BusFaults:
             )
             wrong = rng.random(part["data"].shape) < self.invalid
             part["data"] ^= np.where(wrong, 1 << rng.integers(16, size=wrong.shape), 0).astype(np.uint16)
-            # A terminal that does not answer sends no data in which anything could be wrong.
+            # A terminal that does not answer sends no data that could be invalid.
             heard = ~silent if message.transmits else np.ones(len(frames), bool)
             invalid, short = wrong.any(axis=1) & heard, short & heard
             unanswered = silent if message.transmits else silent | invalid | short

@@ -1,4 +1,4 @@
-"""What the bus hands to the analyst: joints and wrench, without what was lost, without what only a simulation knows."""
+"""Bus record: joints and wrench as they came over the bus, with gaps and without the secrets of a simulation."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -23,10 +23,10 @@ CHANNELS = {
     "status": (("status",), ("1",)),
     "saturated": (("saturated",), ("1",)),
 }
-"""Channels in the sequence of their columns: names and units of each."""
+"""Channels in the order of their columns: names and units of each."""
 
 COLUMNS = tuple(name for names, _ in CHANNELS.values() for name in names)
-"""Names of all columns behind the time."""
+"""Names of all columns after the time."""
 
 UNITS = tuple(unit for _, units in CHANNELS.values() for unit in units)
 """Their units."""
@@ -39,12 +39,12 @@ class BusRecord:
     Attributes:
         name: The test.
         dt: Sampling time, s.
-        axes: What the test excites, as the set-up of the recorder says; empty where it is not known.
+        axes: Excited axes according to the set-up record; empty if unknown.
         commanded: Commanded angles (N, 7), rad: the analyst's input.
         measured: Measured angles (N, 7), rad: the analyst's output.
         wrench: Wrist force and torque (N, 6), N and N m.
         status: Flags of the control computer, whole numbers held as floats (N,); NaN where the command was lost.
-        saturated: What was outside the range of its word, bits 0 to 6 commanded, 7 to 13 measured, 14 to 19 wrench;
+        saturated: Values outside the range of their words, bits 0 to 6 commanded, 7 to 13 measured, 14 to 19 wrench;
             whole numbers held as floats (N,). Bits of lost messages are zero.
     """
 
@@ -80,24 +80,13 @@ class BusRecord:
 
     @classmethod
     def of(cls, log: JointLog) -> "BusRecord":
-        """Take from a log what passes over the bus, before any rounding to words.
-
-        Args:
-            log: The log.
-        """
+        """Return the part of a log that passes over the bus, before any rounding to words."""
         flags = np.zeros(len(log))
         return cls(log.name, log.dt, tuple(log.axes), log.commanded, log.measured, log.wrench, log.status, flags)
 
     @classmethod
     def from_columns(cls, name: str, dt: float, axes: Sequence[str], table: np.ndarray) -> "BusRecord":
-        """Make a record of the columns that `columns` returns.
-
-        Args:
-            name: The test.
-            dt: Sampling time, s.
-            axes: What the test excites.
-            table: One column for each of `COLUMNS` (N, 22).
-        """
+        """Return the record of a test from a table with one column for each of `COLUMNS` (N, 22)."""
         parts, start = {}, 0
         for channel, (names, _) in CHANNELS.items():
             part = table[:, start : start + len(names)]
@@ -106,7 +95,7 @@ class BusRecord:
         return cls(name=name, dt=dt, axes=tuple(axes), **parts)
 
     def columns(self) -> np.ndarray:
-        """All values, one column for each of `COLUMNS` (N, 22)."""
+        """Return all values, one column for each of `COLUMNS` (N, 22)."""
         return np.column_stack([getattr(self, channel) for channel in CHANNELS])
 
     @property
@@ -116,14 +105,14 @@ class BusRecord:
 
     @property
     def lost(self) -> np.ndarray:
-        """Ticks at which anything was lost (N,), bool."""
+        """Ticks with lost values (N,), bool."""
         values = np.column_stack([self.commanded, self.measured, self.wrench])
         return np.asarray(np.isnan(values).any(axis=1))
 
     def parts(self, joint: str | None = None) -> tuple[IOData, ...]:
-        """One joint's command and measurement, cut where commands were lost.
+        """Return one joint's command and measurement, split where commands were lost.
 
-        An input must be complete, and none is made up. Lost measurements stay in the parts, declared as missing.
+        Inputs must be complete and are never interpolated. Lost measurements stay in the parts, declared as missing.
 
         Args:
             joint: The joint; the excited one by default.
@@ -157,7 +146,7 @@ class BusRecord:
         )
 
     def iodata(self, joint: str | None = None) -> IOData:
-        """Hand one joint's command and measurement to the analyst as one record.
+        """Return one joint's command and measurement as one record.
 
         Args:
             joint: The joint; the excited one by default.

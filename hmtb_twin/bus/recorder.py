@@ -7,13 +7,13 @@ from hmtb_twin.parameters.values import Recorder
 
 
 def read_resolvers(angles: np.ndarray, noise: np.ndarray, parameters: Recorder, *, resolver: bool) -> np.ndarray:
-    """Return what resolvers tell of joint angles.
+    """Return resolver readings of joint angles.
 
     Args:
         angles: Joint angles, any shape, rad.
         noise: Standard normal numbers of the same shape.
         parameters: The recorder.
-        resolver: Whether the resolvers are noisy and round.
+        resolver: Whether the resolvers have noise and round.
 
     Returns:
         Readings, same shape, rad.
@@ -24,14 +24,6 @@ def read_resolvers(angles: np.ndarray, noise: np.ndarray, parameters: Recorder, 
 
 
 def delayed(readings: np.ndarray, delays: np.ndarray) -> np.ndarray:
-    """Return readings as the bus record has them: each joint late, at rest before the first tick.
-
-    Args:
-        readings: At the ticks (N, 7).
-        delays: How late each joint's reading reaches the record (7,), samples.
-
-    Returns:
-        The record (N, 7).
-    """
+    """Return readings (N, 7) delayed by samples (7,) per joint, as in the bus record; at rest before the first tick."""
     ticks = np.arange(len(readings))[:, None] - delays
     return np.take_along_axis(readings, np.maximum(ticks, 0), axis=0)

@@ -1,4 +1,4 @@
-"""Runs of the 1553 recorder: up to five tests in twenty minutes of memory, written and read as Chapter 10 files."""
+"""Runs of the 1553 recorder, up to five tests in twenty minutes of memory, as Chapter 10 files."""
 
 from collections import Counter
 from collections.abc import Sequence
@@ -8,8 +8,8 @@ from pathlib import Path
 
 import numpy as np
 
-from hmtb_twin.bus.chapter10 import Test, announced, recording, setup_record
-from hmtb_twin.bus.chapter10_scan import scan
+from hmtb_twin.bus.chapter10 import Test, read_setup, recording, setup_record
+from hmtb_twin.bus.chapter10_scan import Scan, scan
 from hmtb_twin.bus.messages import BUS_B, FAULTS, INTRA_PACKET_HEADER, BusFaults, layout, pack, unpack
 from hmtb_twin.bus.record import BusRecord
 from hmtb_twin.bus.words import CLOCK, COUNTS_PER_TICK, MESSAGES, check_words
@@ -20,20 +20,20 @@ MEMORY = 20 * 60 * SAMPLE_RATE
 """Ticks that the recorder holds: about twenty minutes [Morris1996, II.4]."""
 
 TESTS_PER_RUN = 5
-"""Tests after which the memory is read out [Morris1996, II.4]."""
+"""Largest number of tests before the memory is read out [Morris1996, II.4]."""
 
 DATE = datetime(1996, 1, 1)
-"""Date of recordings that are given none, so that the same test makes the same file."""
+"""Default date of recordings, fixed so that the same tests make the same file."""
 
 
 @dataclass(frozen=True)
-class Recording:
-    """What came of a run.
+class RecordedRun:
+    """Result of writing a run.
 
     Attributes:
         path: The file.
         ticks: Ticks recorded of each test.
-        message: Empty, or what did not fit: values outside the range of their words, ticks after the memory was full.
+        message: Empty, or what did not fit: values outside the range of their words, ticks beyond the memory.
     """
 
     path: Path
@@ -43,7 +43,7 @@ class Recording:
 
 @dataclass(frozen=True)
 class BusRun:
-    """What was read of a run.
+    """Result of reading a run.
 
     Attributes:
         tests: The tests.
@@ -57,36 +57,26 @@ class BusRun:
 
 
 def runs(records: Sequence[BusRecord]) -> list[list[BusRecord]]:
-    """Share out tests over runs of the recorder, in their sequence.
-
-    Args:
-        records: The tests.
-
-    Returns:
-        Runs of at most `TESTS_PER_RUN` tests that fit into the memory; a test that does not fit alone has a run alone.
-    """
-    shared: list[list[BusRecord]] = []
+    """Distribute tests over runs in order, at most `TESTS_PER_RUN` each that fit into the memory; longer ones alone."""
+    groups: list[list[BusRecord]] = []
     for record in records:
-        last = shared[-1] if shared else []
+        last = groups[-1] if groups else []
         if not last or len(last) == TESTS_PER_RUN or sum(map(len, last)) + len(record) > MEMORY:
-            shared.append([])
-        shared[-1].append(record)
-    return shared
+            groups.append([])
+        groups[-1].append(record)
+    return groups
 
 
 def record_run(
     records: Sequence[BusRecord], path: str | Path, *, faults: BusFaults | None = None, date: datetime = DATE
-) -> Recording:
+) -> RecordedRun:
     """Record tests one after the other, until the memory is full.
 
     Args:
         records: The tests, at most `TESTS_PER_RUN`, at the rate of the bus.
         path: The file, written under a temporary name and then renamed.
-        faults: What goes wrong on the bus; nothing by default.
-        date: When the recorder's clock starts.
-
-    Returns:
-        What was recorded.
+        faults: Faults of the bus; none by default.
+        date: Start of the recorder's clock.
 
     Raises:
         TwinError: No test, too many, one at another rate, pychapter10 is missing, or the file cannot be written.
@@ -99,7 +89,7 @@ def record_run(
             raise TwinError(
                 f"{record.name}: sampled every {record.dt:g} s; the bus passes one tick every {SAMPLE_TIME} s"
             )
-    # Every test begins at a whole second, so that the time packets do too.
+    # Tests begin at whole seconds, because time packets do.
     start, used = CLOCK, 0
     tests, starts, announcements = [], [], []
     full, clipping = "", []
@@ -118,8 +108,7 @@ def record_run(
                 f"values of {record.name} stand at the end of their words' range at {len(clipped)} ticks, "
                 f"from {clipped[0]} to {clipped[-1]}"
             )
-        struck, kept = (faults or BusFaults()).strike(frames[:length], sent[:length], number)
-        tests.append((struck, kept))
+        tests.append((faults or BusFaults()).apply(frames[:length], sent[:length], number))
         starts.append(start)
         announcements.append(Test(record.name, length, record.axes, len(record)))
         used += length
@@ -135,59 +124,53 @@ def record_run(
     finally:
         partial.unlink(missing_ok=True)
     remarks = "; ".join([*clipping, *([full] if full else [])])
-    return Recording(path, tuple(test.ticks for test in announcements), f"{path.name}: {remarks}" if remarks else "")
+    return RecordedRun(path, tuple(test.ticks for test in announcements), f"{path.name}: {remarks}" if remarks else "")
 
 
 def read_run(path: str | Path) -> BusRun:
-    """Read every good message of a recording; what is missing is NaN, never a guess.
+    """Read all valid messages of a recording; missing values are NaN.
 
-    A message counts if the bus flagged no fault in it, its words are those of the interface control table, its check
+    A message is valid if the bus flagged no fault in it, its words are those of the interface control table, its check
     words are right, and its time stamp agrees with its tick.
 
-    Args:
-        path: The file.
-
-    Returns:
-        The tests, and one line on the rest.
-
     Raises:
-        TwinError: No such file, nothing of ours in it, or pychapter10 is missing.
+        TwinError: No such file, no message of the arm in it, or pychapter10 is missing.
     """
     path = Path(path)
     try:
         data = path.read_bytes()
     except OSError as error:
         raise TwinError(f"cannot read {path}: {error.strerror or error}") from error
-    found = scan(data)
-    setups = [tests for text in found.setups if (tests := announced(text))]
+    contents = scan(data)
+    setups = [tests for text in contents.setups if (tests := read_setup(text))]
     if len(setups) > 1:
         raise TwinError(f"{path.name} holds {len(setups)} recordings; expected one")
-    good, flagged = _good_messages(data, found.offsets)
-    lengths = _lengths(good)
+    valid, flagged = _valid_messages(data, contents.offsets)
+    lengths = _lengths(valid)
     if not lengths:
-        what = f"{found.packets} whole packets" if found.packets else "no Chapter 10 packet"
-        raise TwinError(f"{path.name}: no message of the arm's bus; the file has {what} in {len(data)} bytes")
+        packets = f"{contents.packets} whole packets" if contents.packets else "no Chapter 10 packet"
+        raise TwinError(f"{path.name}: no message of the arm's bus; the file has {packets} in {len(data)} bytes")
     known = setups[0] if setups else ()
     records, missing = [], []
     for n in range(1, max(len(known), *lengths) + 1):
         plan = known[n - 1] if n <= len(known) else None
         length = max(plan.ticks if plan else 0, lengths.get(n, 0))
-        part = {name: rows[rows["data"][:, 1] == n] for name, rows in good.items()}
+        part = {name: rows[rows["data"][:, 1] == n] for name, rows in valid.items()}
         record = unpack(part, plan.name if plan else f"test-{n}", plan.axes if plan else (), length, SAMPLE_TIME)
         records.append(record)
         missing.append({name: length - len(rows) for name, rows in part.items()})
     lost = sum(sum(counts.values()) for counts in missing)
-    told = _told(path.name, records, lost, flagged, found.damaged, found.cut, bool(known))
+    missing_line = _missing_line(path.name, records, lost, flagged, contents, has_setup=bool(known))
     short = [
         f"{t.name} was to have {t.planned} ticks, of which the memory held {t.ticks}"
         for t in known
         if t.planned > t.ticks
     ]
-    return BusRun(tuple(records), lost, "; ".join(([told] if told else []) + short))
+    return BusRun(tuple(records), lost, "; ".join(([missing_line] if missing_line else []) + short))
 
 
-def _good_messages(data: bytes, offsets: np.ndarray) -> tuple[dict[str, np.ndarray], Counter[str]]:
-    """Good messages by name, and how many the bus flagged, by fault."""
+def _valid_messages(data: bytes, offsets: np.ndarray) -> tuple[dict[str, np.ndarray], Counter[str]]:
+    """Return the valid messages by name, and the number of flagged ones by fault."""
     raw = np.frombuffer(data, np.uint8)
     offsets = offsets[offsets + INTRA_PACKET_HEADER + 2 <= len(raw)]
     heads = raw[offsets[:, None] + np.arange(8, INTRA_PACKET_HEADER + 2)].view("<u2")
@@ -210,7 +193,7 @@ def _good_messages(data: bytes, offsets: np.ndarray) -> tuple[dict[str, np.ndarr
 
 
 def _of_one_clock(good: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
-    """Leave out messages whose time stamp contradicts their tick, and ticks of which two messages contradict."""
+    """Drop messages whose time stamp contradicts their tick, and ticks whose messages contradict each other."""
     starts = {m.name: _start(good[m.name], m.slot) for m in MESSAGES}
     numbers = np.concatenate([rows["data"][:, 1] for rows in good.values()])
     every = np.concatenate(list(starts.values()))
@@ -232,7 +215,7 @@ def _start(rows: np.ndarray, slot: int) -> np.ndarray:
 
 
 def _lengths(good: dict[str, np.ndarray]) -> dict[int, int]:
-    """Number of ticks up to the last good message of each test."""
+    """Return the number of ticks up to the last valid message of each test."""
     lengths: dict[int, int] = {}
     for rows in good.values():
         for n in np.unique(rows["data"][:, 1]):
@@ -241,18 +224,18 @@ def _lengths(good: dict[str, np.ndarray]) -> dict[int, int]:
     return lengths
 
 
-def _told(
-    name: str, records: Sequence[BusRecord], lost: int, flagged: Counter[str], damaged: int, cut: bool, setup: bool
+def _missing_line(
+    name: str, records: Sequence[BusRecord], lost: int, flagged: Counter[str], contents: Scan, *, has_setup: bool
 ) -> str:
-    """One line on what is missing; empty if nothing is."""
-    if not lost and setup and not damaged:
+    """Return one line on what is missing; empty if nothing is."""
+    damaged = contents.damaged
+    if not lost and has_setup and not damaged:
         return ""
-    reasons = [f"{count} flagged {what}" for what, count in flagged.most_common()]
+    reasons = [f"{count} flagged {fault}" for fault, count in flagged.most_common()]
     if damaged:
-        reasons.append(
-            f"{damaged} damaged part{'s' if damaged > 1 else ''} of the file" + (", which is cut off" if cut else "")
-        )
-    if not setup:
+        end = ", which is cut off" if contents.cut else ""
+        reasons.append(f"{damaged} damaged part{'s' if damaged > 1 else ''} of the file{end}")
+    if not has_setup:
         reasons.append("the set-up record is lost, and with it the names and lengths of the tests")
     total = len(MESSAGES) * sum(map(len, records))
     text = f"{name}: {lost} of {total} messages are missing"

@@ -1,4 +1,4 @@
-"""The interface control table of the bus: which word of which message holds what, in what unit and scale."""
+"""Interface control table of the bus: contents, unit and scale of each word of each message."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -33,7 +33,7 @@ class Word:
     """One data word.
 
     Attributes:
-        name: What it holds.
+        name: Its quantity.
         unit: Unit of its value.
         step: Value of its least significant bit, in that unit; None for whole numbers and sets of bits.
         meaning: One line for the table.
@@ -50,12 +50,12 @@ class Message:
     """One transfer per tick between the bus controller and a remote terminal.
 
     Attributes:
-        name: What the table calls it; the channel of the record that it carries.
+        name: Its name in the table: the channel of the record that it carries.
         terminal: Address of the remote terminal.
         subaddress: Subaddress within the terminal.
         transmits: Whether the terminal transmits (RT to BC) or receives (BC to RT).
-        slot: When it starts after the tick, in counts of the relative time counter.
-        quantities: Names of its values in the sequence of their words.
+        slot: Start after the tick, in counts of the relative time counter.
+        quantities: Names of its values in the order of their words.
         unit: Their unit, one each.
         steps: Their scales, one each.
         has_status: Whether the control status goes with it.
@@ -143,19 +143,13 @@ MESSAGES = (
         has_status=True,
     ),
 )
-"""What passes over the bus in every tick: the joints are read, the sensor is read, the command goes out."""
+"""Messages of every tick: the joints are read, the sensor is read, the command is sent."""
 
 
 def check_words(words: np.ndarray) -> np.ndarray:
-    """The last two words of messages whose other words are given: cyclic redundancy check, then checksum.
+    """Return the last two words (N, 2) of messages from the words before them (N, k), 16 bits each: CRC, checksum.
 
-    The check finds up to three wrong bits anywhere, which the checksum, made for slow terminals, does not.
-
-    Args:
-        words: The words before them (N, k), 16 bits each.
-
-    Returns:
-        The two words (N, 2).
+    The CRC detects up to three wrong bits anywhere, which the checksum, made for slow terminals, does not.
     """
     cycle = crc(words)
     return np.column_stack([cycle, checksum(np.column_stack([words, cycle]))])
@@ -185,20 +179,14 @@ def _crc_table() -> np.ndarray:
 
 
 _CRC_TABLE = _crc_table()
-"""What one more byte does to the check."""
+"""Change of the CRC by one more byte."""
 
 
 def checksum(words: np.ndarray) -> np.ndarray:
-    """The last word of messages whose other words are given.
+    """Return the checksum (N,) of messages from the words before it (N, k), 16 bits each.
 
     Every word, the checksum included, rotated right by the number of words before it, adds up to zero without carries
     [MilStd2003, app. B]. A single wrong bit never passes, random words pass once in 65536.
-
-    Args:
-        words: The words before it (N, k), 16 bits each.
-
-    Returns:
-        The checksums (N,).
     """
     wide = words.astype(np.uint32)
     shifts = np.arange(words.shape[1], dtype=np.uint32) % 16
@@ -208,11 +196,7 @@ def checksum(words: np.ndarray) -> np.ndarray:
 
 
 def interface_control_table() -> Iterator[str]:
-    """The table as lines of Markdown, one row per data word.
-
-    Yields:
-        The lines, heading first.
-    """
+    """Yield the table as lines of Markdown, heading first, one row per data word."""
     yield "| Message | Word | Holds | Unit | LSB | Range | Coding |"
     yield "|---|---|---|---|---|---|---|"
     for message in MESSAGES:

@@ -17,20 +17,16 @@ from hmtb_twin.run.experiment_row import STATE, ExperimentRow
 from hmtb_twin.run.worksite_run import WorksiteRun
 
 
-def warned_of(counts: np.ndarray) -> str:
-    """Return the names of the warnings that were raised, with commas; nothing where none was.
-
-    Args:
-        counts: How often each warning of MuJoCo was raised (n,).
-    """
+def warning_names(counts: np.ndarray) -> str:
+    """Return the names of the engine warnings with counts (n,) above zero, separated by commas."""
     return ", ".join(str(mujoco.mjtWarning(i)).rsplit("mjWARN_", 1)[-1] for i in np.flatnonzero(counts))
 
 
 BLOCK = 256
-"""Ticks that are computed ahead, and recorded before each experiment is given its part: 5 s.
+"""Ticks that are computed ahead and recorded as a block: 5 s.
 
-Long enough that Python's work per block does not count, short enough that the blocks of a thousand experiments are
-small beside their logs."""
+Long enough that Python's work per block is negligible, short enough that the blocks of a thousand experiments are
+small compared to their logs."""
 
 
 class Recording:
@@ -38,10 +34,10 @@ class Recording:
 
     Args:
         lengths: Ticks of each experiment.
-        widths: Numbers that each channel has at a tick.
+        widths: Numbers of each channel at a tick.
 
     Attributes:
-        records: Of each experiment, its channels by name, (ticks, width), complete after `close`.
+        records: Channels of each experiment by name, (ticks, width), complete after `close`.
     """
 
     def __init__(self, lengths: Sequence[int], widths: Mapping[str, int]) -> None:
@@ -51,28 +47,25 @@ class Recording:
         self.records = [{name: np.empty((ticks, width)) for name, width in widths.items()} for ticks in lengths]
 
     def write(self, tick: int, values: Mapping[str, np.ndarray]) -> None:
-        """Write the channels (rows, width) of a tick; ticks come in turn."""
+        """Write the channels (rows, width) of a tick; ticks must come in order."""
         if tick - self._first == BLOCK:
-            self._hand_out(tick)
+            self.close(tick)
         for name, now in values.items():
             self._blocks[name][tick - self._first] = now
 
     def close(self, ticks: int) -> None:
-        """Hand out what is left of a run of so many ticks."""
-        self._hand_out(ticks)
-
-    def _hand_out(self, stop: int) -> None:
-        first, self._first = self._first, stop
+        """Copy the block up to a tick into the records."""
+        first, self._first = self._first, ticks
         for row, record in enumerate(self.records):
-            for name, kept in record.items():
-                part = kept[first:stop]
+            for name, channel in record.items():
+                part = channel[first:ticks]
                 part[:] = self._blocks[name][: len(part), row]
 
 
 class BatchRun:
     """One run of experiments side by side: physics in C, Python once per tick for all of them.
 
-    Which rows stand beside each other, and how many threads there are, changes no bit of any of them.
+    The bits of a row depend neither on the other rows nor on the number of threads.
 
     Args:
         rows: The experiments, on arms of one `structure`, with their first states.
@@ -87,13 +80,13 @@ class BatchRun:
     def __init__(self, rows: Sequence[ExperimentRow], threads: int) -> None:
         self.seconds, self.ticks = 0.0, 0
         self._rows = rows
-        # It stands for all: what is read from it here is the same in every arm of its structure.
+        # The first arm represents all: everything read here is equal for arms of one structure.
         arm = rows[0].arm
         self.substeps = round(SAMPLE_TIME / arm.model.opt.timestep)
         self._simulations = simulations = batch.Batch(arm.model, nsim=len(rows), nthread=threads)
         self._models = [row.arm.model for row in rows]
         if len(set(map(id, self._models))) > 1:
-            self._set_models()
+            self._simulations.set_models(self._models)
         for i, row in enumerate(rows):
             for name in STATE:
                 simulations.bind(name)[i] = row.start[name]
@@ -105,7 +98,7 @@ class BatchRun:
         self._site = WorksiteRun(simulations, [row.arm for row in rows]) if arm.worksite else None
         if self._site:
             self._models = [self._site.model(i, powered=True) for i in range(len(rows))]
-            self._set_models()
+            self._simulations.set_models(self._models)
         self._lengths = np.array([row.ticks for row in rows])
         self._active = np.arange(len(rows))
         self._live = [i for i, row in enumerate(rows) if row.station.live]
@@ -113,11 +106,7 @@ class BatchRun:
         self._ahead = np.zeros((min(BLOCK, self._lengths.max()), len(rows), arm.model.nu))
 
     def run(self, report: Callable[[int], None]) -> None:
-        """Run the experiments and fill in their records, or why they failed.
-
-        Args:
-            report: Called now and then with the ticks run.
-        """
+        """Run the experiments; fill in their records or failures. `report` is called with the completed ticks."""
         self._simulations.forward()
         recording = Recording(self._lengths.tolist(), {name: now.shape[1] for name, now in self._channels().items()})
         if self._site:
@@ -138,11 +127,8 @@ class BatchRun:
         for row, record in zip(self._rows, recording.records, strict=True):
             row.record = record
 
-    def _set_models(self) -> None:
-        self._simulations.set_models(self._models)
-
     def _channels(self) -> dict[str, np.ndarray]:
-        """What is recorded at a tick, (rows, width) each."""
+        """Return the recorded channels at a tick, (rows, width) each."""
         now = {
             "true_angles": self._angles[:, : len(JOINTS)],
             "load_pressure": self._act[:, self._pressures],
@@ -155,7 +141,7 @@ class BatchRun:
         return now
 
     def _look_ahead(self, tick: int) -> None:
-        """Compute the controls of a block of ticks where they depend on nothing but the excitation."""
+        """Compute the controls of a block of ticks of rows that depend only on the excitation."""
         for i in self._active.tolist():
             row = self._rows[i]
             if not row.station.live:
@@ -163,7 +149,7 @@ class BatchRun:
                 self._ahead[: len(block), i] = block
 
     def _operate(self, tick: int) -> None:
-        """Let operators act and power go off and on, at a tick."""
+        """Run operators and power switches of a tick."""
         changed = False
         for i in self._live:
             row = self._rows[i]
@@ -190,16 +176,15 @@ class BatchRun:
             )
             changed = True
         if changed:
-            self._set_models()
+            self._simulations.set_models(self._models)
 
     def _step(self, tick: int) -> None:
-        """Step the physics through a tick, under its controls."""
+        """Step the physics through a tick under its controls."""
         active, simulations = self._active, self._simulations
         self._control[active] = self._ahead[tick % BLOCK, active]
         started = perf_counter()
         try:
-            # The forward pass at the new state makes the wrench that of this very tick, under the command still in
-            # force.
+            # The forward pass at the new state computes the wrench of this tick, under the command still in force.
             simulations.step(ids=active, nstep=self.substeps, stage=mujoco.mjtStage.mjSTAGE_ACC)
         except batch.SimulationError as error:
             for i in error.ids:
@@ -207,10 +192,8 @@ class BatchRun:
         self.seconds += perf_counter() - started
         self.ticks += len(active)
         for i in active[simulations.warning[active, :, 1].any(axis=1)].tolist():
-            self._fail(
-                i,
-                f"the physics engine warned of {warned_of(simulations.warning[i, :, 1])} at {tick * SAMPLE_TIME:.2f} s",
-            )
+            names = warning_names(simulations.warning[i, :, 1])
+            self._fail(i, f"the physics engine warned of {names} at {tick * SAMPLE_TIME:.2f} s")
         self._active = self._active[self._lengths[self._active] > tick + 1]
 
     def _fail(self, i: int, reason: str) -> None:
@@ -221,7 +204,7 @@ class BatchRun:
         return int(Status.UNIT_HELD) if self._site and self._site.held[i] else 0
 
     def _view(self, tick: int, i: int) -> View:
-        """What the operator of row i sees."""
+        """Return the view of the operator of row i."""
         return View(
             time=tick * SAMPLE_TIME,
             tool_position=self._positions[i, self._tool].copy(),
@@ -232,7 +215,7 @@ class BatchRun:
 
 
 def _switched(rows: Sequence[ExperimentRow]) -> dict[int, list[int]]:
-    """Return the rows whose servo power goes off or on at a tick, by tick."""
+    """Return by tick the rows whose servo power switches."""
     switched: dict[int, list[int]] = defaultdict(list)
     for i, row in enumerate(rows):
         for tick in np.flatnonzero(np.diff(row.station.powered)) + 1:

@@ -1,4 +1,4 @@
-"""One experiment on its way through a batch: from what is asked to its log."""
+"""One experiment in a batch: its arm, station, noise and log."""
 
 from collections.abc import Callable
 from dataclasses import dataclass, field
@@ -15,10 +15,10 @@ from hmtb_twin.control.experiment import Experiment, Operator
 from hmtb_twin.parameters.values import SAMPLE_TIME, Recorder
 
 STATE = ("qpos", "qvel", "act", "ctrl", "eq_active")
-"""Fields of MuJoCo's state in which an experiment starts from the arm at rest; all others start at zero."""
+"""Fields of MuJoCo's state that start from the arm at rest; all others start at zero."""
 
 _NUMBERS = ("contact_force", "supply_pressure")
-"""Channels with one number at a tick, (N,) in a log."""
+"""Channels with one number per tick, (N,) in a log."""
 
 
 @dataclass
@@ -26,15 +26,15 @@ class ExperimentRow:
     """One experiment, a row of a batch.
 
     Attributes:
-        experiment: What is asked.
-        arm: The arm that does it.
-        station: Who commands it.
+        experiment: The experiment.
+        arm: Its arm.
+        station: Its control station.
         recorder: The recorder with the noise of the arm's resolvers.
         resolver_noise: Standard normal numbers for the resolvers (N, 7).
-        drive_noise: Torques that the valve drives add (N, 7), N m; None where they are quiet.
-        start: The fields `STATE` of the arm at rest at the experiment's pose; empty until it is known.
-        record: What was recorded, (N, width) by channel; empty before the run.
-        failure: Why the run failed; None where it did not.
+        drive_noise: Torque noise of the drives (N, 7), N m; None without.
+        start: The fields `STATE` of the arm at rest at the experiment's pose; empty before `at_rest`.
+        record: Recorded channels, (N, width) each; empty before the run.
+        failure: Reason of the failure; None without one.
     """
 
     experiment: Experiment
@@ -57,13 +57,13 @@ class ExperimentRow:
 
         Args:
             ticks: The ticks.
-            arm: The arm as its controller knows it at these ticks; the experiment's own by default.
+            arm: The arm as its controller knows it at these ticks; the row's arm by default.
         """
         noise = None if self.drive_noise is None else self.drive_noise[ticks]
         return (arm or self.arm).controls(self.station.commands[ticks], noise)
 
     def reading(self, tick: int, angles: np.ndarray) -> np.ndarray:
-        """Return what the controller's own resolvers tell of the angles (7,) at a tick, rad."""
+        """Return the resolver readings of the angles (7,) at a tick, rad."""
         return read_resolvers(angles, self.resolver_noise[tick], self.recorder, resolver=self.experiment.chain.resolver)
 
     def log(self) -> JointLog:
@@ -93,21 +93,21 @@ class ExperimentRow:
                 "pose": experiment.pose,
                 "mode": experiment.mode,
                 **{name: str(on).lower() for name, on in vars(experiment.chain).items()},
-                **_recipe(experiment, station.operator),
+                **_description(experiment, station.operator),
                 **software_versions(),
             },
         )
 
 
 def prepare(experiment: Experiment, load: Callable[..., Arm]) -> ExperimentRow:
-    """Return an experiment with its arm, its station and its noise.
+    """Return an experiment with its arm, station and noise.
 
     Args:
         experiment: The experiment.
-        load: `load_arm`, or what returns its arms.
+        load: `load_arm` or a function that returns its arms.
 
     Raises:
-        TwinError: The experiment asks for something that the laboratory does not have.
+        TwinError: The experiment needs something that the laboratory does not have.
     """
     arm = _arm(experiment, load)
     wires, resolvers, drives = np.random.default_rng(experiment.seed).spawn(3)
@@ -119,18 +119,14 @@ def prepare(experiment: Experiment, load: Callable[..., Arm]) -> ExperimentRow:
 
 
 def at_rest(arm: Arm, pose: str) -> dict[str, np.ndarray]:
-    """Return the fields `STATE` of the arm at rest at a pose.
-
-    Raises:
-        OverloadError: The drives cannot hold the arm there.
-    """
-    # Without the state itself: MuJoCo gives each a working memory a hundred times its size.
+    """Return the fields `STATE` of the arm at rest at a pose; raises `OverloadError` if the drives cannot hold it."""
+    # Not the state itself: its working memory is a hundred times larger.
     rest: mujoco.MjData = arm.rest(arm.pose(pose))
     return {name: np.array(getattr(rest, name)) for name in STATE}
 
 
 def _arm(experiment: Experiment, load: Callable[..., Arm]) -> Arm:
-    # What is no arm at all need not be hashable, as `load` may want it.
+    # Before `load`, which may need hashable arguments: invalid ones may not be.
     check_arm(
         experiment.variant,
         experiment.payload,
@@ -148,8 +144,8 @@ def _arm(experiment: Experiment, load: Callable[..., Arm]) -> Arm:
     )
 
 
-def _recipe(experiment: Experiment, operator: Operator | None) -> dict[str, str]:
-    """Return the text from which the experiment can be run again, where a text tells all of it."""
+def _description(experiment: Experiment, operator: Operator | None) -> dict[str, str]:
+    """Return the TOML text of the experiment if it describes all of it, and the class of its operator."""
     by = {} if operator is None else {"operator": f"{type(operator).__module__}.{type(operator).__qualname__}"}
     write = getattr(experiment, "to_toml", None)
     if not callable(write) or getattr(experiment, "has_own_operator", False):

@@ -18,17 +18,10 @@ from hmtb_twin.run.experiment_row import ExperimentRow, at_rest, prepare
 
 
 def structure(arm: Arm) -> Hashable:
-    """Return what arms have in common that can run side by side, a model each, and that nothing else has.
+    """Return a key that is equal for arms that can run in one batch, each on its own model.
 
-    `mujoco.batch.Batch.set_models` wants the same sizes of all that MuJoCo's state holds. One loop over the ticks wants
-    more: the same names at the same places, the same step and integrator, and the states of the drives in the same
-    places.
-
-    Args:
-        arm: An arm.
-
-    Returns:
-        A key, equal for arms of the same structure.
+    `mujoco.batch.Batch.set_models` needs equal sizes of all arrays of MuJoCo's state. One loop over the ticks also
+    needs equal names, step, integrator and places of the drives' states.
     """
     model = arm.model
     supply, spools = arm.supply_state, arm.spool_states
@@ -46,26 +39,25 @@ def structure(arm: Arm) -> Hashable:
 
 @cache
 def _sizes() -> tuple[str, ...]:
-    """Names of all sizes of a model: MuJoCo calls each of them n and what is counted."""
+    """Return the names of all sizes of a model, integers whose names begin with n."""
     empty = mujoco.MjSpec().compile()
     return tuple(name for name in dir(empty) if name.startswith("n") and isinstance(getattr(empty, name), int))
 
 
 MOST_THREADS = 1024
-"""More threads than that are a slip of the keyboard."""
+"""Largest number of threads: more are a typing error."""
 
 Progress = Callable[[int, int], None]
-"""Called with the ticks done and the ticks in all, summed over experiments."""
+"""Called with the completed ticks and the total, summed over experiments."""
 
 
 @dataclass(frozen=True)
 class Logs(Sequence[JointLog]):
-    """The logs of a campaign, in the order of its experiments; those that failed are missing.
+    """Logs of experiments in their order, without those that failed.
 
     Attributes:
         logs: The logs.
-        failed: Reason of each failure, by name (`name@seed` where names repeat, `name@seed#place` with the place among
-            the experiments, from 0, where these repeat, too).
+        failed: Reason of each failure by name: `name@seed` if names repeat, `name@seed#index` if these repeat too.
         physics_seconds: Wall time spent in the physics, s.
         steps: Physics steps taken, over all experiments.
     """
@@ -99,33 +91,31 @@ def simulate(
     """Simulate experiments, all on arms of one structure as rows of one `mujoco.batch.Batch`, each on its own model.
 
     Args:
-        experiments: What to run.
-        threads: Threads for the physics; all processors by default. The logs do not depend on it, nor on which
-            experiments run side by side, bit for bit.
-        progress: Called now and then with the ticks done and the ticks in all.
-        keep_going: Whether an experiment that cannot be run is one that failed, with its reason, and the others are run
-            all the same.
+        experiments: The experiments.
+        threads: Threads for the physics; all processors by default. The bits of the logs depend neither on it nor on
+            which experiments run side by side.
+        progress: Called with the completed ticks and the total.
+        keep_going: Whether to report experiments that cannot run as failed and run the others.
 
     Returns:
-        The logs, and by name the experiments that failed: the physics diverged, an operator did what the stick cannot
-        do, or, where asked to keep going, it could not be run.
+        The logs, and by name the experiments that failed: the physics diverged, an operator returned an invalid motion,
+        or, with `keep_going`, they could not run.
 
     Raises:
-        TwinError: An experiment asks for something that the laboratory does not have; nothing is run then.
-        OverloadError: The drives of an experiment cannot hold the arm at the pose where it starts; nothing is run then.
-            Whether they can hold it wherever the experiment moves it shows in the run.
-        ValueError: The model of an arm does not compile; nothing is run then.
+        TwinError: An experiment needs something that the laboratory does not have; nothing runs then.
+        OverloadError: The drives of an experiment cannot hold the arm at its first pose; nothing runs then.
+        ValueError: The model of an arm does not compile; nothing runs then.
     """
     if threads is not None and not (isinstance(threads, int) and 1 <= threads <= MOST_THREADS):
         raise TwinError(f"threads = {threads} given, expected a whole number from 1 to {MOST_THREADS}")
     rows, failures = _prepared(experiments, keep_going=keep_going)
-    alike: dict[Hashable, list[ExperimentRow]] = defaultdict(list)
+    groups: dict[Hashable, list[ExperimentRow]] = defaultdict(list)
     for row in rows.values():
-        alike[structure(row.arm)].append(row)
+        groups[structure(row.arm)].append(row)
     total = sum(row.ticks for row in rows.values())
     done, seconds, steps = 0, 0.0, 0
-    while alike:
-        group = alike.pop(next(iter(alike)))
+    while groups:
+        group = groups.pop(next(iter(groups)))
         run = BatchRun(group, threads or 0)
         run.run(partial(_report, progress, done, total))
         done += sum(row.ticks for row in group)
@@ -134,7 +124,7 @@ def simulate(
         del run, group
     logs = []
     for place in list(rows):
-        # A record goes as its log comes, so that there are never two of all of them.
+        # Each record is released when its log is made: never two copies of all of them in memory.
         row = rows.pop(place)
         if row.failure is None:
             logs.append(row.log())
@@ -152,11 +142,11 @@ def simulate(
 def _prepared(
     experiments: Sequence[Experiment], *, keep_going: bool
 ) -> tuple[dict[int, ExperimentRow], dict[int, str]]:
-    """Return the experiments that can be run, their arms at rest where they start, and why the others cannot, by place.
+    """Return by index the experiments that can run, their arms at rest, and the reasons why others cannot.
 
-    What an experiment wants of the laboratory is looked at before any arm is brought to rest.
+    All requirements are checked before any arm is brought to rest.
     """
-    # `load_arm` remembers some arms only; of a call with more, each is loaded once all the same, and forgotten after.
+    # The cache of `load_arm` is bounded; this one loads each arm of a call once and releases it afterwards.
     load, settle = cache(load_arm), cache(at_rest)
     rows: dict[int, ExperimentRow] = {}
     failures: dict[int, str] = {}
@@ -188,7 +178,7 @@ def _report(progress: Progress | None, before: int, total: int, ticks: int) -> N
 
 
 def _labels(experiments: Sequence[Experiment]) -> list[str]:
-    """Return what tells each experiment from the others: name, and where that repeats seed, and then its place."""
+    """Return unique labels of experiments: name, with the seed if names repeat, with the index if that repeats."""
     names = [experiment.name for experiment in experiments]
     labels = [f"{experiment.name}@{experiment.seed}" for experiment in experiments]
     named, labelled = Counter(names), Counter(labels)

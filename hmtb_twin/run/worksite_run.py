@@ -1,4 +1,4 @@
-"""The replacement unit in simulations side by side: who holds it, where it is, what it touches."""
+"""The replacement unit in a batch of simulations: latch, pose and contact forces."""
 
 from collections.abc import Sequence
 from copy import copy
@@ -16,18 +16,18 @@ from hmtb_twin.parameters.payloads import LATCH, PAYLOADS
 from hmtb_twin.parameters.values import JOINTS
 
 END_EFFECTOR = "end_effector"
-"""The body whose fingers close about the unit's fitting."""
+"""Body whose fingers close about the unit's fitting."""
 
 
 class WorksiteRun:
     """The latch, the unit and its contacts in every simulation of a batch.
 
-    Fingers that close about the fitting hold the unit as it is between them; closed about nothing they hold nothing
-    until they have been opened. The latch's switch tells the controller what it carries, for its feedforward torque.
+    Fingers that close about the fitting hold the unit in its present pose; fingers that miss it hold nothing until they
+    have been opened again. The latch's switch tells the controller the payload for its feedforward torque.
 
     Args:
         simulations: The batch, in its first state.
-        arms: The arm at the worksite that each of them runs, all of one structure.
+        arms: Arm at the worksite of each simulation, all of one structure.
 
     Attributes:
         held: Whether the end effector holds the unit, per simulation.
@@ -37,7 +37,7 @@ class WorksiteRun:
         self._arms = arms
         self.held = np.array([PAYLOADS[arm.payload] is not None for arm in arms])
         self._closed = self.held.copy()
-        # Each simulation has models of its own: where the unit sits between the fingers is written in them.
+        # Each simulation has its own models, which hold the pose of the unit between the fingers.
         self._working = [copy(arm.model) for arm in arms]
         self._shut: list[mujoco.MjModel | None] = [None for _ in self.held]
         self._angles, self._active, history, self._places, self._turns, self._sites, self._axes = (
@@ -53,7 +53,7 @@ class WorksiteRun:
         )
         sensor = model.sensor(TOUCH_SENSOR).id
         samples = model.sensor_history[sensor, 0]
-        # A history is two numbers of its own, the times, the values.
+        # A history holds two numbers of its own, then the times, then the values.
         first = model.sensor_historyadr[sensor] + 2 + samples
         self._touch = history[:, first : first + samples]
 
@@ -64,11 +64,11 @@ class WorksiteRun:
 
     @property
     def contact_force(self) -> np.ndarray:
-        """Largest sum of normal forces between unit and worksite over the physics steps of the last tick (n, 1), N."""
+        """Largest sum of normal forces between unit and worksite during the last tick (n, 1), N."""
         return self._touch.max(axis=1, keepdims=True)
 
     def look(self, i: int) -> UnitView:
-        """Return what the cameras show of the unit of simulation i."""
+        """Return the view of the unit of simulation i."""
         place, turn = self._where(i)
         return UnitView(place.copy(), turn.copy(), bool(self.held[i]))
 
@@ -85,11 +85,11 @@ class WorksiteRun:
         return bool(self.held[i])
 
     def model(self, i: int, *, powered: bool) -> mujoco.MjModel:
-        """Return the model that simulation i runs on: with working valves, or with closed ones without power."""
+        """Return the model of simulation i with or without servo power."""
         return self._working[i] if powered else self._without_power(i)
 
     def carrying(self, i: int) -> Arm:
-        """Return the arm of simulation i with the controller's model of what the end effector now holds."""
+        """Return the arm of simulation i with the controller's model for its present payload."""
         arm, payload = self._arms[i], "rpcm" if self.held[i] else "none"
         return arm if payload == arm.payload else replace(arm, controller=controller_model(payload, arm.variant))
 
@@ -112,7 +112,7 @@ class WorksiteRun:
         return bool(away <= LATCH.reach and turned <= LATCH.turn)
 
     def _hold(self, i: int, model: mujoco.MjModel) -> None:
-        """Write into a model where the unit sits in the end effector."""
+        """Write the pose of the unit in the end effector into a model."""
         place, turn = self._where(i)
         hand = self._turns[i, self._hand].reshape(3, 3)
         model.eq_data[self._weld, 3:6] = hand.T @ (place - self._places[i, self._hand])

@@ -4,8 +4,8 @@ With load pressure P, joint velocity w, valve flow Q at zero load pressure and l
 
     V/(4 beta) dP/dt = Q - K_ce P - D w        J dw/dt = D P - B w + T,
 
-where K_ce is the flow-pressure gain with the leakage [Merritt1967, ch. 6]. What follows from it is what the simulated
-actuators are measured against; nothing here looks at the simulation.
+where K_ce is the flow-pressure gain with the leakage [Merritt1967, ch. 6]. The simulated actuators are tested against
+these results, which do not use the simulation.
 """
 
 from dataclasses import dataclass

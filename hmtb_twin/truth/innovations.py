@@ -1,4 +1,4 @@
-"""The true noise model: from noise in drives and resolvers to the innovations form of whatever is measured."""
+"""True noise model: from noise of drives and resolvers to the innovations form of the measurements."""
 
 from dataclasses import dataclass, replace
 
@@ -11,15 +11,15 @@ RESIDUAL = 1e-9
 """Largest residual of the Riccati equation that a solution may leave, relative to the solution."""
 
 DOUBLINGS = 50
-"""Doublings after which the Riccati equation counts as without solution: 2^50 ticks of the Kalman recursion."""
+"""Doublings after which the Riccati equation counts as unsolvable: 2^50 ticks of the Kalman recursion."""
 
 
 @dataclass(frozen=True)
 class Disturbances:
-    """What disturbs the small-signal arm, both independent from tick to tick and of each other.
+    """Noise of the small-signal arm, independent from tick to tick and between drives and resolvers.
 
     Attributes:
-        drives: What one standard deviation of the noise of each drive, held over a tick, adds to the state (n, 7).
+        drives: Effect on the state of one standard deviation of each drive's noise held over a tick (n, 7).
         resolvers: Covariance of the noise of the measured angles (7, 7), rad^2. Rounding counts as uniform and
             independent noise of variance step^2/12: with resolver noise of half a step or more ahead of it, it is that
             to 3 %, of a whole step, as is nominal, to 1e-8 [Widrow2008, ch. 19].
@@ -84,7 +84,7 @@ def _predicted_covariance(model: StateSpace, drives: np.ndarray, resolvers: np.n
     except np.linalg.LinAlgError as error:
         raise TwinError(f"resolver noise given whose covariance is not positive definite: {error}") from error
     transition, information, covariance = model.A.T, C.T @ C, drives @ drives.T
-    # Where the noise grows without bound it overflows; that is found and said below.
+    # Noise that grows without bound overflows; the error below reports it.
     with np.errstate(all="ignore"):
         for _ in range(DOUBLINGS):
             try:

@@ -17,32 +17,25 @@ from hmtb_twin.truth.truth import Truth
 from sysid import StateSpace
 
 CLEARANCE = 1e-3
-"""Nearest that a joint may come to its stop, rad: ten steps of the finite differences, which must not touch it."""
+"""Smallest distance of a joint from its stop, rad: ten steps of the finite differences, which must not touch it."""
 
 INDEX = 0.0
 """Angle at which the pin of an indexed joint holds it, rad."""
 
 AT_INDEX = 1e-9
-"""How near to it an indexed joint has to be given, rad: a pin pushed aside pulls by its stiffness."""
+"""Tolerance of the angle of an indexed joint, rad: a deflected pin acts with its stiffness."""
 
 
 def check_range(angles: np.ndarray) -> None:
-    """Refuse angles at which a joint would stand on its stop, or an indexed joint beside its pin.
-
-    Args:
-        angles: Joint angles (7,), rad.
-
-    Raises:
-        TwinError: One is not inside its joint's range.
-    """
+    """Raise `TwinError` for angles (7,), rad, with a joint at its stop or an indexed joint off its pin."""
     for name, angle in zip(JOINTS, angles, strict=True):
-        given = f"pose: {name} = {np.degrees(angle):g} deg given, expected"
+        message = f"pose: {name} = {np.degrees(angle):g} deg given, expected"
         if name in INDEXED_JOINTS:
             if abs(angle - INDEX) > AT_INDEX:
-                raise TwinError(f"{given} {np.degrees(INDEX):g} deg, where its pin holds it")
+                raise TwinError(f"{message} {np.degrees(INDEX):g} deg, where its pin holds it")
         elif not clear_of_stops(name, float(angle)):
             low, high = np.degrees((MOTIONS[name].lower, MOTIONS[name].upper))
-            raise TwinError(f"{given} between {low:g} and {high:g} deg, at least {CLEARANCE:g} rad off the stops")
+            raise TwinError(f"{message} between {low:g} and {high:g} deg, at least {CLEARANCE:g} rad off the stops")
 
 
 def clear_of_stops(joint: str, angle: float) -> bool:
@@ -89,19 +82,19 @@ def sample_map(
 
 
 AMPLITUDES = (1e-5, 1e-4, 1e-3, 1e-2)
-"""Command amplitudes at which the linear model is tried against simulation, rad."""
+"""Command amplitudes at which the linear model is compared with simulation, rad."""
 
 LARGEST_AMPLITUDE = 2.0 * np.pi
-"""A whole turn: no command of the arm is larger, and few are as small signals."""
+"""A whole turn, more than any command of the arm, rad."""
 
-STEP_linearization = 1e-4
+STEP_DIFFERENCES = 1e-4
 """Step of the centred finite differences: below it rounding shows in the trial at 10 µrad, above it truncation will."""
 
 METHODS = {
     "linear": "mjd_transitionFD, centred, zero-order hold to 50 Hz",
     "orifice": "centred differences of the 50 Hz map",
 }
-"""How each form of the actuator is linearised."""
+"""Method of linearisation by form of the actuator."""
 
 
 def linearize(arm: Arm, pose: str | np.ndarray = OPERATING_POSE, *, amplitudes: Sequence[float] = AMPLITUDES) -> Truth:
@@ -118,11 +111,11 @@ def linearize(arm: Arm, pose: str | np.ndarray = OPERATING_POSE, *, amplitudes: 
     Args:
         arm: The arm, with friction or without, in free space or at the worksite: the truth is the same.
         pose: Operating point, by name or as joint angles (7,), rad.
-        amplitudes: Command amplitudes at which the truth is tried against simulation, rad. None of them makes it
-            hundreds of times faster: milliseconds, for maps of many poses.
+        amplitudes: Command amplitudes at which the truth is compared with simulation, rad. Without any, linearisation
+            takes milliseconds, hundreds of times less.
 
     Returns:
-        The truth, with its error against simulation. The arm may be unstable there: `Truth.spectral_radius`.
+        The truth, with its error against simulation. The arm may be unstable: `Truth.spectral_radius`.
 
     Raises:
         TwinError: An amplitude is not above 0 and up to `LARGEST_AMPLITUDE`, there is no such pose, the angles are not
@@ -155,17 +148,17 @@ def linearize(arm: Arm, pose: str | np.ndarray = OPERATING_POSE, *, amplitudes: 
 def sliding(arm: Arm) -> Arm:
     """Return the arm in free space without dry friction: the moving arm of small signals."""
     if not arm.worksite and not arm.friction:
-        # It may have other valves or another step than `load_arm` gives.
+        # Its valves or step may differ from those of `load_arm`.
         return arm
     return load_arm(arm.variant, arm.payload, plant=arm.plant, specimen=arm.specimen, friction=False)
 
 
 def _angles(pose: np.ndarray) -> np.ndarray:
     try:
-        given = np.asarray(pose)
+        array = np.asarray(pose)
     except ValueError:  # rows of unequal length
-        given = np.empty(0, dtype=object)
-    angles = given.astype(float) if given.dtype.kind in "iuf" else np.empty(0)
+        array = np.empty(0, dtype=object)
+    angles = array.astype(float) if array.dtype.kind in "iuf" else np.empty(0)
     if angles.shape != (len(JOINTS),) or not np.isfinite(angles).all():
         raise TwinError(f"pose {pose!r} given, expected a name or {len(JOINTS)} finite joint angles in rad")
     return angles
@@ -188,20 +181,20 @@ def _sampled_model(arm: Arm, angles: np.ndarray) -> tuple[StateSpace, Disturbanc
     path = _delayed(A, B, np.eye(len(JOINTS), states), arm.delays)
     drives = np.zeros((path.order, len(JOINTS)))
     drives[:states] = torques * arm.process_noise
-    # Readings reach the record as late as the angles; white noise delayed is white noise.
+    # The bus delays readings and angles alike; delayed white noise is white noise.
     recorder = arm.specimen.recorder
     resolvers = (recorder.noise**2 + recorder.resolver_step**2 / 12.0) * np.eye(len(JOINTS))
     return path, Disturbances(drives, resolvers)
 
 
 def _lifted(original: mujoco.MjModel, data: mujoco.MjData) -> tuple[np.ndarray, np.ndarray]:
-    """The map over a tick from the Jacobians of one physics step."""
+    """Return the map over a tick from the Jacobians of one physics step."""
     model = copy(original)
     # The pin of the shoulder roll is a constraint: solved only to the default tolerance it would blur the differences.
     model.opt.tolerance = 0.0
     states = 2 * model.nv + model.na
     A, B = np.empty((states, states)), np.empty((states, model.nu))
-    mujoco.mjd_transitionFD(model, data, STEP_linearization, True, A, B, None, None)
+    mujoco.mjd_transitionFD(model, data, STEP_DIFFERENCES, True, A, B, None, None)
     # Zero-order hold over the tick: x+ = A^n x + (I + A + ... + A^(n-1)) B u, by the powers of an augmented matrix.
     held = np.block([[A, B], [np.zeros((model.nu, states)), np.eye(model.nu)]])
     tick = np.linalg.matrix_power(held, round(SAMPLE_TIME / model.opt.timestep))[:states]

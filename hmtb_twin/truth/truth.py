@@ -15,26 +15,27 @@ from hmtb_twin.truth.innovations import Disturbances, innovations_form, minimal_
 from sysid import StateSpace
 
 SILENT = 1e-7
-"""Modes that carry less than this part of the gain at 0 Hz are other channels': a zero of this one sits on them."""
+"""Modes with a smaller share of the gain at 0 Hz belong to other channels: a zero of this one cancels them."""
 
 ORIGIN = 1e-6
-"""Poles and zeros of smaller modulus are delays, or faster than the sampling tells from one."""
+"""Poles and zeros of smaller modulus are delays, or too fast to be distinguished from them."""
 
 FAR = 1e3
-"""Zeros of larger modulus are rounding: the channel has them at infinity."""
+"""Zeros of larger modulus are rounding errors of zeros at infinity."""
 
 
 def modal(channel: StateSpace) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Take a channel apart into the modes that it shares with its command and its measurement.
+    """Return the modes of a channel that connect its command with its measurement.
 
-    Balanced truncation keeps the response but moves poles that a zero is near; here poles are eigenvalues of the whole
-    model. Of its zeros those on modes that the channel does not show are left out, each with its mode.
+    Balanced truncation keeps the response but moves poles that are near a zero; here poles are eigenvalues of the whole
+    model. Modes that the channel does not show are left out, each with the zero that cancels it.
 
     Args:
-        channel: A stable single-input single-output model, all states kept.
+        channel: A stable single-input single-output model with all states.
 
     Returns:
-        Its poles with their shares, and its zeros.
+        Poles in the z plane, largest modulus first, without those at the origin (n,); the fraction of the gain at 0 Hz
+        that each carries, as a modulus (n,); zeros, largest modulus first, without those at the origin (m,).
     """
     A, B, C = channel.A, channel.B.astype(complex), channel.C
     poles, vectors = np.linalg.eig(A)
@@ -52,15 +53,15 @@ def modal(channel: StateSpace) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
 
 
 MINIMAL = 1e-9
-"""Hankel singular values below this part of the largest are numerical dust of the finite differences."""
+"""Hankel singular values below this fraction of the largest are rounding errors of the finite differences."""
 
 DELAY = 1e-9
-"""A Markov parameter below this part of the largest counts as zero."""
+"""A Markov parameter below this fraction of the largest counts as zero."""
 
 
 @dataclass(frozen=True)
 class JointTruth:
-    """The truth about one joint: commanded to measured angle while the others servo.
+    """Truth about one joint: from commanded to measured angle while the other servos hold their joints.
 
     Attributes:
         name: The joint.
@@ -87,7 +88,7 @@ class JointTruth:
 
     @property
     def natural_poles(self) -> np.ndarray:
-        """Poles in the s plane that the sampled ones are images of, rad/s; bus delays, which have none, left out."""
+        """Poles in the s plane, rad/s, from those in the z plane; bus delays have none."""
         moving = self.poles[np.abs(self.poles) > 1e-6]
         return np.log(moving.astype(complex)) / self.model.dt
 
@@ -95,8 +96,8 @@ class JointTruth:
     def dominant_poles(self) -> np.ndarray:
         """Poles in the s plane that carry more than 5 % of the gain at 0 Hz each, rad/s, slowest first.
 
-        Those that fall below a twentieth within a sample are left out: they stand so close together that their shares,
-        large and of opposite sign, say nothing.
+        Poles that decay to a twentieth within a sample are left out: they are so close together that their shares,
+        large and of opposite sign, are meaningless.
         """
         dominant = self.poles[(self.shares > 0.05) & (np.abs(self.poles) > 0.05)].astype(complex)
         natural = np.log(dominant) / self.model.dt
@@ -105,23 +106,23 @@ class JointTruth:
 
 @dataclass(frozen=True)
 class Truth:
-    """The true small-signal dynamics of the arm at one operating point, dry friction off.
+    """True small-signal dynamics of the arm at one operating point, without dry friction.
 
     Attributes:
         model: Seven commanded angles to seven measured angles at 50 Hz, rad, in innovations form: K and the innovation
             covariance of the best linear predictor from all seven measurements. Without process noise K is None and the
             covariance that of resolver noise and rounding.
-        disturbances: The noise that this follows from.
+        disturbances: The noise that the innovations form follows from.
         variant: Arm variant.
-        payload: What the end effector holds.
-        plant: What the drives run on and rub with.
-        specimen: How the arm deviates from its variant.
+        payload: Payload of the end effector.
+        plant: Supply, oil, friction and noise of the drives.
+        specimen: Deviations of the arm from its variant.
         pose: Operating point, by name.
         angles: Operating point (7,), rad.
         small_signal_error: By amplitude in rad, the relative error of the linear model against simulation: root mean
             square of the difference over that of the response, largest over the studied joints; NaN where the arm is
             unstable.
-        provenance: How it was obtained and with which software.
+        provenance: Method and software versions.
     """
 
     model: StateSpace
@@ -155,12 +156,6 @@ class Truth:
     def joint(self, name: str) -> JointTruth:
         """Return the truth about one joint.
 
-        Args:
-            name: The joint.
-
-        Returns:
-            Its single-input single-output model, poles, zeros, gain, bandwidth and delay.
-
         Raises:
             TwinError: There is no such joint, or the arm is unstable: it has no gain at 0 Hz, and no bandwidth.
         """
@@ -188,36 +183,25 @@ class Truth:
         )
 
     def channel(self, commanded: str, measured: str) -> StateSpace:
-        """Return the model from one joint's command to one joint's measurement, all states kept.
-
-        Args:
-            commanded: The joint that is commanded.
-            measured: The joint that is measured.
-
-        Returns:
-            A single-input single-output model; see `subset`.
-
-        Raises:
-            TwinError: There is no such joint.
-        """
+        """Return the model from one joint's command to one joint's measurement with all states; see `subset`."""
         return self.subset((commanded,), (measured,))
 
     def subset(self, commanded: Sequence[str], measured: Sequence[str]) -> StateSpace:
-        """Return the model from some commands to some measurements, all states kept.
+        """Return the model from some commands to some measurements with all states.
 
-        Its noise model is that of the subset seen alone: the innovations are what the named measurements do not tell
-        beforehand, while the noise of all drives acts and the other commands stand still. It is no part of the K and
-        the covariance of the whole, whose predictor knows all seven measurements.
+        Its noise model is that of the subset alone: the innovations are the part of the named measurements that their
+        past does not predict, while the noise of all drives acts and the other commands stand still. It is no part of
+        the K and the covariance of the whole, whose predictor knows all seven measurements.
 
         Args:
-            commanded: The joints that are commanded, one or more, each once.
-            measured: The joints that are measured, likewise.
+            commanded: The commanded joints, one or more, each once.
+            measured: The measured joints, likewise.
 
         Returns:
-            A model with those inputs and outputs in the sequence given.
+            A model with those inputs and outputs in that order.
 
         Raises:
-            TwinError: No joint, one twice, or one that there is not.
+            TwinError: No joint, a repeated one, or an unknown one.
         """
         for role, names in (("commanded", commanded), ("measured", measured)):
             if isinstance(names, str) or not isinstance(names, Sequence) or not names:

@@ -1,6 +1,6 @@
 import pytest
 
-from hmtb_twin.bus.chapter10 import Test, announced, setup_record
+from hmtb_twin.bus.chapter10 import Test, read_setup, setup_record
 
 TESTS = (
     Test("siso-5-elbow_pitch", 12_000, ("elbow_pitch",), 12_000),
@@ -10,8 +10,8 @@ TESTS = (
 
 
 def test_names_lengths_and_axes_come_back_exactly():
-    assert announced(setup_record(TESTS)) == TESTS
-    assert announced(setup_record(())) == ()
+    assert read_setup(setup_record(TESTS)) == TESTS
+    assert read_setup(setup_record(())) == ()
 
 
 def test_attributes_are_lines_of_plain_text_with_one_value_each():
@@ -30,9 +30,9 @@ def test_damaged_lines_announce_nothing(old, new):
     text = setup_record(TESTS)
     start = text.index("V-1")
     assert old in text[start:]
-    assert announced(text[:start] + text[start:].replace(old, new, 1)) == ()
+    assert read_setup(text[:start] + text[start:].replace(old, new, 1)) == ()
 
 
 @pytest.mark.parametrize("text", ["", "G\\PN:another;\r\n", "V-1\\HTB\\NAM-1:x;", "no attributes at all"])
 def test_other_records_announce_nothing(text):
-    assert announced(text) == ()
+    assert read_setup(text) == ()
