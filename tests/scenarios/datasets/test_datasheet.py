@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import pytest
 
-from scenarios.datasets.excitation_text import conditions, excitation, played
+from scenarios.datasets.datasheet import conditions, excitation, played
 from scenarios.datasets.spec import shipped
 from scenarios.datasets.spec_tables import RecordBlock
 from scenarios.experiments.excitation_computer import Excitation
