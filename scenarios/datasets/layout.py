@@ -1,15 +1,15 @@
-"""Where everything stands in the folder of a data set."""
+"""Names of the files in the folder of a data set."""
 
 from pathlib import PurePosixPath
 
 PARTS = ("train", "validation", "test")
-"""What a record is for: to identify from, to choose a model by, and to score it on."""
+"""Purposes of records: to identify from, to choose a model by, and to score it on."""
 
 DATA = "data"
 """Folder of what an analyst may see: `data/<part>/<experiment>.nc`."""
 
 TRUTH = "truth"
-"""Folder of what only a simulation knows; it travels beside the data and can be kept apart."""
+"""Folder of what only a simulation knows; a copy of the data set may lack it."""
 
 SPEC = "spec.toml"
 """The spec, all defaults written out, from which the data set can be built again."""
@@ -22,16 +22,16 @@ INDEX = "experiments.json"
 pieces of the stages."""
 
 BUILD = "build.json"
-"""Which software the data set was built with."""
+"""Software that the data set was built with."""
 
 SUMS = "SHA256SUMS"
 """Checksum of every other file."""
 
 BASELINES = "baselines.csv"
-"""What known methods reach, a row for each."""
+"""Scores of known methods, a row for each."""
 
 ATTAINABLE = "truth/attainable.csv"
-"""What any model could reach, a row for each scored record and output."""
+"""Best attainable scores, a row for each scored record and output."""
 
 LICENSE = "CC-BY-4.0"
 """SPDX identifier of the licence of the data."""
@@ -41,34 +41,30 @@ UNFINISHED = ".unfinished"
 
 
 def data_file(part: str, experiment: str) -> PurePosixPath:
-    """Where the record of an experiment stands."""
+    """Return the path of the record of an experiment."""
     return PurePosixPath(DATA, part, f"{experiment}.nc")
 
 
 def signals_file(experiment: str) -> PurePosixPath:
-    """Where the signals that only the simulation knows stand."""
+    """Return the path of the signals that only the simulation knows."""
     return PurePosixPath(TRUTH, "signals", f"{experiment}.nc")
 
 
 def arm_file(arm: str) -> PurePosixPath:
-    """Where the small-signal truth of an arm under its conditions stands."""
+    """Return the path of the small-signal truth of an arm under its conditions."""
     return PurePosixPath(TRUTH, "arms", f"{arm}.nc")
 
 
 def best_linear_file(experiment: str) -> PurePosixPath:
-    """Where the best linear approximation for the conditions of an experiment stands."""
+    """Return the path of the best linear approximation for the conditions of an experiment."""
     return PurePosixPath(TRUTH, "best-linear", f"{experiment}.nc")
 
 
 def attainable_file(experiment: str) -> PurePosixPath:
-    """Where all floors of a scored record stand."""
+    """Return the path of all floors of a scored record."""
     return PurePosixPath(TRUTH, "attainable", f"{experiment}.json")
 
 
 def baseline_file(method: str) -> PurePosixPath:
-    """Where the scores of a baseline on every record stand.
-
-    Args:
-        method: As it is written in a spec, ``"oe:2/2/1"``.
-    """
+    """Return the path of the scores of a baseline, written as in a spec, ``"oe:2/2/1"``, on every record."""
     return PurePosixPath("baselines", f"{method.replace(':', '-').replace('/', '-')}.json")

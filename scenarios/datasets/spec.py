@@ -2,14 +2,13 @@
 
 import datetime
 import re
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from functools import cache
 from importlib.resources import files
 from pathlib import Path
 from unicodedata import category
 
-from scenarios.datasets.layout import PARTS
 from scenarios.datasets.spec_tables import BaselineSpec, RecordBlock, Scoring, TruthSpec, Twins
 from scenarios.experiments.scenario import NAME
 from scenarios.experiments.waveform import check_seed
@@ -17,10 +16,7 @@ from scenarios.files import codec
 from scenarios.files.errors import ScenarioError, unknown
 
 MOST_VERSIONS = 10**6
-"""No version is higher."""
-
 CHANNELS = ("all", "studied")
-"""How much the files hold."""
 
 
 @dataclass(frozen=True)
@@ -28,23 +24,22 @@ class DataSetSpec:
     """Everything that a data set is built from.
 
     Attributes:
-        name: Its name without the version, e.g. ``"hmtb-siso"``.
-        version: Its version; whatever changes the numbers takes a new one.
+        name: Name without the version, e.g. ``"hmtb-siso"``.
+        version: Version; whatever changes the numbers takes a new one.
         title: One line for readers.
         seed: Every random draw of the data set follows from it.
         records: The blocks of records.
-        description: What it is for, a paragraph.
+        description: Purpose, a paragraph.
         window: Samples at the start of every scored record in which the outputs are given, to find an initial state.
         scoring: The primary score.
-        truth: How much is told of the truth.
-        baselines: Which models it is published with.
-        channels: What the files hold: "all" that the bus recorded and the simulation knows, or only what concerns the
-            "studied" joints.
-        twins: Randomised twins: every block is run on each of them; none: the variants themselves.
-        creators: Who is cited.
-        keywords: Words to find it by.
-        date: Day of release, YYYY-MM-DD; empty: none, then the papers name none, because a build has no clock.
-        url: Page of the data set on the web; empty: none.
+        truth: The truth that is published.
+        baselines: The models it is published with.
+        channels: "all" that the bus recorded and the simulation knows, or only those of the "studied" joints.
+        twins: Randomised twins, on each of which every block runs; none: the variants themselves.
+        creators: Authors to cite.
+        keywords: Keywords for catalogues.
+        date: Day of release, YYYY-MM-DD; empty for none: a build reads no clock, so that its bytes are reproducible.
+        url: Page of the data set on the web; empty for none.
         withheld: Whether this is the spec of a public folder whose truth is withheld; its seed is then 0, which is not
             that of the data.
     """
@@ -68,61 +63,46 @@ class DataSetSpec:
     withheld: bool = False
 
     def __post_init__(self) -> None:
+        check_seed(self.seed)
+        for problem in self._problems():
+            raise ScenarioError(f"data set {self.name!r}: {problem}")
+
+    def _problems(self) -> Iterator[str]:
         if not NAME.fullmatch(self.name):
-            raise ScenarioError(
-                f"data set {self.name!r}: expected 1 to 100 letters, digits, '.', '_', '-' or '+' as a name, the first "
-                "a letter or digit, because folders are named after it"
+            yield (
+                "expected 1 to 100 letters, digits, '.', '_', '-' or '+' as a name, the first a letter or digit, "
+                "because folders are named after it"
             )
         if not 1 <= self.version <= MOST_VERSIONS:
-            shown = str(self.version)[:20]
-            raise ScenarioError(f"data set {self.name!r}: version = {shown} given, expected 1 to {MOST_VERSIONS}")
+            yield f"version = {str(self.version)[:20]} given, expected 1 to {MOST_VERSIONS}"
         if not self.title.strip():
-            raise ScenarioError(f"data set {self.name!r}: expected a title, given none")
-        self._check_texts()
-        if self.window < 0:
-            raise ScenarioError(f"data set {self.name!r}: window = {self.window} given, expected 0 samples or more")
-        if self.channels not in CHANNELS:
-            raise ScenarioError(f"data set {self.name!r}: {unknown('channels', self.channels, CHANNELS)}")
-        if self.date and not _is_day(self.date):
-            raise ScenarioError(f"data set {self.name!r}: date = {self.date!r} given, expected a day as YYYY-MM-DD")
-        if self.url and not re.fullmatch(r"https?://\S+", self.url):
-            raise ScenarioError(
-                f"data set {self.name!r}: url = {self.url!r} given, expected one of http:// or https://"
-            )
-        if not self.creators or not all(name.strip() for name in self.creators):
-            raise ScenarioError(f"data set {self.name!r}: creators = {self.creators} given, expected names to cite")
-        check_seed(self.seed)
-        if not self.records:
-            raise ScenarioError(f"data set {self.name!r}: no records given, expected one or more blocks [[records]]")
-        names = [block.name for block in self.records]
-        twice = sorted({name for name in names if names.count(name) > 1})
-        if twice:
-            raise ScenarioError(
-                f"data set {self.name!r}: records {', '.join(twice)} given twice, expected each name once"
-            )
-        strange = [name for name in self.truth.best_linear if name not in names]
-        if strange:
-            raise ScenarioError(f"data set {self.name!r}: truth.best_linear: {unknown('block', strange[0], names)}")
-        absent = [part for part in PARTS if part not in {block.part for block in self.records}]
-        if "train" in absent or "test" in absent:
-            raise ScenarioError(
-                f"data set {self.name!r}: no records for {' and '.join(absent)}; expected some for train and test"
-            )
-
-    def _check_texts(self) -> None:
-        """Refuse what no reader sees and many programs stumble over: texts go into papers, tables and terminals."""
-        texts = {
-            "title": (self.title,),
-            "description": self.description.split("\n"),
-            "creators": self.creators,
-            "keywords": self.keywords,
-        }
-        for key, lines in texts.items():
+            yield "expected a title, given none"
+        # Control characters would do harm in metadata, tables and terminals.
+        texts = {"title": (self.title,), "description": self.description.split("\n")}
+        for key, lines in (texts | {"creators": self.creators, "keywords": self.keywords}).items():
             for line in lines:
-                if any(category(character)[0] == "C" or category(character) in ("Zl", "Zp") for character in line):
-                    raise ScenarioError(
-                        f"data set {self.name!r}: {key} = {ascii(line)[:80]} given, expected no control characters"
-                    )
+                if any(category(one)[0] == "C" or category(one) in ("Zl", "Zp") for one in line):
+                    yield f"{key} = {ascii(line)[:80]} given, expected no control characters"
+        if self.window < 0:
+            yield f"window = {self.window} given, expected 0 samples or more"
+        if self.channels not in CHANNELS:
+            yield unknown("channels", self.channels, CHANNELS)
+        if self.date and not _is_day(self.date):
+            yield f"date = {self.date!r} given, expected a day as YYYY-MM-DD"
+        if self.url and not re.fullmatch(r"https?://\S+", self.url):
+            yield f"url = {self.url!r} given, expected one of http:// or https://"
+        if not self.creators or not all(name.strip() for name in self.creators):
+            yield f"creators = {self.creators} given, expected names to cite"
+        names = [block.name for block in self.records]
+        repeated = sorted({name for name in names if names.count(name) > 1})
+        if repeated:
+            yield f"records {', '.join(repeated)} given twice, expected each name once"
+        for name in self.truth.best_linear:
+            if name not in names:
+                yield f"truth.best_linear: {unknown('block', name, names)}"
+        absent = [part for part in ("train", "test") if part not in {block.part for block in self.records}]
+        if absent:
+            yield f"no records for {' and '.join(absent)}; expected blocks [[records]] for train and test"
 
     @property
     def label(self) -> str:
@@ -165,17 +145,17 @@ def _is_day(text: str) -> bool:
 
 @cache
 def shipped() -> Mapping[str, DataSetSpec]:
-    """The specs that come with the package, by label."""
-    found: dict[str, DataSetSpec] = {}
+    """Return the specs that come with the package, by label."""
+    specs: dict[str, DataSetSpec] = {}
     for entry in sorted(files("scenarios").joinpath("data", "datasets").iterdir(), key=lambda path: path.name):
         if entry.name.endswith(".toml"):
             spec = DataSetSpec.from_toml(entry.read_text(encoding="utf-8"), source=entry.name)
-            found[spec.label] = spec
-    return found
+            specs[spec.label] = spec
+    return specs
 
 
 def load_spec(name: str | Path) -> DataSetSpec:
-    """The spec of that label, or of a TOML file.
+    """Return the spec of a label, or of a TOML file.
 
     Args:
         name: A label of `shipped`, or the path of a file.

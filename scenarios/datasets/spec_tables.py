@@ -18,19 +18,19 @@ from scenarios.files.errors import ScenarioError, unknown
 from scenarios.identification.methods import ESTIMATORS
 
 TRIVIAL = ("hold", "gain", "truth")
-"""Predictors without orders: the last output of the window for ever, a static gain, and the small-signal truth."""
+"""Methods without orders: hold the last output of the window, a static gain, the small-signal truth."""
 
 USUAL = ("hold", "gain", "arx:4/4", "armax:3/3/3", "iv4:2/2", "oe:2/2", "oe:3/3", "okid:2/5", "n4sid:3", "truth")
-"""The models where a spec names none."""
+"""The models of a spec that names none."""
 
 
 @dataclass(frozen=True)
 class Method:
-    """One kind of model, with its orders.
+    """A method of identification with its orders.
 
     Attributes:
         name: One of `TRIVIAL`, or an estimator of the command line.
-        orders: Its orders, those with defaults filled in.
+        orders: Its orders, completed by their defaults.
     """
 
     name: str
@@ -48,10 +48,10 @@ class Method:
 
     @classmethod
     def parsed(cls, text: str) -> "Method":
-        """Understand a method as it is written, ``"oe:2/2/1"``.
+        """Read a method as specs write it, ``"oe:2/2/1"``.
 
         Raises:
-            ScenarioError: It names none, or has other orders than the method takes.
+            ScenarioError: Unknown method, or other orders than it takes.
         """
         name, colon, rest = text.partition(":")
         words = rest.split("/") if colon else []
@@ -66,11 +66,11 @@ class Method:
 
 @dataclass(frozen=True)
 class BaselineSpec:
-    """The models, and what they are identified from.
+    """The baselines that a data set is published with.
 
     Attributes:
         models: Methods with their orders, each a row of the table.
-        twins: How many of the randomised twins, evenly over them all, the models are made for; 0: all.
+        twins: Number of randomised twins, evenly over them all, that models are identified for; 0: all.
         records: Records of each block of the training part, by arm and joints, that are used; 0: all.
     """
 
@@ -87,27 +87,24 @@ class BaselineSpec:
 
     @property
     def methods(self) -> tuple[Method, ...]:
-        """The models, understood."""
+        """The models as methods."""
         return tuple(Method.parsed(text) for text in self.models)
-
-
-LARGEST = 1.0
-"""No trial amplitude of a small signal is larger, rad."""
 
 
 @dataclass(frozen=True)
 class TruthSpec:
-    """What is told beyond matrices and noise floors, which every data set has.
+    """The truth that is published beyond matrices and noise floors, which every data set has.
 
     Attributes:
-        amplitudes: At which the linear model of every arm is tried against simulation, rad; most of a second per arm.
+        amplitudes: Amplitudes at which the linear model of every arm is tried against simulation, rad; this takes most
+            of a second per arm.
         best_linear: Blocks of records for whose arm, joints and amplitude the best linear approximation is measured.
-        floors: Records of each block of the test part, by arm and joints, all twins together, for which the floors of
-            linear systems are searched. What no model at all can foretell is told for every one.
-        search_steps: At most, of each search for the linear system of the truth's order behind such a floor; 0: to the
-            end, which takes ten times as long and finds a few percent more at most.
-        realisations: Of the multisine that each best linear approximation is measured with. Those that the data set's
-            own records of its class have count; what is missing is simulated.
+        floors: Number of records of each block of the test part, by arm and joints, all twins together, for which the
+            floors of linear systems are searched. The noise of the recorder is stated for every record.
+        search_steps: Steps at most of each search for the linear system of the truth's order behind such a floor; 0: to
+            the end, which takes ten times as long and improves the floor by a few percent at most.
+        realisations: Number of realisations of the multisine that measures a best linear approximation. The data set's
+            own records of its class count; the rest is simulated.
     """
 
     amplitudes: tuple[float, ...] = ()
@@ -117,40 +114,38 @@ class TruthSpec:
     realisations: int = 8
 
     def __post_init__(self) -> None:
-        if not all(0.0 < amplitude <= LARGEST for amplitude in self.amplitudes):
-            raise ScenarioError(
-                f"truth: amplitudes = {self.amplitudes} given, expected above 0 and up to {LARGEST:g} rad"
-            )
+        if not all(0.0 < amplitude <= 1.0 for amplitude in self.amplitudes):
+            raise ScenarioError(f"truth: amplitudes = {self.amplitudes} given, expected above 0 and up to 1 rad")
         for name in ("amplitudes", "best_linear"):
             values = getattr(self, name)
             if len(set(values)) < len(values):
                 raise ScenarioError(f"truth: {name} = {values} given, expected each once")
         for name, least, most in (("floors", 0, 10**6), ("search_steps", 0, 10**4), ("realisations", 2, 10**4)):
             if not least <= getattr(self, name) <= most:
-                raise ScenarioError(
-                    f"truth: {name} = {getattr(self, name)} given, expected {least} or more, up to {most}"
-                )
+                given = getattr(self, name)
+                raise ScenarioError(f"truth: {name} = {given} given, expected {least} or more, up to {most}")
 
 
-MOST = 10**7
-"""More twins than that are a slip of the keyboard."""
+MOST_TWINS = 10**7
+MOST_REPEATS = 10_000
+"""Larger numbers are a slip of the keyboard."""
 
 
 @dataclass(frozen=True)
 class Twins:
-    """Arms drawn at random, on each of which every experiment is run.
+    """Arms drawn at random; every experiment runs on each of them.
 
     Attributes:
-        count: How many.
-        distributions: How they differ from the variant, and their surroundings from what the block says.
+        count: Number of arms.
+        distributions: Distributions of their parameters about those of the variant, and of their surroundings.
     """
 
     count: int
     distributions: TwinDistributions = TwinDistributions()  # noqa: RUF009
 
     def __post_init__(self) -> None:
-        if not 1 <= self.count <= MOST:
-            raise ScenarioError(f"twins: count = {self.count} given, expected 1 to {MOST}")
+        if not 1 <= self.count <= MOST_TWINS:
+            raise ScenarioError(f"twins: count = {self.count} given, expected 1 to {MOST_TWINS}")
 
     @classmethod
     def from_table(cls, table: object) -> "Twins":
@@ -192,7 +187,7 @@ class Scoring:
     Attributes:
         metric: One of `METRICS`.
         unit: Of the root mean square error, one of `UNITS`, mrad where none is given; of the others %.
-        steps: Samples ahead that outputs are known for; 0: simulation, from inputs and the window alone.
+        steps: Prediction horizon, samples; 0: simulation, from inputs and the window alone.
     """
 
     metric: str = "rmse"
@@ -212,10 +207,7 @@ class Scoring:
 
 
 PAYLOAD = "rpcm"
-"""What the end effector holds unless the block says otherwise."""
-
-MOST_REPEATS = 10_000
-"""More repeats of one record than that are a slip of the keyboard."""
+"""Default payload of the end effector."""
 
 CHOICES: Mapping[str, tuple[str, ...]] = {
     "variants": tuple(VARIANTS),
@@ -225,39 +217,39 @@ CHOICES: Mapping[str, tuple[str, ...]] = {
     "frictions": FRICTIONS,
     "joints": JOINTS,
 }
-"""What may stand in the lists of a block."""
+"""Choices for the lists of a block."""
 
 NOMINAL: Mapping[str, object] = {"chain": Chain(), "hand_controller": HAND_CONTROLLER}
-"""Tables of a block, of which specs hold only what differs from these."""
+"""Nominal tables of a block; specs hold only the differences from them."""
 
 
 @dataclass(frozen=True)
 class RecordBlock:
     """A block of records: every combination of its lists is one experiment.
 
-    What is played is one of three: registered `scenarios`; an `excitation` on `axes`; `multisines` on `axes`.
+    A block plays one of three: registered `scenarios`; an `excitation` on `axes`; `multisines` on `axes`.
 
     Attributes:
         name: Experiments are named after it.
         part: What the records are for, one of `PARTS`.
         scenarios: Registered scenarios, or tags of them.
-        axes: What is excited.
-        each_axis: Each of the axes in a record of its own, instead of all at once.
+        axes: Axes to excite.
+        each_axis: Whether each axis has a record of its own, instead of all at once.
         excitation: One entry, played on every axis, or one per axis.
         multisines: Random-phase multisines: every realisation and record of the measurement is an experiment.
-        draw_waveforms: Waveforms that chance makes are drawn anew, instead of those written: for every experiment, or
-            of multisines for every measurement, whose realisations and records belong together.
+        draw_waveforms: Whether random waveforms are drawn anew for every experiment, instead of from the seeds in the
+            spec; multisines for every measurement, whose realisations and records belong together.
         amplitudes: Of the excitation, V; root mean square of multisines, rad; as written where there are none.
-        joints: Whose commands are the inputs and whose angles the outputs; the excited joints by default, in Cartesian
-            modes the three that the thesis studied.
+        joints: Joints whose commands are the inputs and whose angles the outputs; the excited joints by default, in
+            Cartesian modes the three that the thesis studied.
         variants: Arm variants.
-        payloads: What the end effector holds.
+        payloads: Payloads of the end effector.
         poses: Keyframes of the operating point.
         actuators: Forms of the actuators.
-        frictions: What the joints rub with.
+        frictions: Friction models of the joints.
         process_noises: Standard deviations of the drives' noise, part of the rated torque.
         mode: Control mode.
-        repeats: How often each combination is run, with other noise.
+        repeats: Number of runs of each combination, with different noise.
         duration: Length, s; of scenarios their own by default.
         chain: Which links of the chain act.
         hand_controller: The hand-controller interface.
@@ -299,11 +291,8 @@ class RecordBlock:
                     raise ScenarioError(f"{where}: {unknown(key, value, known)}")
         for entry in fields(self):
             values = getattr(self, entry.name)
-            if (
-                entry.name not in ("excitation", "axes")
-                and isinstance(values, tuple)
-                and len(set(values)) < len(values)
-            ):
+            several = isinstance(values, tuple) and entry.name not in ("excitation", "axes")
+            if several and len(set(values)) < len(values):
                 raise ScenarioError(f"{where}: {entry.name} = {values} given, expected each once")
         empty = [key for key in CHOICES if key != "joints" and not getattr(self, key)]
         if empty or not self.process_noises:
