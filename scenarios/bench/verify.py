@@ -6,6 +6,7 @@ from collections import Counter
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass, field
+from hashlib import sha256
 from itertools import chain
 from pathlib import Path
 from time import monotonic
@@ -43,6 +44,7 @@ from scenarios.bench.runner import (
 from scenarios.estimators.estimator import Estimator, Limits
 from scenarios.estimators.outcome import MODEL, REFUSED
 from scenarios.estimators.runner import EstimatorProcess
+from scenarios.estimators.seeds import draw_run_seed
 from scenarios.files.atomic_write import write_whole
 from scenarios.files.errors import ScenarioError
 from scenarios.files.provenance import versions
@@ -52,6 +54,9 @@ from scenarios.problems.trial import Trial
 
 JOURNALS = "journals"
 """Folder of the journals, in that of the results."""
+
+SEEDS = "drawn-seeds.json"
+"""File of the seeds that were drawn, among the journals."""
 
 RECORDS = "records"
 """Folder of simulated records of the arm, beside it."""
@@ -82,17 +87,17 @@ class BenchPlan:
     Attributes:
         contestants: Estimators whose results are wanted.
         effort: One of `DRAWS`.
-        seed: Of the run.
+        seed: Of the run; None: it is drawn once the estimators' files have been hashed.
         limits: Limits of each answer.
         figures: Metrics to compute, all by default.
         referee: The second implementation, for the metric of agreement; None: there is none here.
-        commands: Command line that repeats a result, by the estimator's name.
+        commands: Command line that repeats a result, without the seed, by the estimator's name.
         records: Most records of each problem, for slow estimators; None: all.
     """
 
     contestants: tuple[Estimator, ...]
     effort: str = "full"
-    seed: int = 0
+    seed: int | None = 0
     limits: Limits = field(default_factory=Limits)
     figures: tuple[MetricDefinition, ...] = ALL_METRICS
     referee: Estimator | None = None
@@ -102,7 +107,7 @@ class BenchPlan:
     def __post_init__(self) -> None:
         if self.effort not in DRAWS:
             raise ScenarioError(f"effort {self.effort!r} given, expected one of {', '.join(DRAWS)}")
-        if not 0 <= self.seed < 2**63:
+        if self.seed is not None and not 0 <= self.seed < 2**63:
             raise ScenarioError(f"seed {self.seed} given, expected a whole number from 0 to 2^63 - 1")
         if self.records is not None and self.records < 1:
             raise ScenarioError(f"{self.records} records given, expected 1 or more")
@@ -170,13 +175,14 @@ def verify(
     estimators = plan.all_contestants()
     for estimator in plan.contestants:
         _check_place(folder / f"{file_name(estimator.name)}.json", estimator, plan)
+    seed = _drawn_seed(folder / JOURNALS / SEEDS, plan.contestants) if plan.seed is None else plan.seed
     records = (folder / RECORDS).resolve() if executor.local else None
     files = None if executor.local else tuple(map(EstimatorFiles.of, estimators))
-    setup = BenchSetup(estimators, plan.limits, plan.seed, records, files)
+    setup = BenchSetup(estimators, plan.limits, seed, records, files)
     wanted = [plan.trials(estimator) for estimator in estimators]
     with ExitStack() as stack:
         run = secrets.token_hex(6)
-        fingerprints = [fingerprint_of(estimator, plan.limits, plan.seed) for estimator in estimators]
+        fingerprints = [fingerprint_of(estimator, plan.limits, seed) for estimator in estimators]
         journals = [
             stack.enter_context(TrialJournal(folder / JOURNALS, estimator.name, fingerprint, run=run, notify=notify))
             for estimator, fingerprint in zip(estimators, fingerprints, strict=True)
@@ -187,7 +193,7 @@ def verify(
             notify(f"{kept} of {total} trials are done already; remove {folder / JOURNALS} to run them again")
         if records is not None and any(job.problem.startswith(TWIN) for job in jobs):
             _try_estimators(jobs, setup)
-            _simulate(jobs, plan.seed, records, notify)
+            _simulate(jobs, seed, records, notify)
         names = [estimator.name for estimator in estimators]
         _run(setup, jobs, executor, RunProgress(names, wanted, journals, report, notify), announce)
         measurements = [journal.measurements() for journal in journals]
@@ -200,7 +206,8 @@ def verify(
                 notify(f"{estimator.name}: its file changed during the run: some answers may be those of the new one")
             if estimator in plan.contestants:
                 own = {trial: measurements[number][trial] for trial in wanted[number] if trial in measurements[number]}
-                results.append(_result(plan, estimator, (journals[number].run, place, source), own, reference))
+                origin = (journals[number].run, place, source, seed)
+                results.append(_result(plan, estimator, origin, own, reference))
                 write_whole(folder / f"{file_name(estimator.name)}.json", results[-1].to_json(), durable=True)
         return results
 
@@ -230,6 +237,27 @@ def _check_place(path: Path, estimator: Estimator, plan: BenchPlan) -> None:
             f"{path} has the result of a more complete run, with {lost}; it is not overwritten: give another --out, or "
             "move that file away"
         )
+
+
+def _drawn_seed(path: Path, estimators: Sequence[Estimator]) -> int:
+    """The seed of a run that is given none; an interrupted run finds the seed that it drew, and resumes.
+
+    Args:
+        path: File of the seeds that were drawn in this folder, by hash of the estimators.
+        estimators: Another version of their files has another seed, drawn when that version is fixed.
+    """
+    hashes = [source_hash(estimator) for estimator in estimators]
+    texts = [f"{estimator.target}|{estimator.home}|{text}" for estimator, text in zip(estimators, hashes, strict=True)]
+    key = sha256("\n".join(texts).encode()).hexdigest()
+    try:
+        seeds = dict(json.loads(path.read_text(encoding="utf-8")))
+    except (OSError, ValueError, TypeError, RecursionError):
+        seeds = {}
+    if type(seeds.get(key)) is not int:
+        seeds[key] = draw_run_seed(hashes)
+        path.parent.mkdir(parents=True, exist_ok=True)
+        write_whole(path, json.dumps(seeds), durable=True)
+    return int(seeds[key])
 
 
 def _try_estimators(jobs: Sequence[RecordJob], setup: BenchSetup) -> None:
@@ -293,11 +321,12 @@ def _reference(
 def _result(
     plan: BenchPlan,
     estimator: Estimator,
-    origin: tuple[str, str, str],
+    origin: tuple[str, str, str, int],
     measurements: Mapping[Trial, Measurement],
     reference: Measurements,
 ) -> Result:
-    run, place, source = origin
+    run, place, source, seed = origin
+    command = plan.commands.get(estimator.name, "")
     share = false_alarm_of_each()
     figures = {
         metric.name: metric.evaluate(
@@ -315,8 +344,8 @@ def _result(
         contestant=estimator,
         limits=plan.limits,
         effort=effort_text(plan.effort, plan.records),
-        seed=plan.seed,
-        command=plan.commands.get(estimator.name, ""),
+        seed=seed,
+        command=f"{command} --seed {seed}" if command else "",
         source=source,
         versions=versions(),
         machine=place,

@@ -29,7 +29,7 @@ def verify(
     method: Literal["pem", "least_squares", "instrumental", "subspace", "observer"] | None = None,
     quick: bool = False,
     records: int | None = None,
-    seed: int = 0,
+    seed: int | None = None,
     out: Path = Path("results"),
     figures: tuple[str, ...] = (),
     seconds: float = 30.0,
@@ -76,7 +76,8 @@ def verify(
         quick: A tenth of the records, and fewer problems: minutes, and wider limits.
         records: At most so many records of each problem, for an estimator that takes seconds: wider limits still, and
             below 11 no verdict on bias.
-        seed: Of the records.
+        seed: Of the records. Without one, it is drawn once the files of the estimators have been hashed, so that nobody
+            can know the records in advance; the result states it.
         out: Folder for results, one file for each estimator, NAME.json; hmtb leaderboard makes a page of them. A result
             there is never replaced by that of a run with fewer figures or records: such a run takes another folder.
         figures: Only these.
@@ -104,7 +105,7 @@ def verify(
     if not 0.0 < memory_gib <= MOST_GIB:
         raise ScenarioError(f"--memory-gib {memory_gib:g} given, expected more than 0 and at most {MOST_GIB:.0f} GiB")
     limits = Limits(seconds, round(memory_gib * 2**30))
-    options = _options(quick, records, seed, figures, seconds, memory_gib)
+    options = _options(quick, records, figures, seconds, memory_gib)
     plan = BenchPlan(
         tuple(given),
         effort,
@@ -138,11 +139,9 @@ def _executor(workers: int | None, cluster: str | None, patience: float) -> "Exe
     return Cluster(cluster, patience, say_beside_bar)
 
 
-def _options(
-    quick: bool, records: int | None, seed: int, figures: Sequence[str], seconds: float, memory_gib: float
-) -> str:
+def _options(quick: bool, records: int | None, figures: Sequence[str], seconds: float, memory_gib: float) -> str:
     """Options on which a result depends, as the command line has them where they are not the usual ones."""
-    words = ["--quick"] * quick + [f"--records {records}"] * (records is not None) + [f"--seed {seed}"] * (seed != 0)
+    words = ["--quick"] * quick + [f"--records {records}"] * (records is not None)
     words += [f"--figures {' '.join(figures)}"] * bool(figures)
     words += [f"--seconds {seconds:g}"] * (seconds != 30.0) + [f"--memory-gib {memory_gib:g}"] * (memory_gib != 2.0)
     return "".join(f" {word}" for word in words)

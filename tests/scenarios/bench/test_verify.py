@@ -338,3 +338,18 @@ def test_two_runs_do_not_write_one_journal(tmp_path: Path):
 def test_plans_that_cannot_be(change: dict, says: str):
     with pytest.raises(ScenarioError, match=says):
         replace(PLAN, **change)
+
+
+def test_a_seed_is_drawn_for_the_files_of_the_estimators_and_kept_to_resume(tmp_path: Path):
+    (tmp_path / "faulty.py").write_text(FAULTY)
+    good = Estimator("good", "faulty:good", home=str(tmp_path), structure="arx")
+    plan = replace(PLAN, contestants=(good,), seed=None, commands={"good": "hmtb verify faulty:good"})
+    with pytest.raises(KeyboardInterrupt):
+        verify(plan, tmp_path, Here(after=3))
+    rest = Here()
+    (first,) = verify(plan, tmp_path, rest)
+    assert rest.asked == 1 and first.command == f"hmtb verify faulty:good --seed {first.seed}"
+    (elsewhere,) = verify(replace(plan, seed=first.seed), tmp_path / "elsewhere", Here())
+    assert repr(elsewhere.figures) == repr(first.figures)  # NaN is not equal to itself
+    (tmp_path / "faulty.py").write_text(f"{FAULTY}\n")
+    assert verify(plan, tmp_path, Here())[0].seed != first.seed

@@ -67,7 +67,9 @@ def test_several_stand_side_by_side_and_one_that_fails_is_told_by_the_exit_code(
     assert "4 x error: RuntimeError: of no use (mine.py, line 5)" in out
     assert "my_estimator: fails 1 figure: Parameters within their intervals" in out
     result = Result.read(tmp_path / "results" / "my_estimator.json")
-    assert result.command == "hmtb verify mine.py:my_estimator --structure oe --quick --figures few"
+    assert result.command == (
+        f"hmtb verify mine.py:my_estimator --structure oe --quick --figures few --seed {result.seed}"
+    )
     assert (result.contestant.target, result.contestant.home) == ("mine.py:my_estimator", "")
     assert main([*words, "--json"]) == 1
     told = json.loads(capsys.readouterr().out)
