@@ -1,4 +1,4 @@
-"""`hmtb convert`: 1553 records to ASCII, and between the other formats of records."""
+"""`hmtb convert`: records of the bus from one file format to another."""
 
 import sys
 from collections.abc import Sequence
@@ -24,20 +24,20 @@ def convert(
 ) -> int:
     """Convert records of the bus between 1553, ASCII, CSV, NetCDF and MATLAB files.
 
-    The ending says what a file is: .ch10 (1553, IRIG 106 Chapter 10), .asc or .txt (ASCII flat file), .csv, .nc
-    (NetCDF4), .mat (MATLAB 5). A 1553 record holds up to five tests: several files become one run, and a run becomes
-    several files where OUT is a folder. What was lost on the bus stays lost: NaN in every other format.
+    The ending of a file defines its format: .ch10 (1553, IRIG 106 Chapter 10), .asc or .txt (ASCII flat file), .csv,
+    .nc (NetCDF4), .mat (MATLAB 5). A 1553 record holds up to five tests: several files become one run, and a run
+    becomes several files where OUT is a folder. Samples that the bus lost are NaN in every other format.
 
     hmtb convert run-1.ch10 ascii --format ascii
 
-    A conversion that would lose values is refused and says what; --lossy does it nevertheless. A CSV has no place for
-    the name of the test and what it excites; a note says so.
+    A conversion that would lose values is refused, with a list of them; --lossy does it nevertheless. A CSV file has no
+    place for the name of the test and its excited axes; a note says so.
 
     Args:
         paths: Files to convert, then the file or folder to write.
         format: Format of the files in the folder OUT: nc, csv, mat, 1553, ascii.
         test: Convert only this test of a run, by name or number.
-        lossy: Convert although something is lost.
+        lossy: Convert although values are lost.
         json: Print JSON.
     """
     from scenarios.files.errors import ScenarioError
@@ -66,21 +66,21 @@ def convert(
     if len(set(names)) < len(names) and not single:
         twice_named = next(name for name in names if names.count(name) > 1)
         raise ScenarioError(f"two tests are named {twice_named!r}; their files would be one")
-    written, full = _write(records, kind, out, single, sources[0].stem)
-    warnings += full
+    written, messages = _write(records, kind, out, single, sources[0].stem)
+    warnings += messages
     notes = unsaid(records, kind, [path.stem for path in written])
     missing = [int(record.lost.sum()) for record in records]
     code = 1 if any(entry.message for entry in contents) else 0
     if json:
         tests = [
-            {"name": record.name, "ticks": len(record), "ticks_lost": gone, "excited": record.axes}
-            for record, gone in zip(records, missing, strict=True)
+            {"name": record.name, "ticks": len(record), "ticks_lost": lost_ticks, "excited": record.axes}
+            for record, lost_ticks in zip(records, missing, strict=True)
         ]
         print_json({"files": written, "tests": tests, "lost": [*lost, *notes], "warnings": warnings})
         return code
     rows = [
-        (record.name, str(written[min(k, len(written) - 1)]), f"{len(record) * record.dt:g} s", str(gone))
-        for k, (record, gone) in enumerate(zip(records, missing, strict=True))
+        (record.name, str(written[min(k, len(written) - 1)]), f"{len(record) * record.dt:g} s", str(lost_ticks))
+        for k, (record, lost_ticks) in enumerate(zip(records, missing, strict=True))
     ]
     print_table(
         f"{len(written)} file{'s' if len(written) != 1 else ''}", ("test", "file", "length", "ticks lost"), rows
@@ -115,14 +115,14 @@ def _target(sources: Sequence[Path], out: Path, format: str | None) -> tuple[str
 def _write(
     records: "Sequence[BusRecord]", kind: str, out: Path, single: bool, stem: str
 ) -> tuple[list[Path], list[str]]:
-    """Write the records; return the files and what did not fit into the recorder's memory."""
+    """Write the records; return the files and messages of the recorder, whose memory may be too small."""
     from hmtb_twin.bus.recorder_run import record_run
     from scenarios.files.record_file import ENDINGS, write_record
 
     with output_folder(out.parent if single else out):
         if kind == "1553":
-            made = record_run(records, out if single else out / f"{stem}{ENDINGS[kind]}")
-            return [made.path], [made.message] if made.message else []
+            bus = record_run(records, out if single else out / f"{stem}{ENDINGS[kind]}")
+            return [bus.path], [bus.message] if bus.message else []
         return [
             write_record(record, out if single else out / f"{_file_name(record.name)}{ENDINGS[kind]}")
             for record in records
@@ -130,5 +130,5 @@ def _write(
 
 
 def _file_name(name: str) -> str:
-    """A test's name as the name of a file in one folder."""
+    """A test's name without characters that leave the folder."""
     return name.replace("/", "_").replace("\\", "_").lstrip(".") or "test"

@@ -1,4 +1,4 @@
-"""`hmtb identify`: any estimator on any record, also from one's own robot."""
+"""`hmtb identify`: any estimator on any record, also of your own robot."""
 
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -35,21 +35,20 @@ def identify(
     out: Path | None = None,
     json: bool = False,
 ) -> int:
-    """Identify a model from a record, ours or any robot's.
+    """Identify a model from a record of the twin or of any robot.
 
     Methods and their orders: arx na nb [nk], armax na nb nc [nk], oe nb nf [nk], bj nb nc nd nf [nk], iv4 na nb [nk],
     okid order [p], n4sid order, pem_ss order. nk = 1 (the default) means that y(t) depends on u(t-1) first; p = 5 (the
     default) is the number of observer Markov parameters. All take several inputs (polynomials of the same orders for
     each), okid, n4sid and pem_ss also several outputs.
 
-    Reads the logs and records of hmtb simulate and hmtb convert (.nc, .csv, .mat, .asc, .ch10), and anyone's .mat and
-    .nc (variables by name) and tables as text (.csv, .txt, .dat, any other: columns by commas, semicolons, tabs or
+    It reads the logs and records of hmtb simulate and hmtb convert (.nc, .csv, .mat, .asc, .ch10), other .mat and .nc
+    files (variables by name) and tables as text (.csv, .txt, .dat, any other: columns by commas, semicolons, tabs or
     spaces, with a header, or bare: inputs, then outputs). Samples that the bus lost are left out, as are missing
     outputs (--missing).
 
-    The model is of what moves about an operating point: the means are removed, and what constant the output has beyond
-    them (a record that starts from rest has some) is estimated with the model. --keep-mean takes the values as they
-    are.
+    The model describes motion about an operating point: the means are removed, and a remaining constant of the output
+    (a record that starts from rest has one) is estimated with the model. --keep-mean uses the values as they are.
 
     hmtb identify robot.csv --input command --output angle --method oe --orders 2 2 1
 
@@ -60,14 +59,13 @@ def identify(
         joint: Which joint of a log; the excited one when not given.
         input: Names of the input columns of a table, or variables of a .mat or .nc file.
         output: Names of the output columns, likewise.
-        dt: Sampling interval of a table that says none, s. A column t, time or Time (s), or a variable dt or Ts, says
-            it.
+        dt: Sampling interval of a table without one, s. A column t, time or Time (s), or a variable dt or Ts, gives it.
         test: Which test of a 1553 record, by name or number.
         missing: Outputs may be missing, as NaN or empty cells; inputs must be complete.
         skip: Leave out this much of the start, s.
-        keep_mean: Take the values as they are, without an operating point.
-        steps: Horizon of a further prediction, samples; the fits in simulation and one step ahead are always there.
-        validate: Another record; fits and residual test are then of it.
+        keep_mean: Use the values as they are, without an operating point.
+        steps: Horizon of a further prediction, samples, beside simulation and one step ahead.
+        validate: Another record, for fits and residual test.
         validate_test: Which of its tests, by name or number.
         out: Folder for figures: records, outputs, responses, poles and zeros, residuals.
         json: Print JSON.
@@ -78,7 +76,7 @@ def identify(
     from scenarios.identification.identification import identify as identify_model
     from scenarios.identification.identification import usable
 
-    with warnings.catch_warnings(record=True) as said:
+    with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always", UserWarning)
         read = read_parts(data, joint=joint, input=input, output=output, dt=dt, test=test, missing=missing)
         parts, check = usable(read, skip, method, data, test), None
@@ -90,7 +88,7 @@ def identify(
             )
             check = usable(others, skip, method, validate, validate_test)
     result = identify_model(parts, method, orders, keep_mean=keep_mean, steps=steps, check=check)
-    texts = (*(str(one.message) for one in said), *result.warnings)
+    texts = (*(str(one.message) for one in caught), *result.warnings)
     title = f"{method.upper()} from {data.name}" + (f", fits to {validate.name}" if validate else "")
     pictures: list[Path] = []
     if out is not None:
@@ -106,7 +104,7 @@ def identify(
         return 0
     print_table(title, ("", ""), _rows(result))
     model = result.fitted.estimate
-    # what a state-space method estimates are coordinates, which say nothing one by one
+    # The parameters of a state-space model are coordinates, which mean nothing one by one.
     if model.polynomials is not None and len(model.parameters) <= LISTED:
         print_table("Parameters", ("", "value", "standard deviation"), _parameters(model))
     for text in texts:

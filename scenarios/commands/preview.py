@@ -1,4 +1,4 @@
-"""`hmtb preview`: what an experiment will command, before anything moves."""
+"""`hmtb preview`: the commands of an experiment, before anything moves."""
 
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -20,7 +20,7 @@ def preview(
     seed: int | None = None,
     json: bool = False,
 ) -> int:
-    """Show what experiments will command, before anything moves: the oscilloscope of the laboratory.
+    """Show the commands of experiments before anything moves, as on the oscilloscope of the laboratory.
 
     Commands are those of a simulation to the bit, noise included; there is no physics. Names are registered scenarios
     (hmtb scenarios), tags of them, or TOML files. Files of the same names in the folder are replaced.
@@ -32,22 +32,15 @@ def preview(
         seed: Draw other noise, as hmtb simulate does with the same seed.
         json: Print JSON.
     """
-    from dataclasses import replace
-
-    from scenarios.experiments.preview import preview as computed
+    from scenarios.experiments.preview import preview as compute_preview
     from scenarios.experiments.preview_figure import preview_figure
     from scenarios.experiments.registry import selected
     from scenarios.report.figures import save_figure
 
-    chosen = list(dict.fromkeys(selected(names)))
-    if duration is not None:
-        chosen = [replace(entry, duration=duration) for entry in chosen]
-    if seed is not None:
-        chosen = [entry.reseeded(seed) for entry in chosen]
     records = {}
     with output_folder(out) as folder:
-        for scenario in chosen:
-            seen = computed(scenario)
+        for scenario in dict.fromkeys(selected(names, duration=duration, seed=seed)):
+            seen = compute_preview(scenario)
             picture = folder / f"{scenario.name}-preview.png"
             save_figure(preview_figure(seen), picture, dpi=120)
             records[scenario.name] = {**_record(seen), "plot": str(picture)}

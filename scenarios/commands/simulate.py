@@ -46,8 +46,6 @@ def simulate(
         silent: Probability that a terminal on the bus does not answer.
         json: Print JSON.
     """
-    from dataclasses import replace
-
     import hmtb_twin
     from scenarios.experiments.registry import selected
     from scenarios.experiments.run_review import review
@@ -70,14 +68,10 @@ def simulate(
         pychapter10()  # refuses before the work, not after
     if threads is not None and threads < 1:
         raise ScenarioError(f"threads must be 1 or more, given {threads}")
-    chosen = selected(names)
+    chosen = selected(names, duration=duration, seed=seed)
     twice = sorted({entry.name for entry in chosen if [other.name for other in chosen].count(entry.name) > 1})
     if twice:
         raise ScenarioError(f"scenario {twice[0]!r} is named twice; each log needs a name of its own")
-    if duration is not None:
-        chosen = [replace(entry, duration=duration) for entry in chosen]
-    if seed is not None:
-        chosen = [entry.reseeded(seed) for entry in chosen]
     scenarios = {entry.name: entry for entry in chosen}
     remarks: list[str] = []
     files: dict[Path, list[JointLog]] = {}

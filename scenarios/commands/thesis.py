@@ -1,6 +1,5 @@
-"""`hmtb thesis`: the whole study."""
+"""`hmtb thesis`: the whole study, from simulation to report."""
 
-import sys
 from collections.abc import Iterator
 from contextlib import ExitStack
 from dataclasses import replace
@@ -28,19 +27,19 @@ def thesis(
 ) -> int:
     """Run the whole study and write report.html: simulate, identify, compare with the truth, report.
 
-    Every test of both tables of the thesis and the exchange of the replacement unit are simulated, on the nominal arm
-    and, as far as they are laid beside it, without friction and on the published arm. Each joint is identified with
-    the methods of chapters III to V and judged on records not seen; the models are laid beside the true dynamics and
-    beside the published ones, and each of the thesis' findings gets a verdict.
+    Every test of both tables of the thesis and the exchange of the replacement unit are simulated on the nominal arm,
+    and those that the report compares also without friction and on the published arm. Each joint is identified with
+    the methods of chapters III to V and judged on other records. The models are compared with the true dynamics and
+    with the published models, and each of the thesis' findings gets a verdict.
 
     Args:
         out: Folder for report.html and results.json; those of an earlier run are replaced.
-        seed: Draw other noise; without it the scenarios' own seeds are used.
-        seeds: Repeat the study on the nominal arm with so many seeds, counted from --seed or from 1, and say how often
-            each verdict was reached and how far numbers move. Some minutes each on two processors; each is kept in the
-            folder seeds as it ends, and the same command takes up there. With 1, the frequencies that were recorded
-            with this version are stated.
-        quick: Records of 40 s instead of 240 s: a look, not a result.
+        seed: Draws other noise; the scenarios' own seeds when not given.
+        seeds: Repeat the study on the nominal arm with so many seeds, counted from --seed or from 1, and report how
+            often each verdict is reached and how far numbers vary. A seed takes some minutes on two processors; it is
+            saved in the folder seeds when it ends, and an interrupted run resumes there. With 1, the report states
+            the frequencies that were recorded with this version.
+        quick: Records of 40 s instead of 240 s: a preview, not a result.
         threads: Threads of the simulation; the results do not depend on it.
         figures: Keep every figure too, as SVG and PNG in the folder figures.
         logs: Keep the logs too, as NetCDF4.
@@ -66,7 +65,7 @@ def thesis(
         pictures = stack.enter_context(output_folder(folder / "figures")) if figures else None
         kept = stack.enter_context(output_folder(folder / "seeds")) if seeds > 1 else None
         _check_places(folder, pictures, logs=logs)
-        # First, because each seed is kept as it ends: what is interrupted later costs none of them.
+        # First, because each seed is saved as it ends: an interruption later costs none of them.
         many = _shipped(duration) if kept is None else _run(repeated, duration, threads, kept)
         with progress("study", lines=True) as bar:
             comparison = run_study(
@@ -76,19 +75,19 @@ def thesis(
                 progress=lambda step, done, total: bar(done, total, step),
             )
             begin = perf_counter()
-            found = findings(comparison)
+            verdicts = findings(comparison)
             comparison = replace(comparison, cost=comparison.cost.later(perf_counter() - begin))
             begin = perf_counter()
             report = write_report(
                 comparison,
-                found,
+                verdicts,
                 folder / "report.html",
                 many,
                 figures=pictures,
                 drawn=lambda number: bar(number, None, "draw"),
             )
             comparison = replace(comparison, cost=comparison.cost.later(perf_counter() - begin, report=True))
-        record = results(comparison, found, report, many)
+        record = results(comparison, verdicts, report, many)
         # Before the logs: a disk that is full with them costs no conclusion.
         write_whole(folder / "results.json", json_text(record))
         if logs:
@@ -111,8 +110,7 @@ def thesis(
         rows += [(f"published {model.label}", f"{model.bandwidth_hz:.3f}", "", "") for model in entry.published]
         title = f"{name}: true bandwidth {entry.truth.bandwidth_hz:.3f} Hz"
         print_table(title, ("model (* chosen by the thesis)", "Hz", "95 % interval", "holds the truth"), rows)
-    often = {entry.key: frequency_text(entry, many) if many else "" for entry in found}
-    lines = [(entry.key, entry.verdict, often[entry.key], entry.claim) for entry in found]
+    lines = [(v.key, v.verdict, frequency_text(v, many) if many else "", v.claim) for v in verdicts]
     print_table("Findings", ("", "verdict", "seeds", "claim"), lines)
     if many:
         say(source_text(many, seed))
@@ -124,7 +122,7 @@ def thesis(
 
 
 def _check_places(folder: Path, pictures: Path | None, *, logs: bool) -> None:
-    """Refuse what stands where files are to be written, before the work and not after it."""
+    """Refuse folders that stand where files are to be written, before the work and not after it."""
     from scenarios.experiments.campaign import EVERY_TEST
     from scenarios.files.atomic_write import check_place
 
@@ -136,7 +134,7 @@ def _check_places(folder: Path, pictures: Path | None, *, logs: bool) -> None:
 
 
 def _failures(study: "Comparison", many: "Tally | None") -> Iterator[str]:
-    """What failed of this run: experiments, seeds, and experiments of seeds."""
+    """Failures of this run: experiments, seeds, and experiments of seeds."""
     yield from (f"{name}: {why}" for name, why in study.failed.items())
     if many is not None and not many.recorded:
         yield from (f"seed {seed}: {why}" for seed, why in many.failed.items())
@@ -145,24 +143,23 @@ def _failures(study: "Comparison", many: "Tally | None") -> Iterator[str]:
 
 
 def _shipped(duration: float | None) -> "Tally | None":
-    """What many seeds concluded when this version was made; nothing is known of short records."""
+    """Conclusions of many seeds, recorded with this version; there are none of short records."""
     from scenarios.thesis.recorded import recorded
 
     return recorded() if duration is None else None
 
 
 def _run(seeds: range, duration: float | None, threads: int | None, folder: Path) -> "Tally":
-    """What many seeds conclude now."""
+    """Conclusions of many seeds, computed now."""
     from scenarios.thesis.monte_carlo import tally
 
     with progress(f"{len(seeds)} seeds", lines=True) as bar:
 
-        def told(seed: int, before: int, step: str, done: int, whole: int) -> None:
+        def report(seed: int, before: int, step: str, done: int, whole: int) -> None:
             if step.startswith("simulate"):
                 bar(before * whole + done, len(seeds) * whole, f"seed {seed}, {before + 1} of {len(seeds)}")
 
         try:
-            return tally(seeds, duration=duration, threads=threads, folder=folder, progress=told)
+            return tally(seeds, duration=duration, threads=threads, folder=folder, progress=report)
         except KeyboardInterrupt:
-            sys.stderr.write(f"hmtb: seeds that came to an end are kept in {folder}; the same command takes up there\n")
-            raise
+            raise KeyboardInterrupt(f"finished seeds are saved in {folder}") from None

@@ -27,7 +27,7 @@ def video(
     seed: int | None = None,
     json: bool = False,
 ) -> int:
-    """Film an experiment: a scenario, which is simulated first, or a log that hmtb simulate has written.
+    """Film an experiment: a scenario, which is simulated first, or a log of hmtb simulate.
 
     Films are rendered without a display. .mp4 needs the extra hmtb-twin[video]; .gif and .png do without.
 
@@ -68,7 +68,7 @@ def video(
     pictures = frames(log, cameras, size=(width, height), rate=fps, speed=speed, span=(start, last))
     count = int((last - start) / speed * fps + 1e-9) + 1
     with progress("filming") as report:
-        write_film(_counted(pictures, count, report), path, rate=fps)
+        write_film(_with_progress(pictures, count, report), path, rate=fps)
     record = {"film": str(path), "scenario": log.name, "frames": count, "cameras": cameras}
     if json:
         print_json(record)
@@ -78,11 +78,11 @@ def video(
 
 
 DECK = ("window", "port", "starboard", "wrist_camera")
-"""What the operator on the aft flight deck sees at once."""
+"""Views of the operator on the aft flight deck."""
 
 
 def _cameras(words: str) -> tuple[str, ...]:
-    """The cameras that the words name, before the work for them begins."""
+    """Names of cameras, checked before the work begins."""
     from hmtb_twin import load_arm
     from hmtb_twin.arm.rendering import scene_model
     from scenarios.files.errors import ScenarioError, unknown
@@ -97,7 +97,7 @@ def _cameras(words: str) -> tuple[str, ...]:
     return tuple(chosen)
 
 
-def _counted(
+def _with_progress(
     pictures: "Iterator[np.ndarray]", total: int, report: Callable[[int, int], None]
 ) -> "Iterator[np.ndarray]":
     for number, picture in enumerate(pictures, start=1):

@@ -16,13 +16,13 @@ def view(
     loop: bool = False,
     seed: int | None = None,
 ) -> int:
-    """Show the arm in MuJoCo's viewer: alone, to be moved by hand, or an experiment as it went.
+    """Show the arm in MuJoCo's viewer: alone, to be moved by hand, or an experiment played back.
 
-    Needs a display; hmtb video films without one.
+    Needs a display; hmtb video works without one.
 
     Args:
-        name: A scenario, which is simulated first, or a log NAME.nc: played back. Nothing: the arm at the approach
-            point, its servos on, with the viewer's own controls.
+        name: A scenario, which is simulated first, or a log NAME.nc. When not given: the arm at the approach point,
+            its servos on, with the viewer's own controls.
         payload: What the end effector of the arm alone holds: rpcm, none, ballast or mdm.
         speed: Seconds of the experiment per second of playback.
         loop: Play again and again.

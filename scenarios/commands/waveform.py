@@ -11,6 +11,9 @@ from scenarios.commands.output import output_folder, print_json, print_table, sa
 if TYPE_CHECKING:
     from scenarios.experiments.waveform import Waveform
 
+NOT_OPTIONS = ("kind", "path", "out", "json")
+"""Parameters of the command that no excitation takes."""
+
 
 def waveform(
     kind: Annotated[str, tyro.conf.Positional, tyro.conf.arg(metavar="KIND")],
@@ -42,9 +45,8 @@ def waveform(
     """Write the 100-point file of an excitation and a plot of it with its spectrum.
 
     Kinds: sine, two_sines, multisine, prbs, sign_recursion, chirp, chirp_as_printed, chirp_franklin,
-    bipolar_ramping_pulse, white_noise; and file, a 100-point file of your own, which is looked at only. Each takes only
-    the options that concern it, by the names they have in scenario files, and says which when one is missing. Files of
-    the same names in the folder are replaced.
+    bipolar_ramping_pulse, white_noise; and file, a 100-point file of your own, which is only shown. Each kind has
+    options of its own, named as in scenario files; errors list them. Files of the same names are replaced.
 
     Args:
         kind: Name of the excitation.
@@ -74,31 +76,9 @@ def waveform(
         out: Folder for KIND.txt (one point per line, V) and KIND.png.
         json: Print JSON.
     """
-    wave = _waveform(
-        kind,
-        {
-            "amplitude": amplitude,
-            "frequency": frequency,
-            "f_start": f_start,
-            "f_end": f_end,
-            "f_min": f_min,
-            "f_max": f_max,
-            "f_low": f_low,
-            "f_high": f_high,
-            "f_center": f_center,
-            "ramp": ramp,
-            "offset": offset,
-            "clock": clock,
-            "register": register,
-            "pulse_width": pulse_width,
-            "growing": growing or None,
-            "odd": odd or None,
-            "memory": memory,
-            "as_printed": as_printed or None,
-            "seed": seed,
-        },
-        path,
-    )
+    # Before any other local variable: the options of the excitations, as they were given.
+    options = {name: value for name, value in locals().items() if value is not None and value is not False}
+    wave = _waveform(kind, {name: value for name, value in options.items() if name not in NOT_OPTIONS}, path)
     if not wave.points.any():
         from scenarios.files.errors import ScenarioError
 
@@ -118,7 +98,7 @@ def waveform(
         save_figure(waveform_figure(wave), picture, dpi=150)
     order = wave.order_of_excitation()
     parameters = wave.parameters if path is None else {"path": str(path)}
-    warnings = [text for text in (_beyond(wave), excitation_order_warning(order)) if text]
+    warnings = [text for text in (_clipping(wave), excitation_order_warning(order)) if text]
     record = {
         "kind": kind,
         "parameters": parameters,
@@ -156,8 +136,8 @@ def waveform(
     return 0
 
 
-def _beyond(wave: "Waveform") -> str | None:
-    """Say which points the excitation computer cannot give."""
+def _clipping(wave: "Waveform") -> str | None:
+    """A warning where points exceed the range of the excitation computer."""
     from hmtb_twin.control.data_acquisition import BOARD
 
     count = int(BOARD.exceeds_range(wave.points).sum())
@@ -169,8 +149,8 @@ def _beyond(wave: "Waveform") -> str | None:
     )
 
 
-def _waveform(kind: str, options: Mapping[str, float | int | bool | None], path: Path | None) -> "Waveform":
-    """The waveform, with complaints about options in the words that were typed."""
+def _waveform(kind: str, options: Mapping[str, float | int | bool], path: Path | None) -> "Waveform":
+    """The waveform; errors name options as they were typed."""
     from inspect import Parameter, signature
 
     from scenarios.experiments.excitation import KINDS
@@ -178,24 +158,23 @@ def _waveform(kind: str, options: Mapping[str, float | int | bool | None], path:
     from scenarios.experiments.waveform import read_points
     from scenarios.files.errors import ScenarioError, unknown
 
-    given = {name: value for name, value in options.items() if value is not None}
     if kind in (FILE, "points"):
-        if kind != FILE or path is None or given:
+        if kind != FILE or path is None or options:
             raise ScenarioError(f"custom points come from a file: hmtb waveform {FILE} --path FILE, nothing else")
         return Excitation("points", {"points": read_points(path)}).waveform()
     if kind not in KINDS:
         raise ScenarioError(unknown("excitation", kind, [FILE, *(name for name in KINDS if name != "points")]))
     if path is not None:
         raise ScenarioError(f"{kind} has no --path; a custom file is shown by: hmtb waveform {FILE} --path FILE")
-    taken = signature(KINDS[kind]).parameters
-    takes = ", ".join(f"--{_flag(name)}" for name in taken)
-    for name in given:
-        if name not in taken:
+    known = signature(KINDS[kind]).parameters
+    takes = ", ".join(f"--{_flag(name)}" for name in known)
+    for name in options:
+        if name not in known:
             raise ScenarioError(f"{kind} has no --{_flag(name)}; it takes {takes}")
-    missing = [name for name, entry in taken.items() if entry.default is Parameter.empty and name not in given]
+    missing = [name for name, entry in known.items() if entry.default is Parameter.empty and name not in options]
     if missing:
         raise ScenarioError(f"{kind} needs {' and '.join(f'--{_flag(name)}' for name in missing)}; it takes {takes}")
-    return Excitation(kind, given).waveform()
+    return Excitation(kind, options).waveform()
 
 
 def _flag(name: str) -> str:

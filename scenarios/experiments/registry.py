@@ -5,6 +5,7 @@ Their tables are plain data: a list of them needs no laboratory, which takes mor
 
 import tomllib
 from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import replace
 from functools import cache
 from importlib.resources import files
 from pathlib import Path
@@ -144,8 +145,13 @@ def tags() -> tuple[str, ...]:
     return tuple(dict.fromkeys(tag for table in registered().values() for tag in table["tags"]))
 
 
-def selected(words: Sequence[str]) -> "list[Scenario]":
-    """Scenarios that words name: registered names, tags, TOML files.
+def selected(words: Sequence[str], *, duration: float | None = None, seed: int | None = None) -> "list[Scenario]":
+    """Scenarios by words: registered names, tags, TOML files.
+
+    Args:
+        words: The words.
+        duration: Length instead of their own, s.
+        seed: Draws other noise.
 
     Raises:
         ScenarioError: There is no word, a word names nothing, or a file is wrong.
@@ -155,7 +161,10 @@ def selected(words: Sequence[str]) -> "list[Scenario]":
         raise ScenarioError(
             f"no scenario named; there are {len(names())}, listed by: hmtb scenarios list; tags: {', '.join(tags())}"
         )
-    return [load(name) for name in known]
+    chosen = [load(name) for name in known]
+    if duration is not None:
+        chosen = [replace(scenario, duration=duration) for scenario in chosen]
+    return chosen if seed is None else [scenario.reseeded(seed) for scenario in chosen]
 
 
 def load(name: str | Path) -> "Scenario":

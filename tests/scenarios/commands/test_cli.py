@@ -199,8 +199,7 @@ def test_every_usual_name_of_time_is_read(
     np.savetxt(path, np.column_stack([times, u, y]), delimiter=",", header=f"{header},u,y", comments="", fmt="%.12g")
     assert result(capsys, "identify", path, *OE)["dt"] == pytest.approx(0.05)
     said = complaint(capsys, "identify", path, *OE, "--dt", "0.02")
-    assert "--dt says a sampling interval of 0.02 s" in said
-    assert f"{header!r} of 0.05 s" in said
+    assert f"sampling interval 0.02 s by --dt, 0.05 s by {header!r}" in said
     mat = tmp_path / "robot.mat"
     savemat(mat, {"u": u, "y": y, "Ts": 0.05})
     assert result(capsys, "identify", mat, *OE)["dt"] == 0.05
@@ -334,16 +333,17 @@ def test_interrupt_is_130_and_leaves_nothing(
 @pytest.mark.parametrize("delay", [0.0, 0.1, 0.4, 0.8])
 def test_an_interrupt_during_start_up_is_one_line(delay: float) -> None:
     """Whichever module is being imported: compiled ones lose a KeyboardInterrupt or turn it into another error."""
-    script = (
-        "from scenarios.__main__ import run; import sys; print('started', flush=True); sys.argv[1:] = ['truth']; run()"
-    )
-    command = [sys.executable, "-c", script]
+    script = "from scenarios.__main__ import run; print('started', flush=True); raise SystemExit(run())"
+    command = [sys.executable, "-c", script, "truth"]
     with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as process:
         process.stdout.readline()
         time.sleep(delay + 0.01)
         process.send_signal(signal.SIGINT)
         _, err = process.communicate(timeout=60)
-    assert (process.returncode, err) == (130, "hmtb: interrupted; run the command again: hmtb truth\n")
+    # The library of windows starts a process of its own to learn its version, which may complain behind the line.
+    assert process.returncode == 130
+    assert err.startswith("hmtb: interrupted; run the command again: hmtb truth\n")
+    assert "KeyboardInterrupt" not in err
 
 
 @pytest.mark.parametrize("words", [["--help"], ["scenarios", "list"]])
