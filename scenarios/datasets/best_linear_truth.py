@@ -147,7 +147,7 @@ def best_linear_contents(
         experiments, logs, seconds = [*experiments, *more], [*logs, *result], result.physics_seconds
         facts |= {"seed": str(setting.seed), "realisations simulated": str(multisines.realisations)}
     return _contents(
-        spec, entry, approximated(experiments, logs, measured=entry.joints, physics_seconds=seconds, told=facts)
+        spec, entry, approximated(experiments, logs, measured=entry.joints, physics_seconds=seconds, origin=facts)
     )
 
 

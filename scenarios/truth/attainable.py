@@ -1,4 +1,4 @@
-"""The third kind of truth: what a model could at best achieve on one record."""
+"""Attainable errors: the smallest that a model can achieve on one record of the twin."""
 
 import contextlib
 import warnings
@@ -36,7 +36,7 @@ DRAWS = 8
 
 @dataclass(frozen=True)
 class Floor:
-    """How small an error is.
+    """An error that no model of a class undercuts, but by chance.
 
     Attributes:
         rmse: Root mean square of the error, rad.
@@ -49,22 +49,19 @@ class Floor:
 
 @dataclass(frozen=True)
 class Horizon:
-    """What is attainable over one horizon, in simulation or one step ahead.
+    """Attainable errors over one horizon, in simulation or one step ahead.
 
     Attributes:
-        any_model: In simulation, by the mean of the angle given the commands, the start at rest included; what is left
-            is noise that commands do not foretell. Where process noise meets dry friction or servo valves this mean
-            is an average over draws, known to `Attainable.mean_error`; the floor is corrected for it. One step
-            ahead, by one that knows the noise-free angle: only noise of the recorder is left. No model can attain
-            that where there is process noise.
-        best_linear: In simulation, the least of these, each fitted to the noise-free angle of this very record with
-            the initial state and a constant free: pulse responses of any shape of `Attainable.memory` samples, which
-            are the best of their class; ARX models of order `settling` and of order `memory`, and output-error models
-            of the truth's order, each the best that was found. A system outside these classes, or a better one of
-            a high order, may go below. One step ahead, the regression on `settling` past commands and angles.
-            A free initial state is worth whatever a pulse response or regression cannot see of its past: no
-            distortion counts in its first `memory` or `settling` samples.
-        small_signal: By the small-signal truth; the operating point is free.
+        any_model: In simulation, of the mean of the angle given the commands, the start at rest included: what is left
+            is noise that commands do not predict. Where that mean is an average over draws of process noise, the floor
+            is corrected for its error `Attainable.mean_error`. One step ahead, of one who knows the noise-free angle:
+            what is left is the recorder's noise; no model attains that under process noise.
+        best_linear: In simulation, the least of these, fitted to the noise-free angle of this very record with a free
+            initial state and constant: pulse responses of `Attainable.memory` samples, ARX models of order `settling`
+            and of order `memory`, and output-error models of the truth's order. One step ahead, of the regression on
+            `settling` past commands and angles. Linear systems of other classes may do better, and a free initial
+            state leaves out the distortion of the first `memory` or `settling` samples.
+        small_signal: Of the small-signal truth; the operating point is free.
     """
 
     any_model: Floor
@@ -74,7 +71,7 @@ class Horizon:
 
 @dataclass(frozen=True)
 class Attainable:
-    """What a model of one joint could at best achieve on one record.
+    """Smallest errors that a model of one joint can achieve on one record.
 
     Attributes:
         joint: The joint.
@@ -82,13 +79,10 @@ class Attainable:
         spread: Standard deviation of the measured angle over them, rad.
         simulation: From commands alone.
         one_step: From commands and from this joint's measurements up to the sample before.
-        right_order: In simulation, by the linear system of the truth's order that does best on this very record: the
-            best that several searches found.
+        right_order: In simulation, of the best linear system of the truth's order that the searches found.
         order: That order: states of the small-signal truth that matter.
-        distortion: Root mean square of what the best linear system leaves of the noise-free angle, rad; where that is
-            an average over draws, what is left of their scatter included.
-        mean_error: Standard error of the noise-free angle, root mean square over the samples scored, rad; 0 where it
-            is exact.
+        distortion: Root mean square of what the best linear system leaves of the noise-free angle, rad.
+        mean_error: Standard error of the noise-free angle, root mean square, rad; 0 where it is exact.
         settling: Samples in which the small-signal arm settles, the length of the regression.
         memory: Length of the pulse responses: twice that, or less where the record is short.
         parameters: Coefficients of the pulse responses and of the regression, constant included.
@@ -113,19 +107,15 @@ class Attainable:
         object.__setattr__(self, "provenance", MappingProxyType(dict(self.provenance)))
 
     def by_chance(self, rmse: float, parameters: int = 0) -> float:
-        """Return how small chance can make the error of a model that is as good as a floor, rad.
+        """Return the error that a model as good as a floor undercuts by chance once in twenty times at most, rad.
 
         White noise e of variance s^2 and an error m of the model that does not depend on it give the sum of squares
         |e|^2 + |m|^2 + 2 e'm, which is below |e|^2 - s^2 x with the probability that chi-square with one degree of
-        freedom exceeds x at worst; each parameter that was fitted to the very record adds one degree
-        [Ljung1999, sec. 16.4].
+        freedom exceeds x at worst; each fitted parameter adds one degree [Ljung1999, sec. 16.4].
 
         Args:
             rmse: The floor, rad.
-            parameters: What was fitted to this very record; on fresh data the initial state alone, where it is fitted.
-
-        Returns:
-            The root mean square that is undercut by chance once in twenty times at most.
+            parameters: Number fitted to this very record; on fresh data the initial state alone, where it is fitted.
         """
         return rmse * sqrt(max(1.0 - chi2.ppf(0.95, parameters + 1) / self.samples, 0.0))
 
@@ -145,17 +135,16 @@ def attainable(
         joint: The joint; the excited one by default.
         truth: The small-signal truth of the log's arm at its pose; linearised here by default.
         window: Samples at the start that are not scored.
-        steps: At most, of each search for the linear system of the truth's order, which then begins at the truth
-            only where nothing else can be begun at; by default it goes to the end, from there too. Ten take a tenth of
-            the time and leave up to a few percent more.
+        steps: Most steps of each search for the linear system of the truth's order; by default each goes to its end.
+            Ten take a tenth of the time and leave up to a few percent more.
 
     Returns:
         The floors.
 
     Raises:
-        ScenarioError: No joint named where several are excited, a log that does not tell of its arm, that holds a
-            shutdown or work in contact, or that is too short for the linear systems; a joint that does not move; a
-            truth of another arm, of other conditions or of another pose.
+        ScenarioError: No joint named where several are excited; a log without its arm, with a shutdown or work in
+            contact, or too short for the linear systems; a joint that does not move; a truth of another arm, of other
+            conditions or of another pose.
         TwinError: Unknown joint.
     """
     if joint is None:
@@ -201,12 +190,12 @@ def attainable(
     order, fitted = _right_order(model, offsets, quiet, window, steps)
     high = _high_orders(offsets, quiet, window, (settling, memory))
     linear = _fitted(commands, quiet, max(window, memory))
-    foretold = _fitted(np.hstack(both), measured, first)
+    predicted = _fitted(np.hstack(both), measured, first)
     # What is fitted to the noise itself lowers its own errors; those before the regression begins are not fitted.
-    foretold = np.where(
+    predicted = np.where(
         np.arange(len(record)) < first,
         true,
-        measured - (measured - foretold) * sqrt((len(record) - first) / (len(record) - first - coefficients)),
+        measured - (measured - predicted) * sqrt((len(record) - first) / (len(record) - first - coefficients)),
     )
     scored = measured[window:]
     spread = float(np.std(scored))
@@ -230,7 +219,7 @@ def attainable(
         samples=len(scored),
         spread=spread,
         simulation=Horizon(floor(quiet, variance=uncertain), floor(best), floor(simulation, centred=True)),
-        one_step=Horizon(floor(true), floor(foretold), floor(one_step, centred=True)),
+        one_step=Horizon(floor(true), floor(predicted), floor(one_step, centred=True)),
         right_order=right_order,
         order=order,
         distortion=rms(quiet - best),
@@ -262,7 +251,7 @@ def _noise_free(record: JointLog, arm: Arm, truth: Truth, true: FloatArray) -> t
 
 
 def _high_orders(record: IOData, quiet: FloatArray, window: int, orders: tuple[int, ...]) -> tuple[FloatArray, ...]:
-    """What ARX models that are fitted to noise-free angles simulate, their initial state fitted too.
+    """Simulate ARX models fitted to noise-free angles, their initial state fitted too.
 
     They remember longer than pulse responses of as many coefficients, and a least-squares fit needs no search.
     """
@@ -274,26 +263,26 @@ def _high_orders(record: IOData, quiet: FloatArray, window: int, orders: tuple[i
 def _right_order(
     model: StateSpace, record: IOData, quiet: FloatArray, window: int, steps: int | None
 ) -> tuple[int, tuple[FloatArray, ...]]:
-    """Order of the truth, and what output-error models of this order that are fitted to noise-free angles simulate."""
+    """Simulate output-error models of the truth's order fitted to noise-free angles; return the order too."""
     start = replace(model, K=None).minimal(MATTERS)
     exact = replace(record, y=quiet[:, None], window=0)[window:].detrend()
-    found: list[FloatArray] = []
+    simulated_angles: list[FloatArray] = []
     with warnings.catch_warnings():
-        # What is said of poor excitation is about parameters; here only the output counts.
+        # Warnings of poor excitation are about parameters; here only the output counts.
         warnings.simplefilter("ignore", SysidWarning)
         most = steps or MOST_STEPS
         # The criterion has several minima where the record is distorted, so the search begins at several places.
         fits = [lambda: pem_ss(exact, start, direct=False, gain=False, search=False, max_iterations=most)]
         if record.nu == 1:
-            # It has beginnings of its own, which often lead further down than the truth does.
+            # It has initial estimates of its own, which often lead further down than the truth does.
             fits.insert(0, lambda: oe(exact, start.order, start.order, 1, max_iterations=most))
         for fit in fits:
             with contextlib.suppress(SysidError):
                 hat = predict(fit(), exact, steps=None)[:, 0]
-                found.append(np.concatenate([quiet[:window], hat + quiet[window:].mean()]))
+                simulated_angles.append(np.concatenate([quiet[:window], hat + quiet[window:].mean()]))
                 if steps is not None:
                     break
-    return start.order, tuple(found)
+    return start.order, tuple(simulated_angles)
 
 
 def _settling(truth: Truth, joint: str) -> int:

@@ -17,14 +17,14 @@ DIED = 1e-17
 """A free response has died out where it is below this part of its largest value."""
 
 LARGEST = 1e60
-"""A response beyond this is that of a model that is not stable; it cannot be fitted."""
+"""A larger response is that of an unstable model; it cannot be fitted."""
 
 
 def long_response(u: FloatArray, y: FloatArray, order: int) -> FloatArray | None:
-    """Fit A(q) y = B(q) u by least squares, then simulate it with the past that fits best.
+    """Fit A(q) y = B(q) u by least squares, then simulate it with the initial conditions that fit best.
 
-    The same as the fit and the simulation of a state-space model of as many states; but no matrix of that size is
-    needed, because the influence of the past on A(q) y ends after `order` samples.
+    The same as the fit and the simulation of a state-space model of as many states, without matrices of that size: the
+    influence of the initial conditions on A(q) y ends after `order` samples.
 
     Args:
         u: Inputs (N, nu).
@@ -55,7 +55,7 @@ def long_response(u: FloatArray, y: FloatArray, order: int) -> FloatArray | None
 
 @dataclass(frozen=True, eq=False)
 class ConditionalMean:
-    """Mean of the noise-free angles over process noise, given the commands, as an average over draws.
+    """Noise-free angles averaged over draws of process noise.
 
     Attributes:
         angles: The average of the draws as it reaches the record (N, 7), rad.
@@ -66,10 +66,8 @@ class ConditionalMean:
     variance: FloatArray
 
 
-def conditional_mean(
-    arm: Arm, angles: FloatArray, command: FloatArray, *, draws: int, seed: int, threads: int = 0
-) -> ConditionalMean:
-    """Return the mean over process noise of what an arm does that starts at rest at a pose.
+def conditional_mean(arm: Arm, angles: FloatArray, command: FloatArray, *, draws: int, seed: int) -> ConditionalMean:
+    """Simulate an arm from rest at a pose, and average over draws of process noise.
 
     Args:
         arm: The arm, its process noise included.
@@ -77,9 +75,8 @@ def conditional_mean(
         command: Commanded angles (N, 7), rad.
         draws: Draws of process noise, >= 2.
         seed: Of these draws.
-        threads: Threads for the physics; all processors when zero. The result does not depend on it.
     """
-    simulations = batch.Batch(arm.model, nsim=draws, nthread=threads)
+    simulations = batch.Batch(arm.model, nsim=draws, nthread=0)
     start = arm.rest(angles)
     for name in ("qpos", "qvel", "act", "ctrl", "eq_active"):
         simulations.bind(name)[:] = getattr(start, name)

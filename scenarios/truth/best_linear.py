@@ -1,4 +1,4 @@
-"""The second kind of truth: the best linear approximation of the twin at a stated excitation class and amplitude."""
+"""Best linear approximation of the twin for one class and amplitude of excitation."""
 
 import warnings
 from collections.abc import Mapping, Sequence
@@ -51,8 +51,8 @@ def silent_lines(
 ) -> SilentLines:
     """Read even and odd distortion at the silent lines [Pintelon2012, sec. 4.3].
 
-    What the command itself holds at those lines, because it was rounded or limited, passes through the system and is
-    taken off first, with the response interpolated between the excited lines.
+    The command itself has some power at those lines, because it is rounded or limited. It passes through the system and
+    is subtracted first, with the response interpolated between the excited lines.
 
     Args:
         records: Steady, whole periods.
@@ -60,7 +60,7 @@ def silent_lines(
         multisines: The excitation class, on an odd-random grid.
 
     Returns:
-        The levels, noise taken off and not below zero.
+        The levels less noise, not below zero.
     """
     period, band = multisines.samples, multisines.band
     silent = np.setdiff1d(band, multisines.lines)
@@ -94,12 +94,11 @@ def _rms(mean_square: FloatArray) -> FloatArray:
 
 @dataclass(frozen=True, eq=False)
 class BestLinearTruth:
-    """The best linear approximation of the twin, and how certain and how linear it is.
+    """The best linear approximation of the twin, its uncertainty and its nonlinear distortion.
 
-    What is the input? `servo` answers for the commanded angle that the record holds, after converters, hold and
-    velocity limit: it is known without error, and this is what an estimator finds in records of this class. `chain`
-    answers for the angle that was asked for at the stick, the multisine itself: quantisation, noise of the wires and
-    velocity limit are then part of the system.
+    `servo` has the commanded angle of the record as its input, after converters, hold and velocity limit: it is known
+    without error, and this is what an estimator identifies from records of this class. `chain` has the angle asked for
+    at the stick, the multisine itself: quantisation, noise of the wires and velocity limit are part of the system.
 
     Attributes:
         experiment: The first record: arm, payload, plant, pose, axes, chain and excitation class.
@@ -110,8 +109,8 @@ class BestLinearTruth:
         command_rms: Root mean square of each commanded offset over the steady periods (n_axes,), rad.
         slewing: Share of the steady samples in which a command moved at its velocity limit.
         limited: Share in which one stood at an end of a joint's or converter's range.
-        physics_seconds: Wall time spent in the physics, s.
-        provenance: How it was obtained, with which software.
+        physics_seconds: Wall time in the physics, s.
+        provenance: Origin and software.
     """
 
     experiment: MultisineExperiment
@@ -181,8 +180,8 @@ def best_linear(
     are those of both together. The same seeds give the same result, bit for bit.
 
     Args:
-        setting: What is measured: any experiment in single-joint mode; see `multisine_experiments`. With several axes
-            all are excited at once, with orthogonal phases.
+        setting: Any experiment in single-joint mode; see `multisine_experiments`. Several axes are excited at once,
+            with orthogonal phases.
         multisines: The excitation class and amplitude; by default 0.05 to 5 Hz at 0.01 rad, 16 realisations of two
             periods of 10.24 s, some seconds of one core.
         measured: Outputs, joints; by default the excited ones.
@@ -202,8 +201,8 @@ def best_linear(
     result = simulate(experiments, threads=threads)
     for name, reason in result.failed.items():
         raise ScenarioError(f"{name}: {reason}")
-    told = {"setting": setting.name, "seed": str(setting.seed)}
-    return approximated(experiments, result, measured=outputs, physics_seconds=result.physics_seconds, told=told)
+    origin = {"setting": setting.name, "seed": str(setting.seed)}
+    return approximated(experiments, result, measured=outputs, physics_seconds=result.physics_seconds, origin=origin)
 
 
 def approximated(
@@ -212,17 +211,17 @@ def approximated(
     *,
     measured: Sequence[str],
     physics_seconds: float = 0.0,
-    told: Mapping[str, str] = MappingProxyType({}),
+    origin: Mapping[str, str] = MappingProxyType({}),
 ) -> BestLinearTruth:
-    """The best linear approximation from records that are there; see `best_linear`.
+    """Compute the best linear approximation from existing records; see `best_linear`.
 
     Args:
-        experiments: Realisations of one class of excitation under one set of conditions, those with several axes as
-            many records each, one after the other.
+        experiments: Realisations of one class of excitation under one set of conditions; of several axes as many
+            records each, one after the other.
         logs: Their logs.
         measured: Outputs, joints.
-        physics_seconds: What the records cost in the physics, s.
-        told: What the provenance says of their origin.
+        physics_seconds: Wall time of the records in the physics, s.
+        origin: Their origin, for the provenance.
 
     Raises:
         ScenarioError: `measured` is no sequence of joints, each once.
@@ -252,7 +251,7 @@ def approximated(
         physics_seconds=physics_seconds,
         provenance={
             "method": "robust method, random-phase multisines",
-            **told,
+            **origin,
             **{f"multisines_{name}": str(value) for name, value in vars(first.multisines).items()},
             **logs[0].provenance,
             **versions(),

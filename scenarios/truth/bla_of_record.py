@@ -1,4 +1,4 @@
-"""The best linear approximation that records of a test are held against: a multisine like the test's command."""
+"""Best linear approximation for a test: measured under a multisine like the test's command."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -11,7 +11,7 @@ from hmtb_twin.control.data_acquisition import BOARD
 from hmtb_twin.control.modes import joint_index
 from scenarios.experiments.multisines import MultisineExperiment, Multisines, multisine_experiments
 from scenarios.truth.best_linear import best_linear, cautions
-from sysid import FrequencyResponse, IOData
+from sysid import IOData
 from sysid.models.bandwidth import HALF_POWER, gain_crossing
 
 SHARE = 0.95
@@ -24,15 +24,15 @@ CLOSE = 0.01
 """How close the multisine's command comes to the test's, as a part of its root mean square."""
 
 ROUNDS = 12
-"""Amplitudes tried at most."""
+"""Most amplitudes in the search."""
 
 ROOM = 0.98
-"""Part of the converter's range that the multisine may fill."""
+"""Part of the converter's range that the multisine may fill: noise and rounding need the rest."""
 
 
 @dataclass(frozen=True)
 class BestLinearOfTest:
-    """The bandwidth that a joint has, in the mean, when it is commanded as strongly as in a test.
+    """Best linear bandwidth of a joint that is commanded as strongly as in a test.
 
     Attributes:
         joint: The joint.
@@ -47,8 +47,8 @@ class BestLinearOfTest:
         realisations: Of the multisine.
         slewing: Share of samples in which the multisine's command moved at its velocity limit.
         distortion_percent: Nonlinear distortion, percent of the linear part.
-        physics_s: What it cost in the physics, s.
-        cautions: Why it says little, in words; nothing where it may be relied upon.
+        physics_s: Wall time in the physics, s.
+        cautions: Reasons not to rely on it, in words.
     """
 
     joint: str
@@ -82,60 +82,56 @@ def best_linear_of_test(
     """Measure the best linear approximation under a multisine like a test's command, friction and noise included.
 
     Like it in two numbers: the root mean square of the command *as logged*, behind the velocity limit, and the
-    frequency below which lies 95 % of its power. The lines begin at 0.1 Hz all the same, because a bandwidth is
+    frequency below which 95 % of its power lies. The lines begin at 0.1 Hz all the same, because a bandwidth is
     relative to the gain at 0 Hz, and a file of 2 s excites nothing below 0.5 Hz. The distribution of amplitudes is
-    another one than a binary sequence's, and with it what friction does: by one or two percent of the gain.
+    not that of a binary sequence, which changes the effect of friction by one or two percent of the gain.
 
     Args:
-        setting: Any experiment of the joint on the arm: its conditions are taken.
+        setting: Any experiment of the joint on the arm, for its conditions.
         arm: The arm of the experiment.
         records: Settled records of the test without means, of one seed or more, rad.
         test: Name of the test.
-        seed: Draws phases and noise.
+        seed: Of phases and noise.
         threads: Threads for the physics.
-
-    Returns:
-        The bandwidth with its interval.
 
     Raises:
         ScenarioError: See `scenarios.truth.best_linear.best_linear`.
     """
     base, multisines, wanted = multisine_like(setting, arm, records, seed=seed)
-    found = best_linear(base, multisines, threads=threads)
-    band, response = found.bandwidth, found.servo.response
+    approximation = best_linear(base, multisines, threads=threads)
+    band, response = approximation.bandwidth, approximation.servo.response
     return BestLinearOfTest(
         joint=base.name,
         test=test,
         hz=float(band.hz[0, 0]),
         ci95=(float(band.ci95[0][0, 0]), float(band.ci95[1][0, 0])),
-        half_power_hz=gain_crossing(_single(response), HALF_POWER),
+        half_power_hz=gain_crossing(response, HALF_POWER),
         wanted_rms=wanted,
-        command_rms=float(found.command_rms[0]),
+        command_rms=float(approximation.command_rms[0]),
         f_max=multisines.f_max,
         f_min=float(response.frequencies[0]),
         realisations=REALISATIONS,
-        slewing=found.slewing,
-        distortion_percent=float(found.distortion_percent[0]),
-        physics_s=found.physics_seconds,
-        cautions=cautions(found, linearize(arm, setting.pose, amplitudes=())),
+        slewing=approximation.slewing,
+        distortion_percent=float(approximation.distortion_percent[0]),
+        physics_s=approximation.physics_seconds,
+        cautions=cautions(approximation, linearize(arm, setting.pose, amplitudes=())),
     )
 
 
 def multisine_like(
     setting: Experiment, arm: Arm, records: Sequence[IOData], *, seed: int = 0, realisations: int = REALISATIONS
 ) -> tuple[MultisineExperiment, Multisines, float]:
-    """Choose the multisine that is like a test's command; see `best_linear_of_test`.
+    """Choose the multisine like a test's command; see `best_linear_of_test`.
 
     Args:
-        setting: Any experiment of the joint on the arm: its conditions are taken.
+        setting: Any experiment of the joint on the arm, for its conditions.
         arm: The arm of the experiment.
         records: Records of the test without means, of one seed or more, rad.
-        seed: Draws phases and noise.
+        seed: Of phases and noise.
         realisations: Of the multisine.
 
     Returns:
-        The setting for `scenarios.truth.best_linear.best_linear`, the multisine, and the root mean square of the test's
-        command, rad.
+        The setting for `best_linear`, the multisine, and the root mean square of the test's command, rad.
 
     Raises:
         ScenarioError: The multisine cannot be played.
@@ -154,12 +150,8 @@ def multisine_like(
         hand_controller=setting.hand_controller,
         seed=seed,
     )
-    wanted = Multisines(rms=rms, f_max=_band(records), realisations=realisations, seed=seed)
-    return base, _matched(base, arm, wanted), rms
-
-
-def _single(response: FrequencyResponse) -> FrequencyResponse:
-    return FrequencyResponse(response.frequencies, response.response[:, :1, :1], response.dt, response.method)
+    target = Multisines(rms=rms, f_max=_band(records), realisations=realisations, seed=seed)
+    return base, _matched(base, arm, target), rms
 
 
 def _band(records: Sequence[IOData]) -> float:
@@ -172,26 +164,26 @@ def _band(records: Sequence[IOData]) -> float:
     return float(np.mean(ends))
 
 
-def _matched(base: MultisineExperiment, arm: Arm, wanted: Multisines) -> Multisines:
-    """The multisine whose command, behind converters and velocity limit, has the root mean square that is wanted.
+def _matched(base: MultisineExperiment, arm: Arm, target: Multisines) -> Multisines:
+    """Return the multisine whose command, behind converters and velocity limit, has the target's root mean square.
 
-    A command that is limited grows less than what is asked for: a secant on logarithmic scales finds what to ask. Where
-    the converter ends first, it is the largest that it gives.
+    A limited command grows less than the amplitude at the stick, which a secant on logarithmic scales therefore finds.
+    Where the converter clips first, it is the largest amplitude that the converter plays.
     """
-    asked, power = wanted.rms, 1.0
-    tried: list[tuple[float, float]] = []
+    rms, slope = target.rms, 1.0
+    points: list[tuple[float, float]] = []
     for _ in range(ROUNDS):
-        current = replace(wanted, rms=asked)
-        most = _largest(base, current)
-        if asked > most:
-            asked, current = most, replace(wanted, rms=most)
-        got = _command_rms(base, arm, current)
-        if abs(got / wanted.rms - 1.0) < CLOSE or (asked == most and got < wanted.rms):
+        current = replace(target, rms=rms)
+        largest = _largest(base, current)
+        if rms > largest:
+            rms, current = largest, replace(target, rms=largest)
+        command_rms = _command_rms(base, arm, current)
+        if abs(command_rms / target.rms - 1.0) < CLOSE or (rms == largest and command_rms < target.rms):
             return current
-        tried.append((float(np.log(asked)), float(np.log(got))))
-        if len(tried) > 1 and tried[-1][0] != tried[-2][0]:
-            power = (tried[-1][1] - tried[-2][1]) / (tried[-1][0] - tried[-2][0])
-        asked *= float((wanted.rms / got) ** (1.0 / max(power, 0.1)))
+        points.append((float(np.log(rms)), float(np.log(command_rms))))
+        if len(points) > 1 and points[-1][0] != points[-2][0]:
+            slope = (points[-1][1] - points[-2][1]) / (points[-1][0] - points[-2][0])
+        rms *= float((target.rms / command_rms) ** (1.0 / max(slope, 0.1)))
     return current
 
 

@@ -197,7 +197,7 @@ def test_refusals(sliding: JointLog) -> None:
         attainable(sliding, window=2900)
     with pytest.raises(ScenarioError, match="provenance lacks variant, payload, pose, friction"):
         attainable(replace(sliding, provenance={}))
-    with pytest.raises(ScenarioError, match="plant_friction_level = 'much' in its provenance, expected a number"):
+    with pytest.raises(ScenarioError, match="plant_friction_level = 'much' in its provenance, expected number"):
         attainable(replace(sliding, provenance={**sliding.provenance, "plant_friction_level": "much"}))
     off = sliding.status.copy()
     off[5] = 16
