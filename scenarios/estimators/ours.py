@@ -39,42 +39,12 @@ def arx(data: IOData, task: Task) -> Answer:
     return estimate_answer(_polynomial(sysid.arx, "arx", data, task, arx_orders), task)
 
 
-def armax(data: IOData, task: Task) -> Answer:
-    """A y = B u + C e by prediction error."""
-    return estimate_answer(_polynomial(sysid.armax, "armax", data, task), task)
-
-
-def oe(data: IOData, task: Task) -> Answer:
-    """Output error: y = B/F u + e."""
-    return estimate_answer(_polynomial(sysid.oe, "oe", data, task), task)
-
-
-def bj(data: IOData, task: Task) -> Answer:
-    """Box-Jenkins: y = B/F u + C/D e."""
-    return estimate_answer(_polynomial(sysid.bj, "bj", data, task), task)
-
-
 def iv4(data: IOData, task: Task) -> Answer:
     """A y = B u + disturbance of any colour by instrumental variables."""
     choose = partial(scanned_orders, sysid.iv4, simulated=True)
     answer = estimate_answer(_polynomial(sysid.iv4, "arx", data, task, choose), task)
     # Its white equation error is an auxiliary quantity: no model of the disturbance is claimed.
     return replace(answer, model=replace(answer.model, K=None, innovation_covariance=None))
-
-
-def n4sid(data: IOData, task: Task) -> Answer:
-    """State space by subspace projection; it claims no covariance."""
-    return estimate_answer(_state_space(_n4sid, data, task), task)
-
-
-def pem_ss(data: IOData, task: Task) -> Answer:
-    """State space by prediction error, from N4SID's model."""
-    return estimate_answer(_state_space(_pem_ss, data, task), task)
-
-
-def okid(data: IOData, task: Task) -> Answer:
-    """Observer/Kalman filter identification with ERA."""
-    return estimate_answer(_state_space(_okid, data, task), task)
 
 
 def era(data: IOData, task: Task) -> Answer:
@@ -192,10 +162,6 @@ def _of_degree(n: int, delay: int, structure: str) -> dict[str, int]:
     return {name: sizes[name] for name in STRUCTURES[structure]}
 
 
-def _n4sid(data: IOData, order: int) -> Estimate:
-    return sysid.n4sid(data, order, direct=False)
-
-
 def _pem_ss(data: IOData, order: int) -> Estimate:
     return sysid.pem_ss(data, sysid.n4sid(data, order, direct=False), direct=False)
 
@@ -221,3 +187,16 @@ def _state_space(estimator: Callable[[IOData, int], Estimate], data: IOData, tas
     require(task, "ss")
     orders = task.orders or scanned_orders(estimator, data, task)
     return estimator(data, orders["order"])
+
+
+def _state_space_answer(estimator: Callable[[IOData, int], Estimate], data: IOData, task: Task) -> Answer:
+    return estimate_answer(_state_space(estimator, data, task), task)
+
+
+def _polynomial_answer(structure: str, data: IOData, task: Task) -> Answer:
+    return estimate_answer(_polynomial(POLYNOMIAL[structure], structure, data, task), task)
+
+
+armax, oe, bj = (partial(_polynomial_answer, name) for name in ("armax", "oe", "bj"))
+n4sid = partial(_state_space_answer, partial(sysid.n4sid, direct=False))
+pem_ss, okid = (partial(_state_space_answer, estimator) for estimator in (_pem_ss, _okid))

@@ -17,32 +17,13 @@ from sysid.models import innovations_form
 from sysid.records.arrays import FloatArray, Locked, lock
 
 BURN_IN = 500
-"""Samples before each record: it begins in the middle of what goes on, not at rest."""
+"""Samples before each record, so that it does not start at rest."""
 
 MORE_ORDERS = 3
-"""By how much an estimator that chooses may go beyond the true order."""
+"""Most orders beyond the true one for an estimator that chooses."""
 
 DIED_OUT = 1e-14
 LONGEST_PULSE = 60_000
-
-
-@dataclass(frozen=True, eq=False)
-class Controller:
-    """u = r - L/M y.
-
-    Attributes:
-        L: Numerator, from q^0 on.
-        M: Denominator, 1 first.
-    """
-
-    L: FloatArray
-    M: FloatArray
-
-    def closed(self, b: FloatArray, plant: FloatArray) -> FloatArray:
-        """Characteristic polynomial of the loop with the plant B/A: A M + B L."""
-        one, other = np.convolve(plant, self.M), np.convolve(b, self.L)
-        longest = max(len(one), len(other))
-        return np.pad(one, (0, longest - len(one))) + np.pad(other, (0, longest - len(other)))
 
 
 @dataclass(frozen=True, eq=False)
@@ -52,10 +33,10 @@ class LinearProblem(Locked):
     Attributes:
         name: By which the registry finds it.
         polynomials: The truth.
-        reference: Inputs, or what is added to the controller's output; the burn-in in front (BURN_IN + N, nu).
+        reference: Inputs, or the reference of the loop; the burn-in in front (BURN_IN + N, nu).
         variance: Of the innovation.
         dt: Sampling interval, s.
-        controller: In closed loop.
+        feedback: Gain of a proportional controller, u = r - gain y; 0: open loop.
     """
 
     name: str
@@ -63,8 +44,8 @@ class LinearProblem(Locked):
     reference: FloatArray
     variance: float
     dt: float
-    controller: Controller | None = None
-    _bounds: list[tuple[str, Bound]] = field(default_factory=list, init=False, repr=False)
+    feedback: float = 0.0
+    _bounds: dict[str, Bound] = field(default_factory=dict, init=False, repr=False)
 
     def __post_init__(self) -> None:
         """Lock: problems are shared by all who ask for them."""
@@ -105,12 +86,9 @@ class LinearProblem(Locked):
         embedded = self.embedded(structure)
         if embedded is None or embedded.polynomials is None:
             return None
-        for structure, known in self._bounds:
-            if structure == embedded.structure:
-                return known
-        found = self._bound(embedded, embedded.polynomials)
-        self._bounds.append((embedded.structure, found))
-        return found
+        if embedded.structure not in self._bounds:
+            self._bounds[embedded.structure] = self._bound(embedded, embedded.polynomials)
+        return self._bounds[embedded.structure]
 
     def efficient(self, structure: str, seed: int) -> FloatArray:
         """Parameters (p,) of a perfect estimate from a record: its error is the bound times the record's score.
@@ -157,24 +135,29 @@ class LinearProblem(Locked):
         """Signals for a reference (n, nu) and an innovation (n,), from rest."""
         p = self.polynomials
         noise = lfilter(p.C, np.convolve(p.A, p.D), e)
-        if self.controller is None:
+        if not self.feedback:
             paths = [p.channel(j) for j in range(p.nu)]
             parts = [lfilter(b, np.convolve(p.A, f), reference[:, j]) for j, (b, f) in enumerate(paths)]
             return Signals(reference, np.sum(parts, axis=0) + noise, e)
         b, f = p.channel(0)
-        L, M = self.controller.L, self.controller.M
         plant = np.convolve(p.A, f)
-        closed = self.controller.closed(b, plant)
-        y = lfilter(M, closed, lfilter(b, [1.0], reference[:, 0]) + lfilter(plant, [1.0], noise))
-        u = reference[:, 0] - lfilter(L, M, y)
+        y = lfilter([1.0], self._closed_loop, lfilter(b, [1.0], reference[:, 0]) + lfilter(plant, [1.0], noise))
+        u = reference[:, 0] - self.feedback * y
         return Signals(u[:, None], y, e)
 
+    @property
+    def _closed_loop(self) -> FloatArray:
+        """Characteristic polynomial of the loop with the plant B/(A F)."""
+        b, f = self.polynomials.channel(0)
+        plant = np.convolve(self.polynomials.A, f)
+        longest = max(len(plant), len(b))
+        return np.pad(plant, (0, longest - len(plant))) + np.pad(self.feedback * b, (0, longest - len(b)))
+
     def _pulse_length(self, at: Polynomials) -> int:
-        """Samples until all has died out that a pulse sets going."""
+        """Samples until the response to a pulse has died out."""
         filters = [at.A, at.C, at.D, *(at.channel(j)[1] for j in range(at.nu))]
-        if self.controller is not None:
-            b, f = self.polynomials.channel(0)
-            filters += [self.controller.closed(b, np.convolve(self.polynomials.A, f)), self.controller.M]
+        if self.feedback:
+            filters.append(self._closed_loop)
         slowest = max((float(np.abs(np.roots(row)).max(initial=0.0)) for row in filters), default=0.0)
         if slowest >= 1.0:
             raise ScenarioError(f"{self.name}: a root of modulus {slowest:.6g} given, expected less than 1")

@@ -1,6 +1,6 @@
 """Three inputs, three outputs, ten states: sharp resonances that all inputs reach and all outputs show."""
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
@@ -9,7 +9,6 @@ from scipy.signal import max_len_seq
 
 from hmtb_twin.parameters.values import SAMPLE_TIME
 from scenarios.estimators.task import Task
-from scenarios.files.errors import ScenarioError
 from scenarios.problems.problem import Bound, comparison_frequencies
 from scenarios.problems.state_space_bound import Coordinates, coordinates, state_space_bound
 from scenarios.problems.textbook import BITS
@@ -55,7 +54,6 @@ class MimoProblem(Locked):
     truth: StateSpace
     inputs: FloatArray
     order: int
-    _bounds: list[Bound] = field(default_factory=list, init=False, repr=False)
 
     def __post_init__(self) -> None:
         """Lock: problems are shared by all who ask for them."""
@@ -75,7 +73,7 @@ class MimoProblem(Locked):
     def draw(self, seed: int) -> IOData:
         """One record: the noise depends on the seed."""
         m = self.truth
-        root = np.linalg.cholesky(_covariance(m))
+        root = np.linalg.cholesky(np.asarray(m.innovation_covariance))
         e = np.random.default_rng(seed).standard_normal((len(self.inputs), m.ny)) @ root.T
         y = self.noise_free + e + state_trajectory(m.A, e @ m.gain.T, np.zeros(m.order)) @ m.C.T
         return IOData(self.inputs[BURN_IN:], y[BURN_IN:], m.dt)
@@ -91,16 +89,16 @@ class MimoProblem(Locked):
         """See `Problem.bound`; parameters are local coordinates at the truth."""
         if structure not in (None, "ss"):
             return None
-        if not self._bounds:
-            self._bounds.append(state_space_bound(self._coordinates, self.draw, self.frequencies))
-        return self._bounds[0]
+        return self._bound
+
+    @cached_property
+    def _bound(self) -> Bound:
+        return state_space_bound(self._coordinates, self.draw, self.frequencies)
 
     def efficient(self, structure: str, seed: int) -> FloatArray:
         """See `LinearProblem.efficient`."""
-        bound = self.bound(structure)
-        if bound is None:
-            raise ScenarioError(f"{self.name} is no {structure} model: nothing is efficient there")
-        return bound.parameters + bound.covariance @ self._coordinates.score(self.draw(seed))
+        del structure
+        return self._bound.parameters + self._bound.covariance @ self._coordinates.score(self.draw(seed))
 
     def realise(self, structure: str, theta: FloatArray) -> tuple[StateSpace, None]:
         """The model with the local coordinates of the bound (q,)."""
@@ -128,12 +126,6 @@ def mimo(plain: str, name: str, samples: int | None) -> MimoProblem:
         variances = variances * (1.0 - COLOUR**2)
     truth = StateSpace(A, B, C, np.zeros((CHANNELS, CHANNELS)), K, SAMPLE_TIME, np.diag(variances))
     return MimoProblem(name, truth, _inputs(samples or SAMPLES), n)
-
-
-def _covariance(model: StateSpace) -> FloatArray:
-    if model.innovation_covariance is None:
-        raise ScenarioError("a truth without covariance of the innovation given")
-    return model.innovation_covariance
 
 
 def _system() -> tuple[FloatArray, FloatArray, FloatArray]:

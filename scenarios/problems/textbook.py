@@ -4,7 +4,7 @@ import numpy as np
 from scipy.signal import lfilter, max_len_seq
 
 from hmtb_twin.parameters.values import SAMPLE_TIME
-from scenarios.problems.linear_problem import BURN_IN, Controller, LinearProblem
+from scenarios.problems.linear_problem import BURN_IN, LinearProblem
 from sysid import Polynomials
 from sysid.records.arrays import FloatArray
 
@@ -92,5 +92,4 @@ def feedback(plain: str, name: str, samples: int | None) -> LinearProblem:
     c: FloatArray = np.array([1.0, 0.6, 0.3]) if plain == "feedback" else np.ones(1)
     truth = Polynomials(A=np.array([1.0, -1.5, 0.7]), B=np.array([0.0, 1.0, 0.5]), C=c)
     reference = binary_sequence((samples or 1000) + BURN_IN, hold=2)
-    controller = Controller(np.array([0.4]), np.ones(1))
-    return LinearProblem(name, truth, reference[:, None], FEEDBACK_DEVIATION**2, SAMPLE_TIME, controller)
+    return LinearProblem(name, truth, reference[:, None], FEEDBACK_DEVIATION**2, SAMPLE_TIME, feedback=0.4)
