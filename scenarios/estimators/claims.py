@@ -161,16 +161,16 @@ def filled(name: str, row: FloatArray, length: int) -> FloatArray:
     return np.concatenate((row, np.zeros(max(0, length - len(row)))))[:length]
 
 
-def _layouts(polynomials: Polynomials, asked: Mapping[str, int]) -> Iterator[Orders]:
+def _layouts(polynomials: Polynomials, task_orders: Mapping[str, int]) -> Iterator[Orders]:
     """Orders whose parameters the covariance may be of: those of the task where they fit, then those of the rows.
 
     Zeros behind the last coefficient of a row fill it up, or are coefficients that happen to be zero: either is right.
     """
     rows = [polynomials.channel(j) for j in range(polynomials.nu)]
     leading = tuple(int(np.flatnonzero(b)[0]) if b.any() else 0 for b, _ in rows)
-    if "nb" in asked:
+    if "nb" in task_orders:
         with suppress(ScenarioError):
-            orders = make_orders(polynomials.nu, **asked)
+            orders = make_orders(polynomials.nu, **task_orders)
             parameters(polynomials, orders)
             if all(zeros >= k or not b.any() for (b, _), zeros, k in zip(rows, leading, orders.nk, strict=True)):
                 yield orders

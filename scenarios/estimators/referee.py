@@ -18,7 +18,7 @@ from sysid.models import innovations_form
 from sysid.records.arrays import FloatArray
 
 LONG = 30
-"""Order of the long ARX model that starts are made of, where the record allows it."""
+"""Order of the long ARX model from which a search starts, where the record allows it."""
 
 EDGE = 0.9999
 """Roots of C and F stay within this radius."""

@@ -1,4 +1,4 @@
-"""A fixed piece of work on a record, by which the time of estimators is told whatever processor they ran on."""
+"""Reference time: a fixed least-squares problem on a record, a unit of processor time that compares across machines."""
 
 from time import thread_time
 
@@ -10,14 +10,14 @@ LAGS = 10
 """Past samples of every input and output among the regressors."""
 
 REPEATS = 3
-"""How often the work is done each time: the shortest counts, since others only ever add to it."""
+"""Repetitions at each measurement: the shortest counts, since other processes only add to it."""
 
 
 class Ruler:
     """Processor time of an ordinary least-squares problem on a record: each output from ten past samples of all.
 
-    It is measured in the process that asks the estimators, before the first and after the last of them, so that it sees
-    the processor as they did: its clock, its caches, its neighbours.
+    It is measured in the process that runs the estimators, before the first and after the last of them, under the same
+    clock, caches and load.
 
     Args:
         record: The record.
@@ -32,7 +32,7 @@ class Ruler:
         """The shortest time so far, s."""
 
     def measure(self) -> None:
-        """Do the work some times more."""
+        """Measure again; the shortest time so far counts."""
         for _ in range(REPEATS):
             begun = thread_time()
             np.linalg.lstsq(self._regressors, self._outputs, rcond=None)

@@ -1,4 +1,4 @@
-"""Runs an estimator in a process of its own: one request in files, one outcome, whatever the estimator does."""
+"""Runner of estimators: each in its own process, a request in files, an outcome whatever the estimator does."""
 
 import errno
 import json
@@ -25,7 +25,7 @@ from scenarios.files.printable import one_line
 from sysid import IOData
 
 REFUSES = 77
-"""Exit code of a program that does not do what it is asked."""
+"""Exit code of a program that refuses a task."""
 
 READY = f"ready {PROTOCOL}"
 """First line of a program that stays."""

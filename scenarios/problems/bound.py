@@ -15,7 +15,7 @@ from sysid.records.arrays import ComplexArray, FloatArray
 
 @dataclass(frozen=True, eq=False)
 class Signals:
-    """What goes through a system from rest.
+    """Signals of a system from rest.
 
     Attributes:
         u: Inputs (N, nu).

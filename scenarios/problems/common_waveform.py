@@ -16,8 +16,8 @@ from sysid.records.arrays import ComplexArray, FloatArray, Locked
 SAMPLES = 2000
 HOLD = 3
 OWN = 0.3
-"""What the second input has of its own, as a part of the first: enough to tell the paths apart, with errors that
-are three to four times those of inputs without anything in common."""
+"""Own part of the second input, relative to the first: enough to separate the paths, with errors three to four times
+those of independent inputs."""
 
 OTHER_BITS = 11
 SIGNAL_TO_NOISE_DB = 26.0
@@ -40,7 +40,7 @@ class SharedAlone(Locked):
     Attributes:
         name: By which the registry finds it.
         both: The problem with both inputs.
-        first: The problem of the first path alone, which says what is asked.
+        first: The problem of the first path alone, whose tasks are used.
     """
 
     name: str
@@ -63,7 +63,7 @@ class SharedAlone(Locked):
         return IOData(record.u[:, :1], record.y, record.dt)
 
     def task(self, structure: str | None, ask: str = "fit") -> Task | None:
-        """What is asked where the other input does not move."""
+        """The task of the first path alone."""
         return self.first.task(structure, ask)
 
     def bound(self, structure: str | None) -> Bound | None:

@@ -74,7 +74,7 @@ class Problem(Protocol):
                 `select`: the estimator chooses.
 
         Returns:
-            The task; None where the structure cannot be asked this.
+            The task; None where there is none for the structure.
         """
 
     def bound(self, structure: str | None) -> Bound | None:

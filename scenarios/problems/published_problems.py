@@ -13,9 +13,9 @@ SAMPLES = 4000
 HOLD = 5
 SIGNAL_TO_NOISE_DB = 20.0
 ROUNDING = 1e-9
-"""Coefficients below it are none of the model's: what computing leaves of a zero."""
+"""Coefficients below it are zeros after rounding."""
 LAST_PLACE = 1e-4
-"""The same for C, which is the sum of two printed numbers: what their rounding leaves of a zero."""
+"""The same for C, which is the sum of two printed, rounded numbers."""
 
 PREFIX = "published-"
 SINGLE = {PREFIX + name: entry for name, entry in BY_NAME.items() if isinstance(entry, PublishedModel)}
@@ -44,6 +44,6 @@ def published_problem(plain: str, name: str, samples: int | None) -> LinearProbl
 
 
 def _shown(row: FloatArray, least: float = ROUNDING) -> FloatArray:
-    """Without what is below `least`, and without zeros behind."""
+    """Coefficients with those below `least` set to zero, without zeros behind."""
     clean = np.where(np.abs(row) > least, row, 0.0)
     return clean[: int(np.flatnonzero(clean)[-1]) + 1]

@@ -65,7 +65,7 @@ def random_problem(difficulty: str, number: int, name: str, samples: int | None)
 
     Drawn until its bandwidth lies between 1 % and 60 % of the Nyquist frequency, the bound on its response at the full
     length within what the difficulty allows, and perfect estimates are stable and about as linear in the parameters as
-    the bound takes them: what is judged then is the estimator, not the theory that judges it.
+    the bound takes them: verdicts are then about the estimator, not about the limits of the theory.
 
     Args:
         difficulty: One of `DIFFICULTIES`.

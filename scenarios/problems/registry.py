@@ -1,6 +1,7 @@
 """Problems by name."""
 
 import re
+from collections.abc import Callable, Collection
 from functools import lru_cache
 
 from scenarios.files.errors import ScenarioError, unknown
@@ -16,6 +17,15 @@ FEWEST = 200
 """Samples that a record has at least."""
 
 LISTED = 3
+"""Random problems of each difficulty that `names` lists."""
+
+_FAMILIES: tuple[tuple[Collection[str], Callable[[str, str, int | None], Problem]], ...] = (
+    (TEXTBOOK, textbook),
+    (FEEDBACK, feedback),
+    (SHARED, shared),
+    (MIMO, mimo),
+    (SINGLE, published_problem),
+)
 
 
 @lru_cache(maxsize=256)
@@ -29,7 +39,7 @@ def problem(name: str) -> Problem:
         ScenarioError: There is none of that name.
     """
     if name.startswith("twin-"):
-        # it loads the physics
+        # It loads the physics, which takes a second.
         from scenarios.problems.twin_problem import twin_problem
 
         return twin_problem(name)
@@ -37,27 +47,20 @@ def problem(name: str) -> Problem:
     if at and not (re.fullmatch(r"[1-9]\d{0,6}", length) and int(length) >= FEWEST):
         raise ScenarioError(f"{name!r}: expected a whole number of samples from {FEWEST} on behind @, got {length!r}")
     samples = int(length) if at else None
-    if plain in TEXTBOOK:
-        return textbook(plain, name, samples)
-    if plain in FEEDBACK:
-        return feedback(plain, name, samples)
-    if plain in SHARED:
-        return shared(plain, name, samples)
-    if plain in MIMO:
-        return mimo(plain, name, samples)
-    if plain in SINGLE:
-        return published_problem(plain, name, samples)
-    if found := re.fullmatch(r"quiet-(\d)-(\d)", plain):
-        order, delay = int(found[1]), int(found[2])
+    for family, make in _FAMILIES:
+        if plain in family:
+            return make(plain, name, samples)
+    if match := re.fullmatch(r"quiet-(\d)-(\d)", plain):
+        order, delay = int(match[1]), int(match[2])
         if order in ORDERS and delay in DELAYS:
             return noise_free(order, delay, name, samples)
-    if found := re.fullmatch(rf"random-({'|'.join(DIFFICULTIES)})-([1-9]\d{{0,3}})", plain):
-        return random_problem(found[1], int(found[2]), name, samples)
+    if match := re.fullmatch(rf"random-({'|'.join(DIFFICULTIES)})-([1-9]\d{{0,3}})", plain):
+        return random_problem(match[1], int(match[2]), name, samples)
     raise ScenarioError(unknown("problem", plain, [entry for family in names().values() for entry in family]))
 
 
 def names() -> dict[str, tuple[str, ...]]:
-    """Problems but those of the arm, by family; of random ones the first few of 9999."""
+    """Names of all problems but those of the arm, by family; of random ones the first few of 9999."""
     return {
         "textbook": tuple(TEXTBOOK),
         "quiet": tuple(f"quiet-{order}-{delay}" for order in ORDERS for delay in DELAYS),

@@ -1,4 +1,4 @@
-"""The Cramér-Rao bound of state-space models of given order, in coordinates that leave the state's basis alone."""
+"""The Cramér-Rao bound of state-space models of given order, in coordinates without the freedom of the basis."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -53,9 +53,9 @@ class Coordinates:
     def normal(self, data: IOData) -> Normal:
         """Information and gradient of a record at the truth, the initial state eliminated."""
         records = [Record.of(data, self.scales, gain=True)]
-        found = Point.at(records, self.predictor, self.weight)
+        point = Point.at(records, self.predictor, self.weight)
         covariance = np.asarray(np.linalg.inv(self.weight), dtype=np.float64)
-        at = Point(found.predictor, found.states, found.errors, covariance, found.criterion, spreads=found.spreads)
+        at = Point(point.predictor, point.states, point.errors, covariance, point.criterion, spreads=point.spreads)
         return linearise(records, at, self.basis)
 
     def score(self, data: IOData) -> FloatArray:

@@ -60,7 +60,7 @@ def textbook(name: str, label: str, samples: int | None) -> LinearProblem:
     truth = Polynomials(a, b, c, d, f)
     if variance is None:
         variance = noise_variance(truth, full[:, None], 20.0)
-    # the variance is that of the full length, whatever the record's: another length is no other system
+    # The variance is that of the full length, so that another length is the same system.
     reference = full if samples is None else binary_sequence(samples + BURN_IN, hold)
     return LinearProblem(label, truth, reference[:, None], variance, SAMPLE_TIME)
 

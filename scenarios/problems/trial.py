@@ -1,4 +1,4 @@
-"""One request to an estimator, by name: what any process needs to make it again."""
+"""A trial: one request to an estimator, identified by names, so that any process can repeat it."""
 
 import hashlib
 from dataclasses import dataclass
@@ -22,10 +22,10 @@ class Trial:
 
     @property
     def key(self) -> str:
-        """Text that names it among all."""
+        """Text that identifies the trial."""
         return f"{self.problem}#{self.draw}/{self.ask}"
 
     def seed(self, run_seed: int) -> int:
-        """Seed of the record: of the run's seed, the problem and the draw, not of what is asked or of whom."""
+        """Seed of the record, from the seed of the run, the problem and the draw: the same for all estimators."""
         text = f"{run_seed}|{self.problem}|{self.draw}"
         return int.from_bytes(hashlib.sha256(text.encode()).digest()[:8], "big") >> 1

@@ -6,9 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from scenarios.bench.metrics import SLOW
 from scenarios.estimators import ours
-from scenarios.estimators.estimator import Limits
 from scenarios.estimators.model_numbers import answer_of, unstable
 from scenarios.estimators.outcome import Answer, NoModelError
 from scenarios.estimators.returned import numbers_of
@@ -62,15 +60,6 @@ def test_claims_are_off_by_two(name: str, factor: float, data: IOData, sound: tu
         np.testing.assert_allclose(half[0], np.sqrt(factor) * half[1], rtol=1e-6)
 
 
-def test_inefficient_errs_by_half_of_the_covariance() -> None:
-    """The added errors, weighed by their own covariance, have the mean square of standard normal ones."""
-    task = SHORT.task(None)
-    estimate, rng = ours.prediction_error(SHORT.draw(1), task), np.random.default_rng(3)
-    errors = [faulty.wandering(estimate, 0.5, rng).parameters - estimate.parameters for _ in range(200)]
-    squares = [e @ np.linalg.solve(0.5 * estimate.covariance, e) / len(e) for e in errors]
-    assert abs(np.mean(squares) - 1.0) < 4.0 * np.sqrt(2.0 / len(errors[0]) / len(errors))
-
-
 def test_rare_faults_strike_once_in_fifty_and_the_bench_names_them(data: IOData) -> None:
     task = SHORT.task(None)
     assert abs(sum(faulty._strikes(replace(task, seed=seed)) for seed in range(2000)) - 40) < 4 * np.sqrt(40)
@@ -80,17 +69,3 @@ def test_rare_faults_strike_once_in_fifty_and_the_bench_names_them(data: IOData)
     assert caught.value.kind == "not_finite"
     wrong = answer_of(numbers_of(faulty.unstable(data, struck), data, struck), data, struck)
     assert "outside the unit circle" in unstable(wrong.model)
-
-
-@pytest.mark.parametrize(("ruler", "ask", "fits"), [(0.0005, "fit", 9), (1.0, "fit", 100), (0.0005, "select", 1)])
-def test_slow_is_slow_within_the_time_limit(
-    ruler: float, ask: str, fits: int, data: IOData, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    """With fits of a tenth of a second."""
-    calls: list[Task] = []
-    monkeypatch.setattr(faulty, "pem", lambda data, task: calls.append(task))
-    monkeypatch.setattr(faulty.time, "process_time", lambda: 0.1 * len(calls))
-    monkeypatch.setattr(faulty.Ruler, "measure", lambda of: setattr(of, "seconds", ruler))
-    faulty.slow(data, SHORT.task(None, ask))
-    assert len(calls) == pytest.approx(fits, abs=1)
-    assert faulty.SLOWNESS > 1.4 * SLOW and Limits().seconds > 2.0 * faulty.LONGEST
