@@ -21,9 +21,9 @@ from scipy.signal import welch
 from scenarios.datasets import DataRecord, DataSet, open_data_set
 from scenarios.datasets.arm_truth import read_arm
 from scenarios.datasets.build import build
-from scenarios.datasets.layout import PARTS, arm_file
+from scenarios.datasets.plan import arm_file
 from scenarios.datasets.spec import DataSetSpec, shipped
-from scenarios.datasets.spec_tables import BaselineSpec, TruthSpec
+from scenarios.datasets.spec_tables import PARTS, BaselineSpec, TruthSpec
 from scenarios.report.figures import save_figure
 from sysid.plots.palette import GRID, PALETTE
 

@@ -244,7 +244,7 @@ def baselines(
 
     from scenarios.datasets.baselines import BaselineData, differences, read_table, report
     from scenarios.datasets.data_set import open_data_set
-    from scenarios.datasets.layout import BASELINES
+    from scenarios.datasets.plan import BASELINES
     from scenarios.datasets.spec_tables import Method
     from scenarios.files.errors import ScenarioError
 

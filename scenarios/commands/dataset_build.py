@@ -58,7 +58,7 @@ def build(
     """
     from scenarios.datasets.build import build as build_data_set
     from scenarios.datasets.chunk import MOST_ROWS
-    from scenarios.datasets.layout import UNFINISHED
+    from scenarios.datasets.plan import UNFINISHED
     from scenarios.datasets.spec import load_spec
     from scenarios.datasets.withhold import build_withheld, read_roster
     from scenarios.files.errors import ScenarioError

@@ -16,8 +16,7 @@ from hmtb_twin import JOINTS, STUDIED_JOINTS, Arm, Plant, Specimen, Truth, TwinE
 from hmtb_twin.parameters.values import SAMPLE_RATE
 from hmtb_twin.truth.innovations import Disturbances
 from hmtb_twin.truth.truth import JointTruth
-from scenarios.datasets.layout import LICENSE
-from scenarios.datasets.plan import DataSetPlan, PlannedExperiment
+from scenarios.datasets.plan import LICENSE, DataSetPlan, PlannedExperiment
 from scenarios.datasets.spec import DataSetSpec
 from scenarios.experiments.logged_arm import experiment_arm
 from scenarios.files.errors import ScenarioError

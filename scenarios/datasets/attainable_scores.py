@@ -18,8 +18,7 @@ from scenarios.datasets.baselines import software
 from scenarios.datasets.best_linear_truth import excitation_class
 from scenarios.datasets.data_set import open_data_set
 from scenarios.datasets.experiment_file import stored_log
-from scenarios.datasets.layout import ATTAINABLE, attainable_file
-from scenarios.datasets.plan import DataSetPlan, PlannedExperiment
+from scenarios.datasets.plan import ATTAINABLE, DataSetPlan, PlannedExperiment, attainable_file
 from scenarios.datasets.score import in_metric
 from scenarios.datasets.spec import DataSetSpec
 from scenarios.experiments.logged_arm import experiment_arm

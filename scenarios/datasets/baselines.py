@@ -17,15 +17,14 @@ import numpy as np
 
 from scenarios.datasets.arm_truth import read_arm
 from scenarios.datasets.data_set import DataRecord, DataSet, open_data_set
-from scenarios.datasets.layout import BASELINES, INDEX, arm_file, baseline_file
-from scenarios.datasets.plan import DataSetPlan
-from scenarios.datasets.predictors import Hold, ModelPredictor, Predictor, StackedPredictor, StaticGain
+from scenarios.datasets.plan import BASELINES, INDEX, DataSetPlan, arm_file, baseline_file
 from scenarios.datasets.score import Scores, score_outputs
 from scenarios.datasets.spec_tables import BaselineSpec, Method
 from scenarios.files.errors import ScenarioError
 from scenarios.files.hashes import file_hash
 from scenarios.files.provenance import versions
 from scenarios.identification.methods import ESTIMATORS, estimate
+from scenarios.identification.predictors import Hold, ModelPredictor, Predictor, StackedPredictor, StaticGain
 from sysid import Estimate, IOData, SysidError, SysidWarning
 from sysid.polynomial.fit_with_offset import fit_with_offset
 

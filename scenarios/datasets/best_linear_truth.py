@@ -12,8 +12,7 @@ from hmtb_twin.control.modes import joint_index
 from hmtb_twin.parameters.values import SAMPLE_TIME
 from scenarios.datasets.arm_truth import truth_variable
 from scenarios.datasets.experiment_file import stored_log
-from scenarios.datasets.layout import LICENSE
-from scenarios.datasets.plan import DataSetPlan, PlannedExperiment
+from scenarios.datasets.plan import LICENSE, DataSetPlan, PlannedExperiment
 from scenarios.datasets.spec import DataSetSpec
 from scenarios.experiments.logged_arm import experiment_arm
 from scenarios.experiments.multisines import MultisineExperiment, Multisines, multisine_experiments

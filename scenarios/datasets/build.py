@@ -17,8 +17,7 @@ from hmtb_twin.run.simulation import MOST_THREADS
 from scenarios.datasets.chunk import MOST_ROWS, BuiltExperiment, chunks, run_chunk, run_chunk_elsewhere
 from scenarios.datasets.finish import EXPERIMENT, experiment_entries, experiment_key, finish
 from scenarios.datasets.index import summary
-from scenarios.datasets.layout import BUILD, JOURNAL, SPEC, UNFINISHED
-from scenarios.datasets.plan import DataSetPlan
+from scenarios.datasets.plan import BUILD, JOURNAL, SPEC, UNFINISHED, DataSetPlan
 from scenarios.datasets.spec import DataSetSpec
 from scenarios.files.atomic_write import make_folder, remove_partial, write_files
 from scenarios.files.errors import ScenarioError

@@ -14,7 +14,7 @@ from scenarios.datasets.data_set import GIVEN, WINDOW
 from scenarios.datasets.experiment_file import FORMAT
 from scenarios.datasets.folder_check import FolderFiles, folder_files
 from scenarios.datasets.index_check import CheckedIndex, check_index
-from scenarios.datasets.layout import DATA, LICENSE, SUMS, TRUTH, UNFINISHED
+from scenarios.datasets.plan import DATA, LICENSE, SUMS, TRUTH, UNFINISHED
 from scenarios.datasets.regeneration import regenerate_some
 from scenarios.datasets.spec import DataSetSpec
 from scenarios.files.errors import ScenarioError

@@ -11,8 +11,9 @@ from typing import Any, Literal, cast, overload
 
 import numpy as np
 
-from scenarios.datasets.layout import INDEX, PARTS, SPEC, TRUTH, UNFINISHED
+from scenarios.datasets.plan import INDEX, SPEC, TRUTH, UNFINISHED
 from scenarios.datasets.spec import DataSetSpec, load_spec
+from scenarios.datasets.spec_tables import PARTS
 from scenarios.files.errors import ScenarioError, unknown
 from scenarios.files.netcdf import Attribute, Contents, read_netcdf
 from sysid import IOData

@@ -14,9 +14,8 @@ from jinja2 import Environment, PackageLoader, StrictUndefined
 from hmtb_twin import Status
 from hmtb_twin.parameters.values import JOINTS, OPERATING_POSE, RECORDER, SAMPLE_RATE
 from hmtb_twin.parameters.variants import variant_named
-from scenarios.datasets.layout import ATTAINABLE, BASELINES, BUILD, PARTS, TRUTH
-from scenarios.datasets.plan import DataSetPlan
-from scenarios.datasets.spec_tables import PAYLOAD, UNITS, RecordBlock, Scoring
+from scenarios.datasets.plan import ATTAINABLE, BASELINES, BUILD, TRUTH, DataSetPlan
+from scenarios.datasets.spec_tables import PARTS, PAYLOAD, UNITS, RecordBlock, Scoring
 from scenarios.experiments.excitation_computer import Excitation
 from scenarios.experiments.multisines import Multisines
 from scenarios.experiments.waveform import POINTS, Parameter

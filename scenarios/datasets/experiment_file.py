@@ -12,8 +12,7 @@ from hmtb_twin.control.experiment import Status
 from hmtb_twin.control.modes import joint_index
 from hmtb_twin.parameters.values import SAMPLE_RATE, SAMPLE_TIME
 from hmtb_twin.parameters.variants import variant_named
-from scenarios.datasets.layout import LICENSE
-from scenarios.datasets.plan import PlannedExperiment
+from scenarios.datasets.plan import LICENSE, PlannedExperiment
 from scenarios.datasets.spec import DataSetSpec
 from scenarios.experiments.logged_arm import experiment_arm
 from scenarios.files.errors import ScenarioError

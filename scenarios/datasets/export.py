@@ -12,7 +12,7 @@ from pathlib import Path
 import numpy as np
 
 from scenarios.datasets.data_set import WINDOW, DataSet, IndexEntry, open_data_set, sampling_time
-from scenarios.datasets.layout import SUMS
+from scenarios.datasets.plan import SUMS
 from scenarios.files.errors import ScenarioError, unknown
 from scenarios.files.hashes import file_hash
 from scenarios.files.netcdf import Contents, read_netcdf

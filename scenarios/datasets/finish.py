@@ -6,8 +6,7 @@ from typing import Any
 
 from hmtb_twin import TwinError
 from scenarios.datasets.index import read_index, write_index
-from scenarios.datasets.layout import BUILD, INDEX, JOURNAL, SPEC, SUMS
-from scenarios.datasets.plan import DataSetPlan
+from scenarios.datasets.plan import BUILD, INDEX, JOURNAL, SPEC, SUMS, DataSetPlan
 from scenarios.datasets.stages import METADATA, STAGES, Stage
 from scenarios.files.atomic_write import sync_folder, write_files, write_whole
 from scenarios.files.errors import ScenarioError

@@ -6,7 +6,7 @@ import stat
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from scenarios.datasets.layout import SUMS
+from scenarios.datasets.plan import SUMS
 
 LINE = re.compile(rb"([0-9a-f]{64})  ([^\x00-\x1f\x7f\\]{1,4096})\n")
 """A line of the checksums, as the builder writes it; no other spelling passes, so that no byte can change unseen."""

@@ -10,7 +10,7 @@ import numpy as np
 from scenarios.datasets.arm_truth import read_arm
 from scenarios.datasets.baselines import read_table
 from scenarios.datasets.data_set import DataRecord, DataSet, open_data_set
-from scenarios.datasets.layout import ATTAINABLE, BASELINES, arm_file
+from scenarios.datasets.plan import ATTAINABLE, BASELINES, arm_file
 from scenarios.datasets.score import ENDINGS, Scores, score, score_model
 from scenarios.datasets.withhold import read_persons
 from scenarios.files.codec import from_json

@@ -7,7 +7,7 @@ from hashlib import sha256
 from pathlib import Path
 from typing import Any
 
-from scenarios.datasets.layout import INDEX
+from scenarios.datasets.plan import INDEX
 from scenarios.files.atomic_write import replacing
 
 

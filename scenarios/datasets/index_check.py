@@ -11,8 +11,7 @@ from typing import Any
 from scenarios.datasets.chunk import about
 from scenarios.datasets.folder_check import FolderFiles
 from scenarios.datasets.index import array_line
-from scenarios.datasets.layout import INDEX, SPEC
-from scenarios.datasets.plan import DataSetPlan
+from scenarios.datasets.plan import INDEX, SPEC, DataSetPlan
 from scenarios.datasets.spec import DataSetSpec
 from scenarios.datasets.withhold import public_facts
 from scenarios.files.errors import ScenarioError

@@ -15,8 +15,7 @@ from hmtb_twin import Status
 from hmtb_twin.control.data_acquisition import BOARD
 from hmtb_twin.parameters.values import SAMPLE_RATE
 from scenarios.datasets.datasheet import datasheet
-from scenarios.datasets.layout import JOURNAL, LICENSE, SUMS
-from scenarios.datasets.plan import DataSetPlan
+from scenarios.datasets.plan import JOURNAL, LICENSE, SUMS, DataSetPlan
 from scenarios.datasets.spec import DataSetSpec
 from scenarios.experiments.scenario import Scenario
 from scenarios.files.hashes import bytes_hash, file_hash

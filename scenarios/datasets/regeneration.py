@@ -11,8 +11,7 @@ import numpy as np
 from hmtb_twin.parameters.values import RECORDER
 from scenarios.datasets.chunk import BuiltExperiment, chunks, run_chunk
 from scenarios.datasets.index_check import CheckedIndex
-from scenarios.datasets.layout import BUILD
-from scenarios.datasets.plan import DataSetPlan
+from scenarios.datasets.plan import BUILD, DataSetPlan
 from scenarios.files.errors import ScenarioError
 from scenarios.files.netcdf import read_netcdf
 from scenarios.files.provenance import fingerprint, versions

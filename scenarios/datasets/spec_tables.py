@@ -9,13 +9,15 @@ from hmtb_twin.parameters.errors import TwinError
 from hmtb_twin.parameters.plant import ACTUATOR_FORMS, FRICTIONS
 from hmtb_twin.parameters.specimen_draw import TwinDistributions
 from hmtb_twin.parameters.values import HAND_CONTROLLER, JOINTS, OPERATING_POSE
-from scenarios.datasets.layout import PARTS
 from scenarios.experiments.excitation_computer import Excitation
 from scenarios.experiments.multisines import Multisines
 from scenarios.experiments.scenario import NAME
 from scenarios.files import codec
 from scenarios.files.errors import ScenarioError, unknown
 from scenarios.identification.methods import ESTIMATORS
+
+PARTS = ("train", "validation", "test")
+"""Purposes of records: to identify from, to choose a model by, and to score it on."""
 
 TRIVIAL = ("hold", "gain", "truth")
 """Methods without orders: hold the last output of the window, a static gain, the small-signal truth."""

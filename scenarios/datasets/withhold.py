@@ -19,9 +19,8 @@ from scenarios.datasets.chunk import MOST_ROWS, about
 from scenarios.datasets.data_set import GIVEN, WINDOW, open_data_set
 from scenarios.datasets.export import working_folder, write_checksums
 from scenarios.datasets.index import array_line, read_index
-from scenarios.datasets.layout import BASELINES, BUILD, INDEX, SPEC, SUMS
 from scenarios.datasets.metadata import metadata_files
-from scenarios.datasets.plan import DataSetPlan, PlannedExperiment
+from scenarios.datasets.plan import BASELINES, BUILD, INDEX, SPEC, SUMS, DataSetPlan, PlannedExperiment
 from scenarios.datasets.spec import DataSetSpec
 from scenarios.experiments.scenario import NAME
 from scenarios.files.atomic_write import write_whole

@@ -16,8 +16,7 @@ from scenarios.datasets.baselines import BaselineData, BaselineStage, baseline, 
 from scenarios.datasets.build import build
 from scenarios.datasets.data_set import DataRecord, DataSet, open_data_set
 from scenarios.datasets.experiment_file import stored_log
-from scenarios.datasets.layout import ATTAINABLE, BASELINES, attainable_file
-from scenarios.datasets.plan import DataSetPlan
+from scenarios.datasets.plan import ATTAINABLE, BASELINES, DataSetPlan, attainable_file
 from scenarios.datasets.score import score, score_model
 from scenarios.datasets.spec import DataSetSpec
 from scenarios.datasets.spec_tables import BaselineSpec, Method

@@ -9,11 +9,11 @@ import pytest
 from scipy.io import savemat
 
 from scenarios.datasets.data_set import DataRecord, DataSet, open_data_set
-from scenarios.datasets.predictors import Hold, ModelPredictor, StackedPredictor, StaticGain
 from scenarios.datasets.score import Score, Scores, metric, read_predictions, score, score_model
 from scenarios.datasets.spec_tables import Scoring
 from scenarios.files.errors import ScenarioError
 from scenarios.files.netcdf import Contents, Variable
+from scenarios.identification.predictors import Hold, ModelPredictor, StackedPredictor, StaticGain
 from sysid import IOData, StateSpace
 from sysid.models import block_diagonal
 from sysid.validation import fit_percent

@@ -20,13 +20,13 @@ from scenarios.datasets.build import build
 from scenarios.datasets.check import examine
 from scenarios.datasets.grade import Grade, grade_all
 from scenarios.datasets.plan import DataSetPlan
-from scenarios.datasets.predictors import ModelPredictor
 from scenarios.datasets.score import score_model
 from scenarios.datasets.spec import DataSetSpec
 from scenarios.datasets.withhold import build_withheld, check_withholdable, read_persons, read_roster
 from scenarios.experiments.registry import names
 from scenarios.files.errors import ScenarioError
 from scenarios.files.netcdf import read_netcdf
+from scenarios.identification.predictors import ModelPredictor
 from tests.scenarios.conftest import Class
 
 RUN = 6
