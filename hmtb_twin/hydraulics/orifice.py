@@ -21,8 +21,8 @@ STEP = 0.001
 By the first-order integrators of MuJoCo the oil's resonance on a light joint needs a tenth of it."""
 
 FASTEST_BRISTLES = 1000.0
-"""Bristles settle no faster, and damp a joint no faster, than at this rate, 1/s; they are no stiffer than its square
-times 2 times the inertia. The step resolves that; it matters for worn seals on the light wrist only."""
+"""Fastest rate at which bristles settle and damp a joint, 1/s; their stiffness is at most twice the inertia times its
+square, which the step resolves. It matters only for worn seals on the light wrist."""
 
 
 def add_orifice_actuators(
@@ -33,20 +33,20 @@ def add_orifice_actuators(
     valve: ServoValve = SERVO_VALVE,
     power_unit: PowerUnit = POWER_UNIT,
 ) -> None:
-    """Put servo valves in place of a model's actuators.
+    """Replace the actuators of a model by servo valves.
 
-    The control vector stays what it is with `dcmotor`: commanded angle and feedforward torque of each joint in turn;
-    the torque is the control of a second, powerless actuator that follows each valve.
+    The control vector is that of `dcmotor`: commanded angle and feedforward torque of each joint in turn; the torque is
+    the control of a second actuator without force that follows each valve.
 
     Args:
-        spec: The model; all its actuators are deleted, and it is given the integrator and the step that these need.
+        spec: The model; its actuators are deleted, integrator and step are set to those that servo valves need.
         actuators: Actuator of each joint, by the joint's name.
         gains: kp (N m/rad) and kd (N m s/rad) of each joint.
         valve: The servo valve, the same in size-free terms for every joint.
-        power_unit: The supply that they share.
+        power_unit: Their common supply.
 
     Raises:
-        TwinError: Numba is not installed, or MuJoCo's structures are not found.
+        TwinError: Numba is not installed, or MuJoCo's structures are not recognised.
     """
     install_valve_equations()
     rigid = spec.compile()
@@ -103,15 +103,15 @@ def valve_parameters(
         Parameters (PARAMETERS,), in MPa, cm^3 and s.
     """
     oil, friction = actuator.hydraulics, actuator.friction
-    # The valve's size is that of the rating, whatever the supply is at.
+    # The valve's size follows from the rating, whatever the supply pressure.
     rated_flow = actuator.displacement * actuator.no_load_speed
     p = np.zeros(eq.PARAMETERS)
     p[eq.COUNT] = joints
     p[eq.DISPLACEMENT] = actuator.displacement
     p[eq.CHAMBER] = 2.0 * actuator.compliance
     p[eq.LEAKAGE] = actuator.leakage
-    # The amplifier knows the set pressure: with the flow of the rating a supply above it would feed velocity forward
-    # by more than the joint takes. A supply that sags errs to the safe side.
+    # The amplifier knows the set pressure: with the flow of the rating, a higher supply would feed forward more
+    # velocity than the joint takes. A sagging supply errs on the safe side.
     p[eq.RATED] = actuator.rated_flow
     p[eq.COMPENSATED] = valve.compensated
     # Two lands in series share the pressure at no load.
@@ -144,11 +144,7 @@ def arm_parameters(model: mujoco.MjModel) -> np.ndarray:
 
 
 def require_compiler() -> None:
-    """Refuse to go on where the equations cannot be compiled.
-
-    Raises:
-        TwinError: Numba is not installed or cannot be loaded.
-    """
+    """Raise `TwinError` if Numba, which compiles the equations, is not installed or cannot be loaded."""
     if not eq.COMPILER:
         raise TwinError(
             f'actuator = "orifice" given, but Numba, which compiles its equations, {eq.FAULT}; '
@@ -157,16 +153,16 @@ def require_compiler() -> None:
 
 
 def install_valve_equations() -> tuple[Any, Any]:
-    """See to it that MuJoCo calls the equations: compiled once per process, handed to it anew where removed.
+    """Install the equations as MuJoCo's callbacks: compiled once per process, installed again if removed.
 
-    Without them MuJoCo runs a model of servo valves all the same, with valves that never move: called wherever an arm
-    is loaded or brought to rest.
+    Without them MuJoCo simulates servo valves that never move, without a warning; therefore this is called wherever an
+    arm is loaded or brought to rest.
 
     Returns:
         The compiled functions, kept alive by a cache.
 
     Raises:
-        TwinError: Numba is not installed or cannot be loaded, MuJoCo's structures are not found, or somebody else's
+        TwinError: Numba is not installed or cannot be loaded, MuJoCo's structures are not recognised, or another
             callback is installed.
     """
     require_compiler()
@@ -175,14 +171,14 @@ def install_valve_equations() -> tuple[Any, Any]:
         ("mjcb_act_dyn", mujoco.get_mjcb_act_dyn(), mujoco.set_mjcb_act_dyn, rates.ctypes),
         ("mjcb_act_bias", mujoco.get_mjcb_act_bias(), mujoco.set_mjcb_act_bias, bias.ctypes),
     )
-    for name, taken, _, ours in places:
-        if taken is not None and taken is not ours:
+    for name, present, _, ours in places:
+        if present is not None and present is not ours:
             raise TwinError(
-                f"somebody else's callback is installed as MuJoCo's {name}; the orifice valve needs it, and MuJoCo has "
-                "one per process: remove it, or run the orifice valve in a process of its own"
+                f"another callback is installed as MuJoCo's {name}; the orifice valve needs it, and MuJoCo has one per "
+                "process: remove it, or run the orifice valve in a process of its own"
             )
-    for _, taken, install, ours in places:
-        if taken is None:
+    for _, present, install, ours in places:
+        if present is None:
             install(ours)
     return rates, bias
 
@@ -193,7 +189,7 @@ def _compiled() -> tuple[Any, Any]:
     try:
         return eq.compiled_callbacks(offsets)
     except RuntimeError:
-        # Neither the package's own folder nor the user's can be written.
+        # Neither the folder of the package nor that of the user is writable.
         return eq.compiled_callbacks(offsets, cached=False)
 
 

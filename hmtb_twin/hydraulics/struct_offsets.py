@@ -1,4 +1,4 @@
-"""Where MuJoCo's structures keep their arrays: found in memory, because it differs between versions."""
+"""Offsets of arrays inside MuJoCo's structures, which differ between versions and are therefore searched in memory."""
 
 import ctypes
 from collections.abc import Callable, Mapping
@@ -15,7 +15,7 @@ DATA_ARRAYS = ("act", "act_dot", "ctrl", "actuator_length", "actuator_velocity")
 """Arrays of `mjData` that the valve's equations read and write."""
 
 LARGEST_STRUCT = 1 << 20
-"""Bytes after which the search for a pointer gives up."""
+"""Bytes after which the search for a pointer stops."""
 
 _WORD = ctypes.sizeof(ctypes.c_void_p)
 
@@ -39,12 +39,11 @@ def struct_offsets() -> Mapping[str, int]:
     Raises:
         TwinError: A pointer is not found, is found in two places, or moves between models.
     """
-    found = _offsets(joints=2)
-    again = _offsets(joints=5)
-    moved = sorted(name for name in found if found[name] != again[name])
-    if moved:
-        raise TwinError(f"{_mujoco()} keeps {', '.join(moved)} at places that differ between models; {_REMEDY}")
-    return found
+    small, large = _offsets(joints=2), _offsets(joints=5)
+    different = sorted(name for name in small if small[name] != large[name])
+    if different:
+        raise TwinError(f"{_mujoco()} keeps {', '.join(different)} at places that differ between models; {_REMEDY}")
+    return small
 
 
 def _offsets(joints: int) -> dict[str, int]:
@@ -74,26 +73,26 @@ def pointer_offsets(struct: Any, names: tuple[str, ...], read: Callable[[int], i
     """
     base = getattr(struct, "_address", None)
     if not isinstance(base, int):
-        raise TwinError(f"{_mujoco()} does not tell where its {type(struct).__name__} lies in memory; {_REMEDY}")
+        raise TwinError(f"{_mujoco()} does not expose the address of its {type(struct).__name__}; {_REMEDY}")
     read = read or (lambda address: ctypes.c_size_t.from_address(address).value)
-    wanted = {name: int(getattr(struct, name).ctypes.data) for name in names}
-    found: dict[int, list[int]] = {address: [] for address in wanted.values()}
+    addresses = {name: int(getattr(struct, name).ctypes.data) for name in names}
+    offsets: dict[int, list[int]] = {address: [] for address in addresses.values()}
     # The search ends behind the last pointer found, so that it stays within the structure.
     for offset in range(0, LARGEST_STRUCT, _WORD):
         word = read(base + offset)
-        if word in found:
-            found[word].append(offset)
-        elif all(found.values()):
+        if word in offsets:
+            offsets[word].append(offset)
+        elif all(offsets.values()):
             break
-    for name, address in wanted.items():
-        places = found[address]
+    for name, address in addresses.items():
+        places = offsets[address]
         # Arrays without elements have the address of the one that follows them in memory and in the structure.
         if not places or places[-1] - places[0] != _WORD * (len(places) - 1):
             raise TwinError(
                 f"{_mujoco()} has {len(places)} pointers to {name} in its {type(struct).__name__}, expected one; "
                 f"{_REMEDY}"
             )
-    return {name: found[address][-1] for name, address in wanted.items()}
+    return {name: offsets[address][-1] for name, address in addresses.items()}
 
 
 _REMEDY = 'the orifice valve cannot run on it: use another version, or actuator = "linear"'

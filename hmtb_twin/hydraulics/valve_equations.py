@@ -1,4 +1,4 @@
-"""The equations of the orifice actuators: plain functions of numbers and arrays, which Numba compiles as they stand.
+"""Equations of the orifice actuators: plain functions of numbers and arrays, which Numba compiles unchanged.
 
 Units are MPa, cm^3 and s throughout, so that states have order one and displacement times pressure is a torque in N m.
 """
@@ -12,8 +12,8 @@ import numpy as np
 try:
     from numba import carray, cfunc, types
     from numba.extending import register_jitable
-# An installation that does not fit fails in its own ways: AttributeError, SystemError, OSError.
-except Exception as error:  # The equations themselves need no compiler; `orifice` says what is missing.
+# An incompatible installation fails with AttributeError, SystemError or OSError.
+except Exception as error:  # The equations themselves need no compiler; `orifice` reports what is missing.
     COMPILER = False
     FAULT = (
         "is not installed"
@@ -22,7 +22,7 @@ except Exception as error:  # The equations themselves need no compiler; `orific
     )
 
     def register_jitable(function: Any) -> Any:
-        """Leave a function as it is."""
+        """Return a function unchanged."""
         return function
 else:
     COMPILER, FAULT = True, ""
@@ -66,7 +66,7 @@ PARAMETERS = 31
 """Length of that array."""
 
 MARK = 418.75
-"""First dynamics parameter of every valve of ours."""
+"""First dynamics parameter that marks the valves of this package."""
 
 STATES = 6
 """States of a joint: spool, its velocity, bristles, filtered load pressure, mean and load pressure; the last drives."""
@@ -109,7 +109,7 @@ def check_flow(p: np.ndarray, pressure: float) -> float:
 
 @register_jitable
 def spool_command(p: np.ndarray, torque: float, load: float, filtered: float, velocity: float) -> float:
-    """What the amplifier asks of the spool: flow to reach the load pressure wanted, to leak and to move the joint.
+    """Spool command of the amplifier: flow to reach the wanted load pressure, to cover leakage and to move the joint.
 
     K (T/D - P) + C T/D + c D w - K' (P - P_filtered), c the part of the load flow that is compensated: the last term,
     dynamic pressure feedback, fades within the washout time and damps the oil's resonance without letting a standing
@@ -190,7 +190,7 @@ def joint_rates(
 
 @register_jitable
 def servo_torque(p: np.ndarray, command: float, feedforward: float, angle: float, velocity: float) -> float:
-    """Torque that the position servo asks for, N m."""
+    """Torque command of the position servo, N m."""
     return p[STIFFNESS] * (command - angle) - p[DAMPER] * velocity + feedforward
 
 
@@ -234,9 +234,9 @@ def compiled_callbacks(offsets: Mapping[str, int], *, cached: bool = True) -> tu
     """Compile the activation dynamics and the bias force of the orifice actuators for MuJoCo.
 
     An arm's actuators stand first in its model, for each joint the valve and then the input of its feedforward torque.
-    Each valve's call writes the rates of its states, the first one's also that of the supply pressure. Actuators
-    without `MARK` are somebody else's and are left alone. Everything is read from the two structures, so that any
-    number of threads may call at once.
+    Each valve's call writes the rates of its states, the first one's also that of the supply pressure. Other actuators,
+    without `MARK`, are not touched. Everything is read from the two structures, so that any number of threads may call
+    at the same time.
 
     Args:
         offsets: Byte offsets of the arrays, from `struct_offsets`.

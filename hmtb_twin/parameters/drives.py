@@ -63,7 +63,7 @@ class DcMotor:
 
     @property
     def holding_torque(self) -> float:
-        """Largest torque that it holds at rest, N m: largest input less what the resistance takes, if not saturated."""
+        """Largest torque at rest, N m: that of the largest input against the resistance, if not saturated."""
         return min(self.maximum_torque, self.constant * self.largest_input / self.resistance)
 
     @property
@@ -136,7 +136,7 @@ class Actuator:
 
     @property
     def rated_torque(self) -> float:
-        """Stall torque at the rated pressure, N m; what friction and process noise are parts of."""
+        """Stall torque at the rated pressure, N m; friction and process noise are fractions of it."""
         return self.displacement * RATED_PRESSURE
 
     @property
@@ -173,12 +173,12 @@ class Actuator:
 
     @property
     def flow_pressure_gain(self) -> float:
-        """Flow lost per load pressure, cm^3/(s MPa): K + C, or the leakage C alone behind a closed valve."""
+        """Flow lost per load pressure, cm^3/(s MPa): K + C, or only the leakage C behind a closed valve."""
         return self.valve_open * self.rated_flow / self.hydraulics.pressure + self.leakage
 
     @property
     def largest_flow(self) -> float:
-        """Largest flow that the servo can ask of the valve, cm^3/s; a closed one passes none that would be seen."""
+        """Largest flow that the servo can command, cm^3/s; negligible for a closed valve."""
         return self.rated_flow if self.valve_open else 1e-12 * self.rated_flow
 
     @property
@@ -238,7 +238,7 @@ class ElectricDrive:
 
     @property
     def rated_torque(self) -> float:
-        """Torque at the joint at the largest current, N m; what friction, brake and process noise are parts of."""
+        """Torque at the joint at the largest current, N m; friction, brake and process noise are fractions of it."""
         return self.torque_constant * self.gear_ratio * self.largest_current
 
     @property
@@ -281,4 +281,4 @@ class ElectricDrive:
 
 
 Drive = Actuator | ElectricDrive
-"""What moves a joint."""
+"""Drive of a joint."""

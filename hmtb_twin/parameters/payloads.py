@@ -43,14 +43,14 @@ class Multiplexer(Payload):
 PAYLOADS: Mapping[str, Payload | None] = MappingProxyType(
     {"rpcm": Payload(), "none": None, "ballast": Ballast(), "mdm": Multiplexer()}
 )
-"""What the end effector may hold."""
+"""Payloads of the end effector by name."""
 
 WORKSITE_PAYLOADS = ("rpcm", "none")
-"""What it may hold at first where the seats of the RPCM are."""
+"""Payloads with which an experiment at the worksite may start."""
 
 
 UNIT = Payload()
-"""The unit that the seats take, its length along the tool."""
+"""The unit that fits the seats, its length along the tool."""
 
 
 @dataclass(frozen=True)
@@ -95,7 +95,7 @@ class Seat:
 
     @property
     def seated(self) -> tuple[np.ndarray, np.ndarray]:
-        """Where the tool, and so the unit's frame, is when the unit stands in the seat.
+        """Pose of the tool, and so of the unit's frame, when the unit stands in the seat.
 
         Returns:
             Position (3,), m, and rotation (3, 3) in the world: x down, z along the seat's x axis.
@@ -125,12 +125,12 @@ SEATS = {
     "holster": Seat((1.01553709, 0.31502974, 0.43), pi / 9, depth=0.12, clearance=0.005),
     "receptacle": Seat((0.98, -0.02, 0.43), 0.0, depth=0.08, clearance=0.003),
 }
-"""The holster, below the holster-out approach point, and the receptacle that the unit goes into."""
+"""The holster, below the holster-out approach point, and the receptacle for the unit."""
 
 
 @dataclass(frozen=True)
 class Latch:
-    """How the end effector takes hold of the unit: only with the fitting in its fingers, and then as it is."""
+    """Grip of the end effector: it holds the unit in its present pose if the fitting is between the fingers."""
 
     reach: float = quantity(0.004, "m", "assumed", "the tool may stand so far off the unit's grip")
     turn: float = quantity(radians(4.0), "rad", "assumed", "and be turned by so much")

@@ -1,4 +1,4 @@
-"""Every number of the twin, with unit, tag and source; what follows from others is computed."""
+"""Parameters of links, servos, motion, hand controller and recorder, with unit, tag and source."""
 
 from dataclasses import dataclass
 from math import pi, radians
@@ -18,7 +18,7 @@ JOINTS = (
 """The seven joints from the base outward."""
 
 INDEXED_JOINTS = ("shoulder_roll",)
-"""Joints that a pin holds at an index position [Morris1996, I.2]."""
+"""Joints held by a pin at an index position [Morris1996, I.2]."""
 
 STUDIED_JOINTS = ("shoulder_yaw", "shoulder_pitch", "elbow_pitch")
 """The three joints that the thesis identified."""
@@ -89,7 +89,7 @@ SERVOS = {
 
 @dataclass(frozen=True)
 class Motion:
-    """A joint's range and the velocity limit of its command."""
+    """Range of a joint and velocity limit of its command."""
 
     lower: float = quantity(0.0, "rad", "assumed", "range of comparable arms")
     upper: float = quantity(0.0, "rad", "assumed", "range of comparable arms")
@@ -134,13 +134,13 @@ class HandController:
         adc_bits: Resolution of the converter.
         adc_range: Its range, plus and minus, V.
         hold: Ticks of the position loop for which its processor holds each sample.
-        deadband: Deflection within which nothing is commanded, V; larger ones start from zero at its edge.
+        deadband: Deflection below which nothing is commanded, V; larger ones start from zero at its edge.
         noise: Standard deviation of the noise that the wires pick up, V.
-        noise_corner: Corner of the first-order low-pass that colours it, Hz; 0 for white noise.
-        hum: Amplitude of mains hum, of random phase, V.
+        noise_corner: Corner frequency of its first-order low-pass, Hz; 0 for white noise.
+        hum: Amplitude of mains hum of random phase, V.
         hum_frequency: Its frequency, Hz.
-        bias: Standard deviation over experiments of each axis's own constant, drawn from the experiment's seed, V.
-        compensation: Part of the bias that the compensating circuit removes, 0 to 1.
+        bias: Standard deviation over experiments of each axis's offset, drawn from the experiment's seed, V.
+        compensation: Fraction of the bias that the compensating circuit removes, 0 to 1.
     """
 
     gain: float = quantity(
@@ -170,7 +170,7 @@ class HandController:
 
     def __post_init__(self) -> None:
         gains = [name for name in vars(self) if name.endswith("gain")]
-        wanted = {
+        checks = {
             **{name: (0.0 < abs(getattr(self, name)) <= 100.0, "up to 100 either way, not 0") for name in gains},
             "adc_bits": (2 <= self.adc_bits <= 24, "2 to 24"),
             "adc_range": (0.0 < self.adc_range <= 1000.0, "above 0 V and up to 1000 V"),
@@ -183,7 +183,7 @@ class HandController:
             "bias": (0.0 <= self.bias <= 1000.0, "0 V to 1000 V"),
             "compensation": (0.0 <= self.compensation <= 1.0, "0 to 1"),
         }
-        for name, (passes, expected) in wanted.items():
+        for name, (passes, expected) in checks.items():
             if not passes:
                 raise TwinError(f"hand controller: {name} = {getattr(self, name)} given, expected {expected}")
 
@@ -222,4 +222,4 @@ HAND_CONTROLLER = HandController()
 RECORDER = Recorder()
 
 BUS = {name: BusTerminal(0 if name == "shoulder_pitch" else 1) for name in JOINTS}
-"""How late each measured angle reaches the record. The analyst finds nk = 2 on yaw, 1 on shoulder pitch, 2 on elbow."""
+"""Bus delay of each measured angle; the analyst identifies nk = 2 on yaw, 1 on shoulder pitch, 2 on elbow."""

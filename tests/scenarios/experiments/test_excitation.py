@@ -97,11 +97,6 @@ def test_prbs_has_two_levels_and_bits_of_the_clock(clock: int) -> None:
     assert abs(points[::clock].sum()) / 2.0 <= dropped + 1
 
 
-def test_prbs_seed_chooses_the_start() -> None:
-    assert np.array_equal(prbs(seed=3).points, prbs(seed=3).points)
-    assert len({prbs(seed=seed).points.tobytes() for seed in range(10)}) > 5
-
-
 def test_prbs_of_a_longer_register_is_another_sequence_and_the_shortest_is_the_default() -> None:
     assert np.array_equal(prbs(seed=3, register=6).points, prbs(seed=3).points)
     assert "register" not in prbs(seed=3).parameters
@@ -160,12 +155,6 @@ def test_chirp_sweeps_the_band() -> None:
 
 def test_the_printed_chirp_is_one_tone() -> None:
     assert tones(chirp_as_printed(f_low=1.0, f_high=2.0, f_center=4.0)) == pytest.approx({5.0: 1.0})
-
-
-def test_franklins_chirp_starts_and_ends_softly() -> None:
-    points = chirp_franklin(f_start=1.0, f_end=5.0, offset=0.5).points
-    assert points[0] == pytest.approx(0.5)
-    assert abs(points[-1] - 0.5) <= 0.1 + 1e-12
 
 
 def test_bipolar_ramping_pulse_alternates() -> None:

@@ -193,14 +193,6 @@ def test_simulate_says_the_same_of_several_joints(capsys: pytest.CaptureFixture[
     assert preview(replace(load("mimo-7"), duration=8.0)).inputs.condition == found["inputs"]["mimo-7"]["condition"]
 
 
-def test_wrong_names_are_one_line(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
-    for words, says in ((["preview"], "no scenario named"), (["preview", "mimo-99"], "did you mean 'mimo-")):
-        assert main([*words, "--out", str(tmp_path)]) == 2
-        out, err = capsys.readouterr()
-        assert (out, err.count("\n")) == ("", 1)
-        assert says in err
-
-
 def test_the_documented_example_of_two_outputs_is_a_scenario() -> None:
     page = (Path(__file__).parents[3] / "docs" / "tests.md").read_text(encoding="utf-8")
     (example,) = (block for block in page.split("```toml\n")[1:] if block.startswith('name = "two-outputs"'))
