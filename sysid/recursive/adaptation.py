@@ -177,7 +177,11 @@ class Kalman(Locked, Adaptation):
         return bool(np.any(self.R1))
 
     def check(self, parameters: int) -> None:
-        """Refuse an R1 of another shape than a number, (p,) or (p, p)."""
+        """Check the shape of R1.
+
+        Raises:
+            SysidError: R1 is not a number, (p,) or (p, p).
+        """
         shape = np.shape(self.R1)
         if any(n != parameters for n in shape):
             raise SysidError(f"R1: expected a number, ({parameters},) or {(parameters,) * 2}, got shape {shape}")

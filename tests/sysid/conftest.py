@@ -145,34 +145,11 @@ def make_p5() -> Problem:
     return _problem(a, np.array([0.5, -0.2, 0.1]), one, one, 2, 2000, 2, None)
 
 
-@pytest.fixture(scope="session")
-def p1() -> Problem:
-    """See `make_p1`."""
-    return make_p1()
-
-
-@pytest.fixture(scope="session")
-def p2() -> Problem:
-    """See `make_p2`."""
-    return make_p2()
-
-
-@pytest.fixture(scope="session")
-def p3() -> Problem:
-    """See `make_p3`."""
-    return make_p3()
-
-
-@pytest.fixture(scope="session")
-def p4() -> Problem:
-    """See `make_p4`."""
-    return make_p4()
-
-
-@pytest.fixture(scope="session")
-def p5() -> Problem:
-    """See `make_p5`."""
-    return make_p5()
+# The factories stay plain functions: the benchmarks call them.
+p1, p2, p3, p4, p5 = (
+    pytest.fixture(scope="session", name=make.__name__.removeprefix("make_"))(make)
+    for make in (make_p1, make_p2, make_p3, make_p4, make_p5)
+)
 
 
 @dataclass(frozen=True, eq=False)

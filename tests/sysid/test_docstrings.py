@@ -14,8 +14,9 @@ import sysid.plots
 
 def functions() -> Iterator[tuple[str, Callable[..., object]]]:
     """Public functions of the package and of its plots, and the public methods of its public classes."""
-    for package, names in ((sysid, sysid.__all__), (sysid.plots, sysid.plots.__all__)):
-        for name in names:
+    rooms = (sysid.records, sysid.models, sysid.polynomial, sysid.validation, sysid.subspace, sysid.recursive)
+    for package in (sysid, *rooms, sysid.frequency, sysid.plots):
+        for name in package.__all__:
             thing = getattr(package, name)
             if inspect.isfunction(thing):
                 yield f"{package.__name__}.{name}", thing
@@ -36,7 +37,7 @@ def test_sections(name: str) -> None:
     parameters = [p for p in inspect.signature(function).parameters if p != "self"]
     (node,) = ast.parse(textwrap.dedent(inspect.getsource(function))).body
     raises = any(isinstance(part, ast.Raise) and part.exc is not None for part in ast.walk(node))
-    method = name.count(".") == 2 and name.split(".")[1] != "plots"
+    method = name.split(".")[-2][0].isupper()
     if parameters and not method:
         assert "\nArgs:\n" in text, f"{name} has no section on its arguments"
     if "\nArgs:\n" in text:

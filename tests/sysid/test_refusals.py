@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 import sysid
+from tests.sysid.refusals import refused
 
 
 @pytest.fixture(scope="module")
@@ -32,8 +33,7 @@ def test_orders_that_are_none(data, estimator, orders):
 
 @pytest.mark.parametrize("given", [None, 3, "data", np.zeros((10, 2))])
 def test_data_that_are_none(given):
-    with pytest.raises(sysid.SysidError, match="IOData"):
-        sysid.oe(given, 1, 1)
+    refused("IOData", lambda: sysid.oe(given, 1, 1))
 
 
 def test_long_delays_of_short_records():
@@ -53,13 +53,11 @@ def test_long_delays_of_short_records():
 
 @pytest.mark.parametrize("scale", [1e160, 1e-200])
 def test_signals_whose_squares_leave_the_range_of_numbers(data, scale):
-    with pytest.raises(sysid.SysidError, match="change the unit"):
-        sysid.IOData(scale * data.u, data.y, data.dt)
+    refused("change the unit", lambda: sysid.IOData(scale * data.u, data.y, data.dt))
 
 
 def test_masked_samples_are_not_forgotten(data):
-    with pytest.raises(sysid.SysidError, match="masked"):
-        sysid.IOData(np.ma.masked_greater(data.u, 1.0), data.y, data.dt)
+    refused("masked", lambda: sysid.IOData(np.ma.masked_greater(data.u, 1.0), data.y, data.dt))
 
 
 def test_other_wrong_types(data, model):
@@ -77,8 +75,7 @@ def test_other_wrong_types(data, model):
 
 
 def test_fit_of_a_constant_output_is_refused(data, model):
-    with pytest.raises(sysid.SysidError, match="constant"):
-        sysid.compare(model, sysid.IOData(data.u, np.full(400, 0.3), data.dt))
+    refused("constant", lambda: sysid.compare(model, sysid.IOData(data.u, np.full(400, 0.3), data.dt)))
 
 
 def test_unstable_model_is_told(data):

@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 from scipy.signal import lfilter
 
-from sysid import IOData, SysidError, delayest
+from sysid import IOData, delayest
+from tests.sysid.refusals import refused
 
 
 def record(delay: int, seed: int, hold: int = 1, samples: int = 1500, noise: float = 0.3) -> IOData:
@@ -52,9 +53,6 @@ def test_two_experiments() -> None:
 
 def test_refusals() -> None:
     data = record(1, 0, samples=60)
-    with pytest.raises(SysidError, match="too little data: 40 lags"):
-        delayest(data[:45])
-    with pytest.raises(SysidError, match="largest must be"):
-        delayest(data, largest=-1)
-    with pytest.raises(SysidError, match="level"):
-        delayest(data, level=1.0)
+    refused("too little data: 40 lags", lambda: delayest(data[:45]))
+    refused("largest must be", lambda: delayest(data, largest=-1))
+    refused("level", lambda: delayest(data, level=1.0))

@@ -6,10 +6,11 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.signal import lfilter
 
-from sysid import Polynomials, SysidError, simulate
+from sysid import Polynomials, simulate
 from sysid.models import innovations_form
 from sysid.models.polynomials import is_stable, stabilised
 from sysid.models.recursion import state_trajectory
+from tests.sysid.refusals import refused
 
 ONE = np.ones(1)
 
@@ -79,10 +80,8 @@ def test_what_is_not_given_is_one() -> None:
 
 
 def test_monic_polynomials_begin_with_one() -> None:
-    with pytest.raises(SysidError, match="C must begin with 1"):
-        Polynomials(ONE, ONE, [2.0, 1.0], ONE, ONE)
-    with pytest.raises(SysidError, match="row per input"):
-        Polynomials(ONE, [[1.0], [1.0]], ONE, ONE, [[1.0]])
+    refused("C must begin with 1", lambda: Polynomials(ONE, ONE, [2.0, 1.0], ONE, ONE))
+    refused("row per input", lambda: Polynomials(ONE, [[1.0], [1.0]], ONE, ONE, [[1.0]]))
 
 
 @given(st.lists(st.floats(-3, 3).filter(lambda x: abs(x) > 1e-3), min_size=1, max_size=5))

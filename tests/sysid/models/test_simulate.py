@@ -6,6 +6,7 @@ from scipy.signal import lfilter
 
 from sysid import Polynomials, StateSpace, SysidError, simulate
 from sysid.models import innovations_form
+from tests.sysid.refusals import refused
 
 MODEL = innovations_form(Polynomials([1, -1.5, 0.7], [0, 1, 0.5], [1, 0.2], [1.0], [1.0]), 0.1)
 
@@ -45,19 +46,14 @@ def test_noise_has_the_colour_and_the_covariance_of_the_model() -> None:
 
 
 def test_noise_of_unknown_size_is_refused() -> None:
-    with pytest.raises(SysidError, match="no innovation covariance"):
-        simulate(MODEL, np.ones(5), rng=np.random.default_rng(0))
+    refused("no innovation covariance", lambda: simulate(MODEL, np.ones(5), rng=np.random.default_rng(0)))
     known = StateSpace(MODEL.A, MODEL.B, MODEL.C, MODEL.D, MODEL.K, 0.1, [[1.0]])
     with pytest.raises(SysidError, match=r"rng: expected a numpy\.random\.Generator, got int"):
         simulate(known, np.ones(5), rng=0)  # type: ignore[arg-type]
 
 
 def test_refusals() -> None:
-    with pytest.raises(SysidError, match=r"u: expected shape \(N, 1\)"):
-        simulate(MODEL, np.ones((5, 2)))
-    with pytest.raises(SysidError, match="x0"):
-        simulate(MODEL, np.ones(5), x0=[1.0])
-    with pytest.raises(SysidError, match="NaN"):
-        simulate(MODEL, [1.0, np.nan])
-    with pytest.raises(SysidError, match="StateSpace or an Estimate, got str"):
-        simulate("model", np.ones(3))  # type: ignore[arg-type]
+    refused(r"u: expected shape \(N, 1\)", lambda: simulate(MODEL, np.ones((5, 2))))
+    refused("x0", lambda: simulate(MODEL, np.ones(5), x0=[1.0]))
+    refused("NaN", lambda: simulate(MODEL, [1.0, np.nan]))
+    refused("StateSpace or an Estimate, got str", lambda: simulate("model", np.ones(3)))  # type: ignore[arg-type]

@@ -2,8 +2,9 @@
 
 import numpy as np
 import pytest
+from scipy.linalg import lstsq
 
-from sysid.polynomial.least_squares import solve, triangular_factor
+from sysid.polynomial.least_squares import solve, tall_least_squares, triangular_factor
 
 
 @pytest.mark.parametrize("noise", [1.0, 1e-12])
@@ -41,3 +42,16 @@ def test_triangle_keeps_its_digits(angle: float) -> None:
     q, _ = np.linalg.qr(rng.standard_normal((100, 2)))
     columns = np.column_stack((q[:, 0], np.cos(angle) * q[:, 0] + np.sin(angle) * q[:, 1]))
     assert abs(triangular_factor(columns)[1, 1]) == pytest.approx(np.sin(angle), rel=1e-6)
+
+
+@pytest.mark.parametrize("dependent", [False, True])
+def test_it_is_least_squares(dependent: bool) -> None:
+    rng = np.random.default_rng(0)
+    columns, target = rng.standard_normal((200, 20)), rng.standard_normal(200)
+    if dependent:
+        columns[:, 7] = columns[:, 3] - columns[:, 5]
+    expected = lstsq(columns, target, cond=1e-12)[0]
+    before = columns.copy(), target.copy()
+    np.testing.assert_allclose(tall_least_squares(columns, target, cond=1e-12), expected, rtol=0.0, atol=1e-12)
+    np.testing.assert_array_equal(columns, before[0])
+    np.testing.assert_array_equal(target, before[1])

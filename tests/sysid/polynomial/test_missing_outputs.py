@@ -28,6 +28,7 @@ from sysid.polynomial.initial_estimates import completed
 from sysid.polynomial.missing_outputs import MissingOutputs
 from sysid.polynomial.orders import Orders, make_orders
 from sysid.polynomial.prediction_error import linearise
+from tests.sysid.refusals import refused
 
 Array = NDArray[np.float64]
 A, B, C, D = [1.0, -1.5, 0.7], [0.0, 1.0, 0.5], [1.0, -0.6, 0.2], [1.0, -0.9]
@@ -286,7 +287,5 @@ def test_regressions_leave_out_what_touches_a_gap() -> None:
     f = np.array([0.1, 0.5, 1.0, 3.0])
     truth = innovations_form(Polynomials(A, B, C, [1.0], [1.0]), 0.1).frequency_response(f)
     np.testing.assert_allclose(okid(data, 2, p=5).model.frequency_response(f), truth, rtol=0.4)
-    with pytest.raises(SysidError, match=r"too many missing samples.*pem_ss"):
-        okid(data, 2, p=60)
-    with pytest.raises(SysidError, match="too many missing samples"):
-        iv4(record(0, 40), 4, 4)
+    refused(r"too many missing samples.*pem_ss", lambda: okid(data, 2, p=60))
+    refused("too many missing samples", lambda: iv4(record(0, 40), 4, 4))

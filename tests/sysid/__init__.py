@@ -1,0 +1,3 @@
+"""Sysid."""
+
+__all__: list[str] = []

@@ -1,0 +1,3 @@
+"""Polynomial."""
+
+__all__: list[str] = []

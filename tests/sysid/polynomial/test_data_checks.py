@@ -1,0 +1,122 @@
+"""Checks of records: orders of excitation that are known, and means that need an offset."""
+
+import warnings
+
+import numpy as np
+import pytest
+from scipy.signal import lfilter
+
+import sysid
+from sysid import IOData, SysidWarning, arx, oe, okid, order_of_excitation
+from sysid.polynomial.data_checks import check_means
+from tests.sysid.refusals import refused
+
+T = np.arange(2000)
+
+
+@pytest.mark.parametrize(
+    ("signal", "order"),
+    [
+        (np.sin(0.3 * T), 2),
+        (np.sin(0.3 * T) + np.sin(1.2 * T), 4),
+        (1.0 + np.sin(0.3 * T), 3),
+        (np.ones(2000), 1),
+        (np.zeros(2000), 0),
+        (np.random.default_rng(0).standard_normal(2000), 20),
+        (np.where(T % 8 < 4, 1.0, -1.0), 4),
+    ],
+)
+def test_known_orders(signal: np.ndarray, order: int) -> None:
+    assert order_of_excitation(signal, max_order=20) == order
+
+
+def test_one_input_at_a_time() -> None:
+    refused("one input at a time", lambda: order_of_excitation(np.ones((50, 2)), max_order=3))
+    refused("max_order", lambda: order_of_excitation(T[:10], max_order=6))
+
+
+def test_constant_input_is_refused_everywhere() -> None:
+    data = IOData(np.ones(100), np.random.default_rng(0).standard_normal(100), 0.1)
+    for identify in (lambda: arx(data, 1, 1), lambda: oe(data, 1, 1), lambda: okid(data, 1, p=2)):
+        refused("u1 is constant", identify)
+
+
+@pytest.mark.parametrize("value", [3.7, 1e6 / 3.0, -0.1, 1e-9])
+@pytest.mark.parametrize("order", [0, 1])
+def test_a_constant_input_stays_one_when_its_mean_is_removed(value: float, order: int) -> None:
+    """Removing a mean leaves rounding behind, which would excite as noise does."""
+    y = np.random.default_rng(0).standard_normal(333)
+    data = IOData(np.full(333, value), y, 0.1).detrend(order)
+    np.testing.assert_array_equal(data.u, 0.0)
+    shaken = IOData(value * (1.0 + 4e-16 * np.sign(y)), y, 0.1)
+    for given in (data, shaken, IOData(np.full(333, value), y, 0.1).subtract(u=value * (1 + 1e-15))):
+        for identify in (lambda d: arx(d, 1, 1), lambda d: oe(d, 1, 1), lambda d: okid(d, 1, p=2)):
+            refused("u1 is constant", identify, given)
+
+
+@pytest.mark.filterwarnings("ignore:the regressors have rank")
+def test_two_sines_are_too_few_for_a_fifth_order_model() -> None:
+    u = np.sin(0.3 * T) + np.sin(1.2 * T)
+    y = np.convolve(u, [0.0, 1.0, 0.5])[:2000] + 0.01 * np.random.default_rng(0).standard_normal(2000)
+    with pytest.warns(SysidWarning, match="exciting of order 4 only, the model needs 5"):
+        estimate = arx(IOData(u, y, 0.02), 5, 5)
+    assert "order 4 only" in estimate.diagnostics["warnings"][0]
+
+
+B, A = [0.0, 1.0, 0.5], [1.0, -1.5, 0.7]
+
+
+def record(level_u: float, level_y: float, noise: float = 0.1, samples: int = 400) -> IOData:
+    rng = np.random.default_rng(0)
+    u = rng.standard_normal(samples)
+    y = lfilter(B, A, u) + noise * rng.standard_normal(samples)
+    return IOData(u + level_u, y + level_y, 0.1)
+
+
+@pytest.mark.parametrize(
+    "fit",
+    [
+        lambda d: sysid.arx(d, 2, 2),
+        lambda d: sysid.oe(d, 2, 2),
+        lambda d: sysid.armax(d, 2, 2, 2),
+        lambda d: sysid.iv4(d, 2, 2),
+        lambda d: sysid.n4sid(d, 2),
+        lambda d: sysid.rarx(d, 2, 2).final,
+    ],
+)
+def test_an_offset_that_no_gain_explains_is_told(fit):
+    data = record(10.0, 40.0)
+    with pytest.warns(SysidWarning, match=r"input u1 has mean 9\.9\d+ .* detrend first"):
+        bent = fit(data)
+    assert abs(bent.dc_gain()[0, 0] - 7.5) > 3.0
+    with warnings.catch_warnings():
+        warnings.simplefilter("error", SysidWarning)
+        assert fit(data.detrend()).dc_gain()[0, 0] == pytest.approx(7.5, rel=0.1)
+
+
+def test_it_is_told_without_noise_too():
+    assert check_means([record(10.0, 40.0, noise=0.0)], 2)
+
+
+@pytest.mark.parametrize("noise", [0.0, 0.1, 1.0])
+@pytest.mark.parametrize("order", [1, 2, 4])
+def test_means_that_the_gain_explains_are_left_alone(noise, order):
+    rng = np.random.default_rng(1)
+    step = np.repeat([0.0, 1.0], [10, 390])
+    for u in (step, 5.0 + rng.standard_normal(400), 5.0 + np.repeat(rng.standard_normal(20), 20)):
+        y = lfilter(B, A, u) + noise * rng.standard_normal(400)
+        assert not check_means([IOData(u, y, 0.1)], order)
+        assert not check_means([IOData(u[100:], y[100:], 0.1)], order)
+
+
+def test_offsets_that_do_not_dominate_are_left_alone():
+    assert not check_means([record(0.5, 40.0)], 2)
+    assert not check_means([record(10.0, 2.0 - 75.0 + 75.0)], 2)
+
+
+@pytest.mark.parametrize("method", [sysid.spa, sysid.welch])
+def test_spectra_name_the_channels_whose_mean_leaks(method):
+    said = r"the mean dominates u1 \(mean 9\.\d+, standard deviation [\d.]+\), y1"
+    with pytest.warns(SysidWarning, match=said) as caught:
+        method(record(10.0, 40.0))
+    assert len(caught) == 1

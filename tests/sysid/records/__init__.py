@@ -1,0 +1,3 @@
+"""Records."""
+
+__all__: list[str] = []

@@ -1,0 +1,3 @@
+"""Subspace."""
+
+__all__: list[str] = []
