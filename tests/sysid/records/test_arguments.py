@@ -1,10 +1,12 @@
-"""Arguments of the wrong kind: one clear refusal each."""
+"""Arguments and data of the wrong kind are refused with one clear error; records stay locked."""
 
+import contextlib
 import copy
 import pickle
 
 import numpy as np
 import pytest
+from scipy.signal import lfilter
 
 import sysid
 from sysid import IOData, StateSpace, SysidError
@@ -97,6 +99,13 @@ def test_numbers_of_any_kind():
         lambda d, e: sysid.models.zero_pole_gain.ZeroPoleGain([], [0.5], 1.0, "now"),
         lambda d, e: sysid.models.zero_pole_gain.ZeroPoleGain(["a"], [0.5], 1.0, 0.1),
         lambda d, e: sysid.models.zero_pole_gain.ZeroPoleGain([np.nan], [0.5], 1.0, 0.1),
+        lambda d, e: IOData(d.u, d.y, 0.02, input_names=5),
+        lambda d, e: d[1.5:3],
+        lambda d, e: sysid.spa(d, frequencies=[]),
+        lambda d, e: MODEL.frequency_response(np.ones((2, 2))),
+        lambda d, e: MODEL.markov(1.5),
+        lambda d, e: StateSpace.from_control(3),
+        lambda d, e: StateSpace([[0.5]], [[1.0]], [[1.0]], [[0.0]], None, None),
     ],
 )
 def test_wrong_kinds(data, estimate, call):
@@ -135,6 +144,10 @@ def test_what_an_estimate_says_of_itself_stays(data, carry):
 def test_every_record_stays_locked(data, estimate, carry):
     band = sysid.band(estimate, StateSpace.dc_gain)
     pairs = [
+        (data, "u"),
+        (estimate.model, "A"),
+        (estimate, "parameters"),
+        (estimate.polynomials, "B"),
         (band, "value"),
         (sysid.models.poles_band(estimate), "roots"),
         (sysid.cra(data), "response"),
@@ -153,3 +166,36 @@ def test_every_record_stays_locked(data, estimate, carry):
     for record in (band, estimate.bandwidth()):
         with pytest.raises(ValueError, match="read-only"):
             carry(record).ci95[0][...] = 0.0
+
+
+@pytest.mark.parametrize("estimator", [sysid.arx, sysid.oe])
+@pytest.mark.parametrize("orders", [(2.5, 1), (1, None), ("2", 1), (1, 1, 1.0), (1, 1, 300), (-1, 1)])
+def test_wrong_orders(data, estimator, orders):
+    with pytest.raises(SysidError):
+        estimator(data, *orders)
+
+
+def test_wrong_data(data, estimate):
+    for wrong in (None, 3, "data", np.zeros((10, 2))):
+        refused("IOData", sysid.oe, wrong, 1, 1)
+    for scale in (1e160, 1e-200):
+        refused("change the unit", IOData, scale * data.u, data.y, data.dt)
+    refused("masked", IOData, np.ma.masked_greater(data.u, 1.0), data.y, data.dt)
+    refused("constant", sysid.compare, estimate, IOData(data.u, np.full(300, 0.3), data.dt))
+
+
+@pytest.mark.filterwarnings("ignore::sysid.SysidWarning")
+@pytest.mark.parametrize("samples", [20, 40, 80])
+def test_long_delays_of_short_records(samples):
+    u, y = np.random.default_rng(samples).standard_normal((2, samples))
+    for nk in range(0, samples, 3):
+        for fit in (lambda r, k: sysid.oe(r, 1, 1, k, max_iterations=5), lambda r, k: sysid.armax(r, 1, 1, 1, k)):
+            with contextlib.suppress(SysidError):
+                assert np.isfinite(fit(IOData(u, y, 1.0), nk).parameters).all()
+
+
+def test_unstable_models_are_reported(data):
+    y = lfilter([0.0, 1.0], [1.0, -1.3], data.u[:60, 0])
+    with pytest.warns(sysid.SysidWarning, match="not stable"):
+        estimate = sysid.arx(IOData(data.u[:60], y, 0.02), 1, 1)
+    assert any("not stable" in text for text in estimate.diagnostics["warnings"])
