@@ -53,6 +53,11 @@ test: $(INSTALLED) ## run all tests, side by side (WORKERS=0: one after the othe
 	@echo "==> Running the tests"
 	@"$(BIN)/python" -m pytest -n $(WORKERS) --dist loadgroup --no-loadscope-reorder
 
+.PHONY: test-fast
+test-fast: $(INSTALLED) ## run the tests that are not marked slow: after a change, before the next one
+	@echo "==> Running the fast tests"
+	@"$(BIN)/python" -m pytest -n $(WORKERS) --dist loadgroup --no-loadscope-reorder -m "not slow"
+
 .PHONY: format-check
 format-check: $(INSTALLED)
 	@echo "==> Checking the format"

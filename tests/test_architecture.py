@@ -27,10 +27,13 @@ ROOMS = {
         *("estimators", "problems", "bench", "thesis", "commands"),
     ),
 }
+PACKAGES_OF_THE_PAGE = ("sysid", "hmtb_twin", "scenarios")
 # Modules of a package outside its rooms.
 FLAT = {"__init__", "__main__"}
 FORBIDDEN_NAMES = {"utils", "util", "base", "common", "misc", "helpers", "helper", "core"}
 LONGEST_FILE = 400
+# Between the rooms of `scenarios`.
+MOST_ARROWS, MOST_FLOORS = 80, 12
 REFERENCE_KEY = re.compile(r"[\[;]\s*([A-Z][A-Za-z]+(?:19|20)\d\d[a-z]?)\b")
 
 
@@ -128,6 +131,24 @@ def test_a_room_imports_only_rooms_before_it() -> None:
     assert not wrong_imports(is_wrong), f"rooms from the ground up: {ROOMS}"
 
 
+def test_rooms_of_the_study_hang_together_loosely() -> None:
+    rooms = ROOMS["scenarios"]
+    arrows = {
+        (module.room, target)
+        for module in MODULES
+        for origin, _, _ in module.imports
+        if module.room
+        and origin.startswith("scenarios.")
+        and (target := origin.split(".")[1]) in rooms
+        and target != module.room
+    }
+    assert len(arrows) <= MOST_ARROWS
+    floors: dict[str, int] = {}
+    for room in rooms:
+        floors[room] = 1 + max((floors[target] for source, target in arrows if source == room), default=0)
+    assert max(floors.values()) <= MOST_FLOORS, floors
+
+
 def test_no_module_imports_itself_through_others() -> None:
     names = {module.dotted: module for module in MODULES}
 
@@ -174,6 +195,18 @@ def test_every_cited_reference_is_listed() -> None:
     assert not duplicates, f"docs/references.md lists {sorted(duplicates)} more than once"
     missing = {m.name: keys for m in MODULES if (keys := set(REFERENCE_KEY.findall(m.text)) - set(listed))}
     assert not missing, f"docs/references.md lacks {missing}, it has {sorted(listed)}"
+
+
+def test_the_page_of_architecture_lists_every_room_and_only_paths_that_exist() -> None:
+    page = (ROOT / "docs/architecture.md").read_text(encoding="utf-8")
+    listed = re.findall(r"^\| `(\w+)` \| (.*) \|$", page, re.M)
+    rooms = [(package, room) for package in PACKAGES_OF_THE_PAGE for room in ROOMS[package]]
+    docs = [importlib.import_module(f"{package}.{room}").__doc__ or "" for package, room in rooms]
+    first = [" ".join(doc.partition("\n\n")[0].split()) for doc in docs]
+    assert listed == [(room, line) for (_, room), line in zip(rooms, first, strict=True)]
+    named = re.findall(r"`((?:sysid|hmtb_twin|scenarios|models|tests)/[\w/.]+)`", page)
+    missing = [path for path in named if "NAME" not in path and not list(ROOT.glob(f"{path}*"))]
+    assert not missing, f"docs/architecture.md names {missing}"
 
 
 def packages() -> list[str]:

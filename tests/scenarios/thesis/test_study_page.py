@@ -35,7 +35,7 @@ def test_the_verdicts_and_claims_are_all_there() -> None:
 def test_every_claim_is_listed() -> None:
     (listed,) = re.findall(r"<!-- claims: .*?-->\n(.*?)<!-- end of claims -->", PAGE, flags=re.S)
     rows = [f"| {claim.key} | {claim.text} | {claim.where} |" for claim in CLAIMS.values()]
-    assert listed.splitlines() == ["| | ThesisClaim | Thesis |", "|---|---|---|", *rows]
+    assert listed.splitlines() == ["| | Claim | Thesis |", "|---|---|---|", *rows]
 
 
 def test_the_example_runs(
