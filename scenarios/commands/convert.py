@@ -41,7 +41,7 @@ def convert(
         json: Print JSON.
     """
     from scenarios.files.errors import ScenarioError
-    from scenarios.files.record_file import Contents, losses, read_records, unsaid
+    from scenarios.files.record_file import RecordFile, losses, read_records, unnamed
 
     if len(paths) < 2:
         raise ScenarioError("expected a file to convert and the file or folder to write; see hmtb convert --help")
@@ -50,7 +50,7 @@ def convert(
     contents = [read_records(source) for source in sources]
     if test is not None:
         contents = [
-            Contents((entry.choose(test, source),), entry.message, entry.hidden)
+            RecordFile((entry.choose(test, source),), entry.message, entry.hidden)
             for entry, source in zip(contents, sources, strict=True)
         ]
     records = [record for entry in contents for record in entry.records]
@@ -68,7 +68,7 @@ def convert(
         raise ScenarioError(f"two tests are named {twice_named!r}; their files would be one")
     written, messages = _write(records, kind, out, single, sources[0].stem)
     warnings += messages
-    notes = unsaid(records, kind, [path.stem for path in written])
+    notes = unnamed(records, kind, [path.stem for path in written])
     missing = [int(record.lost.sum()) for record in records]
     code = 1 if any(entry.message for entry in contents) else 0
     if json:

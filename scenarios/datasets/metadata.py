@@ -19,7 +19,7 @@ from scenarios.datasets.plan import JOURNAL, LICENSE, SUMS, DataSetPlan
 from scenarios.datasets.spec import DataSetSpec
 from scenarios.experiments.scenario import Scenario
 from scenarios.files.hashes import bytes_hash, file_hash
-from scenarios.files.netcdf import read_array
+from scenarios.files.netcdf import read_netcdf
 
 TABLE = "experiments.csv"
 """The experiments as a table."""
@@ -149,7 +149,7 @@ def _experiment_rows(folder: Path, plan: DataSetPlan, entries: Sequence[Mapping[
 
 def _limited_samples(path: Path, plan: DataSetPlan, number: int) -> tuple[int, int]:
     """Numbers of samples of a record with a command at its velocity limit, and with a clipped converter."""
-    status = read_array(path, "status")
+    status = read_netcdf(path, only=("status",)).variables["status"].values
     clipped = (status & Status.CONVERTER_SATURATED) != 0
     experiment = plan[number].experiment
     # The excitation computer clips before the flags are set. Waveforms with withheld seeds cannot be recomputed.

@@ -10,7 +10,7 @@ import numpy as np
 from scenarios.datasets.data_set import DataRecord, DataSet, open_data_set
 from scenarios.datasets.spec_tables import UNITS, Scoring
 from scenarios.files.errors import ScenarioError, unknown
-from scenarios.files.mat_numbers import read_mat_numbers
+from scenarios.files.mat_file import read_mat_numbers
 from scenarios.files.netcdf import read_netcdf
 from scenarios.identification.predictors import Predictor, as_predictor
 from sysid import Estimate, StateSpace

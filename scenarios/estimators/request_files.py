@@ -10,7 +10,7 @@ from scenarios.estimators.named_numbers import NAMES, Numbers, real
 from scenarios.estimators.outcome import NoModelError
 from scenarios.estimators.task import PROTOCOL, Task
 from scenarios.files.errors import ScenarioError
-from scenarios.files.mat_numbers import read_mat_numbers
+from scenarios.files.mat_file import read_mat_numbers
 from scenarios.files.netcdf import Contents, Variable, read_netcdf
 from sysid import IOData
 

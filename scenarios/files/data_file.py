@@ -1,6 +1,5 @@
-"""Data files for the analyst: our own records and logs, tables and .mat files from anywhere."""
+"""Data files as inputs and outputs: our own records and logs, tables and .mat files from anywhere."""
 
-import os
 import warnings
 from collections.abc import Sequence
 from pathlib import Path
@@ -9,8 +8,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 import sysid
+from scenarios.files.atomic_write import check_place
 from scenarios.files.errors import ScenarioError, unknown
-from scenarios.files.record_file import ENDINGS, is_record, netcdf_format, read_records, write_record
+from scenarios.files.record_file import ENDINGS, is_record, netcdf_format, read_records, saving, write_record
 from sysid import IOData
 
 if TYPE_CHECKING:
@@ -39,59 +39,16 @@ def write_log(log: "JointLog", path: Path) -> Path:
     Raises:
         ScenarioError: Another ending, or the file cannot be written.
     """
-    if path.is_dir():
-        raise ScenarioError(f"cannot write {str(path)!r}: it is a folder; expected a file or nothing of that name")
+    check_place(path)
     if path.suffix != ".nc":
         from hmtb_twin.bus.record import BusRecord
 
         if path.suffix not in ENDINGS.values():
             raise ScenarioError(f"unknown format {path.suffix!r}; there are: {', '.join(ENDINGS.values())}")
         return write_record(BusRecord.of(log), path)
-    try:
+    with saving(path):
         return log.save(path)
-    except ValueError as error:
-        # The text of the NetCDF library's own errors is for its programmers; the system's number is enough.
-        number = getattr(error.__cause__, "errno", None)
-        why = os.strerror(number) if number else "the file system refuses"
-        raise ScenarioError(f"cannot write {str(path)!r}: {why}") from error
-
-
-def read_data(
-    path: str | Path,
-    *,
-    joint: str | None = None,
-    input: Names = "u",
-    output: Names = "y",
-    dt: float | None = None,
-    test: str | None = None,
-    missing: bool = False,
-) -> IOData:
-    """Read inputs and outputs from a file.
-
-    Args:
-        path: `.nc` (a joint log, a bus record, or any variables over time), `.mat` (version 7.2 or older), `.ch10` (a
-            1553 record), `.asc` (our ASCII records), or any table as text, with a header or bare columns.
-        joint: Joint of a log or record, or of a CSV written from one.
-        input: Names of the input columns or variables.
-        output: Names of the output columns or variables.
-        dt: Sampling interval, s. Needed where the file says none; must agree with it where it does.
-        test: Which test of a 1553 record, by name or number, where it holds several.
-        missing: Whether outputs of a table may be missing (NaN or empty); those of our own records always may.
-
-    Returns:
-        The record; lost output samples are declared as missing.
-
-    Raises:
-        ScenarioError: The file is missing, foreign, or lacks what is asked for; no sampling interval, or two that
-            contradict each other; inputs were lost.
-        TwinError: Likewise, of our own logs and records.
-    """
-    parts = read_parts(path, joint=joint, input=input, output=output, dt=dt, test=test, missing=missing)
-    if len(parts) > 1:
-        raise ScenarioError(
-            f"{Path(path).name}: commands were lost in between; an input must be complete: read its {len(parts)} parts"
-        )
-    return parts[0]
+    return path
 
 
 def read_parts(
@@ -107,21 +64,23 @@ def read_parts(
     """Read inputs and outputs from a file, cut where inputs were lost.
 
     Args:
-        path: As in `read_data`, like all others.
-        joint: Joint.
-        input: Input columns.
-        output: Output columns.
-        dt: Sampling interval, s.
-        test: Test of a run.
-        missing: Whether outputs may be missing.
+        path: `.nc` (a joint log, a bus record, or any variables over time), `.mat` (version 7.2 or older), `.ch10` (a
+            1553 record), `.asc` (our ASCII records), or any table as text, with a header or bare columns.
+        joint: Joint of a log or record, or of a CSV written from one.
+        input: Names of the input columns or variables.
+        output: Names of the output columns or variables.
+        dt: Sampling interval, s. Needed if the file has none; must agree with it otherwise.
+        test: Test of a 1553 record, by name or number, if it holds several.
+        missing: Whether outputs of a table may be missing (NaN or empty); those of our own records always may.
 
     Returns:
         One record, or as many as there are stretches of inputs; lost outputs are declared as missing. A damaged 1553
         record gives all that is good in it and a `TwinWarning` on the rest.
 
     Raises:
-        ScenarioError: As `read_data`, but for lost inputs.
-        TwinError: Likewise.
+        ScenarioError: The file is missing, foreign, or lacks the columns; no sampling interval, or two that contradict
+            each other.
+        TwinError: Likewise, of our own logs and records.
     """
     path = Path(path)
     inputs, outputs = ((names,) if isinstance(names, str) else tuple(names) for names in (input, output))
@@ -133,8 +92,8 @@ def read_parts(
     ours = (path.suffix != ".csv" or joint is not None) and is_record(path)
     if test is not None and not (ours and path.suffix != ".csv"):
         raise ScenarioError(f"{path.name} holds one test; --test is for 1553 records")
-    log = path.suffix == ".nc" and _is_log(path)
-    if (ours or log) and (inputs, outputs) != (("u",), ("y",)):
+    is_log = path.suffix == ".nc" and _is_log(path)
+    if (ours or is_log) and (inputs, outputs) != (("u",), ("y",)):
         raise ScenarioError(
             f"{path.name} is a record of joints: choose one by --joint; --input and --output are for tables"
         )
@@ -145,12 +104,12 @@ def read_parts(
 
             warnings.warn(contents.message, TwinWarning, stacklevel=2)
         return _agreeing(contents.choose(test, path).parts(joint), dt, path)
-    if log:
+    if is_log:
         from hmtb_twin import JointLog
 
-        found = JointLog.load(path)
-        check_complete(found, found.axes if joint is None else (joint,), path.name)
-        return _agreeing((found.iodata(joint),), dt, path)
+        log = JointLog.load(path)
+        check_complete(log, log.axes if joint is None else (joint,), path.name)
+        return _agreeing((log.iodata(joint),), dt, path)
     if joint is not None:
         from hmtb_twin import JOINTS
 
@@ -165,12 +124,12 @@ def read_parts(
 
 
 def check_complete(log: "JointLog", joints: Sequence[str], name: str) -> None:
-    """Refuse a log in which something is missing: a simulation loses nothing, so it was spoilt since.
+    """Refuse a log with missing angles: a simulation loses none, so the file was damaged since.
 
     Args:
         log: The log.
-        joints: The joints to look at; names of others are ignored.
-        name: What the message calls it.
+        joints: The joints to check; other names are ignored.
+        name: Name of the log in the message.
 
     Raises:
         ScenarioError: An angle is no number.
@@ -189,7 +148,7 @@ def check_complete(log: "JointLog", joints: Sequence[str], name: str) -> None:
 
 
 def _for_users(text: str, path: Path, inputs: Sequence[str], outputs: Sequence[str]) -> str:
-    """The analyst's message in words of the command line."""
+    """Translate a message of the analyst into options of the command line."""
     for analyst, user in (
         ("dt as given", "--dt"),
         ("or dt in s", "or --dt SECONDS"),
@@ -217,7 +176,7 @@ def _is_log(path: Path) -> bool:
 
 
 def excited(path: Path, test: str | None = None) -> tuple[str, ...]:
-    """What the experiment of a log or record excites; nothing for files that do not say."""
+    """Axes that the experiment of a log or record excites; empty for files that do not name them."""
     if is_record(path):
         return read_records(path).choose(test, path).axes
     if path.suffix != ".nc" or not _is_log(path):
@@ -228,7 +187,7 @@ def excited(path: Path, test: str | None = None) -> tuple[str, ...]:
 
 
 def of_joint(record: IOData) -> str | None:
-    """Which joint a record from one of our own files is of; None for records from elsewhere."""
+    """Joint of the first input of a record from our own files; None for records from elsewhere."""
     from hmtb_twin import JOINTS
 
     name, mark, _ = (record.input_names or ("",))[0].partition(" commanded")
@@ -236,7 +195,7 @@ def of_joint(record: IOData) -> str | None:
 
 
 def joints_of(record: IOData) -> tuple[str, ...]:
-    """Which joints a record from one of our own files is of, input by input; none for records from elsewhere."""
+    """Joints of a record from our own files, input by input; none for records from elsewhere."""
     from hmtb_twin import JOINTS
 
     named = [name.partition(" commanded") for name in record.input_names or ()]
@@ -245,7 +204,7 @@ def joints_of(record: IOData) -> tuple[str, ...]:
 
 
 def log_of(path: Path) -> "JointLog | None":
-    """The log in a file of `hmtb simulate`; None for all other files."""
+    """The log in a file of `hmtb simulate`; None for other files."""
     if path.suffix != ".nc" or not _is_log(path):
         return None
     from hmtb_twin import JointLog
@@ -254,7 +213,7 @@ def log_of(path: Path) -> "JointLog | None":
 
 
 def _agreeing(parts: tuple[IOData, ...], dt: float | None, path: Path) -> tuple[IOData, ...]:
-    """The records of one of our files, unless --dt contradicts it."""
+    """The records of one of our files, unless --dt contradicts their interval."""
     if dt is not None and abs(dt - parts[0].dt) > SAME_INTERVAL * parts[0].dt:
         raise ScenarioError(
             f"{path.name}: --dt says a sampling interval of {dt:.6g} s, the log of {parts[0].dt:.6g} s; "

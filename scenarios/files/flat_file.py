@@ -1,4 +1,4 @@
-"""Text tables of bus records: the ASCII flat file of the thesis, and CSV."""
+"""Bus records as text tables: the ASCII flat file of the thesis, and CSV; every number reads back to the last bit."""
 
 from pathlib import Path
 from urllib.parse import quote, unquote
@@ -20,17 +20,7 @@ FLAGS = 2
 
 
 def write_flat(record: BusRecord, path: Path) -> Path:
-    """Write the ASCII flat file [Morris1996, II.5]: lines of comment with name, time, columns and units, then numbers.
-
-    Numbers have the digits that bring every bit back; NaN is a sample that was lost. MATLAB's `load -ascii` reads it.
-
-    Args:
-        record: The record.
-        path: The file.
-
-    Returns:
-        The path.
-    """
+    """Write the ASCII flat file [Morris1996, II.5], which MATLAB's `load -ascii` reads; NaN is a lost sample."""
     lines = [
         FLAT,
         f"test: {quote(record.name, safe='_-.')}",
@@ -46,31 +36,13 @@ def write_flat(record: BusRecord, path: Path) -> Path:
 
 
 def write_csv(record: BusRecord, path: Path) -> Path:
-    """Write CSV with one line of names; SI units and radians, NaN for samples that were lost.
-
-    Args:
-        record: The record.
-        path: The file.
-
-    Returns:
-        The path.
-    """
+    """Write CSV with one line of names; SI units and radians, NaN for lost samples."""
     write_whole(path, CSV_HEADER + "\n" + _rows(record, ","))
     return path
 
 
 def read_flat(path: Path) -> BusRecord:
-    """Read a file that `write_flat` wrote.
-
-    Args:
-        path: The file.
-
-    Returns:
-        The record, to the last bit.
-
-    Raises:
-        ScenarioError: Another kind of file, or a damaged one.
-    """
+    """Read a file that `write_flat` wrote; `ScenarioError` on others and damaged ones."""
     text = _text(path)
     header = [line[1:].strip() for line in text.splitlines() if line.startswith("%")]
     named = dict(line.split(":", 1) for line in header if ":" in line)
@@ -91,17 +63,7 @@ def read_flat(path: Path) -> BusRecord:
 
 
 def read_csv(path: Path) -> BusRecord:
-    """Read a CSV file with our columns; the record is named after the file.
-
-    Args:
-        path: The file.
-
-    Returns:
-        The record, to the last bit; what it excites is not known.
-
-    Raises:
-        ScenarioError: Other columns, or a damaged file.
-    """
+    """Read a CSV file with our columns; the record is named after the file, and its excited axes are not known."""
     first, *lines = _text(path).splitlines() or [""]
     if first.strip() != CSV_HEADER:
         raise ScenarioError(f"{path.name}: its columns are not those of a bus record: {CSV_HEADER}")

@@ -1,5 +1,8 @@
-"""Bus records as MATLAB files of version 5."""
+"""MATLAB files of version 5: bus records, and matrices from other programs."""
 
+import zlib
+from collections.abc import Sequence
+from math import prod
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -12,24 +15,51 @@ if TYPE_CHECKING:
     from hmtb_twin.bus.record import BusRecord
 
 FORMAT = "hmtb mat record 1"
-"""Marks the files of this version, in their variable `format`."""
+"""Marks the records of this version, in their variable `format`."""
+
+MOST_NUMBERS = 2**27
+"""No matrix has more numbers: a small file can claim to unpack to any size."""
+
+READER_ERRORS = (
+    OSError,
+    ArithmeticError,
+    LookupError,
+    MemoryError,
+    TypeError,
+    ValueError,
+    AttributeError,
+    RuntimeError,
+)
+"""What SciPy's reader raises on bytes that are no such file follows no rule."""
+
+
+def read_mat_numbers(path: Path, names: Sequence[str]) -> dict[str, np.ndarray]:
+    """Read matrices by name; those that are not in the file are left out.
+
+    Args:
+        path: The file, version 7 or older, from anywhere.
+        names: Names of the matrices.
+
+    Raises:
+        ScenarioError: It is no such file, or damaged, or has matrices of an absurd size.
+    """
+    from scipy.io import loadmat, whosmat
+    from scipy.io.matlab import MatReadError
+
+    try:
+        for name, shape, _ in whosmat(path):
+            if name in names and prod(shape) > MOST_NUMBERS:
+                raise ScenarioError(f"{path}: {name} of shape {shape} given, expected at most {MOST_NUMBERS} numbers")
+        matrices = loadmat(path, variable_names=list(names))
+    except ScenarioError:
+        raise
+    except (MatReadError, zlib.error, *READER_ERRORS) as error:
+        raise ScenarioError(f"cannot read {path}: {error}; expected a file of save(..., '-v7')") from error
+    return {name: np.asarray(matrices[name]) for name in names if name in matrices}
 
 
 def write_mat(record: "BusRecord", path: Path) -> Path:
-    """Write variables `dt`, `time`, `commanded`, `measured`, `wrench`, `status`, `saturated`.
-
-    `names` and `units` are structures with one cell array per variable; NaN is a sample that was lost.
-
-    Args:
-        record: The record.
-        path: The file.
-
-    Returns:
-        The path.
-
-    Raises:
-        ScenarioError: The file cannot be written.
-    """
+    """Write a record: channels, `dt`, `time`, and names and units as structures; NaN is a lost sample."""
     from scipy.io import savemat
 
     from hmtb_twin.bus.record import CHANNELS
@@ -50,27 +80,17 @@ def write_mat(record: "BusRecord", path: Path) -> Path:
 
 
 def is_ours(path: Path) -> bool:
-    """Whether a .mat file is one of ours; false for files that cannot be read at all."""
+    """Whether a .mat file is a record of ours; false for files that cannot be read at all."""
     from scipy.io import loadmat
 
     try:
         return _text(loadmat(path, variable_names=["format"], simplify_cells=True).get("format", "")) == FORMAT
-    except Exception:  # whatever a damaged or foreign file makes of scipy
+    except Exception:  # whatever SciPy raises on a damaged or foreign file
         return False
 
 
 def read_mat(path: Path) -> "BusRecord":
-    """Read a file that `write_mat` wrote.
-
-    Args:
-        path: The file.
-
-    Returns:
-        The record, to the last bit.
-
-    Raises:
-        ScenarioError: A damaged file.
-    """
+    """Read a file that `write_mat` wrote; `ScenarioError` on a damaged one."""
     from scipy.io import loadmat
 
     from hmtb_twin.bus.record import CHANNELS, BusRecord
@@ -84,7 +104,7 @@ def read_mat(path: Path) -> "BusRecord":
             tuple(map(str, np.atleast_1d(content["excited"]))),
             np.column_stack([parts[channel] for channel in CHANNELS]),
         )
-    except Exception as error:  # scipy's reader fails in many ways
+    except Exception as error:  # SciPy's reader fails in many ways
         raise ScenarioError(f"{path.name}: a damaged MATLAB file of ours ({error})") from error
 
 

@@ -3,7 +3,7 @@
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import BinaryIO, Protocol
+from typing import BinaryIO
 
 import h5py
 import numpy as np
@@ -110,32 +110,6 @@ def read_netcdf(path: Path | BinaryIO, *, only: Collection[str] | None = None) -
         raise ScenarioError(f"{path} is not a NetCDF4 file, or a damaged one") from error
 
 
-def read_array(path: Path, name: str) -> np.ndarray:
-    """Read one array of a file, and nothing else: where there are thousands of files, most of each would be in vain.
-
-    Args:
-        path: The file.
-        name: The array.
-
-    Raises:
-        ScenarioError: As `read_netcdf`, or there is no such array.
-    """
-    try:
-        with h5py.File(path, "r") as raw:
-            if not isinstance(raw.get(name, getlink=True), h5py.HardLink):
-                raise ScenarioError(f"{path} has no array {name!r}")
-            entry = raw[name]
-            if not isinstance(entry, h5py.Dataset) or entry.external or entry.is_virtual or entry.nbytes > MOST_BYTES:
-                raise ScenarioError(f"{path}: {name!r} is no array that stands in the file itself")
-            return _values(entry)
-    except FileNotFoundError:
-        raise ScenarioError(f"no file {path}: expected NetCDF4") from None
-    except ScenarioError:
-        raise
-    except (OSError, KeyError, ValueError, TypeError, RuntimeError) as error:
-        raise ScenarioError(f"{path} is not a NetCDF4 file, or a damaged one") from error
-
-
 def _check(raw: h5py.File, path: Path | BinaryIO) -> None:
     """Refuse a file where reading it would read others or fill the memory: HDF5 knows links, and packs zeros well."""
     size = 0
@@ -205,24 +179,8 @@ NO_VARIABLE = "This is a netCDF dimension but not a netCDF variable."
 """Beginning of the name that NetCDF4 gives a dimension scale without a variable."""
 
 
-class Array(Protocol):
-    """A variable: names of its dimensions, numbers or texts, attributes."""
-
-    @property
-    def dims(self) -> Sequence[str]:
-        """Names of its dimensions."""
-
-    @property
-    def values(self) -> np.ndarray:
-        """Numbers, or texts."""
-
-    @property
-    def attributes(self) -> Mapping[str, Attribute]:
-        """Unit, meaning, role."""
-
-
 def netcdf_bytes(
-    sizes: Mapping[str, int], variables: Mapping[str, Array], attributes: Mapping[str, Attribute]
+    sizes: Mapping[str, int], variables: Mapping[str, Variable], attributes: Mapping[str, Attribute]
 ) -> bytes:
     """Make a file.
 
@@ -260,7 +218,7 @@ def netcdf_bytes(
         file.close()
 
 
-def _scale(file: h5f.FileID, name: str, size: int, number: int, variables: Mapping[str, Array]) -> h5d.DatasetID:
+def _scale(file: h5f.FileID, name: str, size: int, number: int, variables: Mapping[str, Variable]) -> h5d.DatasetID:
     """A dimension, as its variable or as an empty array."""
     if name in variables:
         stored = _dataset(file, name, variables[name])
@@ -274,7 +232,7 @@ def _scale(file: h5f.FileID, name: str, size: int, number: int, variables: Mappi
     return stored
 
 
-def _dataset(file: h5f.FileID, name: str, variable: Array) -> h5d.DatasetID:
+def _dataset(file: h5f.FileID, name: str, variable: Variable) -> h5d.DatasetID:
     text = variable.values.dtype.kind == "U"
     values = variable.values.astype(TEXT) if text else np.asarray(variable.values, order="C")
     shape = values.shape

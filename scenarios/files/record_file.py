@@ -1,12 +1,14 @@
-"""Files of what the bus recorded, in every format that holds it: 1553, ASCII, CSV, NetCDF, MATLAB."""
+"""Files of bus records in every format: 1553, ASCII, CSV, NetCDF, MATLAB."""
 
 import os
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from types import MappingProxyType
 from typing import TYPE_CHECKING
 
+from scenarios.files.atomic_write import check_place
 from scenarios.files.errors import ScenarioError, unknown
 
 if TYPE_CHECKING:
@@ -24,13 +26,13 @@ FORMATS: Mapping[str, str] = MappingProxyType(
 
 
 @dataclass(frozen=True)
-class Contents:
-    """What a file holds.
+class RecordFile:
+    """Records of a file.
 
     Attributes:
         records: Its tests.
-        message: Empty, or one line on what is missing.
-        hidden: Channels that no other format holds: of our joint logs, what only a simulation knows.
+        message: One line on what is missing; empty if nothing is.
+        hidden: Channels of a joint log that no other format holds: what only a simulation knows.
     """
 
     records: tuple["BusRecord", ...]
@@ -38,14 +40,10 @@ class Contents:
     hidden: tuple[str, ...] = ()
 
     def choose(self, test: str | None, path: Path) -> "BusRecord":
-        """One of the tests.
-
-        Args:
-            test: Its name or its number in the run, from 1; not needed where there is one.
-            path: The file, for the message.
+        """Choose a test by name or by number from 1; not needed if there is one.
 
         Raises:
-            ScenarioError: No such test, or none named where there are several.
+            ScenarioError: No such test, or none named of several; the message names the file.
         """
         names = [record.name for record in self.records]
         if test is None:
@@ -71,7 +69,7 @@ def format_of(path: Path) -> str:
 
 
 def netcdf_format(path: Path) -> str:
-    """What a NetCDF4 file says of its own format; empty if it says nothing or is none."""
+    """Format that a NetCDF4 file names; empty if it names none or is no such file."""
     import h5py
 
     try:
@@ -82,7 +80,7 @@ def netcdf_format(path: Path) -> str:
 
 
 def is_record(path: Path) -> bool:
-    """Whether a file is one of ours that holds bus records, other than by the ending alone."""
+    """Whether a file holds bus records of ours, by its contents."""
     kind = FORMATS.get(path.suffix)
     if kind == "nc":
         from hmtb_twin.bus.record import FORMAT
@@ -105,14 +103,14 @@ def is_record(path: Path) -> bool:
     return kind == "1553"
 
 
-def read_records(path: Path) -> Contents:
+def read_records(path: Path) -> RecordFile:
     """Read a file of any of our formats.
 
     Args:
         path: `.ch10` or `.c10` (1553), `.asc` or `.txt` (ASCII), `.csv`, `.nc` (bus record or joint log), `.mat`.
 
     Returns:
-        Its tests, and what is to be said of them.
+        Its tests, and what is missing of them.
 
     Raises:
         ScenarioError: The file is missing or of another kind.
@@ -127,18 +125,18 @@ def read_records(path: Path) -> Contents:
         from hmtb_twin.bus.recorder_run import read_run
 
         run = read_run(path)
-        return Contents(run.tests, run.message)
+        return RecordFile(run.tests, run.message)
     if kind == "nc":
         from hmtb_twin import JointLog
         from hmtb_twin.bus.record import FORMAT, BusRecord
 
         if netcdf_format(path) == FORMAT:
-            return Contents((BusRecord.load(path),))
-        return Contents((BusRecord.of(JointLog.load(path)),), hidden=_hidden(path))
+            return RecordFile((BusRecord.load(path),))
+        return RecordFile((BusRecord.of(JointLog.load(path)),), hidden=_hidden(path))
     if kind == "mat" and not mat_file.is_ours(path):
         raise ScenarioError(f"{path.name} is no MATLAB record of ours: it lacks a variable 'format' that says so")
     readers = {"mat": mat_file.read_mat, "ascii": flat_file.read_flat, "csv": flat_file.read_csv}
-    return Contents((readers[kind](path),))
+    return RecordFile((readers[kind](path),))
 
 
 def write_record(record: "BusRecord", path: Path) -> Path:
@@ -156,31 +154,38 @@ def write_record(record: "BusRecord", path: Path) -> Path:
     """
     from scenarios.files import flat_file, mat_file
 
-    if path.is_dir():
-        raise ScenarioError(f"cannot write {str(path)!r}: it is a folder; expected a file or nothing of that name")
+    check_place(path)
     kind = format_of(path)
     writers = {"mat": mat_file.write_mat, "ascii": flat_file.write_flat, "csv": flat_file.write_csv}
     if kind in writers:
         return writers[kind](record, path)
     if kind != "nc":
         raise ScenarioError(f"{path.name}: 1553 records are written by the run")
-    try:
+    with saving(path):
         return record.save(path)
+    return path
+
+
+@contextmanager
+def saving(path: Path) -> Iterator[None]:
+    """Replace the NetCDF library's errors, which are for its programmers, by the system's reason."""
+    try:
+        yield
     except ValueError as error:
         number = getattr(error.__cause__, "errno", None)
         why = os.strerror(number) if number else "the file system refuses"
-        raise ScenarioError(f"cannot write {str(path)!r}: {why}") from error
+        raise ScenarioError(f"cannot write {path}: {why}") from error
 
 
-def losses(contents: Sequence[Contents], kind: str) -> list[str]:
-    """What a format cannot hold of records.
+def losses(contents: Sequence[RecordFile], kind: str) -> list[str]:
+    """List what is lost when records are written in a format, one text for each thing.
 
     Args:
         contents: The records, as read.
         kind: Name of the format to write.
 
-    Returns:
-        One text for each thing that would be lost.
+    Raises:
+        ScenarioError: More tests than a run of the recorder holds.
     """
     lost = []
     hidden = sorted({channel for entry in contents for channel in entry.hidden})
@@ -210,16 +215,13 @@ def losses(contents: Sequence[Contents], kind: str) -> list[str]:
     return lost
 
 
-def unsaid(records: Sequence["BusRecord"], kind: str, names: Sequence[str]) -> list[str]:
-    """What a format has no place for beside the channels: a CSV names no test and no axes.
+def unnamed(records: Sequence["BusRecord"], kind: str, names: Sequence[str]) -> list[str]:
+    """List what a format has no place for beside the channels: a CSV names no test and no axes.
 
     Args:
         records: The records.
         kind: Name of the format to write.
-        names: Under which names the files will be read again, one for each record.
-
-    Returns:
-        One text for each record of which something is not said.
+        names: Names of the written files, one for each record.
     """
     if kind != "csv":
         return []
@@ -233,7 +235,7 @@ def unsaid(records: Sequence["BusRecord"], kind: str, names: Sequence[str]) -> l
 
 
 def _hidden(path: Path) -> tuple[str, ...]:
-    """Variables and provenance of a joint log that are no channels of the bus."""
+    """Variables and provenance of a joint log beyond the channels of the bus."""
     import h5py
 
     from hmtb_twin.bus.record import CHANNELS
