@@ -1,4 +1,4 @@
-"""The models that the thesis prints, to its digits, and what their rounding leaves open [Morris1996, ch. IV and V]."""
+"""The models that the thesis prints, digit by digit, and the range that rounding leaves [Morris1996, ch. IV and V]."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
@@ -26,7 +26,7 @@ class PublishedModel:
         chosen: Whether the thesis takes it into a three-joint model.
         digits: The numbers as printed, zeros and ones of the structure without a point: numerator, denominator (highest
             power of z first) and K, or rows of A, then B, C, D and G.
-        doubts: What may be wrong with the print, and what speaks for it.
+        doubts: Possible errors of the print, and reasons for the reading.
         model: The model in innovation form, K zero where the print has none.
     """
 
@@ -73,7 +73,7 @@ class PublishedModel:
         return np.asarray(np.poly(self.model.A - self.model.gain @ self.model.C), dtype=np.float64)
 
     def within_rounding(self, rng: np.random.Generator) -> StateSpace:
-        """A model that would be printed alike: every digit string moved by up to half a unit of its last place."""
+        """Draw a model with the same printed digits: every number moves by up to half a unit of its last place."""
         return self._assembled(
             [_numbers(text) + _half_units(text) * rng.uniform(-1.0, 1.0, len(text.split())) for text in self.digits]
         )
@@ -254,7 +254,7 @@ class PublishedSystem:
 
     Attributes:
         name: `sysid`, `okid` or `hybrid`.
-        label: What the thesis calls it, and where.
+        label: Its name in the thesis, and where.
         parts: The models, joint by joint.
     """
 
@@ -294,23 +294,20 @@ BREAK_FREQUENCY = {"shoulder_yaw": 6.0, "shoulder_pitch": 7.0, "elbow_pitch": 7.
 """Low-frequency cutoff that the thesis reads off its spectral estimates, rad/s [Morris1996, sec. III.2A and III.3]."""
 
 PERCENT_DESCRIBED = {"shoulder_yaw": 99.8691, "shoulder_pitch": 96.1075, "elbow_pitch": 98.8832}
-"""What two states of its OKID models are said to describe of the test data, % [Morris1996, sec. V.2 and V.3]."""
+"""Part of the test data that two states of its OKID models describe, % [Morris1996, sec. V.2 and V.3]."""
 
 
 def published(joint: str) -> tuple[PublishedModel, ...]:
-    """The printed models of one joint; none for the joints that the thesis did not identify."""
+    """Return the printed models of one joint; none for joints that the thesis did not identify."""
     return tuple(entry for entry in PUBLISHED if entry.joint == joint)
 
 
 def published_model(name: str) -> PublishedModel | PublishedSystem:
-    """A printed model by name.
+    """Return a printed model by name.
 
     Args:
         name: Number of an equation (``"4.7"``, ``"5.10"``), ``"4.7+4.9"`` for the yaw ARMAX with the best digits of
             both prints, or ``"sysid"``, ``"okid"``, ``"hybrid"`` for the models of three joints.
-
-    Returns:
-        The model of one joint, or of three.
 
     Raises:
         ScenarioError: There is none of that name.
@@ -320,31 +317,13 @@ def published_model(name: str) -> PublishedModel | PublishedSystem:
     return BY_NAME[name]
 
 
-def sysid_model() -> StateSpace:
-    """The thesis' "SysID model": yaw ARMAX, shoulder-pitch OE, elbow-pitch ARMAX [Morris1996, eq. 4.14].
-
-    With the digits of the transfer functions, which the thesis prints first.
-    """
-    return SYSTEMS[0].model
-
-
-def okid_model() -> StateSpace:
-    """The thesis' "OKID model" of three joints [Morris1996, eq. 5.11]."""
-    return SYSTEMS[1].model
-
-
-def hybrid_model() -> StateSpace:
-    """SysID for yaw and OKID for the pitches [Morris1996, sec. VI.6]."""
-    return SYSTEMS[2].model
-
-
 DRAWS = 100
-"""Models that would be printed alike, of which the range is taken."""
+"""Number of models with the same printed digits, of which the range is taken."""
 
 
 @dataclass(frozen=True)
 class DigitRange:
-    """Range of what follows from a print, over models that round to the same digits.
+    """Ranges over models that round to the same printed digits.
 
     Attributes:
         bandwidth_hz: Lowest and highest bandwidth, Hz.
@@ -363,9 +342,6 @@ def digit_range(name: str) -> DigitRange:
 
     Args:
         name: Name of a printed model of one joint.
-
-    Returns:
-        The ranges; the same on every call.
 
     Raises:
         ScenarioError: There is no such model.

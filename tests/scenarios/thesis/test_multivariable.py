@@ -11,7 +11,7 @@ from scenarios.experiments.campaign import RPCM
 from scenarios.files.errors import MissingRecordError
 from scenarios.thesis.comparison import Comparison
 from scenarios.thesis.multivariable import RECORDS, TESTED, WAYS, multivariable
-from scenarios.truth.published import hybrid_model, okid_model, sysid_model
+from scenarios.truth.published import published_model
 
 
 def test_identified_and_printed_models_are_peers(study: Comparison) -> None:
@@ -28,7 +28,8 @@ def test_identified_and_printed_models_are_peers(study: Comparison) -> None:
     for entry in found.models:
         assert tuple(entry.fits) == RECORDS
         assert set(entry.residual_tests) == set(TESTED)
-    for kind, printed in (("SysID", sysid_model()), ("OKID", okid_model()), ("hybrid", hybrid_model())):
+    for kind in ("SysID", "OKID", "hybrid"):
+        printed = published_model(kind.lower()).model
         entry = found.model(kind, printed=True)  # type: ignore[arg-type]
         f = np.geomspace(0.1, 20.0, 20)
         np.testing.assert_allclose(entry.model.frequency_response(f), printed.frequency_response(f))

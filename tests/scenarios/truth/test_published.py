@@ -10,11 +10,8 @@ from scenarios.truth.published import (
     PublishedModel,
     PublishedSystem,
     digit_range,
-    hybrid_model,
-    okid_model,
     published,
     published_model,
-    sysid_model,
 )
 from sysid import StateSpace
 
@@ -65,11 +62,12 @@ def test_every_model_is_stable() -> None:
 
 
 def test_three_joint_models_are_block_diagonal() -> None:
-    assert (sysid_model().order, okid_model().order, hybrid_model().order) == (10, 6, 9)
-    response = sysid_model().frequency_response(1.0)[0]
+    own, okid, hybrid = (published_model(name).model for name in ("sysid", "okid", "hybrid"))
+    assert (own.order, okid.order, hybrid.order) == (10, 6, 9)
+    response = own.frequency_response(1.0)[0]
     assert np.all(response[~np.eye(3, dtype=bool)] == 0.0)
     assert response[1, 1] == published("shoulder_pitch")[0].model.frequency_response(1.0)[0, 0, 0]
-    assert hybrid_model().frequency_response(1.0)[0, 2, 2] == okid_model().frequency_response(1.0)[0, 2, 2]
+    assert hybrid.frequency_response(1.0)[0, 2, 2] == okid.frequency_response(1.0)[0, 2, 2]
 
 
 def test_names_are_those_of_the_equations() -> None:
@@ -136,4 +134,4 @@ def test_a_model_can_be_used_wherever_a_model_is() -> None:
     system = published_model("hybrid")
     assert isinstance(system, PublishedSystem)
     assert [part.name for part in system.parts] == ["4.7", "5.9", "5.10"]
-    assert system.model.order == hybrid_model().order
+    assert system.model.order == published_model("hybrid").model.order
