@@ -1,12 +1,14 @@
 """Figures are numbered, named once, and kept as files on request."""
 
+import re
 from pathlib import Path
 
+import numpy as np
 import pytest
 from matplotlib.figure import Figure
 
 from scenarios.files.errors import ScenarioError
-from scenarios.report.figures import Gallery
+from scenarios.report.figures import Gallery, photograph, png, svg
 
 
 def _figure() -> Figure:
@@ -46,3 +48,19 @@ def test_figures_are_kept_as_files_on_request(tmp_path: Path) -> None:
 def test_a_folder_that_is_not_there_is_refused(tmp_path: Path) -> None:
     with pytest.raises(ScenarioError, match="expected one that exists"):
         Gallery(tmp_path / "missing")
+
+
+def test_svg_escapes_its_description_and_keeps_its_own_marks() -> None:
+    figure = Figure()
+    figure.subplots().plot([0, 1], [0, 1])
+    text = svg(figure, 'a < b & "c"', "m")
+    assert 'aria-label="a &lt; b &amp; &quot;c&quot;"' in text
+    assert all(mark.startswith("m-") for mark in re.findall(r'\bid="([^"]+)"', text))
+    assert "<metadata>" not in text
+    assert svg(figure, "same", "m") == svg(figure, "same", "m")
+
+
+def test_pictures_are_embedded() -> None:
+    picture = np.zeros((4, 5, 3), dtype=np.uint8)
+    assert png(picture).startswith("data:image/png;base64,iVBOR")
+    assert photograph(picture).startswith("data:image/jpeg;base64,/9j/")

@@ -6,6 +6,7 @@ import pytest
 
 from scenarios.files.errors import MissingRecordError
 from scenarios.thesis.comparison import Comparison
+from scenarios.thesis.margin import MARGIN, ahead, said, tied
 from scenarios.thesis.multivariable import WAYS
 from scenarios.thesis.record_fits import followed, held_out_fit, held_out_records, shares_missing, ties, within_reach
 
@@ -75,3 +76,13 @@ def test_what_coupling_costs_is_said_beside_what_models_differ_by(study: Compari
     assert said.startswith("On mimo-12 the linear truth itself follows")
     assert "coupling, which neither model has, costs up to" in said
     assert "In the median" in within_reach(study, ("mimo-12", "mimo-13"))
+
+
+@pytest.mark.parametrize(
+    ("difference", "word"),
+    [(0.006, "tied"), (-0.19, "tied"), (0.21, "ahead"), (-0.21, "behind"), (MARGIN, "ahead"), (-MARGIN, "behind")],
+)
+def test_a_small_difference_is_a_tie(difference: float, word: str) -> None:
+    assert said(difference) == word
+    assert tied(difference) == (word == "tied")
+    assert ahead(difference) == (word == "ahead")

@@ -7,12 +7,10 @@ from itertools import pairwise
 from pathlib import Path
 
 import matplotlib
-import numpy as np
 import pytest
-from matplotlib.figure import Figure
 
 from scenarios.files.errors import ScenarioError
-from scenarios.report.figures import SETTINGS, Gallery, photograph, png, svg
+from scenarios.report.figures import SETTINGS, Gallery
 from scenarios.thesis.comparison import Comparison
 from scenarios.thesis.finding import Verdict
 from scenarios.thesis.findings import findings
@@ -232,19 +230,3 @@ def test_whole_records_are_not_marked(study: Comparison, shown: dict[str, object
     Page(text)
     assert "quick run" not in text.lower()
     assert "Interval holds the truth:" in text
-
-
-def test_svg_escapes_its_description_and_keeps_its_own_marks() -> None:
-    figure = Figure()
-    figure.subplots().plot([0, 1], [0, 1])
-    text = svg(figure, 'a < b & "c"', "m")
-    assert 'aria-label="a &lt; b &amp; &quot;c&quot;"' in text
-    assert all(mark.startswith("m-") for mark in re.findall(r'\bid="([^"]+)"', text))
-    assert "<metadata>" not in text
-    assert svg(figure, "same", "m") == svg(figure, "same", "m")
-
-
-def test_pictures_are_embedded() -> None:
-    picture = np.zeros((4, 5, 3), dtype=np.uint8)
-    assert png(picture).startswith("data:image/png;base64,iVBOR")
-    assert photograph(picture).startswith("data:image/jpeg;base64,/9j/")
