@@ -51,7 +51,7 @@ def test_a_pointer_missing_or_in_two_places_is_an_error(words):
 
 
 def test_bindings_without_addresses_are_an_error():
-    with pytest.raises(TwinError, match="where its int lies"):
+    with pytest.raises(TwinError, match="address of its int"):
         pointer_offsets(3, ("ctrl",))
 
 
