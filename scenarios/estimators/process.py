@@ -24,6 +24,9 @@ FIRST_LOOK, LONGEST_LOOK = 0.02, 0.1
 MOST_PRINTED = 2**20
 """Bytes of a single line of output that are kept, and of unexpected output that is skipped."""
 
+MOST_LOGGED = 2**26
+"""Bytes of printed text that are kept: an endless loop that prints would fill the disk."""
+
 TAIL = 1200
 """Bytes of the end of its printed text that a reason may quote."""
 
@@ -129,6 +132,8 @@ class WatchedProcess:
                 end = "hang"
             elif not end and now >= look:
                 self._look()
+                if os.path.getsize(self._log) > MOST_LOGGED:
+                    os.truncate(self._log, 0)
                 peak = max(peak, self._memory(memory_bytes))
                 end = "memory" if peak > memory_bytes else ""
                 pause = min(1.5 * pause, LONGEST_LOOK)
