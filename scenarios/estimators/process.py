@@ -80,6 +80,8 @@ class WatchedProcess:
         self._log, self._buffer = log, bytearray()
         self._over: tuple[int, float] | None = None
         self._mark = secrets.token_hex(8)
+        log.write_bytes(b"")
+        # Appending, so that the file can be truncated while the process writes to it.
         with log.open("ab") as printed:
             self._popen = subprocess.Popen(
                 command,
@@ -114,8 +116,8 @@ class WatchedProcess:
             memory_bytes: Memory limit of the process with its descendants, bytes.
         """
         begun, used, peak = time.monotonic(), self._processor_seconds(), 0
-        os.truncate(self._log, 0)
         if request and self._popen.stdin is not None:
+            os.truncate(self._log, 0)
             self._skip_output()
             with contextlib.suppress(BrokenPipeError):
                 self._popen.stdin.write(request.encode() + b"\n")

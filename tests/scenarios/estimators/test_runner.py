@@ -243,6 +243,7 @@ def test_reasons_are_the_same_for_each_request(data: sysid.IOData, task: Task, s
     for _ in range(2):
         with EstimatorProcess(estimator, Limits(seconds=5.0)) as process:
             reasons |= {process.ask(data, task).why for _ in range(2)}
+    assert len(reasons) == 1, reasons
     (why,) = reasons
     expected = "x" * 280 + " {csv} {model}" if stays else "yyyyyyyyyy{csv} {model}.json xxx"
     assert expected in why and "hmtb-estimator" not in why
