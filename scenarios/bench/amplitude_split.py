@@ -1,7 +1,7 @@
 """Split over amplitude: an estimator's error on the arm as systematic error, noise and nonlinear distortion."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from typing import Any
 
 import numpy as np
@@ -293,11 +293,8 @@ def _split(
         "systematic": systematic.percent,
         "systematic_interval": list(systematic.interval),
         "systematic_limit": systematic.limit,
-        "noise": estimated.noise,
-        "noise_interval": list(estimated.noise_interval),
+        **asdict(estimated),
         "expected_noise": without.noise,
-        "distortion": estimated.distortion,
-        "distortion_interval": list(estimated.distortion_interval),
         "expected_distortion": without.distortion,
     }
 

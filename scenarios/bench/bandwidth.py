@@ -1,7 +1,7 @@
 """Bandwidth: the value recovered for each joint of the arm, beside the truth and the 1 Hz of the thesis."""
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import lru_cache
 from typing import Any
 
@@ -116,19 +116,10 @@ class Bandwidth(MetricDefinition):
         parts = tuple(map(_part, rows)) or (unjudged("all joints", "no record has a model"),)
         shown = _furthest(rows, parts)
         own = f"The number is that of {shown.label}: {shown.why}. " if rows else ""
-        return Metric(
-            name=self.name,
-            title=self.title,
-            unit=self.unit,
-            value=shown.value,
-            expected=shown.expected,
-            interval=shown.interval,
-            passed=None,
-            false_alarm=0.0,
-            why=f"{WHY}. {own}All joints together: {_share_near_1_hz(near, models)}",
-            parts=parts,
-            curves={"about_1_hz": list(ABOUT_1_HZ), "classes": rows, "near": near, "models": models},
-        )
+        why = f"{WHY}. {own}All joints together: {_share_near_1_hz(near, models)}"
+        curves = {"about_1_hz": list(ABOUT_1_HZ), "classes": rows, "near": near, "models": models}
+        metric = self.of_parts(parts, 0.0, why, curves)
+        return replace(metric, value=shown.value, expected=shown.expected, interval=shown.interval, why=why)
 
     def _row(self, name: str, group: Measurements) -> dict[str, Any]:
         truth = self._truths(name)

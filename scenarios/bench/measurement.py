@@ -9,11 +9,10 @@ import numpy as np
 from scipy.linalg import LinAlgError, LinAlgWarning, cho_factor, cho_solve
 
 from scenarios.estimators.claims import known_parameters, response_and_interval
-from scenarios.estimators.outcome import KINDS, MODEL, Answer, EstimatorOutcome, NoModelError
+from scenarios.estimators.outcome import MODEL, Answer, EstimatorOutcome, NoModelError
 from scenarios.estimators.task import Task
-from scenarios.files.errors import ScenarioError
 from scenarios.problems.problem import Bound, Periodic, Problem
-from scenarios.problems.trial import ASKS, Trial
+from scenarios.problems.trial import Trial
 from sysid import Estimate, IOData, StateSpace, SysidError, SysidWarning, resid
 from sysid.models.frequency_response import NORMAL_95
 from sysid.polynomial.orders import make_orders
@@ -24,7 +23,6 @@ CANCELS = 1e-9
 """States with a Hankel singular value below this part of the largest cancel."""
 
 NAN = float("nan")
-ARRAYS = ("response", "response_covariance", "bandwidth_hz", "bandwidth_ci95", "nonparametric")
 
 
 @dataclass(frozen=True, eq=False)
@@ -78,36 +76,9 @@ class Measurement(Locked):
 
     @classmethod
     def from_table(cls, table: Mapping[str, Any]) -> "Measurement":
-        """Read a table of `to_table`.
-
-        Raises:
-            ScenarioError: It is none.
-        """
-        try:
-            values = {name: _array(value) for name, value in table.items() if name != "trial"}
-            measurement = cls(trial=Trial(**table["trial"]), **values)
-            measurement._check()
-            return measurement
-        except (ValueError, TypeError, KeyError, AttributeError) as error:
-            raise ScenarioError(f"{str(table)[:80]!r} is no measured trial: {error}") from error
-
-    def _check(self) -> None:
-        """Check the types that metrics rely on: a damaged file may hold anything.
-
-        Raises:
-            ValueError: A value is of another type.
-        """
-        trial = self.trial
-        if not isinstance(trial.problem, str) or type(trial.draw) is not int or trial.ask not in ASKS:
-            raise ValueError(f"no trial: {trial}")
-        if self.kind not in KINDS or not isinstance(self.why, str):
-            raise ValueError(f"kind {self.kind!r}")
-        for name, value in vars(self).items():
-            if name in ("trial", "kind", "why"):
-                continue
-            valid = value is None or isinstance(value, np.ndarray) if name in ARRAYS else type(value) in (int, float)
-            if not valid:
-                raise ValueError(f"{name} of type {type(value).__name__}")
+        """Read a table of `to_table`."""
+        values = {name: _array(value) for name, value in table.items() if name != "trial"}
+        return cls(trial=Trial(**table["trial"]), **values)
 
 
 Measurements = Sequence[Measurement]

@@ -2,7 +2,7 @@
 
 from collections import Counter
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -103,22 +103,17 @@ class Reliability(MetricDefinition):
         if expected and kinds[UNSTABLE]:
             why.append(no_guarantee)
         reasons = Counter(f"{m.kind}: {m.why}" if m.why else m.kind for m in failed)
-        return Metric(
-            name=self.name,
-            title=self.title,
-            unit=self.unit,
+        curves = {
+            "reasons": dict(reasons.most_common(REASONS)),
+            "problems": dict(Counter(m.trial.problem for m in failed).most_common()),
+            "refused": refused,
+        }
+        return replace(
+            self.of_parts(parts, 0.0, "", curves),
             value=_percent(len(failed), total),
-            expected=0.0,
             interval=interval_of_percentage(len(failed), total),
             passed=not unexpected if total else None,
-            false_alarm=0.0,
             why="; ".join(why),
-            parts=parts,
-            curves={
-                "reasons": dict(reasons.most_common(REASONS)),
-                "problems": dict(Counter(m.trial.problem for m in failed).most_common()),
-                "refused": refused,
-            },
         )
 
 
@@ -168,11 +163,16 @@ class Speed(MetricDefinition):
         for m, multiple in sorted(zip(timed, multiples, strict=True), key=lambda pair: pair[0].trial.problem):
             by_problem.setdefault(m.trial.problem, []).append(multiple)
         parts = [_time_part(name, np.array(values)) for name, values in by_problem.items()] if enough else []
+        curves = {
+            "percentile_95": float(np.percentile(multiples, 95.0)) if enough else NAN,
+            "ruler_seconds": float(np.median([m.ruler_seconds for m in timed])) if enough else NAN,
+            "peak_bytes": memory,
+        }
         median = float(np.median(multiples)) if enough else NAN
         return Metric(
-            name=self.name,
-            title=self.title,
-            unit=self.unit,
+            self.name,
+            self.title,
+            self.unit,
             value=median,
             expected=NAN,
             interval=_interval_of_median(multiples) if enough else (NAN, NAN),
@@ -180,11 +180,7 @@ class Speed(MetricDefinition):
             false_alarm=0.0,
             why=why,
             parts=tuple(parts),
-            curves={
-                "percentile_95": float(np.percentile(multiples, 95.0)) if enough else NAN,
-                "ruler_seconds": float(np.median([m.ruler_seconds for m in timed])) if enough else NAN,
-                "peak_bytes": memory,
-            },
+            curves=curves,
         )
 
 

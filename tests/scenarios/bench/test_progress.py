@@ -71,18 +71,6 @@ def test_journals_of_other_seeds_and_estimators_stay_and_empty_ones_go(tmp_path:
     assert list(tmp_path.iterdir()) == [journal.path]
 
 
-@pytest.mark.parametrize(
-    "change",
-    [
-        *({"kind": "zork"}, {"kind": 5}, {"response": 1.0}, {"trial": {"problem": ["p1"], "draw": 7, "ask": "fit"}}),
-        *({"trial": {"problem": "p1", "draw": "7", "ask": "fit"}}, {"zork": 1}, {"order": None}),
-    ],
-)
-def test_damaged_measurements_are_refused(change: dict):
-    with pytest.raises(ScenarioError, match="is no measured trial"):
-        Measurement.from_table({**TRIALS[0].to_table(), **change})
-
-
 def test_names_become_names_of_files():
     assert file_name("our-oe_2.1+x") == "our-oe_2.1+x"
     names = ["our oe/2 (n=3)", "our-oe/2 (n=3)", "../..", "\u03b1", "\u03b2"]
