@@ -329,16 +329,16 @@ def _agreement_on(
     if truth is None or bound is None or null is None:
         return unjudged(name, "there is no Cramér-Rao bound to measure differences by"), NAN
     plausible = _plausible(name, truth, second)
-    asked = [m for m in own if m.trial in plausible]
-    if not asked:
+    common = [m for m in own if m.trial in plausible]
+    if not common:
         return unjudged(name, "the second implementation gave nothing to compare with"), NAN
     pairs = [
         (m.response, plausible[m.trial])
-        for m in asked
+        for m in common
         if m.kind == MODEL and m.response is not None and m.response.shape == truth.response.shape
     ]
-    if not enough(len(pairs), len(asked)):
-        why = f"{len(pairs)} of {len(asked)} records can be compared, at least {needed(len(asked))} are needed"
+    if not enough(len(pairs), len(common)):
+        why = f"{len(pairs)} of {len(common)} records can be compared, at least {needed(len(common))} are needed"
         return unjudged(name, why, len(pairs)), NAN
     difference = np.array([one - other for one, other in pairs])
     values = in_variances(difference, bound)

@@ -158,8 +158,8 @@ class Bias(MetricDefinition):
         """Test the mean error on each problem."""
         parts, curves = [], {}
         for name in PROBLEMS:
-            asked = [m for m in measurements if m.trial.problem == name and m.trial.ask == "fit"]
-            part, curves[name] = _bias_on(name, asked, estimator, false_alarm)
+            own = [m for m in measurements if m.trial.problem == name and m.trial.ask == "fit"]
+            part, curves[name] = _bias_on(name, own, estimator, false_alarm)
             parts.append(part)
         alone = [m for m in measurements if m.trial.problem == ALONE and m.trial.ask == "fit"]
         if alone:
@@ -174,13 +174,13 @@ class Bias(MetricDefinition):
         )
 
 
-def _bias_on(name: str, asked: Measurements, estimator: Estimator, false_alarm: float) -> tuple[Part, dict[str, Any]]:
+def _bias_on(name: str, own: Measurements, estimator: Estimator, false_alarm: float) -> tuple[Part, dict[str, Any]]:
     bound = bound_for(name, estimator.structure)
     if bound is None:
         return unjudged(name, "there is no Cramér-Rao bound, which gives the directions of the test"), {}
-    responses = _responses(asked, bound)
+    responses = _responses(own, bound)
     axes = directions(bound)
-    if too_few := _too_few(len(responses), max(fewest(axes), needed(len(asked))), len(asked)):
+    if too_few := _too_few(len(responses), max(fewest(axes), needed(len(own))), len(own)):
         return unjudged(name, too_few, len(responses)), {}
     errors = np.array(responses) - bound.response
     judged = mean_error(_flat(errors) @ axes, false_alarm, ALLOWED)
@@ -197,7 +197,7 @@ def _bias_on(name: str, asked: Measurements, estimator: Estimator, false_alarm: 
     return Part.judged(name, judged.size, 0.0, judged.interval, limits, theory, len(responses)), curve
 
 
-def _bias_alone(asked: Measurements, estimator: Estimator) -> Part:
+def _bias_alone(own: Measurements, estimator: Estimator) -> Part:
     """Bias of an estimate that is not given the other input, beside the bias that theory predicts."""
     alone = problem(ALONE)
     if not isinstance(alone, SharedAlone):
@@ -206,8 +206,8 @@ def _bias_alone(asked: Measurements, estimator: Estimator) -> Part:
     if bound is None:
         return unjudged(ALONE, "no bias is predicted")
     axes = directions(bound)
-    responses = _responses(asked, bound)
-    if too_few := _too_few(len(responses), fewest(axes), len(asked)):
+    responses = _responses(own, bound)
+    if too_few := _too_few(len(responses), fewest(axes), len(own)):
         return unjudged(ALONE, too_few, len(responses))
     errors = np.array(responses) - bound.response
     predicted = alone.expected_bias()
@@ -233,9 +233,9 @@ def _bias_alone(asked: Measurements, estimator: Estimator) -> Part:
     )
 
 
-def _responses(asked: Measurements, bound: Bound) -> list[ComplexArray]:
+def _responses(own: Measurements, bound: Bound) -> list[ComplexArray]:
     """Responses of the models that have the inputs and outputs of the bound."""
-    responses = [m.response for m in asked if m.kind == MODEL and m.response is not None]
+    responses = [m.response for m in own if m.kind == MODEL and m.response is not None]
     return [response for response in responses if response.shape == bound.response.shape]
 
 
@@ -248,9 +248,9 @@ def fewest(axes: FloatArray) -> int:
     return 2 * axes.shape[1] + 3
 
 
-def _too_few(count: int, least: int, asked: int) -> str:
+def _too_few(count: int, least: int, records: int) -> str:
     """Why there is no verdict; empty where there are enough records."""
-    return f"{count} of {asked} records gave a model: too few, at least {least} are needed" if count < least else ""
+    return f"{count} of {records} records gave a model: too few, at least {least} are needed" if count < least else ""
 
 
 def _flat(errors: ComplexArray) -> FloatArray:

@@ -111,8 +111,8 @@ def remaining_jobs(wanted: Sequence[Iterable[Trial]], done: Sequence[Collection[
             if trial.key not in keys:
                 requests.setdefault((trial.draw, trial.problem), []).append((trial.ask, number))
     return tuple(
-        RecordJob(problem, draw, tuple(sorted(asked, key=lambda one: (ASKS.index(one[0]), one[1]))))
-        for (draw, problem), asked in sorted(requests.items())
+        RecordJob(problem, draw, tuple(sorted(pairs, key=lambda one: (ASKS.index(one[0]), one[1]))))
+        for (draw, problem), pairs in sorted(requests.items())
     )
 
 
@@ -232,31 +232,31 @@ class Runner:
 
             use_folder(self._setup.records)
         problem = find_problem(job.problem)
-        # the first to be asked finds caches as the record left them: another one at every draw
+        # the first estimator finds caches as the record left them: another one at every draw
         first = job.draw % max(1, len(job.requests))
-        asked = [
+        requests = [
             (number, Trial(job.problem, job.draw, ask), task)
             for ask, number in job.requests[first:] + job.requests[:first]
             if (task := problem.task(self._setup.estimators[number].structure, ask)) is not None
         ]
-        if not asked:
+        if not requests:
             return
-        for number, _, _ in asked:
+        for number, _, _ in requests:
             # outside the time of any trial, because it is done once for many of them
             self._prepare(number, problem)
         begun = perf_counter()
-        seed = asked[0][1].seed(self._setup.seed)
+        seed = requests[0][1].seed(self._setup.seed)
         record = problem.draw(seed)
         ruler = Ruler(record)
         ruler.measure()
-        shared = (perf_counter() - begun) / len(asked)
+        shared = (perf_counter() - begun) / len(requests)
         outcomes: list[tuple[EstimatorOutcome, float]] = []
-        for number, trial, task in asked:
+        for number, trial, task in requests:
             begun = perf_counter()
             seeded = replace(task, seed=task_seed(self._setup.seed, trial.key))
             outcomes.append((self._ask(number, problem, seeded, record, seed), perf_counter() - begun))
         ruler.measure()
-        for (number, trial, task), (outcome, wall) in zip(asked, outcomes, strict=True):
+        for (number, trial, task), (outcome, wall) in zip(requests, outcomes, strict=True):
             begun = perf_counter()
             bound = self._bounds[problem.name, self._setup.estimators[number].structure]
             measurement = measure(problem, trial, task, bound, record, outcome, ruler_seconds=ruler.seconds)

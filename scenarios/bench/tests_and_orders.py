@@ -201,14 +201,14 @@ def _theory_of_independence(estimator: Estimator, name: str, known: Measurements
 
 def _known(own: Measurements, ask: str, usable: Callable[[Measurement], bool]) -> tuple[list[Measurement], str]:
     """Usable measurements; none where there are too few, with the reason."""
-    asked = [m for m in own if m.trial.ask == ask]
-    if not asked:
+    requests = [m for m in own if m.trial.ask == ask]
+    if not requests:
         return [], "not asked"
-    if all(m.kind == REFUSED for m in asked):
-        return [], asked[0].why or "refused"
-    known = [m for m in asked if m.kind == MODEL and usable(m)]
-    if 2 * len(known) < len(asked):
-        return [], f"{len(known)} of {len(asked)} records have a result: too few"
+    if all(m.kind == REFUSED for m in requests):
+        return [], requests[0].why or "refused"
+    known = [m for m in requests if m.kind == MODEL and usable(m)]
+    if 2 * len(known) < len(requests):
+        return [], f"{len(known)} of {len(requests)} records have a result: too few"
     return known, ""
 
 

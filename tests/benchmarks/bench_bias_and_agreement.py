@@ -101,9 +101,9 @@ def residual_tests(rng: np.random.Generator) -> list[Measurement]:
     return out
 
 
-def answers(maker: Agreement | Bias, fault: Fault, rng: np.random.Generator) -> list[Measurement]:
+def answers(definition: Agreement | Bias, fault: Fault, rng: np.random.Generator) -> list[Measurement]:
     """On problems with a bound."""
-    trials: Sequence[Trial] = [trial for trial in maker.trials("quick") if trial.problem != ALONE]
+    trials: Sequence[Trial] = [trial for trial in definition.trials("quick") if trial.problem != ALONE]
     return simulated(trials, fault, rng)
 
 
@@ -126,10 +126,10 @@ def whole_figures(runs: int) -> int:
             "agreement, independent": Agreement().evaluate(own, CONTESTANT, share, theirs),
             "agreement, opposite": Agreement().evaluate(own, CONTESTANT, share, [mirrored(m) for m in own]),
         }
-        for name, figure in figures.items():
-            failed[name] += figure.passed is not True
+        for name, metric in figures.items():
+            failed[name] += metric.passed is not True
     allowed = runs * share * max(2 * len(PROBLEMS), Agreement().verdicts, Bias().verdicts())
-    print(f"| figure, {runs} runs | failed | allowed at most |\n|---|---:|---:|")
+    print(f"| metric, {runs} runs | failed | allowed at most |\n|---|---:|---:|")
     for name, count in failed.items():
         print(f"| {name} | {count} | {allowed:.2g} |")
     return sum(count > allowed + 4.0 * np.sqrt(allowed) + 1.0 for count in failed.values())

@@ -5,7 +5,7 @@
 Three tables. Of each statistic and problem, how often the mean over 100 records of a perfect estimator lies outside of
 limits without slack, for three asked probabilities; a rate above the asked one by a tenth of it and four standard
 errors fails. Of whole figures with their slack, how often a perfect estimator fails at the probability of a real run,
-over RUNS runs (2000) of the quick effort. Of each known fault, the share of RUNS / 40 runs that each figure fails.
+over RUNS runs (2000) of the quick effort. Of each known fault, the share of RUNS / 40 runs that each metric fails.
 """
 
 import sys
@@ -45,7 +45,7 @@ Thing = TypeVar("Thing")
 ASKED = (1e-2, 1e-3, 1e-4)
 SETS = 20_000
 SEED = 77
-MAKERS: tuple[MetricDefinition, ...] = (
+METRICS: tuple[MetricDefinition, ...] = (
     NoiseFreeRecovery(),
     Consistency(),
     Efficiency(),
@@ -153,21 +153,21 @@ def worst_frequencies(name: str) -> list[tuple[float, float, int]]:
 
 
 def verdicts(fault: str, rng: np.random.Generator) -> dict[str, tuple[bool | None, float]]:
-    """Verdict and false-alarm probability of each figure, by the quick effort."""
+    """Verdict and false-alarm probability of each metric, by the quick effort."""
     out = {}
     accuracy = simulated(Efficiency().trials("quick"), FAULTS[fault], rng)
-    for maker in MAKERS:
-        shared = maker.trials("quick") == Efficiency().trials("quick")
-        measured = accuracy if shared else simulated(maker.trials("quick"), FAULTS[fault], rng)
-        figure = maker.evaluate(measured, Estimator("simulated", "bench:perfect"), false_alarm_of_each(), ())
-        out[maker.name] = (figure.passed, figure.false_alarm)
+    for definition in METRICS:
+        shared = definition.trials("quick") == Efficiency().trials("quick")
+        measured = accuracy if shared else simulated(definition.trials("quick"), FAULTS[fault], rng)
+        metric = definition.evaluate(measured, Estimator("simulated", "bench:perfect"), false_alarm_of_each(), ())
+        out[definition.name] = (metric.passed, metric.false_alarm)
     return out
 
 
 def whole_runs(runs: int) -> int:
     """Failures of a perfect estimator in whole runs."""
     rng = np.random.default_rng(SEED)
-    failed = dict.fromkeys((maker.name for maker in MAKERS), 0)
+    failed = dict.fromkeys((definition.name for definition in METRICS), 0)
     allowed = dict.fromkeys(failed, 0.0)
     any_failed = 0
     for _ in range(runs):
@@ -176,7 +176,7 @@ def whole_runs(runs: int) -> int:
             failed[name] += passed is False
             allowed[name] = false_alarm
         any_failed += any(passed is False for passed, _ in given.values())
-    print(f"| figure | failed of {runs} | allowed |\n|---|---:|---:|")
+    print(f"| metric | failed of {runs} | allowed |\n|---|---:|---:|")
     for name, count in failed.items():
         print(f"| {name} | {count} | {allowed[name] * runs:.2g} |")
     print(f"| any | {any_failed} | {sum(allowed.values()) * runs:.2g} |")
@@ -185,9 +185,9 @@ def whole_runs(runs: int) -> int:
 
 
 def faults(runs: int) -> int:
-    """Share of the runs that each figure fails, fault by fault; those that should be found are in bold."""
+    """Share of the runs that each metric fails, fault by fault; those that should be found are in bold."""
     rng = np.random.default_rng(SEED)
-    names = [maker.name for maker in MAKERS]
+    names = [definition.name for definition in METRICS]
     print(f"| fault, {runs} runs | " + " | ".join(names) + " |\n|---|" + "---:|" * len(names))
     wrong = 0
     for fault, found_by in FOUND_BY.items():

@@ -3,7 +3,7 @@
     python tests/benchmarks/bench_perfect.py [RUNS] [--first SEED] [--out FOLDER]
 
 Each run is `hmtb verify perfect --quick` with its own seed: records, the arm's too, are drawn anew. It prints a line
-per run that fails anything, how many runs failed with the exact 95 % interval of their share, and per figure how near
+per run that fails anything, how many runs failed with the exact 95 % interval of their share, and per metric how near
 to their limits the values came. More than one run in a hundred that fails is a fault. What is done is kept in FOLDER,
 and the same command goes on from there.
 """
@@ -55,8 +55,8 @@ def _measure(runs: int, first: int, out: Path, workers: int | None) -> int:
         plan = BenchPlan((perfect,), effort="quick", seed=seed, referee=referee)
         (result,) = verify(plan, folder, LocalProcesses(workers))
         shutil.rmtree(folder / RECORDS, ignore_errors=True)  # 105 records of the arm
-        for name, figure in result.figures.items():
-            for part in figure.parts:
+        for name, metric in result.figures.items():
+            for part in metric.parts:
                 nearest[name] = max(nearest.get(name, 0.0), used(part) if part.passed is not None else 0.0)
                 if part.passed is False:
                     print(f"seed {seed}: {name}, {part.label}: {number(part.value)} (passes: {limits(part.limits)})")
@@ -64,7 +64,7 @@ def _measure(runs: int, first: int, out: Path, workers: int | None) -> int:
         sys.stdout.flush()
     interval = binomtest(failed, runs).proportion_ci(0.95)
     print(f"failed: {failed} of {runs} runs, 95 % interval of the share {interval.low:.3g} to {interval.high:.3g}\n")
-    print("| figure | nearest to a limit, share of the way |\n|---|---:|")
+    print("| metric | nearest to a limit, share of the way |\n|---|---:|")
     for name, share in nearest.items():
         print(f"| {name} | {share:.2f} |")
     return 1 if failed > MOST * runs else 0

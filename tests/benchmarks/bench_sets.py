@@ -67,7 +67,7 @@ def results(asked: Sequence[Asked], out: Path | None, workers: int | None) -> di
 
 def of_verdict(result: Result, wanted: Verdict) -> dict[str, Metric]:
     """Figures with a verdict, by name."""
-    return {name: figure for name, figure in result.figures.items() if verdict(figure) is wanted}
+    return {name: metric for name, metric in result.figures.items() if verdict(metric) is wanted}
 
 
 def row(name: str, found: Collection[str], reasons: Mapping[str, str]) -> tuple[str, bool]:

@@ -2,7 +2,7 @@
 
     python tests/benchmarks/bench_theory.py [NAME ...] [--out FOLDER] [--workers N]
 
-Each goes through the quick bench. It must fail no figure that theory expects it to pass; the figures that it fails as
+Each goes through the quick bench. It must fail no metric that theory expects it to pass; the figures that it fails as
 theory says are compared with the table below, the exact set, and their reasons are printed. Theory speaks of the limit
 of long records: the table has what shows on those of the quick bench. What is done is kept in FOLDER, and the same
 command goes on from there.
@@ -51,7 +51,7 @@ def main() -> int:
         print(f"{text} {surprises} |")
     print()
     for name, result in found.items():
-        parts = [part for figure in result.figures.values() for part in figure.parts]
+        parts = [part for metric in result.figures.values() for part in metric.parts]
         for why in dict.fromkeys(part.why for part in parts if part.passed is False and not part.theory):
             print(f"- {name}: {why}")
     return 1 if wrong else 0

@@ -1,11 +1,11 @@
-"""Bias is told from scatter, however large that is."""
+"""The test of mean errors, and bias on problems in closed loop."""
 
 from dataclasses import replace
 
 import numpy as np
 import pytest
 
-from scenarios.bench.bias import ALONE, PROBLEMS, Bias, directions
+from scenarios.bench.bias import ALONE, PROBLEMS, Bias, directions, mean_error, significance
 from scenarios.bench.measurement import Measurement
 from scenarios.bench.metric import Metric
 from scenarios.bench.statistics import bound_for
@@ -15,10 +15,12 @@ from scenarios.problems.registry import problem
 from tests.benchmarks.simulated_estimators import Fault, simulated
 
 ANYONE = Estimator("simulated", "bench:perfect")
+
+
 SHARE = 1e-4
 
 
-def figure(fault: Fault, seed: int = 0, contestant: Estimator = ANYONE) -> Metric:
+def metric(fault: Fault, seed: int = 0, contestant: Estimator = ANYONE) -> Metric:
     trials = [trial for trial in Bias().trials("quick") if trial.problem != ALONE]
     measured = simulated(trials, fault, np.random.default_rng(seed))
     return Bias().evaluate(measured, contestant, SHARE, ())
@@ -26,7 +28,7 @@ def figure(fault: Fault, seed: int = 0, contestant: Estimator = ANYONE) -> Metri
 
 @pytest.mark.parametrize("variance", [0.5, 1.0, 1.5, 100.0])
 def test_scatter_is_no_bias(variance: float) -> None:
-    found = figure(Fault(variance=variance))
+    found = metric(Fault(variance=variance))
     assert found.passed
     assert found.value < found.parts[0].limits[1] < 1.1
     assert found.false_alarm == pytest.approx(SHARE * len(PROBLEMS))
@@ -34,7 +36,7 @@ def test_scatter_is_no_bias(variance: float) -> None:
 
 @pytest.mark.parametrize("fault", [Fault(delay=1), Fault(gain=1.1), Fault(gain=1.1, variance=2.0)])
 def test_bias_is_found(fault: Fault) -> None:
-    found = figure(fault)
+    found = metric(fault)
     assert found.passed is False
     assert found.interval[0] > 0.5
     assert "%" in found.why
@@ -42,7 +44,7 @@ def test_bias_is_found(fault: Fault) -> None:
 
 def test_what_theory_expects_to_fail_fails_and_is_no_surprise() -> None:
     oe = Estimator("late", "bench:perfect", structure="oe", method="pem")
-    found = figure(Fault(delay=1), contestant=oe)
+    found = metric(Fault(delay=1), contestant=oe)
     expected = {part.label: part.theory for part in found.parts}
     assert expected == {"feedback": False, "feedback-arx": False, "shared": True}
     assert found.passed is False
@@ -75,7 +77,7 @@ def simulated_all() -> list[Measurement]:
 
 
 def test_a_few_failures_do_not_matter() -> None:
-    assert figure(Fault(failing=0.1)).passed
+    assert metric(Fault(failing=0.1)).passed
 
 
 def test_what_one_input_alone_shows_is_told_beside_what_it_must_show() -> None:
@@ -104,3 +106,54 @@ def test_directions_have_unit_variance() -> None:
         flat = bound.response_directions.reshape(len(bound.response_directions), -1)
         axes = flat @ directions(bound)
         assert axes.T @ axes == pytest.approx(np.eye(4), abs=1e-9)
+
+
+RUNS = 200
+
+
+def sizes(records: int, directions: int, shift: float, allowed: float, seed: int) -> tuple[float, float]:
+    rng = np.random.default_rng(seed)
+    mixing = rng.standard_normal((directions, directions)) + 3.0 * np.eye(directions)
+    beyond = inside = 0
+    for _ in range(RUNS):
+        errors = rng.standard_normal((records, directions))
+        errors[:, 0] += shift
+        found = mean_error(errors @ mixing, 0.05, allowed)
+        beyond += found.size > found.limit
+        inside += found.interval[0] <= shift <= found.interval[1]
+    return beyond / RUNS, inside / RUNS
+
+
+@pytest.mark.parametrize(("records", "directions", "shift"), [(40, 4, 0.0), (15, 2, 0.0), (40, 3, 0.5)])
+def test_a_mean_as_large_as_allowed_is_beyond_the_limit_as_often_as_asked(
+    records: int, directions: int, shift: float
+) -> None:
+    beyond, inside = sizes(records, directions, shift, shift, 7)
+    assert beyond == pytest.approx(0.05, abs=0.046)
+    assert inside >= 0.904
+
+
+@pytest.mark.parametrize(("shift", "least", "most"), [(1.2, 0.99, 1.0), (0.2, 0.0, 0.1), (0.0, 0.0, 0.05)])
+def test_what_is_larger_is_found_and_what_is_smaller_is_not(shift: float, least: float, most: float) -> None:
+    rng = np.random.default_rng(8)
+    given = [rng.standard_normal((40, 4)) + np.array([shift, 0.0, 0.0, 0.0]) for _ in range(RUNS)]
+    assert least <= np.mean([significance(errors, 0.2) < 0.05 for errors in given]) <= most
+
+
+def test_the_size_is_that_of_the_mean() -> None:
+    rng = np.random.default_rng(3)
+    errors = rng.standard_normal((4000, 3)) * (1.0, 10.0, 0.1) + (2.0, 0.0, 0.0)
+    found = mean_error(errors, 1e-4)
+    assert found.size == pytest.approx(2.0, abs=0.1)
+    assert found.interval[0] < 2.0 < found.interval[1]
+    assert found.p < 1e-100
+    assert found.p == significance(errors)
+
+
+def test_errors_without_scatter() -> None:
+    assert mean_error(np.zeros((10, 2)), 1e-3).size == 0.0
+    assert mean_error(np.full((10, 2), 3.0), 1e-3).size == np.inf
+    mixed = np.column_stack((np.full(10, 3.0), np.arange(10.0) - 4.5))
+    assert mean_error(mixed, 1e-3).size == np.inf
+    unused = np.column_stack((np.zeros(10), np.arange(10.0) - 4.5))
+    assert mean_error(unused, 1e-3).size == 0.0

@@ -19,23 +19,23 @@ from tests.scenarios.bench.few import Here
 
 @dataclass(frozen=True)
 class Some:
-    maker: MetricDefinition
+    definition: MetricDefinition
     problems: tuple[str, ...]
     records: int
 
     @property
     def name(self) -> str:
-        return self.maker.name
+        return self.definition.name
 
     @property
     def title(self) -> str:
-        return self.maker.title
+        return self.definition.title
 
     def trials(self, effort: str) -> tuple[Trial, ...]:
-        return tuple(t for t in self.maker.trials(effort) if t.problem in self.problems and t.draw < self.records)
+        return tuple(t for t in self.definition.trials(effort) if t.problem in self.problems and t.draw < self.records)
 
     def verdicts(self) -> int:
-        return self.maker.verdicts
+        return self.definition.verdicts
 
     def evaluate(
         self,
@@ -44,7 +44,7 @@ class Some:
         false_alarm: float,
         referee: Sequence[Measurement],
     ) -> Metric:
-        return self.maker.evaluate(measured, contestant, false_alarm, referee)
+        return self.definition.evaluate(measured, contestant, false_alarm, referee)
 
 
 def test_each_is_caught_by_the_figures_that_should_and_by_no_other(tmp_path: Path) -> None:
@@ -53,13 +53,13 @@ def test_each_is_caught_by_the_figures_that_should_and_by_no_other(tmp_path: Pat
     names = ("delayed", "overconfident")
     plan = BenchPlan(tuple(FAULTY[name] for name in names), effort="quick", figures=figures)
     for result in verify(plan, tmp_path, Here()):
-        found = {name for name, figure in result.figures.items() if figure.passed is False}
-        assert found == set(PLANTED_FAULTS[result.contestant.name]) & {maker.name for maker in figures}
-        assert None not in {figure.passed for figure in result.figures.values()}
+        found = {name for name, metric in result.figures.items() if metric.passed is False}
+        assert found == set(PLANTED_FAULTS[result.contestant.name]) & {definition.name for definition in figures}
+        assert None not in {metric.passed for metric in result.figures.values()}
 
 
 def test_every_fault_has_its_figures() -> None:
     assert set(PLANTED_FAULTS) == set(FAULTY)
     reasons = [reason for found in PLANTED_FAULTS.values() for reason in found.items()]
-    assert {name for name, _ in reasons} <= {maker.name for maker in ALL_METRICS}
+    assert {name for name, _ in reasons} <= {definition.name for definition in ALL_METRICS}
     assert all(why for _, why in reasons)

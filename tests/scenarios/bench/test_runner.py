@@ -1,23 +1,34 @@
-"""Jobs on the workers of an executor give the measurements of this process, wherever an estimator's file lies."""
+"""Jobs on the workers of an executor give the measurements of this process; the perfect estimator."""
 
 import json
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
 import pytest
+from scipy.stats import chi2, kstest
 
 from scenarios.bench.estimator_files import EstimatorFiles
-from scenarios.bench.runner import BenchSetup, Runner, TrialResult, interleaved, remaining_jobs, run_jobs
+from scenarios.bench.runner import BenchSetup, Runner, TrialResult, interleaved, perfect, remaining_jobs, run_jobs
+from scenarios.estimators.claims import parameters
 from scenarios.estimators.estimator import Estimator, Limits
+from scenarios.estimators.outcome import MODEL
 from scenarios.files.errors import ScenarioError
 from scenarios.jobs.cluster import Cluster
 from scenarios.jobs.executor import LocalProcesses
+from scenarios.problems.embedding import layout
+from scenarios.problems.registry import problem
 from scenarios.problems.trial import Trial
+from sysid import armax
 from tests.scenarios.bench.few import PERFECT
 
 distributed = pytest.importorskip("distributed")
+
+
 TRIALS = tuple(Trial(name, draw) for name in ("p1@300", "p3@300") for draw in range(6))
+
+
 MODULE = """
 import sysid
 
@@ -82,3 +93,64 @@ def test_families_of_problems_take_turns():
     trials = [Trial("quiet-1-1", k) for k in range(4)] + [Trial("p2", 0), Trial("p2@300", 1)]
     jobs = interleaved(remaining_jobs([trials], [{Trial("quiet-1-1", 3).key}]))
     assert [job.problem for job in jobs] == ["quiet-1-1", "p2", "quiet-1-1", "p2@300", "quiet-1-1"]
+
+
+DRAWS = 200
+
+
+@pytest.mark.parametrize("name", ["p3", "feedback", "p4@500"])
+def test_error_is_that_of_the_bound(name: str) -> None:
+    found = problem(name)
+    bound, task = found.bound(None), found.task(None)
+    assert bound is not None and task is not None
+    errors = np.array([found.efficient(task.structure, seed) for seed in range(DRAWS)]) - bound.parameters
+    sizes = np.einsum("np,pq,nq->n", errors, np.linalg.inv(bound.covariance), errors)
+    assert kstest(sizes, chi2(len(bound.parameters)).cdf).pvalue > 1e-3
+    for seed in range(3):
+        outcome = perfect(found, task, seed)
+        assert outcome.kind == MODEL and outcome.answer is not None
+        answer = outcome.answer
+        assert answer.polynomials is not None and answer.bandwidth_ci95 is not None
+        moved = parameters(answer.polynomials, layout(task.structure, task.orders))
+        assert moved == pytest.approx(bound.parameters + errors[seed], abs=1e-14)
+        assert np.array_equal(answer.covariance, bound.covariance)
+        low, high = answer.bandwidth_ci95
+        assert np.sqrt(low * high) == pytest.approx(answer.model.bandwidth())
+        assert np.log(high / low) / 2.0 / 1.96 == pytest.approx(bound.bandwidth_deviation, rel=1e-3)
+
+
+def test_error_belongs_to_the_record() -> None:
+    found = problem("p3")
+    bound, task = found.bound(None), found.task(None)
+    assert bound is not None and task is not None
+    deviation = np.sqrt(np.diag(bound.covariance))
+    for seed in range(3):
+        real = armax(found.draw(seed), **task.orders).parameters
+        assert np.abs(real - found.efficient("armax", seed)).max() < 0.5 * deviation.max()
+        assert np.linalg.norm((real - found.efficient("armax", seed)) / deviation) < 1.0
+
+
+def test_without_noise_it_is_the_truth() -> None:
+    found = problem("quiet-4-2")
+    task = found.task("armax")
+    assert task is not None
+    outcome = perfect(found, task, 0)
+    assert outcome.answer is not None and outcome.answer.model is found.truth
+
+
+@pytest.mark.parametrize(("structure", "order"), [("armax", 1), ("bj", 1), ("oe", 1), ("arx", 1), ("ss", 1)])
+def test_orders_too_low(structure: str, order: int) -> None:
+    found = problem("p3")
+    task = found.task(structure, "underfit")
+    assert task is not None
+    answer = perfect(found, task, 1).answer
+    assert answer is not None and answer.covariance is None
+    assert answer.model.input_path().minimal(1e-6).order == order
+
+
+def test_orders_of_its_own_choice() -> None:
+    found = problem("p3")
+    task = found.task(None, "select")
+    assert task is not None
+    answer = perfect(found, task, 1).answer
+    assert answer is not None and answer.model.input_path().minimal(1e-6).order == 2

@@ -32,7 +32,7 @@ def measured(trial: Trial, rng: np.random.Generator, structure: str | None = Non
     return Measurement(trial, "model", order=order_of(task), whiteness_p=white, independence_p=independent)
 
 
-def figure(change: Callable[[Measurement], Measurement] = lambda m: m, contestant: Estimator = ANYONE) -> Metric:
+def metric(change: Callable[[Measurement], Measurement] = lambda m: m, contestant: Estimator = ANYONE) -> Metric:
     rng = np.random.default_rng(2)
     trials = MAKER.trials("quick")
     return MAKER.evaluate([change(measured(t, rng, contestant.structure)) for t in trials], contestant, SHARE, ())
@@ -43,7 +43,7 @@ def failing(found: Metric) -> set[str]:
 
 
 def test_right_orders_pass() -> None:
-    found = figure()
+    found = metric()
     assert found.passed
     assert len(found.parts) == 3 * len(PROBLEMS) + len(SELECTED)
     assert all(part.passed for part in found.parts)
@@ -61,7 +61,7 @@ def test_residuals_that_are_rejected_too_often(name: str, labels: set[str]) -> N
     def change(m: Measurement) -> Measurement:
         return replace(m, **{name: 1e-6}) if m.trial.ask == "fit" and m.trial.draw % 2 else m  # type: ignore[arg-type]
 
-    found = figure(change)
+    found = metric(change)
     assert failing(found) == labels
     assert found.passed is False
     assert found.value == 50.0
@@ -72,11 +72,11 @@ def test_orders_that_are_not_obeyed() -> None:
     def change(m: Measurement) -> Measurement:
         return replace(m, whiteness_p=0.5, independence_p=0.5) if m.trial.ask == "underfit" else m
 
-    assert failing(figure(change)) == {f"orders too low on {name}" for name in PROBLEMS}
+    assert failing(metric(change)) == {f"orders too low on {name}" for name in PROBLEMS}
 
 
 def test_orders_that_are_chosen_wrongly() -> None:
-    found = figure(lambda m: replace(m, order=m.order + (m.trial.ask == "select")))
+    found = metric(lambda m: replace(m, order=m.order + (m.trial.ask == "select")))
     assert failing(found) == {f"choice on {name}" for name in SELECTED}
 
 
@@ -85,19 +85,19 @@ def test_what_is_refused_has_no_verdict() -> None:
     def change(m: Measurement) -> Measurement:
         return Measurement(m.trial, "refused", "it does not choose") if m.trial.ask != "fit" else m
 
-    found = figure(change)
+    found = metric(change)
     assert found.passed
     assert {part.why for part in found.parts if part.passed is None} == {"it does not choose"}
 
 
 def test_nothing_but_failures() -> None:
-    assert figure(lambda m: Measurement(m.trial, "hang")).passed is None
+    assert metric(lambda m: Measurement(m.trial, "hang")).passed is None
     assert MAKER.evaluate([], ANYONE, SHARE, ()).passed is None
 
 
 def test_a_model_without_disturbance_is_tested_by_independence_alone() -> None:
     era = Estimator("era", "bench:perfect", structure="ss")
-    found = figure(lambda m: replace(m, whiteness_p=float("nan")), era)
+    found = metric(lambda m: replace(m, whiteness_p=float("nan")), era)
     verdicts = {part.label: part.passed for part in found.parts}
     assert verdicts["whiteness on p3"] is None
     assert verdicts["orders too low on p3"] is True
@@ -110,7 +110,7 @@ def test_what_is_not_efficient_need_not_leave_white_residuals() -> None:
         Estimator("n4sid", "bench:perfect", structure="ss", method="subspace"),
         Estimator("oe", "bench:perfect", structure="oe", method="pem"),
     ):
-        found = figure(lambda m: replace(m, whiteness_p=1e-9) if m.trial.problem == "p4" else m, contestant)
+        found = metric(lambda m: replace(m, whiteness_p=1e-9) if m.trial.problem == "p4" else m, contestant)
         assert "whiteness on p4" in failing(found)
         assert found.passed is not False
         assert "Ljung1999" in found.why or "VanOverschee1996" in found.why
@@ -127,7 +127,7 @@ def test_output_error_is_independent_of_past_inputs_if_its_error_is_small(size: 
     def change(m: Measurement) -> Measurement:
         return replace(m, independence_p=1e-9, response=response) if m.trial.problem == "p4" else m
 
-    found = figure(change, oe)
+    found = metric(change, oe)
     assert "independence on p4" in failing(found)
     assert (found.passed is False) is fails
 
