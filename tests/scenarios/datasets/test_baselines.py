@@ -1,6 +1,7 @@
-"""Floors and baselines: the right model reaches the floor, none goes below, and every row is made again."""
+"""Baselines and attainable scores: the right model reaches the best score, none goes below, every row repeats."""
 
 import csv
+import io
 import json
 import shutil
 from dataclasses import replace
@@ -12,14 +13,14 @@ import pytest
 from hmtb_twin.control.modes import joint_index
 from hmtb_twin.truth.linearization import simulated
 from scenarios.commands.cli import main
-from scenarios.datasets.baselines import BaselineData, BaselineStage, baseline, differences, read_table, report, table
+from scenarios.datasets.attainable_scores import TABLE, AttainableStage
+from scenarios.datasets.baselines import BaselineData, baseline, differences, read_table, report, table
 from scenarios.datasets.build import build
 from scenarios.datasets.data_set import DataRecord, DataSet, open_data_set
-from scenarios.datasets.experiment_file import stored_log
-from scenarios.datasets.plan import ATTAINABLE, BASELINES, DataSetPlan, attainable_file
+from scenarios.datasets.plan import ATTAINABLE, BASELINES, DataSetPlan
 from scenarios.datasets.score import score, score_model
 from scenarios.datasets.spec import DataSetSpec
-from scenarios.datasets.spec_tables import BaselineSpec, Method
+from scenarios.datasets.spec_tables import BaselineSpec, Method, Scoring
 from scenarios.experiments.logged_arm import experiment_arm
 from scenarios.files.errors import ScenarioError
 from sysid import IOData
@@ -121,17 +122,6 @@ def test_no_baseline_goes_below_a_floor(small: DataSet, floors: dict[str, dict[s
                 assert float(value) >= 0.999 * float(stated["best_linear"]), f"{path.stem} on {experiment}"
 
 
-def test_floors_tell_of_what_they_rest_on(small: DataSet, floors: dict[str, dict[str, str]]) -> None:
-    for name, stated in floors.items():
-        whole = json.loads((small.folder / attainable_file(name)).read_text())["joints"]["elbow_pitch"]
-        assert stated["unit"] == "mrad"
-        assert int(stated["samples"]) == whole["samples"] == 1400
-        assert 1000.0 * whole["simulation"]["any_model"]["rmse"] == pytest.approx(float(stated["attainable"]), rel=1e-9)
-        assert 1000.0 * whole["by_chance"]["simulation"]["any_model"] == pytest.approx(
-            float(stated["attainable_by_chance"]), rel=1e-9
-        )
-
-
 def test_every_row_is_made_again_by_its_command(small: DataSet, monkeypatch: pytest.MonkeyPatch) -> None:
     rows = read_table(small.folder / BASELINES)
     assert [one["method"] for one in rows] == [method.name for method in small.spec.baselines.methods]
@@ -190,18 +180,6 @@ def test_methods_are_understood_strictly() -> None:
         BaselineSpec(models=("oe:2/2", "oe:2/2/1"))
 
 
-def test_a_log_comes_back_from_its_files(small: DataSet, tmp_path: Path) -> None:
-    entry = next(entry for entry in DataSetPlan(small.spec) if entry.name == "noise-lugre")
-    log, record = stored_log(small.folder, entry), small.record("noise-lugre")
-    np.testing.assert_array_equal(log.iodata().y[:, 0], record.y)
-    np.testing.assert_array_equal(
-        log.commanded[:, joint_index("shoulder_yaw")][0],
-        experiment_arm(entry.experiment).pose(entry.experiment.pose)[1],
-    )
-    assert np.abs(log.true_angles[1:-1, 3] - log.measured[2:, 3]).max() < 1e-3
-    assert log.provenance["pose"] == entry.experiment.pose
-
-
 def test_scores_of_the_command_are_those_of_the_function(
     small: DataSet, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -218,6 +196,12 @@ def test_scores_of_the_command_are_those_of_the_function(
     assert main(["dataset", "score", str(tmp_path / "none"), "--data", str(small.folder)]) == 2
 
 
-def test_a_spec_that_asks_for_no_baselines_gets_no_table(tiny_spec: DataSetSpec):
-    assert tuple(BaselineStage().pieces(DataSetPlan(tiny_spec)))
-    assert tuple(BaselineStage().pieces(DataSetPlan(replace(tiny_spec, baselines=BaselineSpec(models=()))))) == ()
+@pytest.mark.parametrize(("noise", "steps", "warns"), [(0.001, 1, True), (0.001, 0, False), (0.0, 1, False)])
+def test_a_bound_that_no_model_reaches_says_so(
+    tiny: Path, tiny_spec: DataSetSpec, noise: float, steps: int, warns: bool
+) -> None:
+    records = tuple(replace(block, process_noises=(noise,)) for block in tiny_spec.records)
+    plan = DataSetPlan(replace(tiny_spec, records=records, scoring=Scoring(steps=steps)))
+    (table,) = AttainableStage().make(plan, tiny, TABLE).values()
+    (row,) = csv.DictReader(io.StringIO(table.decode()))
+    assert ("no model does" in row["note"]) is warns

@@ -101,6 +101,8 @@ def test_the_file_is_the_approximation_and_lies_about_the_truth(tmp_path: Path) 
 
 
 def test_a_binary_sequence_is_matched_in_strength_and_band() -> None:
+    with pytest.raises(ScenarioError, match="excites shoulder_yaw, elbow_pitch at once"):
+        best_linear_contents(SPEC, DataSetPlan(SPEC)[-1])
     entry = next(entry for entry in DataSetPlan(SPEC) if entry.name == "prbs-elbow_pitch-r1")
     setting, multisines = matching_multisines(SPEC, entry)
     assert setting.axes == ("elbow_pitch",)
@@ -121,11 +123,6 @@ def test_a_binary_sequence_is_matched_in_strength_and_band() -> None:
     assert np.sqrt(np.mean(np.var(played, axis=1))) == pytest.approx(command.std(), rel=0.02)
 
 
-def test_several_joints_at_once_need_multisines() -> None:
-    with pytest.raises(ScenarioError, match="excites shoulder_yaw, elbow_pitch at once"):
-        best_linear_contents(SPEC, DataSetPlan(SPEC)[-1])
-
-
 def test_what_is_asked_of_the_truth_is_checked_and_written_whole() -> None:
     assert DataSetSpec.from_toml(SPEC.to_toml()) == SPEC
     for table, match in (
@@ -141,7 +138,17 @@ def test_what_is_asked_of_the_truth_is_checked_and_written_whole() -> None:
         replace(SPEC, truth=TruthSpec(best_linear=("prsb",)))
 
 
-OWN = DataSetSpec.from_toml("""
+BLOCK = """
+[[records]]
+name = "{}"
+part = "{}"
+axes = ["elbow_pitch"]
+frictions = ["none"]
+draw_waveforms = true
+multisines = {{ rms = {}, f_min = 0.4, f_max = 4.0, period = 2.56, realisations = 2, periods = 2, settling = 1 }}
+"""
+OWN = DataSetSpec.from_toml(
+    """
 name = "own"
 version = 1
 title = "Multisines that are a measurement"
@@ -154,31 +161,11 @@ floors = 0
 
 [baselines]
 models = []
-
-[[records]]
-name = "known"
-part = "train"
-axes = ["elbow_pitch"]
-frictions = ["none"]
-draw_waveforms = true
-multisines = { f_min = 0.4, f_max = 4.0, period = 2.56, realisations = 2, periods = 2, settling = 1 }
-
-[[records]]
-name = "stronger"
-part = "train"
-axes = ["elbow_pitch"]
-frictions = ["none"]
-draw_waveforms = true
-multisines = { rms = 0.02, f_min = 0.4, f_max = 4.0, period = 2.56, realisations = 2, periods = 2, settling = 1 }
-
-[[records]]
-name = "new"
-part = "test"
-axes = ["elbow_pitch"]
-frictions = ["none"]
-draw_waveforms = true
-multisines = { f_min = 0.4, f_max = 4.0, period = 2.56, realisations = 2, periods = 2, settling = 1 }
-""")
+"""
+    + BLOCK.format("known", "train", 0.03)
+    + BLOCK.format("stronger", "train", 0.02)
+    + BLOCK.format("new", "test", 0.03)
+)
 
 
 @pytest.mark.filterwarnings("ignore:.* is not periodic")

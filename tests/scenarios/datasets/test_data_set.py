@@ -28,9 +28,9 @@ def test_three_lines_load_train_and_test(tiny: Path) -> None:
     assert train.state_initialization_window_length is None
     assert test.state_initialization_window_length == 20
     assert not np.array_equal(u, test.u)
-
-
-def test_a_part_with_several_records_is_a_tuple_of_them(tiny: Path) -> None:
+    with pytest.raises(ValueError, match="read-only"):
+        u[0] = 1.0
+    # A part with several records is a tuple of them.
     train, test = load(tiny)
     assert isinstance(train, tuple) and [record.joints for record in train] == [("shoulder_yaw",), ("elbow_pitch",)]
     assert isinstance(test, DataRecord)
@@ -68,17 +68,14 @@ def test_consecutive_samples_keep_what_is_left_of_the_window(tiny: Path) -> None
             record[wrong]
 
 
-def test_arrays_are_locked(tiny: Path) -> None:
-    with pytest.raises(ValueError, match="read-only"):
-        open_data_set(tiny).record("noise").u[0] = 1.0
-
-
-def test_the_whole_data_set_is_reachable(tiny: Path, tiny_spec: DataSetSpec) -> None:
+def test_the_whole_data_set_is_reachable(tiny: Path, tiny_spec: DataSetSpec, tmp_path: Path) -> None:
     found = open_data_set(str(tiny))
     assert [len(found.train), len(found.validation), len(found.test)] == [2, 0, 1]
     assert (found.label, found.failed, found.spec) == ("tiny-v1", {}, tiny_spec)
     assert found.truth == tiny / "truth" and found.arms == ("arm-0",)
     assert found.records("test")[0].name == "noise" and len(found.records()) == 3
+    folder = shutil.copytree(tiny, tmp_path / "copy", ignore=shutil.ignore_patterns("truth", "spec.toml"))
+    assert open_data_set(folder).truth is None and len(load(folder, joint="elbow_pitch")[0]) == 200
 
 
 def test_a_fleet_opens_without_reading_its_records(tmp_path: Path) -> None:
@@ -93,12 +90,6 @@ def test_a_fleet_opens_without_reading_its_records(tmp_path: Path) -> None:
     assert "n7" in repr(found.select(twin=7).train[0])
     with pytest.raises(ScenarioError, match=r"no file .*n7\.nc"):
         found.record("n7").u  # noqa: B018 - the look at it reads it
-
-
-def test_a_set_without_its_truth_loads(tiny: Path, tmp_path: Path) -> None:
-    folder = shutil.copytree(tiny, tmp_path / "elsewhere", ignore=shutil.ignore_patterns("truth", "spec.toml"))
-    assert open_data_set(folder).truth is None
-    assert len(load(folder, joint="elbow_pitch")[0]) == 200
 
 
 @pytest.mark.parametrize(
