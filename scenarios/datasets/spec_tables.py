@@ -1,6 +1,6 @@
 """Tables of a data set's spec: record blocks, scoring, truth, baselines, randomised twins."""
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, fields, replace
 from typing import Any
 
@@ -280,38 +280,39 @@ class RecordBlock:
     hand_controller: HandController = HAND_CONTROLLER
 
     def __post_init__(self) -> None:
-        where = f"records {self.name!r}"
+        for problem in self._problems():
+            raise ScenarioError(f"records {self.name!r}: {problem}")
+
+    def _problems(self) -> Iterator[str]:
         if not NAME.fullmatch(self.name):
-            raise ScenarioError(f"{where}: expected 1 to 100 letters, digits, '.', '_', '-' or '+' as a name")
+            yield "expected 1 to 100 letters, digits, '.', '_', '-' or '+' as a name"
         if self.part not in PARTS:
-            raise ScenarioError(f"{where}: {unknown('part', self.part, PARTS)}")
+            yield unknown("part", self.part, PARTS)
         if self.mode not in MODES:
-            raise ScenarioError(f"{where}: {unknown('mode', self.mode, MODES)}")
+            yield unknown("mode", self.mode, MODES)
         for key, known in CHOICES.items():
-            for value in getattr(self, key):
-                if value not in known:
-                    raise ScenarioError(f"{where}: {unknown(key, value, known)}")
+            yield from (unknown(key, value, known) for value in getattr(self, key) if value not in known)
         for entry in fields(self):
             values = getattr(self, entry.name)
             several = isinstance(values, tuple) and entry.name not in ("excitation", "axes")
             if several and len(set(values)) < len(values):
-                raise ScenarioError(f"{where}: {entry.name} = {values} given, expected each once")
-        empty = [key for key in CHOICES if key != "joints" and not getattr(self, key)]
-        if empty or not self.process_noises:
-            raise ScenarioError(f"{where}: an empty list given for {', '.join(empty) or 'process_noises'}")
+                yield f"{entry.name} = {values} given, expected each once"
+        empty = [key for key in (*CHOICES, "process_noises") if key != "joints" and not getattr(self, key)]
+        if empty:
+            yield f"an empty list given for {', '.join(empty)}"
         played = [bool(self.scenarios), bool(self.excitation), self.multisines is not None]
         if sum(played) != 1:
-            raise ScenarioError(f"{where}: expected one of scenarios, excitation and multisines, given {sum(played)}")
+            yield f"expected one of scenarios, excitation and multisines, given {sum(played)}"
         if self.scenarios and (self.axes or self.each_axis):
-            raise ScenarioError(f"{where}: axes given beside scenarios, which have their own")
+            yield "axes given beside scenarios, which have their own"
         if not self.scenarios and not self.axes:
-            raise ScenarioError(f"{where}: expected axes to excite, given none")
+            yield "expected axes to excite, given none"
         if self.multisines is not None and self.duration is not None:
-            raise ScenarioError(f"{where}: a duration given for multisines; it follows from period and periods")
+            yield "a duration given for multisines; it follows from period and periods"
         if self.excitation and self.duration is None:
-            raise ScenarioError(f"{where}: expected a duration in s, given none")
+            yield "expected a duration in s, given none"
         if not 1 <= self.repeats <= MOST_REPEATS:
-            raise ScenarioError(f"{where}: repeats = {self.repeats} given, expected 1 to {MOST_REPEATS}")
+            yield f"repeats = {self.repeats} given, expected 1 to {MOST_REPEATS}"
 
     def to_table(self) -> dict[str, Any]:
         """Write the block as plain values; of chain and hand controller only what differs from the nominal ones."""

@@ -19,7 +19,6 @@ from scenarios.datasets.metadata import METADATA, citation_cff, metadata_files
 from scenarios.datasets.spec import DataSetSpec
 from scenarios.datasets.spec_tables import Twins
 from scenarios.experiments.excitation_computer import Excitation
-from scenarios.files.errors import ScenarioError
 from scenarios.files.hashes import file_hash
 from scenarios.files.netcdf import read_netcdf
 
@@ -27,12 +26,6 @@ from scenarios.files.netcdf import read_netcdf
 @pytest.fixture(scope="module")
 def croissants() -> object:
     return pytest.importorskip("mlcroissant")
-
-
-def test_the_same_folder_gives_the_same_bytes_as_the_build_wrote(tiny: Path, tiny_spec: DataSetSpec) -> None:
-    made = metadata_files(tiny, tiny_spec, read_index(tiny))
-    assert set(made) == set(METADATA)
-    assert {name: (tiny / name).read_bytes() for name in made} == made
 
 
 def test_croissant_validates_and_its_records_are_those_of_the_index(tiny: Path, croissants: object) -> None:
@@ -77,7 +70,11 @@ def test_the_citation_file_has_what_the_format_asks_for(tiny: Path, tiny_spec: D
     assert again["title"] == named.title
 
 
-def test_the_licence_stands_there_in_full(tiny: Path) -> None:
+def test_the_same_folder_gives_the_bytes_of_the_build_with_the_whole_licence(
+    tiny: Path, tiny_spec: DataSetSpec
+) -> None:
+    made = metadata_files(tiny, tiny_spec, read_index(tiny))
+    assert {name: (tiny / name).read_bytes() for name in METADATA} == made
     text = (tiny / "LICENSE").read_text(encoding="utf-8")
     assert text.startswith("The data set tiny-v1, by The HMTB twin contributors, is licensed under\n")
     for number in range(1, 9):
@@ -102,7 +99,7 @@ def test_the_datasheet_answers_and_its_code_loads_a_record(tiny: Path, monkeypat
     loaded["record"].close()  # type: ignore[attr-defined]
 
 
-def test_an_experiment_without_a_record_is_told_of(tiny: Path, tiny_spec: DataSetSpec) -> None:
+def test_an_experiment_without_a_record_is_listed_with_the_reason(tiny: Path, tiny_spec: DataSetSpec) -> None:
     index = read_index(tiny)
     index["experiments"][0] |= {"failed": "the arm | was overloaded"}
     made = metadata_files(tiny, tiny_spec, index)
@@ -110,12 +107,6 @@ def test_an_experiment_without_a_record_is_told_of(tiny: Path, tiny_spec: DataSe
     assert [row["status"] for row in rows] == ["the arm | was overloaded", "ok", "ok"]
     assert (rows[0]["samples"], rows[0]["sha256"]) == ("0", "-")
     assert "1 experiment has no record" in made["README.md"].decode()
-
-
-@pytest.mark.parametrize("given", [{"date": "31.1.2026"}, {"date": "2026-1-31"}, {"url": "ftp://x"}, {"creators": ()}])
-def test_what_the_papers_could_not_say_is_refused(tiny_spec: DataSetSpec, given: dict[str, object]) -> None:
-    with pytest.raises(ScenarioError, match=next(iter(given))):
-        replace(tiny_spec, **given)  # type: ignore[arg-type]
 
 
 def test_the_datasheet_of_a_public_data_set_says_what_is_withheld(tiny: Path, tiny_spec: DataSetSpec) -> None:
