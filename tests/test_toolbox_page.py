@@ -1,5 +1,6 @@
 """The toolbox page: its session runs, and every public name of the analyst stands on it."""
 
+import operator
 import re
 import subprocess
 import sys
@@ -30,6 +31,8 @@ def test_every_function_stands_on_the_page_and_every_name_on_it_exists() -> None
     assert not missing, f"docs/toolbox.md lacks {sorted(missing)}"
     first = set(re.findall(r"`([a-z_0-9]+)(?:\(|`)", here))
     first -= {"str"}
+    for dotted in re.findall(r"`((?:models|recursive|validation)\.[a-zA-Z_.0-9]+)", PAGE):
+        assert operator.attrgetter(dotted)(sysid), dotted
     figures = set(re.findall(r"plots\.([a-z_]+)", PAGE))
     drawn = {name for name in sysid.plots.__all__ if name.islower()}
     assert figures == drawn, f"docs/toolbox.md lacks {sorted(drawn - figures)}, has {sorted(figures - drawn)}"

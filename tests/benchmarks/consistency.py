@@ -11,9 +11,9 @@ from dataclasses import replace
 from typing import Any
 
 import numpy as np
-from efficiency import problems
 
 import sysid
+from tests.sysid import conftest as problems
 
 LENGTHS = (500, 2000, 8000, 32000)
 
@@ -37,8 +37,7 @@ def main() -> None:
     """Measure all and write a table."""
     draws = int(sys.argv[1]) if len(sys.argv) > 1 else 20
     warnings.simplefilter("ignore", sysid.SysidWarning)
-    library = problems()
-    p3, p4, p5 = library.make_p3(), library.make_p4(), library.make_p5()
+    p3, p4, p5 = problems.make_p3(), problems.make_p4(), problems.make_p5()
     arx_of_p5 = (len(p5.A) - 1, len(p5.B) - p5.nk, p5.nk)
     bj_of_p4 = (len(p4.B) - p4.nk, len(p4.C) - 1, len(p4.D) - 1, len(p4.F) - 1, p4.nk)
     cases: dict[str, tuple[Any, Callable[[sysid.IOData], sysid.Estimate]]] = {

@@ -12,32 +12,18 @@ error leaves the region where it describes the criterion, the more so the nearer
 """
 
 import argparse
-import importlib.util
 import sys
 import time
 import warnings
 from dataclasses import replace
-from pathlib import Path
-from types import ModuleType
 from typing import Any
 
 import numpy as np
 
 import sysid
+from tests.sysid import conftest as problems
 
 BURN_IN = 500
-
-
-def problems() -> ModuleType:
-    """The problems stand beside the tests of the analyst."""
-    path = Path(__file__).parents[1] / "sysid" / "conftest.py"
-    spec = importlib.util.spec_from_file_location("problems", path)
-    if spec is None or spec.loader is None:
-        raise ImportError(f"cannot load {path}")
-    module = importlib.util.module_from_spec(spec)
-    sys.modules["problems"] = module
-    spec.loader.exec_module(module)
-    return module
 
 
 def harder(problem: Any, samples: int | None, snr_db: float | None) -> Any:
@@ -99,7 +85,6 @@ def main() -> None:
     parser.add_argument("--seed", type=int, default=0, help="first seed of the noise")
     asked = parser.parse_args()
     warnings.simplefilter("ignore", sysid.SysidWarning)
-    made = problems()
     plan = {
         "p1": (sysid.armax, (5, 3, 5, 2)),
         "p2": (sysid.oe, (2, 2, 1)),
@@ -108,7 +93,7 @@ def main() -> None:
         "p5": (sysid.arx, (3, 3, 2)),
     }
     for name, (estimator, orders) in plan.items():
-        problem = harder(getattr(made, f"make_{name}")(), asked.samples, asked.snr)
+        problem = harder(getattr(problems, f"make_{name}")(), asked.samples, asked.snr)
         for figure, value in measure(problem, estimator, orders, asked.draws, asked.seed).items():
             sys.stdout.write(f"{name} {estimator.__name__:6s}{figure:24s}{value:10.3f}\n")
         sys.stdout.flush()

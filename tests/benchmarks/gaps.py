@@ -19,13 +19,13 @@ from dataclasses import replace
 from typing import Any
 
 import numpy as np
-from efficiency import problems
 from numpy.typing import NDArray
 from scipy.linalg import solve_triangular, toeplitz
 from scipy.signal import lfilter
 
 import sysid
 from sysid.models.delta_method import spread
+from tests.sysid import conftest as problems
 
 Array = NDArray[np.float64]
 SAMPLES = 2500
@@ -154,7 +154,6 @@ def _figures(*lists: Any) -> list[float]:
 def main() -> None:
     """Measure all and write a row each."""
     draws = int(sys.argv[1]) if len(sys.argv) > 1 else 400
-    made = problems()
     plan = {
         "p1": (sysid.armax, (5, 3, 5, 2)),
         "p2": (sysid.oe, (2, 2, 1)),
@@ -170,13 +169,13 @@ def main() -> None:
         0.1,
         np.array([[1.0, 0.5], [0.5, 1.0]]),
     )
-    models = {"ss1": made.make_p3().model, "ss2": two}
+    models = {"ss1": problems.make_p3().model, "ss2": two}
     write = sys.stdout.write
     write("| problem | lost | squared error | its standard error | coverage | variance | not converged | time |\n")
     write("|---|---|---|---|---|---|---|---|\n")
     rows: list[tuple[str, Callable[[bool], list[float]]]] = []
     for name, (estimator, orders) in plan.items():
-        problem = replace(getattr(made, f"make_{name}")(), samples=SAMPLES)
+        problem = replace(getattr(problems, f"make_{name}")(), samples=SAMPLES)
         rows.append(
             (
                 f"{name} {estimator.__name__}",

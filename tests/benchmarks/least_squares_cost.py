@@ -1,7 +1,7 @@
 """How near a prediction-error fit comes to the cost of one least-squares solve of the same size.
 
-Run by hand: `python tests/benchmarks/least_squares_cost.py`. Processor time in one process, median of runs taken in
-turn; the solve is that of as many rows and columns as the fit has errors and parameters, regressors ready.
+Run by hand: `PYTHONPATH=. python tests/benchmarks/least_squares_cost.py`. Processor time in one process, median of runs taken
+in turn; the solve is that of as many rows and columns as the fit has errors and parameters, regressors ready.
 """
 
 import os
@@ -14,12 +14,12 @@ for variable in ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS"):
     os.environ[variable] = "1"
 
 import numpy as np  # noqa: E402 - BLAS reads its number of threads when it loads
-from efficiency import problems  # noqa: E402
 from scipy.signal import lfilter  # noqa: E402
 
 import sysid  # noqa: E402
 from sysid.polynomial.orders import make_orders  # noqa: E402
 from sysid.polynomial.prediction_error import linearise  # noqa: E402
+from tests.sysid import conftest as problems  # noqa: E402
 
 ROUNDS = 40
 ORDERS = (5, 3, 5, 2)
@@ -39,7 +39,7 @@ def medians(runs: Sequence[Callable[[], object]]) -> list[float]:
 def main() -> None:
     """Measure and write a table."""
     warnings.simplefilter("ignore", sysid.SysidWarning)
-    problem = problems().make_p1()
+    problem = problems.make_p1()
     data = problem.draw(0)
     na, nb, nc, nk = ORDERS
     orders = make_orders(1, na=na, nb=nb, nc=nc, nk=nk)

@@ -21,12 +21,12 @@ os.environ["XLA_FLAGS"] = "--xla_cpu_multi_thread_eigen=false intra_op_paralleli
 sys.path.insert(0, str(Path(__file__).parents[2]))
 
 import numpy as np  # noqa: E402 - BLAS reads its number of threads when it loads
-from efficiency import problems  # noqa: E402
 from scipy.signal import lfilter  # noqa: E402
 
 import sysid  # noqa: E402
 from scenarios.estimators.outcome import Answer  # noqa: E402
 from scenarios.estimators.task import STRUCTURES, Task  # noqa: E402
+from tests.sysid import conftest as problems  # noqa: E402
 
 SKIP = 500
 """First residuals left out of every loss: initial conditions are each method's own affair."""
@@ -119,11 +119,10 @@ CASES = (
 def main() -> None:
     """Measure and write a table."""
     draws = int(sys.argv[1]) if len(sys.argv) > 1 else 3
-    library = problems()
     print(versions("numpy", "scipy", "pysib", "sippy-unipi", "jax-sysid"), f"; {draws} draws")
     print("\n| problem | method | processor time, median s | times ours | off |\n|---|---|---|---|---|")
     for key, method, orders, peers in CASES:
-        problem = getattr(library, f"make_{key.lower()}")()
+        problem = getattr(problems, f"make_{key.lower()}")()
         seconds: dict[str, list[float]] = {name: [] for name in peers}
         losses: dict[str, list[float]] = {name: [] for name in peers}
         fits = {name: make(method, orders) for name, make in peers.items()}

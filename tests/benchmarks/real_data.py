@@ -10,14 +10,13 @@ the fourth root of the determinant of their covariance.
 import sys
 import warnings
 from collections.abc import Callable, Iterator
-from functools import partial
 from pathlib import Path
 
 from peers import jax_sysid, pysib, silence, sippy, versions  # isort: skip - sets the number of threads first
 import numpy as np
-import state_space_peers
 
 import sysid
+from scenarios.estimators.task import Task
 
 SETS = {
     "robot arm": ("robot_arm.dat", (0,), (1,), 1.0),
@@ -40,12 +39,6 @@ STRUCTURES = (
 ORDERS = (2, 4, 6, 8, 10)
 BLOCK_ROWS = (10, 15, 20, 30, 40)
 """Of the N4SID models among which prediction-error fits begin."""
-
-WITHOUT_GAIN = {
-    "ctrlsys, SLICOT's N4SID": state_space_peers.slicot,
-    "control, markov and era": state_space_peers.control_era,
-    "jax-sysid": state_space_peers.jax_sysid,
-}
 
 Outcome = sysid.StateSpace | Exception
 
@@ -110,8 +103,32 @@ def polynomial_fits(
         yield peer, attempt(lambda fit=fit: sysid.models.innovations_form(fit(u, y), data.dt))
 
 
+def states(order: int) -> Task:
+    """The task of a state-space model."""
+    return Task("ss", {"order": order}, order, np.ones(1))
+
+
+def control_era(data: sysid.IOData, order: int) -> sysid.StateSpace:
+    """python-control: pulse response by least squares, 200 values, and the eigensystem realization algorithm."""
+    import control
+
+    pulses = control.markov(data.y.T, data.u.T, 200)
+    m = control.eigensys_realization(pulses, order)[0]
+    return sysid.StateSpace(m.A, m.B, m.C, m.D, None, data.dt)
+
+
 def state_space_fits(data: sysid.IOData, order: int) -> Iterator[tuple[str, Outcome]]:
-    """Who fitted a state-space model of some order: those with an innovation gain, then those without."""
+    """Who fitted a state-space model of some order: those with an innovation gain, then those without.
+
+    SLICOT's options that ask for the gain are left alone (`test_state_space.py`).
+    """
+    from scenarios.estimators.state_space_peers import (
+        N4SID,
+        jax_output_error,
+        nfoursid_subspace,
+        sippy_subspace,
+        slicot_subspace,
+    )
 
     def starts() -> list[sysid.Estimate]:
         return [sysid.n4sid(data, order, block_rows=rows, stable=True) for rows in BLOCK_ROWS]
@@ -120,11 +137,15 @@ def state_space_fits(data: sysid.IOData, order: int) -> Iterator[tuple[str, Outc
     yield "this package, n4sid", attempt(lambda: sysid.n4sid(data, order).model)
     yield "this package, okid", attempt(lambda: sysid.okid(data, order, p=20).model)
     for weighting in ("N4SID", "MOESP", "CVA", "PARSIM-K"):
-        yield f"sippy-unipi, {weighting}", attempt(lambda w=weighting: state_space_peers.sippy(w)(data, order))
-    yield "nfoursid", attempt(lambda: state_space_peers.nfoursid(data, order))
+        yield (
+            f"sippy-unipi, {weighting}",
+            attempt(lambda w=weighting: sippy_subspace(data, states(order), w, direct=True)),
+        )
+    yield "nfoursid", attempt(lambda: nfoursid_subspace(data, order))
     yield "this package, pem_ss, no gain", attempt(lambda: sysid.pem_ss(data, starts(), gain=False).model)
-    for peer, fit in WITHOUT_GAIN.items():
-        yield peer, attempt(partial(fit, data, order))
+    yield "ctrlsys, SLICOT's N4SID", attempt(lambda: slicot_subspace(N4SID, data, order, order))
+    yield "control, markov and era", attempt(lambda: control_era(data, order))
+    yield "jax-sysid", attempt(lambda: jax_output_error(data, order, direct=True))
 
 
 def main() -> None:
