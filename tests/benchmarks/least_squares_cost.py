@@ -1,7 +1,7 @@
 """How near a prediction-error fit comes to the cost of one least-squares solve of the same size.
 
-Run by hand: `PYTHONPATH=. python tests/benchmarks/least_squares_cost.py`. Processor time in one process, median of runs taken
-in turn; the solve is that of as many rows and columns as the fit has errors and parameters, regressors ready.
+Run by hand: `PYTHONPATH=. python tests/benchmarks/least_squares_cost.py`. Processor time in one process, median of runs
+taken in turn; the solve is that of as many rows and columns as the fit has errors and parameters, regressors ready.
 """
 
 import os
