@@ -1,4 +1,4 @@
-"""Why an interval misses the truth: the same experiment again, with what is not linear or not known switched off."""
+"""Attribution of errors: the same experiment again with friction, noise and other effects switched off one by one."""
 
 import warnings
 from collections.abc import Mapping, Sequence
@@ -48,7 +48,7 @@ class Attributions:
     missing: Mapping[str, str] = field(default_factory=dict)
 
     def find(self, condition: str) -> Attribution | None:
-        """What was found under a condition; None where nothing is known."""
+        """Return the result under a condition; None where it is missing."""
         return next((part for part in self.parts if part.condition == condition), None)
 
 
@@ -59,8 +59,8 @@ SMOOTH = "seal friction off"
 GENTLE = "seal friction off, three tenths of the amplitude"
 
 CONDITIONS = (AS_IT_IS, SMOOTH, GENTLE)
-"""What is switched off, one thing more each time: friction, then the arm's geometry, its inertia and gravity load that
-change with the pose; their share falls with the square of the amplitude. Noise and rounding stay on."""
+"""Conditions, each with one effect more switched off: friction, then what changes with the pose, the arm's geometry,
+inertia and gravity load; their share falls with the square of the amplitude. Noise and rounding stay on."""
 
 SMALL = 0.3
 """The smaller amplitude, as a part of the test's own."""

@@ -19,7 +19,7 @@ SAME = 0.1
 """A spoilt record gives a comparable model if its bandwidth moves by no more than this part."""
 
 DRAW = "neither"
-"""Who is ahead where both do what is asked, or both the same."""
+"""The better of two methods where both meet a requirement, or both do the same."""
 
 
 @dataclass(frozen=True)
@@ -164,7 +164,7 @@ def _slowest(study: Comparison) -> float:
 
 
 def _flexibility(study: Comparison) -> tuple[Measure, ...]:
-    """How many ways lead to an accepted model: structures of dynamics and noise, and data sets.
+    """Count the combinations of structures and data sets that lead to an accepted model.
 
     Accepted is a model that is stable and follows its own record better than `FOLLOWS` in simulation.
     """

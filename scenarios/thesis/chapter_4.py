@@ -16,7 +16,7 @@ from scenarios.thesis.wording import p_value
 from sysid import StateSpace
 
 FIGURES = {"shoulder_yaw": ("", 39), "shoulder_pitch": ("A", 30), "elbow_pitch": ("A", 41)}
-"""Where the eleven figures of each joint begin in the thesis: five of ARMAX, five of OE, one Bode plot."""
+"""First of the thesis' eleven figures of each joint: five of ARMAX, five of OE, one Bode plot."""
 
 PIECES = {5: 4.0, 4: 1.6, 7: 3.0, 8: 2.0}
 """Tests whose outputs are drawn, and how much of each, s."""

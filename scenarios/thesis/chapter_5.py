@@ -15,7 +15,7 @@ from scenarios.truth.published import PERCENT_DESCRIBED, PublishedModel
 from sysid import StateSpace
 
 FIRST = {"shoulder_yaw": ("", 50), "shoulder_pitch": ("A", 52), "elbow_pitch": ("A", 58)}
-"""Where the six figures of each joint begin in the thesis."""
+"""First of the thesis' six figures of each joint."""
 
 
 @dataclass(frozen=True)

@@ -22,11 +22,11 @@ BODES = {"shoulder_yaw": ("58", "61"), "shoulder_pitch": ("59", "62"), "elbow_pi
 """The thesis' Bode plots of the SysID and of the OKID model."""
 
 SHOWN = (20.0, 4.0)
-"""Where a part of the chirp begins behind the settled start, and how long it is, s: two sweeps."""
+"""Start of a part of the chirp after settling, and its length, s: two sweeps."""
 
 
 PUSHED = (0.5, 1.0, 2.5, 5.0, 10.0)
-"""Where the true coupling is told, Hz."""
+"""Frequencies at which the true coupling is listed, Hz."""
 
 
 def chapter_6(study: Comparison, gallery: Gallery) -> dict[str, object]:

@@ -1,4 +1,4 @@
-"""What the thesis claims, finding by finding, in its own figures [Morris1996]."""
+"""Claims of the thesis, finding by finding, in its own figures [Morris1996]."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass

@@ -1,4 +1,4 @@
-"""What the study concludes from: models beside the truth and beside held-out data."""
+"""Models of the study compared with the truth and with held-out data."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
@@ -21,7 +21,7 @@ from sysid import Estimate, FrequencyResponse, IOData, ResidualTest
 
 @dataclass(frozen=True)
 class Fit:
-    """How well a model follows one record.
+    """Fits of a model to one record.
 
     Attributes:
         test: Number of the test in the thesis' table.
@@ -72,7 +72,7 @@ class ModelResult:
 
 @dataclass(frozen=True, eq=False)
 class JointResult:
-    """Everything about one joint.
+    """Records, models and truth of one joint.
 
     Attributes:
         joint: Name.
@@ -104,7 +104,7 @@ class JointResult:
 
 @dataclass(frozen=True)
 class Cost:
-    """Where the time went.
+    """Time spent in each part of the study.
 
     Attributes:
         physics_s: Inside the physics engine, s.

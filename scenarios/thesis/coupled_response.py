@@ -46,7 +46,7 @@ def relative_error(
 
 
 def off_diagonal(model: StateSpace, *, band: tuple[float, float] = BAND) -> float:
-    """What lies off the diagonal of a response, relative to all of it.
+    """Return the off-diagonal part of a response, relative to the whole.
 
     Args:
         model: As many inputs as outputs.
@@ -60,7 +60,7 @@ def off_diagonal(model: StateSpace, *, band: tuple[float, float] = BAND) -> floa
 
 
 def pushed_by_others(model: StateSpace, *, band: tuple[float, float]) -> dict[str, float]:
-    """How much the other commands move a joint, against its own: little where the response is diagonal.
+    """Return how much the other commands move a joint, relative to its own: little where the response is diagonal.
 
     Args:
         model: Commands of the studied joints to their angles.

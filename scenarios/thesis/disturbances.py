@@ -1,4 +1,4 @@
-"""What spoils a record, by degree, and what an analyst may take off it before identifying."""
+"""Disturbances of a record by degree, and the detrending that an analyst may apply before identification."""
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
@@ -14,7 +14,7 @@ Spoil = Callable[[IOData, float, np.random.Generator], IOData]
 """The record, the degree and what chance is drawn from; the record spoilt."""
 
 OUTLIER_SIZE = 5.0
-"""How far an outlier lies off, up or down by chance, where their share is varied, standard deviations of the output."""
+"""Size of outliers, up or down by chance, where their share is varied, standard deviations of the output."""
 
 OUTLIER_SHARE = 1.0
 """Share of samples that are outliers where their size is varied, percent."""
@@ -26,7 +26,7 @@ SLOW_SINE = 1 / 60
 """Frequency of the slow sine, Hz: far below everything that a waveform file excites."""
 
 POLE = 0.9
-"""Of the first-order filter that colours noise."""
+"""Pole of the first-order filter that colours noise."""
 
 LOSSY = 1000
 """Samples of the parts from which samples are lost, 20 s: what is not known of a long record takes long to bridge."""
@@ -124,7 +124,7 @@ TREATMENTS: Mapping[str, Callable[[IOData], IOData]] = MappingProxyType(
         "line removed": lambda data: data.detrend(1),
     }
 )
-"""What is taken off input and output before a model is identified."""
+"""Trends that are removed from input and output before identification."""
 
 AS_IT_IS = ("nothing removed",)
 

@@ -25,21 +25,21 @@ from sysid import Estimate, IOData, StateSpace, SysidError, SysidWarning
 from sysid.models.bandwidth import half_power_hz
 
 AUDIBLE = 0.01
-"""What excites, as a part of the strongest: 40 dB below, where rounding and noise of the command have their share."""
+"""Least power of an exciting line, as a part of the strongest: 40 dB, where rounding and noise of the command begin."""
 
 LARGEST_ORDER = 50
-"""Where counting the order of excitation stops: it means "at least"."""
+"""Largest order of excitation that is counted: it means "at least"."""
 
 MINUTE = 60.0
-"""How much of the records of others a model is laid beside where there are many models, s: they repeat every two."""
+"""Length of other records that models are compared with where there are many, s: they repeat every two."""
 
 BAND = np.geomspace(0.5, 10.0, 60)
-"""Where responses are laid beside each other, Hz: from the lowest line of a waveform file to the highest of a test."""
+"""Band in which responses are compared, Hz: from the lowest line of a waveform file to the highest of a test."""
 
 
 @dataclass(frozen=True)
 class Follow:
-    """How well a model follows a record.
+    """Fit of a model to a record.
 
     Attributes:
         simulation: 100 (1 - |y - yhat| / |y - mean y|) of the simulated output, percent.
@@ -52,7 +52,7 @@ class Follow:
 
 @dataclass(frozen=True)
 class Excited:
-    """What the input of a record excites.
+    """Excitation by the input of a record.
 
     Attributes:
         file: Order of excitation of the waveform file [Morris1996, sec. II.2]; None where no file was played.
@@ -112,12 +112,12 @@ class DataSetModel:
 
     @property
     def own(self) -> Follow:
-        """How it follows its own record."""
+        """Fit to its own record."""
         return self.fits[self.record]
 
     @property
     def others(self) -> Mapping[str, Follow]:
-        """How it follows the records that it has not seen: neither its own nor one that plays the same sequence."""
+        """Fit to unseen records: neither its own nor one that plays the same sequence."""
         return {name: fit for name, fit in self.fits.items() if not _seen(self.record, name)}
 
     @property
@@ -292,7 +292,7 @@ def excitation_needed(structure: Structure) -> int:
 
 
 def distances(models: tuple[DataSetModel, ...]) -> np.ndarray:
-    """How far apart the responses of models are, pair by pair.
+    """Return the distances between the responses of models, pair by pair.
 
     Args:
         models: Models of one method, from one record each.

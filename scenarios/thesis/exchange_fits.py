@@ -38,7 +38,7 @@ class Phase:
 
 @dataclass(frozen=True)
 class Exchange:
-    """What makes the exchange another experiment than those that models are identified from.
+    """Differences of the exchange from the experiments that models are identified from.
 
     Attributes:
         departure: Largest distance of each of the seven joints from the operating point, rad.

@@ -1,4 +1,4 @@
-"""What the thesis' comparison concludes on each arm, and which conclusions change with the arm."""
+"""Conclusions of the thesis' comparison on each arm, and those that change with the arm."""
 
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
@@ -19,7 +19,7 @@ WAYS = {"simulation": "in simulation", "one_step": "one step ahead"}
 
 @dataclass(frozen=True)
 class Answer:
-    """What one arm says.
+    """Conclusions on one arm.
 
     Attributes:
         words: The conclusion; what is compared between arms.
@@ -84,7 +84,7 @@ def conclusions(fairness: Fairness) -> tuple[Conclusion, ...]:
 
 
 def said(found: tuple[Conclusion, ...]) -> str:
-    """Which conclusions change between arms, in words; nothing where there are not two arms to compare."""
+    """Describe the conclusions that change between arms; empty without two arms to compare."""
     if not found or max(sum(answer is not None for answer in entry.answers.values()) for entry in found) < 2:
         return ""
     changed = [entry for entry in found if entry.changes()]

@@ -1,4 +1,4 @@
-"""Where each figure of the thesis has its counterpart in the report [Morris1996, list of figures]."""
+"""Counterparts in the report of each figure of the thesis [Morris1996, list of figures]."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass

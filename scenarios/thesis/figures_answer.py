@@ -14,7 +14,7 @@ from sysid.plots import (
 )
 
 ANY = "#555555"
-"""Of what a mark means whatever its colour."""
+"""Colour of marks in the legend that stand for every colour."""
 
 
 def bandwidths(study: Comparison) -> Figure:

@@ -31,7 +31,7 @@ WEAK = 0.1
 """Lines of the PRBS with less than this part of its middle line's power say little of the arm."""
 
 LEVELS = 60
-"""Periods whose samples at one instant are laid side by side."""
+"""Periods whose samples at one instant are compared."""
 
 
 def tests(study: Comparison, entry: JointResult) -> Figure:
@@ -102,7 +102,7 @@ def record(log: JointLog, joint: str, *, length: float, start: float = 40.0) -> 
 
 
 def _levels(axes: Axes, values: np.ndarray, style: Style, limit: float) -> None:
-    """What a signal reads at one instant of every period: rows of dots where it is rounded.
+    """Draw a signal at one instant of every period: rows of dots where it is rounded.
 
     The instant is the one at which periods differ most among those at which the signal is slower than the limit, where
     a command is what the converter read.

@@ -35,10 +35,10 @@ from sysid.plots import (
 )
 
 SPARSE = FREQUENCIES[::2]
-"""Where curves with a band are drawn, Hz: a band takes three lines."""
+"""Frequencies of curves with a band, Hz: a band takes three lines."""
 
 PRINTED = (PALETTE["published"], Style("#b8860b", ":", 1.6), Style("#6b4e00", "--", 1.4), Style("#6b4e00", "-", 1.0))
-"""How printed models of one joint are told apart."""
+"""Line styles of the printed models of one joint."""
 
 
 def model_bode(entry: JointResult) -> Figure:

@@ -22,12 +22,12 @@ LOOKS = {
     "printed SysID model": Style("#b8860b", "--", 1.4, "*"),
     "printed OKID model": Style("#6b4e00", ":", 1.6, "P"),
 }
-"""How the models look in every figure of the chapter."""
+"""Style of the models in every figure of the chapter."""
 
 KINDS: tuple[Kind, ...] = ("SysID", "OKID")
 
 REACH = 1.25
-"""What a map of roots shows of the z plane."""
+"""Limits of the z plane in a map of roots."""
 
 
 def joint_bode(study: Comparison, joint: str) -> Figure:

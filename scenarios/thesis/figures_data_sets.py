@@ -16,7 +16,7 @@ HERTZ = (0.3, 4.0)
 """Bandwidths that are shown; an arrow stands for what lies beyond."""
 
 SHOWN = np.geomspace(0.3, 12.0, 50)
-"""Where gains are laid beside the truth, Hz."""
+"""Frequencies at which gains are compared with the truth, Hz."""
 
 
 def bandwidths(entry: JointResult, sets: DataSets) -> Figure:

@@ -13,7 +13,7 @@ from scenarios.thesis.fairness_table import ArmFairness, FairModel, Fairness
 from sysid.plots import INK, PALETTE, Style
 
 LIMITS = (0.3, 300.0)
-"""Of the axis, percent; what lies beyond stands at its edge, with an arrow."""
+"""Limits of the axis, percent; values beyond are marked at its edge with an arrow."""
 
 
 def dumbbells(fairness: Fairness) -> Figure:

@@ -51,22 +51,22 @@ REST = "100 − fit in simulation / %"
 
 
 def errors_and_detrending(found: Robustness) -> Figure:
-    """What constants and trends do to the bandwidth, with and without detrending."""
+    """Draw the effect of constants and trends on the bandwidth, with and without detrending."""
     return _grid(found, CROSSED, _chosen, tuple(LINES), _error, ERROR)
 
 
 def fits_and_detrending(found: Robustness) -> Figure:
-    """What they do to the fit in simulation to a clean record of another test."""
+    """Draw their effect on the fit in simulation to a clean record of another test."""
     return _grid(found, CROSSED, _chosen, tuple(LINES), _rest, REST)
 
 
 def errors(found: Robustness) -> Figure:
-    """What every other disturbance does to the bandwidth."""
+    """Draw the effect of every other disturbance on the bandwidth."""
     return _grid(found, ALONE, _chosen, AS_IT_IS, _error, ERROR)
 
 
 def fits(found: Robustness) -> Figure:
-    """What it does to the fit."""
+    """Draw its effect on the fit."""
     return _grid(found, ALONE, _chosen, AS_IT_IS, _rest, REST)
 
 

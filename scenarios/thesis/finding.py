@@ -53,7 +53,7 @@ def decided(key: str, verdict: Verdict, value: float | Mapping[str, float], unit
 
 
 def undecided(key: str, why: str) -> Finding:
-    """A finding that cannot be told, and why."""
+    """Return a finding that cannot be decided, and the reason."""
     return decided(key, "cannot be told", {}, "", why)
 
 

@@ -46,7 +46,7 @@ FINDINGS: Mapping[str, Callable[[Comparison], Finding]] = MappingProxyType(
         "F26": chapter_6.coupling,
     }
 )
-"""How each finding is decided."""
+"""Functions that decide the findings."""
 
 
 def findings(study: Comparison) -> tuple[Finding, ...]:

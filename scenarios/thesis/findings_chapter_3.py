@@ -26,7 +26,7 @@ NEAR = 0.2
 """A frequency counts as the thesis' own within 20 percent."""
 
 SLOPE_TO = 10.0
-"""Where the second-order slope ends according to the thesis, rad/s."""
+"""End of the second-order slope according to the thesis, rad/s."""
 
 STEEP = -30.0
 """Nearer to the -40 dB per decade of a second-order system than to the -20 of a first-order one."""
@@ -151,7 +151,7 @@ def _slope(response: FrequencyResponse) -> float:
 
 
 def _resonances(response: FrequencyResponse) -> np.ndarray:
-    """Where the gain has peaks above 10 rad/s: indices of the frequencies."""
+    """Return the indices of the peaks of the gain above 10 rad/s."""
     above = np.flatnonzero(response.frequencies >= SLOPE_TO / (2 * np.pi))
     peaks, _ = find_peaks(20 * np.log10(response.magnitude[above, 0, 0]), prominence=RESONANCE)
     return np.asarray(above[peaks], dtype=int)

@@ -16,7 +16,7 @@ from scenarios.truth.published import YAW_ARMAX
 from sysid import StateSpace
 
 FURTHER = 1.5
-"""How much further apart than those of ARMAX and OE the responses of a method count as inconsistent."""
+"""Factor over the distance of ARMAX and OE from which the responses of a method count as inconsistent."""
 
 
 def consistency(study: Comparison) -> Finding:

@@ -19,16 +19,16 @@ AGREE_DB, AGREE_DEGREES = 3.0, 30.0
 """Two Bode plots agree where gain and phase differ by no more: what the eye sees on axes of decades and quadrants."""
 
 BODE_BAND = (0.1, 5.0)
-"""Where they have to agree, Hz."""
+"""Band in which they have to agree, Hz."""
 
 POINT = 1.0
-"""What fewer states may cost, percentage points."""
+"""Largest loss of fit with fewer states, percentage points."""
 
 LITTLE = 10.0
 """A coupling below it is little, percent."""
 
 FROM, MIDDLE, HIGH = 0.1, (3.0, 5.0), (5.0, 10.0)
-"""Where coupling is looked at, Hz: from the first to the lowest bandwidth of a joint, then the thesis' two bands."""
+"""Bands of the coupling, Hz: up to the lowest bandwidth of a joint, then the thesis' two bands."""
 
 FINITE = 1e3
 """A transmission zero beyond this modulus is one at infinity, which rounding has brought back."""
@@ -78,7 +78,7 @@ def real_poles(study: Comparison) -> Finding:
 
 
 def finite(zeros: np.ndarray) -> np.ndarray:
-    """Those that are not at infinity but for rounding."""
+    """Return the roots that are finite but for rounding."""
     return np.asarray(zeros[np.abs(zeros) <= FINITE])
 
 
@@ -87,7 +87,7 @@ ROUNDING = 1e-6
 
 
 def complex_roots(roots: np.ndarray) -> int:
-    """How many roots have an imaginary part."""
+    """Count the complex roots."""
     return int((np.abs(roots.imag) > ROUNDING).sum())
 
 
@@ -194,7 +194,7 @@ def coupling(study: Comparison) -> Finding:
 
 
 def _exchange(study: Comparison) -> str:
-    """What coupling is worth in the record of which the thesis says that there is little."""
+    """Describe the effect of coupling in the record in which the thesis sees little."""
     if RPCM not in study.multivariable.records:
         return ""
     alone, whole = (study.multivariable.reference(kind, RPCM) for kind in (DIAGONAL, COUPLED))
@@ -206,7 +206,7 @@ def _exchange(study: Comparison) -> str:
 
 
 def _identified(study: Comparison) -> str:
-    """What models of all nine responses find, with independent waveforms and with a shared one."""
+    """Describe the models of all nine responses, with independent waveforms and with a shared one."""
     said = ""
     for entry in study.multivariable.full:
         if entry.method == FULL_OKID:

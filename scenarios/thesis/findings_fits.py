@@ -32,7 +32,7 @@ MIDDLE = ((1, 2, 3), ("mimo-1", "mimo-2", "mimo-4", "mimo-5", "mimo-11"))
 """Single-joint tests and records of several joints with content at 3 to 5 Hz, and none above."""
 
 FAST = ((4, 8), ("mimo-3", "mimo-6", "mimo-12", "mimo-13"))
-"""Those with content above 5 Hz."""
+"""Tests with content above 5 Hz."""
 
 FOLLOWS = 80.0
 """A model follows a record that it fits better, percent."""
@@ -281,7 +281,7 @@ def _worst_shares(study: Comparison) -> str:
 
 
 def _without_friction(study: Comparison) -> str:
-    """How white residuals are where there is no friction, of models identified without it; nothing where not played."""
+    """Describe the whiteness of residuals without friction, of models identified without it; empty where not played."""
     smooth = study.campaigns[1]
     if RPCM not in smooth.logs:
         return ""
@@ -312,7 +312,7 @@ def _named(found: Mapping[Way, Mapping[str, float]]) -> dict[str, float]:
 
 
 def _printed(study: Comparison, record: str) -> str:
-    """How the printed models follow a record, in the same words."""
+    """Describe the fits of the printed models to a record."""
     own, okid = study.multivariable.pair(printed=True)
     counts = [f"{sum(ahead(v) for v in _lead(own, okid, record, way).values())} of 3 {WORDS[way]}" for way in WAYS]
     return f"OKID is ahead on {' and on '.join(counts)}"
@@ -330,7 +330,7 @@ def _departure(study: Comparison) -> str:
 
 
 def _told_apart(study: Comparison) -> str:
-    """What a model of all nine responses has from the pitches to yaw, where every axis has a waveform of its own."""
+    """Describe the response from the pitches to yaw of a model of all nine, where every axis has its own waveform."""
     found = [e for e in study.multivariable.full if (e.record, e.method) == (INDEPENDENT, FULL_OKID)]
     if not found:
         return ""

@@ -153,7 +153,7 @@ def _why(study: Comparison, joints: tuple[str, ...], value: dict[str, float]) ->
 
 
 def _draws(study: Comparison, kind: str, joint: str, method: str) -> list[RobustnessOutcome]:
-    """What finding F25 rests on, whatever else was tried."""
+    """Joints, methods and disturbances that finding F25 rests on."""
     found = study.robustness.of(kind, joint, method)
     return [entry for degree in CORE[kind] if degree for entry in found[degree]]
 

@@ -22,7 +22,7 @@ NAMED = {WHOLE: "all frequencies", POWERED: "input's power"}
 """The same in names of numbers."""
 
 AROUND_1_HZ = 1.5
-"""What lies up to here is around and below 1 Hz."""
+"""Upper end of the band around and below 1 Hz."""
 
 
 def spectrum_of(study: Comparison, test: int, joint: str) -> FrequencyResponse:
@@ -109,7 +109,7 @@ def _kept(spectrum: FrequencyResponse) -> dict[str, np.ndarray]:
 
 
 def _leaks(powered: list[float]) -> str:
-    """What the estimator does between the lines, with the percent of the frequencies at which the input has power."""
+    """Describe the estimator between the lines, with the percent of frequencies at which the input has power."""
     return (
         "The disturbance of this estimator is the output less what correlates with the input; the input stands above "
         f"the window's side lobes at {_span(powered)} % of the frequencies only, and what the "

@@ -1,4 +1,4 @@
-"""How flexible a method's model is: how it follows the tests that it was not identified from [Morris1996, ch. IV].
+"""Flexibility of a method's model: its fits to tests that it was not identified from [Morris1996, ch. IV].
 
 The thesis lets this weigh most in its choice of a structure, and drops what is not stable.
 """
@@ -21,7 +21,7 @@ DISMISSED = ("arx", "iv4")
 
 @dataclass(frozen=True)
 class Flexibility:
-    """The methods' models of one joint from the estimation test, laid beside the tests not seen.
+    """Fits of the methods' models of one joint to unseen tests.
 
     Attributes:
         fits: Median fit in simulation of each stable model, percent, by method in capitals.
@@ -48,7 +48,7 @@ class Flexibility:
         return ahead(self.lead(one, other))
 
     def words(self, one: str, other: str) -> str:
-        """How one method fares beside another, and whether a method dismissed before lies above it."""
+        """Compare one method with another, and say whether a dismissed method is better."""
         apart = self.lead(one, other)
         gone = [name for name in (one, other) if name in self.unstable]
         if gone:

@@ -1,4 +1,4 @@
-"""What the report says of chance: how often a verdict was reached, and how far numbers move from seed to seed."""
+"""Frequencies over seeds: how often a verdict was reached, and how far numbers move from seed to seed."""
 
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass
@@ -14,7 +14,7 @@ ORDER: tuple[Verdict, ...] = ("reproduced", "partly", "not reproduced", "cannot 
 
 @dataclass(frozen=True)
 class Chance:
-    """What the report draws of many seeds.
+    """Results of many seeds for the report.
 
     Attributes:
         source: Which seeds, and of which run.
@@ -42,7 +42,7 @@ class Chance:
 
 
 def chance(findings: Sequence[Finding], tally: Tally | None, seed: int | None = None) -> Chance | None:
-    """What the report draws of many seeds, if there are any.
+    """Collect the results of many seeds for the report; None without seeds.
 
     Args:
         findings: As this run decided them.
@@ -65,7 +65,7 @@ def chance(findings: Sequence[Finding], tally: Tally | None, seed: int | None = 
 
 
 def frequency_text(finding: Finding, tally: Tally) -> str:
-    """How often the verdict of a finding was reached, and whether it depends on the seed.
+    """Say how often the verdict of a finding was reached, and whether it depends on the seed.
 
     Args:
         finding: As this run decided it.
@@ -84,7 +84,7 @@ def frequency_text(finding: Finding, tally: Tally) -> str:
 
 
 def answer_text(tally: Tally) -> str:
-    """How often the answer comes out: methods near 1 Hz with every seed, with some and with none, and the intervals.
+    """Say how often the answer holds: methods near 1 Hz with every seed, with some and with none, and the intervals.
 
     Args:
         tally: Many seeds.
@@ -115,7 +115,7 @@ def answer_text(tally: Tally) -> str:
 
 
 def source_text(tally: Tally, seed: int | None = None) -> str:
-    """Where the frequencies come from, in a sentence or two.
+    """Describe the source of the frequencies.
 
     Args:
         tally: Many seeds.
@@ -155,7 +155,7 @@ def coverage_rows(tally: Tally) -> list[tuple[str, list[tuple[str, BandwidthCove
 
 
 def finding_record(finding: Finding, tally: Tally | None) -> dict[str, object]:
-    """What results.json adds to a finding.
+    """Return the entries of results.json for a finding.
 
     Args:
         finding: As this run decided it.
@@ -178,7 +178,7 @@ def finding_record(finding: Finding, tally: Tally | None) -> dict[str, object]:
 
 
 def seeds_record(tally: Tally) -> dict[str, object]:
-    """What results.json says of the seeds as a whole: which, bandwidths, cost, and whether they were run now."""
+    """Return the entry of results.json for all seeds: numbers, bandwidths, cost, and whether they were run now."""
     return {
         "of_this_run": not tally.recorded,
         "seeds": [entry.seed for entry in tally.outcomes],

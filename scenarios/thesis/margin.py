@@ -1,4 +1,4 @@
-"""What counts as a difference between two fits."""
+"""Least difference of two fits that counts."""
 
 MARGIN = 0.2
 """Two fits that differ by less are tied, percentage points: the thesis reads fits off its plots to no more digits."""

@@ -22,7 +22,7 @@ INDEPENDENT = "mimo-7-independent"
 """Another sequence on every axis, which two analogue outputs could not play."""
 
 EXCITED = (0.5, 10.0)
-"""Where a 2 s file has power, and the joints still answer, Hz."""
+"""Band in which a 2 s file has power and the joints still respond, Hz."""
 
 FULL_OKID = "OKID, 6 states"
 
@@ -114,4 +114,4 @@ METHODS: dict[str, Callable[[IOData], StateSpace]] = {
     "N4SID, 6 states": lambda data: sysid.n4sid(data, 6).model,
     "ARX 5/5 for each output": _arx,
 }
-"""As many states as the OKID model of three joints has; the ARX model is the one that needs no choice of states."""
+"""Number of states, that of the OKID model of three joints; the ARX model needs no such choice."""

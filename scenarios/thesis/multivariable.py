@@ -28,7 +28,7 @@ Kind = Literal["SysID", "OKID", "hybrid"]
 Way = Literal["simulation", "one_step"]
 
 WAYS: tuple[Way, ...] = ("simulation", "one_step")
-"""Every fit is given both ways: a model without a noise model cannot predict, one with it can."""
+"""Kinds of fit; both are always listed, because a model without a noise model cannot predict."""
 
 RECORDS = (*names("mimo"), RPCM)
 """Every record of several joints: table 2, the independent waveforms, the exchange."""
@@ -48,7 +48,7 @@ LAGS = 25
 
 @dataclass(frozen=True)
 class JointFits:
-    """How well a model follows one record, joint by joint, always both ways.
+    """Fits of a model to one record, joint by joint, in simulation and one step ahead.
 
     Attributes:
         simulation: 100 (1 - |y - yhat| / |y - mean y|) of the simulated output by joint, percent.
@@ -227,7 +227,7 @@ def _laid_beside(
 
 
 def _residual_tests(model: StateSpace, data: Mapping[str, IOData]) -> dict[str, ResidualTest]:
-    """Those that there are: an unstable predictor leaves residuals beyond all numbers, which no test takes."""
+    """Return the residual tests that exist: an unstable predictor leaves residuals too large for any test."""
     found = {}
     for name in TESTED:
         if name in data:

@@ -28,7 +28,7 @@ SINES, PRBS, PULSE = 4, 5, 7
 """Numbers of the single-joint tests that chapter III rests on [Morris1996, table 1]."""
 
 GRID = np.linspace(0.05, 25.0, 500)
-"""Where windowed spectra are computed, Hz: the lines of every waveform lie on it."""
+"""Frequencies of windowed spectra, Hz: the lines of every waveform lie on them."""
 
 LAGS = 125
 """Largest lag of the correlations, samples: beyond the 100 after which a waveform repeats."""
@@ -67,7 +67,7 @@ class RecordSummary:
 
 @dataclass(frozen=True, eq=False)
 class Nonparametric:
-    """What the records of one joint say without a model.
+    """Nonparametric estimates from the records of one joint.
 
     Attributes:
         joint: Name.
@@ -96,7 +96,7 @@ class Nonparametric:
     tests: Mapping[str, RecordSummary]
 
     def resolution_hz(self, test: int) -> float:
-        """How far the window of a test's spectra reaches to either side of a line, Hz: to its first zero."""
+        """Half-width of the window of a test's spectra, Hz: to its first zero."""
         return SAMPLE_RATE / self.lags[test]
 
 
@@ -144,7 +144,7 @@ def _white(data: IOData) -> IOData:
 
 
 def excited(found: FrequencyResponse) -> np.ndarray:
-    """Where the input has more power than the window leaks from its strongest line (nf,)."""
+    """Return whether the input has more power than the window leaks from its strongest line (nf,)."""
     if found.input_spectrum is None:
         raise MissingRecordError(f"the response by {found.method} has no input spectrum")
     power = found.input_spectrum[:, 0, 0].real
@@ -152,7 +152,7 @@ def excited(found: FrequencyResponse) -> np.ndarray:
 
 
 def half_power(told: FrequencyResponse) -> float | None:
-    """Where the gain on known lines falls below 0.707, interpolated on logarithmic axes.
+    """Return where the gain on known lines falls below 0.707, interpolated on logarithmic axes.
 
     Args:
         told: Response on the lines that are known, one input and one output.

@@ -23,7 +23,7 @@ ORDER = 2
 """States per joint of the thesis [Morris1996, sec. V.2B]."""
 
 NUMBERS = (1, 2, 3, 4, 5, 6, 8, 10)
-"""Numbers of observer Markov parameters whose prediction errors are laid side by side."""
+"""Numbers of observer Markov parameters whose prediction errors are compared."""
 
 CHIRP = 8
 """Number of the single-joint test that the thesis cross-validates its observers on."""
@@ -52,7 +52,7 @@ class ObserverError:
 
 @dataclass(frozen=True)
 class Share:
-    """What some states hold, in three measures.
+    """Part of the response that some states carry, in three measures.
 
     Attributes:
         order: Number of states.

@@ -35,7 +35,7 @@ IMPROVES = 0.1
 """Gain of the median fit to other data sets that speaks for a step more, percentage points."""
 
 MINUTE = 60.0
-"""How much of every other data set is simulated, s: they repeat every two seconds."""
+"""Length of every other data set that is simulated, s: they repeat every two seconds."""
 
 ARX_GRID = (range(1, 7), range(1, 5), range(1, 5))
 """na, nb, nk that `selstruc` ranks."""
@@ -99,7 +99,7 @@ class Search:
 
 @dataclass(frozen=True)
 class Searches:
-    """What searches would choose for one joint.
+    """Choices of the searches for one joint.
 
     Attributes:
         joint: Name of the joint.

@@ -1,4 +1,4 @@
-"""How many states suffice, with and without detrending [Morris1996, sec. VI.6].
+"""Number of sufficient states, with and without detrending [Morris1996, sec. VI.6].
 
 The thesis saw one model of each kind shrink when the record was detrended: a prediction-error model from third to
 second order, an OKID model from fourth to second.
@@ -52,7 +52,7 @@ METHODS: Mapping[str, Callable[[IOData, int, int], Estimate]] = MappingProxyType
 
 @dataclass(frozen=True)
 class OrderNeeded:
-    """How many states suffice on one record.
+    """Number of sufficient states on one record.
 
     Attributes:
         joint: The joint.

@@ -1,4 +1,4 @@
-"""Spectra of a record with a periodic input: on the lines, with the disturbance told apart by repetition."""
+"""Spectra of a record with a periodic input: on the lines, with the disturbance separated by repetition."""
 
 from dataclasses import dataclass
 
@@ -9,7 +9,7 @@ from scenarios.files.errors import ScenarioError
 from sysid import FrequencyResponse, IOData
 
 TOLD = 0.2
-"""A gain counts as told where its standard deviation is below this share of it."""
+"""A gain counts as known where its standard deviation is below this share of it."""
 
 TOGETHER = 7
 """Most periods in a block. The noise of the wires moves the joint beyond the end of a block, so that short blocks show

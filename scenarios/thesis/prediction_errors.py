@@ -1,4 +1,4 @@
-"""What chapter IV adds to the models of the estimation test: other data sets, other orders, no friction."""
+"""Prediction errors of chapter IV: other data sets, other orders, no friction."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass

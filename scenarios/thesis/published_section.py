@@ -33,7 +33,7 @@ SHOWN = (5, 4)
 
 @dataclass(frozen=True)
 class PrintedFit:
-    """How a printed model follows a record of the twin.
+    """Fit of a printed model to a record of the twin.
 
     Attributes:
         simulation: Fit in simulation, percent.
@@ -109,7 +109,7 @@ def published_section(study: Comparison, gallery: Gallery) -> dict[str, object]:
 
 
 def printed_row(study: Comparison, printed: PublishedModel, records: dict[str, IOData]) -> PrintedRow:
-    """What is to be said of one printed model.
+    """Section of the report on one printed model.
 
     Args:
         study: The study.

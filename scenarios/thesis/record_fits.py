@@ -1,4 +1,4 @@
-"""How the three-joint models follow sets of records, and what of a record no model without coupling can follow."""
+"""Fits of the three-joint models to sets of records, and the part of a record that needs coupling."""
 
 from collections.abc import Iterable, Mapping
 from statistics import median

@@ -1,4 +1,4 @@
-"""What twenty seeds concluded when this version was made, and whether a study agrees with it."""
+"""Recorded conclusions of twenty seeds, and the check that a study agrees with them."""
 
 from collections.abc import Iterator
 from functools import cache
@@ -8,13 +8,13 @@ from scenarios.thesis.outcome import SeedOutcome
 from scenarios.thesis.tally import Tally, read_tally
 
 FILE = "findings.json"
-"""Of the package's data; tests/benchmarks/findings.py makes it."""
+"""File among the package's data; tests/benchmarks/findings.py writes it."""
 
 ROUNDING = 0.01
 """Rounding on another machine moves a number by less than this part of the range over the seeds."""
 
 DIGITS = 1e-6
-"""Where the seeds agree, it moves it by less than this part of the number itself."""
+"""Where the seeds agree, rounding moves a number by less than this part of itself."""
 
 
 @cache
@@ -25,7 +25,7 @@ def recorded() -> Tally:
 
 
 def contradictions(found: SeedOutcome, reference: Tally) -> tuple[str, ...]:
-    """Where a study of one of the seeds contradicts the tally.
+    """List the contradictions between a study of one of the seeds and the tally.
 
     Args:
         found: What the study concluded.

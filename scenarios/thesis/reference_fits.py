@@ -1,4 +1,4 @@
-"""How far the truth itself follows a record: what a model without coupling, or any linear model, can reach at best."""
+"""Fits of the truth to a record: the best that a model without coupling, or any linear model, can reach."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -20,7 +20,7 @@ READS_LATE = 3
 
 @dataclass(frozen=True)
 class Reference:
-    """What one kind of knowledge of the twin follows.
+    """Fits with one kind of knowledge of the twin.
 
     Attributes:
         name: The knowledge.

@@ -1,4 +1,4 @@
-"""What the templates of the report show."""
+"""Context of the report's templates."""
 
 from collections import Counter
 from collections.abc import Callable, Sequence
@@ -47,7 +47,7 @@ SECTIONS: tuple[tuple[str, Callable[[Comparison, Gallery], object]], ...] = (
 
 
 def context(study: Comparison, findings: Sequence[Finding], gallery: Gallery, tally: Tally | None) -> dict[str, object]:
-    """Everything that the templates show.
+    """Return the context of the templates.
 
     Args:
         study: The study.
@@ -121,7 +121,7 @@ def _truth(study: Comparison, gallery: Gallery) -> Picture:
 
 
 def _extent(study: Comparison) -> dict[str, float]:
-    """How much was recorded, over all arms."""
+    """Return the amount of records, over all arms."""
     logs = [log for campaign in study.campaigns for log in campaign.logs.values()]
     return {
         "experiments": len(logs),

@@ -18,7 +18,7 @@ from sysid.models.bandwidth import half_power_hz
 def results(
     study: Comparison, findings: Sequence[Finding], report: Path, tally: Tally | None = None
 ) -> dict[str, object]:
-    """Everything that `hmtb thesis --json` prints.
+    """Return what `hmtb thesis --json` prints.
 
     Args:
         study: The study.
@@ -157,7 +157,7 @@ def friction_effect(study: Comparison) -> tuple[float, float] | None:
 
 
 def friction_in_words(study: Comparison) -> str:
-    """What friction does to the frequency at which the gain is 0.707, as a sentence."""
+    """Describe the effect of friction on the frequency at which the gain is 0.707."""
     effect = friction_effect(study)
     if effect is None:
         return (

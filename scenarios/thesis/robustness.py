@@ -1,4 +1,4 @@
-"""How models fare on records that are spoilt by degree: an experiment beside the thesis' own [Morris1996, sec. VI.6].
+"""Robustness of methods: models from records with disturbances of rising degree [Morris1996, sec. VI.6].
 
 Every model is identified from a record of the PRBS test, spoilt; its bandwidth is laid beside the truth and its
 simulation beside records of other waveforms, not spoilt. The PRBS of twice the amplitude is none of them: it plays the
@@ -26,10 +26,10 @@ JUDGES = (2, 7, 8)
 that the single-joint tests have beside binary sequences (a single tone is one of the two)."""
 
 JUDGED = 3000
-"""Samples of them that a model is laid beside, a minute: every waveform file repeats in 2 s."""
+"""Samples of them that a model is compared with, a minute: every waveform file repeats in 2 s."""
 
 SEED = 25
-"""Of everything that chance decides here, beside the study's own seed."""
+"""Second seed of all random draws here, beside the study's own."""
 
 PART = 2000
 """Samples of the part that is spoilt, 40 s from the start: twenty periods of the waveform."""
@@ -44,7 +44,7 @@ def sysid_method(joint: str) -> str:
 
 
 def other_structures(joint: str) -> tuple[Structure, ...]:
-    """What the thesis tried and did not choose: the other prediction-error structure, and ARX."""
+    """Return the structures that the thesis tried and did not choose: the other prediction-error structure, and ARX."""
     return tuple(
         entry for entry in every_structure(joint) if entry.method in ("armax", "oe", "arx") and not entry.chosen
     )

@@ -1,4 +1,4 @@
-"""What came of the experiment on spoilt records: outcome by outcome, and by degree."""
+"""Outcomes of the experiment on disturbed records, one by one and by degree."""
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
@@ -11,7 +11,7 @@ from scenarios.thesis.disturbances import AS_IT_IS
 from scenarios.thesis.orders_needed import OrderNeeded
 
 Failure = Literal["", "refused", "unstable", "no bandwidth"]
-"""What went wrong: the estimator would not, the model grows without bound, its gain never falls by 3 dB."""
+"""Failures: the estimator refused, the model is unstable, its gain never falls by 3 dB."""
 
 
 @dataclass(frozen=True)

@@ -115,7 +115,7 @@ def _said(known: Tolerance | None, falling: bool) -> str:
 
 
 def _coverage(study: Comparison) -> list[tuple[str, int, int]]:
-    """How many intervals hold the truth, by method, over every record that was tried."""
+    """Count the intervals that hold the truth, by method, over every record."""
     counts = []
     for name, okid in (("SysID", False), ("OKID", True)):
         entries: Sequence[bool] = [

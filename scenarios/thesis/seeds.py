@@ -1,4 +1,4 @@
-"""How many seeds a study is repeated with, and which."""
+"""Seeds of a repeated study."""
 
 from scenarios.experiments.waveform import check_seed
 from scenarios.files.errors import ScenarioError

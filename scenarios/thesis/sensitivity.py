@@ -1,4 +1,4 @@
-"""How much a recovered bandwidth owes to the order that was chosen."""
+"""Sensitivity of a recovered bandwidth to the chosen order."""
 
 import warnings
 from collections.abc import Sequence
@@ -12,7 +12,7 @@ from sysid import IOData, SysidError, SysidWarning
 from sysid.models.bandwidth import half_power_hz
 
 ORDERS = ((2, 2), (3, 3), (3, 4), (4, 3), (5, 3), (4, 4), (5, 4))
-"""nb, nf of the output-error models laid side by side, whichever of them is called sufficient."""
+"""nb, nf of the output-error models that are compared, the sufficient one included."""
 
 
 @dataclass(frozen=True)

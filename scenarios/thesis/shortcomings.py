@@ -1,4 +1,4 @@
-"""What does not hold: findings that the twin does not show, intervals that miss, models that are not near 1 Hz."""
+"""Shortcomings: findings that the twin does not show, intervals that miss, models that are not near 1 Hz."""
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
@@ -29,7 +29,7 @@ class Miss:
 
 @dataclass(frozen=True)
 class Shortcomings:
-    """What a reader must not take from the report as if it held.
+    """Claims and numbers of the report that do not hold.
 
     Attributes:
         refuted: Findings that are not reproduced.

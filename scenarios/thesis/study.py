@@ -108,7 +108,7 @@ def _check(conditions: Sequence[Condition], duration: float | None) -> None:
 
 
 def plan(conditions: Sequence[Condition]) -> tuple[tuple[Condition, tuple[str, ...]], ...]:
-    """What is played on which arm: the campaigns of a study, in their order.
+    """Return the plan of a study: the campaigns in their order, with the tests of each arm.
 
     Args:
         conditions: The arms that are laid side by side, the one that the study is about first.
@@ -134,7 +134,7 @@ def _campaigns(
     threads: int | None,
     report: Progress,
 ) -> tuple[Campaign, ...]:
-    """Play everything: the first arm's campaign whole, the others' tests that are laid beside it."""
+    """Simulate everything: the first arm's campaign whole, and the other arms' tests that it is compared with."""
     played = plan(conditions)
     estimation = [single_joint_test(ESTIMATION_TEST, joint) for joint in STUDIED_JOINTS]
     small = [scaled(campaign_scenario(name, seed=seed, duration=duration)) for name in estimation]

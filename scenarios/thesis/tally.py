@@ -1,4 +1,4 @@
-"""What many seeds concluded: how often each verdict, and within which limits each number."""
+"""Tally of many seeds: frequencies of verdicts and ranges of numbers."""
 
 import json
 from collections import Counter
@@ -23,7 +23,7 @@ FEW = 40
 
 @dataclass(frozen=True)
 class Spread:
-    """How a number lies over the seeds.
+    """Distribution of a number over the seeds.
 
     Attributes:
         median: Its median.
@@ -46,7 +46,7 @@ class Spread:
 
 @dataclass(frozen=True)
 class Frequency:
-    """How often each verdict of a finding was reached.
+    """Frequency of each verdict of a finding.
 
     Attributes:
         counts: Number of seeds by verdict, the most frequent first.
@@ -56,7 +56,7 @@ class Frequency:
 
     @property
     def seeds(self) -> int:
-        """How many seeds decided the finding."""
+        """Number of seeds that decided the finding."""
         return sum(self.counts.values())
 
     @property
@@ -137,7 +137,7 @@ class Tally:
         return sum(entry.cost.total_s for entry in self.outcomes)
 
     def of(self, seed: int) -> SeedOutcome:
-        """What a seed concluded.
+        """Return the conclusions of a seed.
 
         Raises:
             ScenarioError: It is none of the seeds.
@@ -148,7 +148,7 @@ class Tally:
         raise ScenarioError(f"no seed {seed} in this tally, it has {[entry.seed for entry in self.outcomes]}")
 
     def frequency(self, key: str) -> Frequency:
-        """How often each verdict of a finding was reached.
+        """Return the frequency of each verdict of a finding.
 
         Args:
             key: F1 to F26.
@@ -157,7 +157,7 @@ class Tally:
         return Frequency(dict(counts.most_common()))
 
     def spread(self, key: str) -> dict[str, Spread]:
-        """How the numbers of a finding lie, by name.
+        """Return the distributions of the numbers of a finding, by name.
 
         Args:
             key: F1 to F26.
@@ -169,7 +169,7 @@ class Tally:
         return {name: spread(entries) for name, entries in values.items()}
 
     def coverage(self, joint: str, method: str) -> BandwidthCoverage:
-        """How one method's bandwidth on one joint lies.
+        """Return the distribution of one method's bandwidth on one joint.
 
         Args:
             joint: Name of the joint.

@@ -1,4 +1,4 @@
-"""How much of a disturbance a method tolerates: up to which degree its models stay comparable to the clean record's."""
+"""Tolerance of a method: the degree of a disturbance up to which its models stay comparable to the clean record's."""
 
 from dataclasses import dataclass
 from statistics import median
@@ -16,7 +16,7 @@ NO_BANDWIDTH = 100.0
 
 @dataclass(frozen=True)
 class Tolerance:
-    """How much of a disturbance a method tolerates on one joint.
+    """Tolerance of a method to a disturbance on one joint.
 
     Attributes:
         degree: The largest degree up to which every one tried is tolerated, in the disturbance's unit; None where the

@@ -57,7 +57,7 @@ def parts(finding: Finding) -> list[tuple[str, str, str | None]]:
 
 
 def limits(found: Spread | None, finding: Finding) -> str:
-    """How far a number of a finding moves from seed to seed, in brackets; nothing where it does not.
+    """Return the range of a finding's number over the seeds, in brackets; empty where it does not move.
 
     Args:
         found: The number over the seeds, if they have it.
