@@ -1,13 +1,12 @@
 """`hmtb dataset build`: a data set from its spec."""
 
-import sys
 from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import tyro
 
-from scenarios.commands.output import print_json, say
+from scenarios.commands.output import print_json, say, say_beside_bar
 from scenarios.jobs.progress import How, Progress, show_progress
 
 MOST_REASONS = 20
@@ -75,7 +74,7 @@ def build(
 
         if workers is not None:
             raise ScenarioError("--workers and --cluster given; expected one: Dask's workers have threads of their own")
-        executor, usual = Cluster(cluster, patience=patience, report=_write_line), CLUSTER_ROWS
+        executor, usual = Cluster(cluster, patience=patience, report=say_beside_bar), CLUSTER_ROWS
     else:
         usual = MOST_ROWS
     work: dict[str, Any] = {"workers": workers, "rows": usual if rows is None else rows, "executor": executor}
@@ -123,12 +122,6 @@ def _say_failed(failed: Mapping[str, str]) -> None:
         say(f"failed: {same[0]}{f' and {len(same) - 1} more' if len(same) > 1 else ''}: {why}")
     if len(names) > MOST_REASONS:
         say(f"failed: {sum(map(len, list(names.values())[MOST_REASONS:]))} more, for other reasons; the index has them")
-
-
-def _write_line(line: str) -> None:
-    """Write a line to stderr; a progress bar stays below it."""
-    sys.stderr.write(f"{line}\n")
-    sys.stderr.flush()
 
 
 def _kept(latest: list[Progress], folder: Path) -> str:

@@ -1,4 +1,4 @@
-"""What commands print: results on stdout as a table or as JSON, progress on stderr."""
+"""Output of commands: results on stdout as a table or as JSON, progress on stderr."""
 
 import json
 import math
@@ -13,10 +13,10 @@ from scenarios.files.errors import ScenarioError
 
 
 class Bar(Protocol):
-    """A bar that shows how far something is."""
+    """Reports how far something is."""
 
     def __call__(self, done: int, total: int | None, step: str = "") -> None:
-        """Show it: what is done, what there is in all if that is known, and the step that it counts."""
+        """Report items that are done, items in all if that is known, and the step that they belong to."""
 
 
 def plain(value: object) -> object:
@@ -76,52 +76,25 @@ def print_table(title: str, columns: Sequence[str], rows: Sequence[Sequence[str]
 
 @contextmanager
 def progress(label: str, *, lines: bool = False) -> Iterator[Bar]:
-    """A bar on stderr while something long runs.
+    """Show on stderr how far something long is.
 
     Args:
         label: What runs.
-        lines: Whether to write a line for every step where stderr is no terminal; else nothing is written there.
+        lines: Whether to write a line now and then where stderr is no terminal; else nothing is written there.
 
     Yields:
         A function to call with (done, total), and with the name of the step where there are several; a total of None
         where none is known.
     """
-    if not sys.stderr.isatty():
-        yield _lines(label) if lines else lambda done, total, step="": None
-        return
-    from rich.console import Console
-    from rich.progress import Progress
+    from scenarios.jobs.progress import Progress, show_progress
 
-    with Progress(console=Console(stderr=True), transient=True) as bar:
-        job, shown = bar.add_task(label, total=None), ""
-
-        def told(done: int, total: int | None, step: str = "") -> None:
-            nonlocal job, shown
-            if step != shown:  # a bar of its own: one that counted something else would jump back
-                bar.remove_task(job)
-                job, shown = bar.add_task(f"{label}: {step}", total=None), step
-            bar.update(job, completed=done, total=total)
-
-        yield told
-
-
-def _lines(label: str) -> Bar:
-    """A bar that writes a line when a step begins, for logs."""
-    shown: str | None = None
-
-    def told(done: int, total: int | None, step: str = "") -> None:
-        nonlocal shown
-        if step != shown:
-            shown = step
-            sys.stderr.write(f"{label}: {step}\n" if step else f"{label}\n")
-            sys.stderr.flush()
-
-    return told
+    with show_progress(label, "auto" if lines or sys.stderr.isatty() else "none") as report:
+        yield lambda done, total, step="": report(Progress(step, done, total))
 
 
 @contextmanager
 def output_folder(path: Path) -> Iterator[Path]:
-    """Create a folder for results and make sure that it can be written; take it back if nothing comes of it.
+    """Create a folder for results and make sure that it can be written; remove it if the work fails.
 
     Yields:
         The path. If the work inside fails or is interrupted, folders made for it that are still empty are removed.
@@ -129,21 +102,21 @@ def output_folder(path: Path) -> Iterator[Path]:
     Raises:
         ScenarioError: It cannot be created or written.
     """
-    made = [folder for folder in (path, *path.parents) if not folder.exists()]
+    new = [folder for folder in (path, *path.parents) if not folder.exists()]
     try:
         path.mkdir(parents=True, exist_ok=True)
         probe = path / ".hmtb-write-test"
         probe.touch()
         probe.unlink()
     except OSError as error:
-        _remove_empty(made)
+        _remove_empty(new)
         raise ScenarioError(
             f"cannot write to folder {str(path)!r}: {reason(error)}; expected a folder that can be created and written"
         ) from error
     try:
         yield path
     except BaseException:
-        _remove_empty(made)
+        _remove_empty(new)
         raise
 
 
@@ -156,5 +129,5 @@ def _remove_empty(folders: Sequence[Path]) -> None:
 
 
 def reason(error: OSError) -> str:
-    """Why the system refused, in its own words; libraries put theirs into the error's text."""
+    """The system's reason in its own words; libraries put theirs into the error's text."""
     return os.strerror(error.errno) if error.errno else "the file system refuses"
