@@ -1,6 +1,5 @@
 """The command line: what it prints, and one clear line for everything that a user can get wrong."""
 
-import json
 import os
 import resource
 import signal
@@ -16,29 +15,7 @@ from scipy.signal import lfilter
 
 from scenarios import names
 from scenarios.commands.cli import main
-
-
-def run(capsys: pytest.CaptureFixture[str], *words: object) -> tuple[int, str, str]:
-    code = main([str(word) for word in words])
-    out, err = capsys.readouterr()
-    return code, out, err
-
-
-def result(capsys: pytest.CaptureFixture[str], *words: object) -> dict:
-    """Run with --json; stdout is one object and stderr is empty."""
-    code, out, err = run(capsys, *words, "--json")
-    assert (code, err) == (0, ""), err
-    return json.loads(out, parse_constant=lambda name: pytest.fail(f"{name} is not JSON"))
-
-
-def complaint(capsys: pytest.CaptureFixture[str], *words: object) -> str:
-    """Run what must be refused: exit 2, nothing on stdout, one line on stderr, no traceback."""
-    code, out, err = run(capsys, *words)
-    assert code == 2
-    assert out == ""
-    assert err.startswith("hmtb: ")
-    assert err.count("\n") == 1
-    return err
+from tests.scenarios.commands.calls import complaint, result, run
 
 
 @pytest.fixture

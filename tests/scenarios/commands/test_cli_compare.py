@@ -13,19 +13,7 @@ from scenarios.commands.cli import main
 from scenarios.experiments.registry import load
 from scenarios.identification.model_comparison import parsed
 from scenarios.truth.published import published_model
-
-
-def result(capsys: pytest.CaptureFixture[str], *words: object) -> dict:
-    assert main(["compare", *map(str, words), "--json"]) == 0
-    return json.loads(capsys.readouterr().out)
-
-
-def complaint(capsys: pytest.CaptureFixture[str], *words: object) -> str:
-    assert main(["compare", *map(str, words), "--json"]) == 2
-    out, err = capsys.readouterr()
-    assert out == ""
-    assert err.count("\n") == 1
-    return err
+from tests.scenarios.commands.calls import complaint, result
 
 
 @pytest.fixture(scope="module")
@@ -50,7 +38,7 @@ def csv(tmp_path: Path) -> Path:
 def test_without_words_the_truth_and_all_prints_of_the_joint(
     capsys: pytest.CaptureFixture[str], logs: dict[str, Path]
 ) -> None:
-    found = result(capsys, logs["siso-5-elbow_pitch"], "--skip", 4)
+    found = result(capsys, "compare", logs["siso-5-elbow_pitch"], "--skip", 4)
     assert [entry["model"] for entry in found["models"]] == ["truth", "published ARMAX (4.12)", "published OKID (5.10)"]
     true, armax, okid = found["models"]
     assert true["bandwidth_hz"] == pytest.approx(linearize(load_arm()).joint("elbow_pitch").bandwidth_hz, rel=1e-6)
@@ -70,7 +58,7 @@ def test_estimates_come_from_the_other_record_or_say_that_they_do_not(
 ) -> None:
     chirp, prbs = logs["siso-8-elbow_pitch"], logs["siso-5-elbow_pitch"]
     words = (chirp, "--models", "oe:2/2/2", "truth", "--skip", 4)
-    held_out, own = result(capsys, *words, "--estimation", prbs), result(capsys, *words)
+    held_out, own = result(capsys, "compare", *words, "--estimation", prbs), result(capsys, "compare", *words)
     assert held_out["estimation"] == str(prbs)
     assert held_out["warnings"] == []
     assert own["estimation"] == str(chirp)
@@ -90,21 +78,23 @@ def test_the_same_record_under_another_name_is_no_validation(
     (tmp_path / "copy.nc").write_bytes(prbs.read_bytes())
     (tmp_path / "link.nc").symlink_to(prbs)
     for path in (prbs, tmp_path / "copy.nc", tmp_path / "link.nc"):
-        (said,) = result(capsys, prbs, "--models", "arx:2/2", "--estimation", path)["warnings"]
+        (said,) = result(capsys, "compare", prbs, "--models", "arx:2/2", "--estimation", path)["warnings"]
         assert f"arx:2/2: identified from {path.name}, which holds the same record, so that the fit is no valid" in said
     lines = csv.read_text(encoding="utf-8").splitlines()
     start = csv.with_name("start.csv")
     start.write_text("\n".join(lines[:800]), encoding="utf-8")
-    assert "no validation" in result(capsys, csv, "--models", "arx:1/1", "--estimation", start)["warnings"][0]
+    assert (
+        "no validation" in result(capsys, "compare", csv, "--models", "arx:1/1", "--estimation", start)["warnings"][0]
+    )
     end = csv.with_name("end.csv")
     end.write_text("\n".join([lines[0], *lines[400:]]), encoding="utf-8")
     held_out = csv.with_name("held-out.csv")
     held_out.write_text("\n".join(lines[:400]), encoding="utf-8")
-    assert result(capsys, held_out, "--models", "arx:1/1", "--estimation", end)["warnings"] == []
+    assert result(capsys, "compare", held_out, "--models", "arx:1/1", "--estimation", end)["warnings"] == []
 
 
 def test_the_fits_are_those_of_identify(capsys: pytest.CaptureFixture[str], csv: Path) -> None:
-    (entry,) = result(capsys, csv, "--models", "arx:1/1", "--steps", "3")["models"]
+    (entry,) = result(capsys, "compare", csv, "--models", "arx:1/1", "--steps", "3")["models"]
     assert main(["identify", str(csv), "--method", "arx", "--orders", "1", "1", "--steps", "3", "--json"]) == 0
     same = json.loads(capsys.readouterr().out)
     for name in ("simulation", "one_step", "ahead"):
@@ -116,13 +106,13 @@ def test_the_fits_are_those_of_identify(capsys: pytest.CaptureFixture[str], csv:
 def test_three_joints_at_once(capsys: pytest.CaptureFixture[str], logs: dict[str, Path]) -> None:
     joints = ("shoulder_yaw", "shoulder_pitch", "elbow_pitch")
     words = ("--models", "published:okid", "truth", "--joint", *joints, "--skip", 4)
-    printed, true = result(capsys, logs["mimo-7-independent"], *words)["models"]
+    printed, true = result(capsys, "compare", logs["mimo-7-independent"], *words)["models"]
     hz = [printed["bandwidth_hz"][k][k] for k in range(3)]
     assert hz == pytest.approx([0.13, 1.40, 0.89], abs=0.006)
     assert len(true["fit"]["simulation"]) == 3
     assert min(true["fit"]["simulation"]) > 80.0
     # On one joint a printed model of three is its part for that joint.
-    (part,) = result(capsys, logs["siso-5-elbow_pitch"], "--models", "published:okid")["models"]
+    (part,) = result(capsys, "compare", logs["siso-5-elbow_pitch"], "--models", "published:okid")["models"]
     assert part["model"] == "published OKID model (5.11), OKID (5.10)"
     assert part["bandwidth_hz"] == pytest.approx(published_model("5.10").model.bandwidth()[0, 0])
 
@@ -137,8 +127,8 @@ def test_each_model_is_judged_about_its_own_operating_point(capsys: pytest.Captu
     path = tmp_path / "offset.csv"
     np.savetxt(path, np.column_stack((u, y)), delimiter=",", header="u,y", comments="")
     words = (path, "--dt", 0.02, "--models", "published:4.10")
-    assert result(capsys, *words)["models"][0]["fit"]["simulation"][0] == pytest.approx(100.0, abs=1e-6)
-    assert result(capsys, *words, "--keep-mean")["models"][0]["fit"]["simulation"][0] < 0.0
+    assert result(capsys, "compare", *words)["models"][0]["fit"]["simulation"][0] == pytest.approx(100.0, abs=1e-6)
+    assert result(capsys, "compare", *words, "--keep-mean")["models"][0]["fit"]["simulation"][0] < 0.0
 
 
 def test_the_table_and_the_figure(capsys: pytest.CaptureFixture[str], logs: dict[str, Path], tmp_path: Path) -> None:
@@ -178,24 +168,26 @@ def test_the_table_and_the_figure(capsys: pytest.CaptureFixture[str], logs: dict
     ],
 )
 def test_complaints(capsys: pytest.CaptureFixture[str], logs: dict[str, Path], words: list[str], said: str) -> None:
-    assert said in complaint(capsys, logs["siso-5-elbow_pitch"], *words)
+    assert said in complaint(capsys, "compare", logs["siso-5-elbow_pitch"], *words)
 
 
 def test_what_a_foreign_table_cannot_be_laid_beside(
     capsys: pytest.CaptureFixture[str], csv: Path, logs: dict[str, Path]
 ) -> None:
-    assert "tells of no arm; the truth is known of logs" in complaint(capsys, csv)
-    assert "name one, as published:4.7" in complaint(capsys, csv, "--models", "published")
-    assert "takes 3 input(s), robot.csv was read with 1" in complaint(capsys, csv, "--models", "published:okid")
+    assert "tells of no arm; the truth is known of logs" in complaint(capsys, "compare", csv)
+    assert "name one, as published:4.7" in complaint(capsys, "compare", csv, "--models", "published")
+    assert "takes 3 input(s), robot.csv was read with 1" in complaint(
+        capsys, "compare", csv, "--models", "published:okid"
+    )
     slow = csv.with_name("slow.csv")
     slow.write_text("\n".join(line.partition(",")[2] for line in csv.read_text(encoding="utf-8").splitlines()))
     words = (slow, "--dt", 0.01, "--models", "published:4.7")
-    assert "sampled every 0.01 s; the printed models hold at 0.02 s" in complaint(capsys, *words)
+    assert "sampled every 0.01 s; the printed models hold at 0.02 s" in complaint(capsys, "compare", *words)
     assert "'published' takes all printed models of one" in complaint(
-        capsys, logs["mimo-7-independent"], "--models", "published", "--joint", "shoulder_yaw", "elbow_pitch"
+        capsys, "compare", logs["mimo-7-independent"], "--models", "published", "--joint", "shoulder_yaw", "elbow_pitch"
     )
     assert "the thesis prints no model of wrist_yaw" in complaint(
-        capsys, logs["mimo-7-independent"], "--models", "published", "--joint", "wrist_yaw"
+        capsys, "compare", logs["mimo-7-independent"], "--models", "published", "--joint", "wrist_yaw"
     )
 
 

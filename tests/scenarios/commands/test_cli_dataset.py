@@ -9,17 +9,12 @@ from pathlib import Path
 
 import pytest
 
-from scenarios.commands.cli import COMMANDS, _data_set_command, main
+from scenarios.commands.cli import COMMANDS, _data_set_command
 from scenarios.commands.dataset import DATA_SET_COMMANDS
 from scenarios.datasets.chunk import BuiltExperiment, run_chunk
 from scenarios.datasets.plan import DataSetPlan
 from scenarios.datasets.spec import DataSetSpec, load_spec, shipped
-
-
-def run(capsys: pytest.CaptureFixture[str], *words: object) -> tuple[int, str, str]:
-    code = main([str(word) for word in words])
-    out, err = capsys.readouterr()
-    return code, out, err
+from tests.scenarios.commands.calls import run
 
 
 @pytest.mark.parametrize("words", [["dataset"], ["dataset", "--help"], ["dataset", "-h"]])

@@ -1,6 +1,5 @@
 """`hmtb identify` for anyone's data: every estimator, several channels, gaps, any table, its operating point."""
 
-import json
 import re
 from collections.abc import Mapping
 from pathlib import Path
@@ -15,6 +14,7 @@ from scenarios.commands.cli import main
 from scenarios.identification.methods import ESTIMATORS
 from sysid import IOData, SysidError, arx, compare, oe
 from sysid.polynomial.fit_with_offset import fit_with_offset, unexplained_offset
+from tests.scenarios.commands.calls import complaint, result
 
 DT = 0.02
 ORDERS = {
@@ -27,19 +27,6 @@ ORDERS = {
     "n4sid": "1",
     "pem_ss": "1",
 }
-
-
-def result(capsys: pytest.CaptureFixture[str], *words: object) -> dict:
-    assert main(["identify", *map(str, words), "--json"]) == 0
-    return json.loads(capsys.readouterr().out)
-
-
-def complaint(capsys: pytest.CaptureFixture[str], *words: object) -> str:
-    assert main(["identify", *map(str, words), "--json"]) == 2
-    out, err = capsys.readouterr()
-    assert out == ""
-    assert err.count("\n") == 1
-    return err
 
 
 def signals(noise: float = 0.01, samples: int = 1200, seed: int = 0) -> tuple[np.ndarray, np.ndarray]:
@@ -64,7 +51,7 @@ def csv(tmp_path: Path) -> Path:
 
 @pytest.mark.parametrize("method", ESTIMATORS)
 def test_every_estimator_finds_the_pole(capsys: pytest.CaptureFixture[str], csv: Path, method: str) -> None:
-    found = result(capsys, csv, "--method", method, "--orders", *ORDERS[method].split())
+    found = result(capsys, "identify", csv, "--method", method, "--orders", *ORDERS[method].split())
     assert found["poles"][0] == pytest.approx([0.9, 0.0], abs=0.03)
     assert found["method"] == method
     assert set(found["fit"]) == {"simulation", "one_step", "steps", "ahead"}
@@ -75,7 +62,7 @@ def test_every_estimator_finds_the_pole(capsys: pytest.CaptureFixture[str], csv:
 
 
 def test_the_poles_are_those_from_input_to_output(capsys: pytest.CaptureFixture[str], csv: Path) -> None:
-    found = result(capsys, csv, "--method", "bj", "--orders", "1", "1", "1", "1")
+    found = result(capsys, "identify", csv, "--method", "bj", "--orders", "1", "1", "1", "1")
     assert len(found["poles"]) == 1  # that of the noise model is not among them
 
 
@@ -88,7 +75,7 @@ def test_a_noise_free_start_from_rest_is_explained_whole(
     path = table(
         tmp_path / "rest.csv", {"dt": np.full(len(u), DT), "u": u + 1.5, "y": lfilter([0, 0.1], [1, -0.9], u + 1.5)}
     )
-    found = result(capsys, path, "--method", method, "--orders", *ORDERS[method].split())
+    found = result(capsys, "identify", path, "--method", method, "--orders", *ORDERS[method].split())
     assert f"{found['fit']['simulation'][0]:.2f}" == "100.00"
     assert found["dc_gain"] == pytest.approx(1.0, abs=1e-4)
     at = found["operating_point"]
@@ -147,7 +134,7 @@ def test_a_constant_over_several_parts_with_gaps_and_windows() -> None:
 
 
 def test_keep_mean_takes_the_values_as_they_are(capsys: pytest.CaptureFixture[str], csv: Path) -> None:
-    found = result(capsys, csv, "--method", "oe", "--orders", "1", "1", "--keep-mean")
+    found = result(capsys, "identify", csv, "--method", "oe", "--orders", "1", "1", "--keep-mean")
     assert found["operating_point"] is None
 
 
@@ -166,7 +153,7 @@ def two(tmp_path: Path) -> Path:
 
 def test_several_inputs(capsys: pytest.CaptureFixture[str], two: Path) -> None:
     channels = ("--input", "left", "right", "--output", "elbow")
-    found = result(capsys, two, *channels, "--method", "oe", "--orders", "1", "1")
+    found = result(capsys, "identify", two, *channels, "--method", "oe", "--orders", "1", "1")
     assert (found["inputs"], found["outputs"]) == (["left", "right"], ["elbow"])
     assert sorted(pole[0] for pole in found["poles"]) == pytest.approx([0.6, 0.9], abs=0.02)
     assert np.shape(found["bandwidth_hz"]) == (1, 2)
@@ -178,7 +165,7 @@ def test_several_inputs(capsys: pytest.CaptureFixture[str], two: Path) -> None:
 def test_several_outputs(capsys: pytest.CaptureFixture[str], two: Path, method: str, orders: str) -> None:
     channels = ("--input", "left", "right", "--output", "elbow", "wrist")
     words = (two, *channels, "--method", method, "--orders", *orders.split())
-    found = result(capsys, *words)
+    found = result(capsys, "identify", *words)
     np.testing.assert_allclose(found["dc_gain"], [[1.0, 0.75], [0.0, 0.5]], atol=0.06)
     assert len(found["fit"]["simulation"]) == 2
     assert main(["identify", *map(str, words)]) == 0
@@ -189,7 +176,7 @@ def test_several_outputs(capsys: pytest.CaptureFixture[str], two: Path, method: 
 
 def test_methods_for_one_output_say_which_take_several(capsys: pytest.CaptureFixture[str], two: Path) -> None:
     said = complaint(
-        capsys, two, "--input", "left", "--output", "elbow", "wrist", "--method", "oe", "--orders", "1", "1"
+        capsys, "identify", two, "--input", "left", "--output", "elbow", "wrist", "--method", "oe", "--orders", "1", "1"
     )
     assert "oe takes one output, given 2; for several there are: okid, n4sid, pem_ss" in said
 
@@ -198,7 +185,7 @@ def test_a_matrix_in_a_mat_file_is_several_inputs(capsys: pytest.CaptureFixture[
     u = np.random.default_rng(0).standard_normal((400, 2))
     y = lfilter([0, 0.1], [1, -0.9], u[:, 0]) + lfilter([0, 0.3], [1, -0.6], u[:, 1])
     savemat(tmp_path / "wide.mat", {"u": u, "y": y, "dt": DT})
-    found = result(capsys, tmp_path / "wide.mat", "--method", "oe", "--orders", "1", "1")
+    found = result(capsys, "identify", tmp_path / "wide.mat", "--method", "oe", "--orders", "1", "1")
     assert found["inputs"] == ["u1", "u2"]
     assert found["fit"]["simulation"][0] > 99.99
 
@@ -211,8 +198,8 @@ def test_missing_outputs_are_declared(capsys: pytest.CaptureFixture[str], tmp_pa
         y[np.random.default_rng(0).random(len(y)) < 0.02] = np.nan
     path = table(tmp_path / "gaps.csv", {"t": DT * np.arange(len(u)), "u": u, "y": y})
     words = (path, "--method", method, "--orders", *ORDERS[method].split())
-    assert "--missing takes NaN or empty cells" in complaint(capsys, *words)
-    found = result(capsys, *words, "--missing")
+    assert "--missing takes NaN or empty cells" in complaint(capsys, "identify", *words)
+    found = result(capsys, "identify", *words, "--missing")
     assert found["poles"][0][0] == pytest.approx(0.9, abs=0.03)
     expected = "2 parts between lost samples" if method == "n4sid" else "of 500 output samples are missing"
     assert expected in found["warnings"][0]
@@ -223,7 +210,7 @@ def test_missing_outputs_are_declared(capsys: pytest.CaptureFixture[str], tmp_pa
 def test_any_table_is_read(capsys: pytest.CaptureFixture[str], tmp_path: Path, ending: str, delimiter: str) -> None:
     u, y = signals()
     path = table(tmp_path / f"robot.{ending}".rstrip("."), {"u": u, "y": y}, header=False, delimiter=delimiter)
-    found = result(capsys, path, "--dt", "0.05", "--method", "oe", "--orders", "1", "1")
+    found = result(capsys, "identify", path, "--dt", "0.05", "--method", "oe", "--orders", "1", "1")
     assert found["dt"] == 0.05
     assert found["poles"][0][0] == pytest.approx(0.9, abs=0.02)
 
@@ -232,11 +219,11 @@ def test_a_bare_table_of_more_columns_says_how_to_name_them(capsys: pytest.Captu
     u, y = signals()
     path = table(tmp_path / "bare.dat", {"a": u, "b": -u, "c": y}, header=False, delimiter=" ")
     words = (path, "--dt", "0.02", "--method", "arx", "--orders", "1", "1")
-    said = complaint(capsys, *words)
+    said = complaint(capsys, "identify", *words)
     assert "3 columns without a header" in said
     assert "u, y in this sequence, 2 in all; --input and --output name them, inputs first" in said
     named = (*words, "--input", "u", "idle", "--output", "y")
-    assert result(capsys, *named)["inputs"] == ["u", "idle"]
+    assert result(capsys, "identify", *named)["inputs"] == ["u", "idle"]
 
 
 def test_plain_netcdf_is_read_by_its_variables(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
@@ -245,10 +232,10 @@ def test_plain_netcdf_is_read_by_its_variables(capsys: pytest.CaptureFixture[str
     stored["angle"].attrs["units"] = "rad"
     stored.to_netcdf(tmp_path / "robot.nc", engine="h5netcdf")
     method = ("--method", "oe", "--orders", "1", "1")
-    found = result(capsys, tmp_path / "robot.nc", "--input", "torque", "--output", "angle", *method)
+    found = result(capsys, "identify", tmp_path / "robot.nc", "--input", "torque", "--output", "angle", *method)
     assert found["dt"] == pytest.approx(DT)
     assert found["poles"][0][0] == pytest.approx(0.9, abs=0.02)
-    said = complaint(capsys, tmp_path / "robot.nc", "--output", "angle", *method)
+    said = complaint(capsys, "identify", tmp_path / "robot.nc", "--output", "angle", *method)
     assert "unknown column 'u'; there are" in said
     assert "choose by --input" in said
 
@@ -257,7 +244,7 @@ def test_what_is_printed(capsys: pytest.CaptureFixture[str], csv: Path) -> None:
     words = (csv, "--method", "armax", "--orders", "1", "1", "1", "--steps", "5")
     assert main(["identify", *map(str, words)]) == 0
     lines = capsys.readouterr().out.splitlines()
-    found = result(capsys, *words)
+    found = result(capsys, "identify", *words)
     shown = {re.split(r"\s{2,}", line.strip())[0]: line for line in lines}
     assert f"{found['fit']['ahead'][0]:.2f} %" in shown["fit 5 steps ahead"]
     assert f"{found['fpe']:.4g}; AIC {found['aic']:.5g}" in shown["final prediction error"]
@@ -274,21 +261,23 @@ def test_another_record_is_judged_about_its_own_level(
     u, y = signals(seed=9)
     other = table(tmp_path / "other.csv", {"t": DT * np.arange(len(u)), "u": u + 2.0, "y": y + 2.0 + 5.0})
     words = ("--method", "oe", "--orders", "1", "1")
-    own = result(capsys, csv, *words, "--validate", csv)
-    assert own["fit"] == result(capsys, csv, *words)["fit"]
-    apart = result(capsys, csv, *words, "--validate", other)
+    own = result(capsys, "identify", csv, *words, "--validate", csv)
+    assert own["fit"] == result(capsys, "identify", csv, *words)["fit"]
+    apart = result(capsys, "identify", csv, *words, "--validate", other)
     record = IOData(u, y, DT)
     model = oe(IOData(*signals(), DT), 1, 1, 1)
     assert apart["fit"]["simulation"][0] == pytest.approx(compare(model, record)[0].simulation[0], abs=0.05)
 
 
 def test_figures(capsys: pytest.CaptureFixture[str], tmp_path: Path, csv: Path, two: Path) -> None:
-    found = result(capsys, csv, "--method", "oe", "--orders", "1", "1", "--out", tmp_path / "figures")
+    found = result(capsys, "identify", csv, "--method", "oe", "--orders", "1", "1", "--out", tmp_path / "figures")
     names = ["record", "outputs", "bode", "step", "roots", "residuals"]
     assert found["figures"] == [str(tmp_path / "figures" / f"robot-{name}.png") for name in names]
     assert all(Path(path).stat().st_size > 5000 for path in found["figures"])
     channels = ("--input", "left", "right", "--output", "elbow", "wrist")
-    several = result(capsys, two, *channels, "--method", "n4sid", "--orders", "2", "--out", tmp_path / "figures")
+    several = result(
+        capsys, "identify", two, *channels, "--method", "n4sid", "--orders", "2", "--out", tmp_path / "figures"
+    )
     assert len(several["figures"]) == 6
 
 
@@ -298,9 +287,9 @@ def test_inputs_that_move_together_are_told_once(capsys: pytest.CaptureFixture[s
     near = u + 1e-3 * np.random.default_rng(2).standard_normal(len(u))
     path = table(tmp_path / "two.csv", {"t": DT * np.arange(len(u)), "a": u, "b": near, "c": other, "y": y})
     words = (path, "--output", "y", "--method", "arx", "--orders", "1", "1")
-    (told,) = (w for w in result(capsys, *words, "--input", "a", "b")["warnings"] if "move together" in w)
+    (told,) = (w for w in result(capsys, "identify", *words, "--input", "a", "b")["warnings"] if "move together" in w)
     assert told.startswith("the inputs a, b move together (condition ")
-    assert not any("move together" in w for w in result(capsys, *words, "--input", "a", "c")["warnings"])
+    assert not any("move together" in w for w in result(capsys, "identify", *words, "--input", "a", "c")["warnings"])
 
 
 def test_what_holds_for_every_path_is_said_once_and_without_python(
@@ -311,7 +300,7 @@ def test_what_holds_for_every_path_is_said_once_and_without_python(
     y = lfilter([0, 0.1], [1, -0.9], u, axis=0) + 0.01 * np.random.default_rng(0).standard_normal((1200, 2))
     path = table(tmp_path / "two.csv", {"t": t, "a": u[:, 0], "b": u[:, 1], "y": y[:, 0], "z": y[:, 1]})
     words = (path, "--input", "a", "b", "--output", "y", "z", "--method", "n4sid", "--orders", "2")
-    warnings = result(capsys, *words)["warnings"]
+    warnings = result(capsys, "identify", *words)["warnings"]
     assert sum("nothing below 3 Hz is excited" in text for text in warnings) == 1
     assert not any("→" in text for text in warnings if "nothing below 3 Hz is excited" in text)
 

@@ -1,7 +1,6 @@
 """`hmtb truth`: every kind of truth, its figure, the maps, and one line for what is wrong."""
 
 import functools
-import json
 import re
 from dataclasses import replace
 from pathlib import Path
@@ -18,22 +17,11 @@ from scenarios.truth import truth_summary
 from scenarios.truth.best_linear import best_linear, cautions
 from scenarios.truth.maps import Density
 from scenarios.truth.truth_figure import truth_figure
-
-
-def run(capsys: pytest.CaptureFixture[str], *words: object) -> str:
-    """Run what must succeed, with nothing on stderr."""
-    code = main(["truth", *map(str, words)])
-    out, err = capsys.readouterr()
-    assert (code, err) == (0, "")
-    return out
-
-
-def result(capsys: pytest.CaptureFixture[str], *words: object) -> dict:
-    return json.loads(run(capsys, *words, "--json"), parse_constant=lambda name: pytest.fail(f"{name} is not JSON"))
+from tests.scenarios.commands.calls import complaint, printed, result
 
 
 def test_table_tells_resonance_and_errors(capsys: pytest.CaptureFixture[str]) -> None:
-    out = run(capsys)
+    out = printed(capsys, "truth")
     assert "hydraulic resonance" in out
     assert "Relative error of the linear model" in out
     (row,) = (line for line in out.splitlines() if line.startswith(" elbow_pitch"))
@@ -41,7 +29,7 @@ def test_table_tells_resonance_and_errors(capsys: pytest.CaptureFixture[str]) ->
 
 
 def test_json_tells_all_of_the_small_signal_truth(capsys: pytest.CaptureFixture[str]) -> None:
-    found = result(capsys)
+    found = result(capsys, "truth")
     assert found["plant"] == vars(NOMINAL_PLANT)
     truth = linearize(load_arm(), amplitudes=())
     for name in STUDIED_JOINTS:
@@ -63,7 +51,9 @@ def actuator(name: str) -> Actuator:
 
 
 def test_conditions_are_those_asked_for(capsys: pytest.CaptureFixture[str]) -> None:
-    found = result(capsys, "--oil-temperature", 5, "--supply-pressure", 15, "--friction-level", 2, "--payload", "none")
+    found = result(
+        capsys, "truth", "--oil-temperature", 5, "--supply-pressure", 15, "--friction-level", 2, "--payload", "none"
+    )
     plant = Plant(oil_temperature=5.0, supply_pressure=15.0, friction_level=2.0)
     assert found["plant"] == vars(plant)
     true = linearize(load_arm(payload="none", plant=plant), amplitudes=()).joint("wrist_roll")
@@ -71,29 +61,29 @@ def test_conditions_are_those_asked_for(capsys: pytest.CaptureFixture[str]) -> N
 
 
 def test_process_noise_brings_the_noise_model(capsys: pytest.CaptureFixture[str]) -> None:
-    found = result(capsys, "--process-noise", 0.001)
+    found = result(capsys, "truth", "--process-noise", 0.001)
     truth = linearize(load_arm(plant=Plant(process_noise=0.001)), amplitudes=())
     assert np.array(found["noise"]["K"]) == pytest.approx(truth.model.gain)
     assert found["joints"]["elbow_pitch"]["innovation_sd_rad"] == pytest.approx(
         float(np.sqrt(truth.joint("elbow_pitch").model.innovation_covariance[0, 0]))
     )
-    assert "Innovations of each joint seen alone" in run(capsys, "--process-noise", 0.001)
+    assert "Standard deviation of each joint's innovations" in printed(capsys, "truth", "--process-noise", 0.001)
 
 
 def test_pose_by_angles(capsys: pytest.CaptureFixture[str]) -> None:
     degrees = (0, 20, 50, 30, -50, 0, 0)
-    found = result(capsys, "--pose", ",".join(map(str, degrees)))
+    found = result(capsys, "truth", "--pose", ",".join(map(str, degrees)))
     true = linearize(load_arm(), np.radians(degrees), amplitudes=()).joint("shoulder_yaw")
     assert found["joints"]["shoulder_yaw"]["bandwidth_hz"] == pytest.approx(true.bandwidth_hz)
     assert found["angles_rad"] == pytest.approx(np.radians(degrees))
-    assert "0,20,50,30,-50,0,0 deg" in run(capsys, "--pose", ",".join(map(str, degrees)))
+    assert "0,20,50,30,-50,0,0 deg" in printed(capsys, "truth", "--pose", ",".join(map(str, degrees)))
 
 
 def test_electric_drives_have_no_oil(capsys: pytest.CaptureFixture[str]) -> None:
-    out = run(capsys, "--variant", "flight")
+    out = printed(capsys, "truth", "--variant", "flight")
     assert "hydraulic" not in out
     assert "oil" not in out
-    assert "hydraulics" not in result(capsys, "--variant", "flight")["joints"]["elbow_pitch"]
+    assert "hydraulics" not in result(capsys, "truth", "--variant", "flight")["joints"]["elbow_pitch"]
 
 
 @pytest.mark.parametrize("columns", ["60", "100"])
@@ -101,7 +91,7 @@ def test_help_is_wrapped_and_its_examples_keep_their_lines(
     capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch, columns: str
 ) -> None:
     monkeypatch.setenv("COLUMNS", columns)
-    out = run(capsys, "--help")
+    out = printed(capsys, "truth", "--help")
     prose = re.split(r"\n\W*options\b", out)[0]
     assert all(len(line) <= int(columns) for line in prose.splitlines())
     assert "\n\n\n" not in prose.rstrip("\n")
@@ -111,8 +101,8 @@ def test_help_is_wrapped_and_its_examples_keep_their_lines(
 
 
 def test_dry_friction_is_said_to_be_left_out(capsys: pytest.CaptureFixture[str]) -> None:
-    assert "Dry friction is not in these numbers; see --bla" in run(capsys)
-    assert "Dry friction" not in run(capsys, "--friction", "none")
+    assert "Dry friction is not in these numbers; see --bla" in printed(capsys, "truth")
+    assert "Dry friction" not in printed(capsys, "truth", "--friction", "none")
 
 
 def test_cautions_tell_where_a_bandwidth_says_little() -> None:
@@ -158,7 +148,7 @@ def test_measured_bandwidths_bear_their_intervals() -> None:
 @pytest.mark.parametrize("ending", ["svg", "png", "pdf"])
 def test_figure(capsys: pytest.CaptureFixture[str], tmp_path: Path, ending: str) -> None:
     path = tmp_path / "deep" / f"truth.{ending}"
-    assert f"figure: {path}" in run(capsys, "--out", path)
+    assert f"figure: {path}" in printed(capsys, "truth", "--out", path)
     start = {"svg": b"<?xml", "png": b"\x89PNG", "pdf": b"%PDF"}[ending]
     assert path.read_bytes().startswith(start)
 
@@ -171,7 +161,7 @@ def test_best_linear_columns(
     measure = functools.cache(truth_summary.measured_best_linear)
     monkeypatch.setattr(truth_summary, "measured_best_linear", lambda *given, progress, **rest: measure(*given, **rest))
     words = ("--bla", 0.02, "--out", tmp_path / "truth.png")
-    found = result(capsys, *words)["best_linear"]
+    found = result(capsys, "truth", *words)["best_linear"]
     assert set(found) == set(STUDIED_JOINTS)
     for name, entry in found.items():
         low, high = entry["ci95"]
@@ -179,7 +169,7 @@ def test_best_linear_columns(
         true = linearize(load_arm(), amplitudes=()).joint(name).bandwidth_hz
         assert 0.5 * true < entry["bandwidth_hz"] < true, "dry friction lowers it"
         assert entry["distortion_percent"] > 0.5
-    out = run(capsys, *words)
+    out = printed(capsys, "truth", *words)
     assert "best linear" in out
     assert "0.02 rad rms" in out
     assert "Dry friction is not in these numbers but for the best linear ones" in out
@@ -189,27 +179,27 @@ def test_attainable_on_a_log(capsys: pytest.CaptureFixture[str], tmp_path: Path)
     assert main(["simulate", "siso-5-elbow_pitch", "--duration", "30", "--out", str(tmp_path)]) == 0
     capsys.readouterr()
     log = tmp_path / "siso-5-elbow_pitch.nc"
-    found = result(capsys, "--data", log)["attainable"]["elbow_pitch"]
+    found = result(capsys, "truth", "--data", log)["attainable"]["elbow_pitch"]
     floors = found["simulation"]
     assert floors["any_model"]["fit"] >= floors["best_linear"]["fit"] >= floors["small_signal"]["fit"] > 50.0
-    out = run(capsys, "--data", log, "--out", tmp_path / "floors.svg")
+    out = printed(capsys, "truth", "--data", log, "--out", tmp_path / "floors.svg")
     assert "Attainable on siso-5-elbow_pitch" in out
     assert "Chance: on 1500 samples" in out
     with_floors, without = tmp_path / "floors.svg", tmp_path / "plain.svg"
-    run(capsys, "--out", without)
+    printed(capsys, "truth", "--out", without)
     assert "attainable on siso-5-elbow_pitch" in drawn_words(with_floors)
     assert "attainable" not in drawn_words(without)
-    assert "leave out the options" in complaint(capsys, "--data", log, "--payload", "none")
+    assert "leave out the options" in complaint(capsys, "truth", "--data", log, "--payload", "none")
     for option, value, logged in (
         ("variant", "flight", "nominal"),
         ("friction-level", "2.0", "1.0"),
         ("pose", "home", "rpcm_holster_out_approach"),
     ):
-        said = complaint(capsys, "--data", log, f"--{option}", value)
+        said = complaint(capsys, "truth", "--data", log, f"--{option}", value)
         assert f"--{option} {value} given, the log has {option.replace('-', '_')} = {logged}" in said
-    run(capsys, "--data", log, "--variant", "nominal", "--supply-pressure", "20.7")
-    assert "expected a log" in complaint(capsys, "--data", tmp_path / "log.csv")
-    assert "missing.nc" in complaint(capsys, "--data", tmp_path / "missing.nc")
+    printed(capsys, "truth", "--data", log, "--variant", "nominal", "--supply-pressure", "20.7")
+    assert "expected a log" in complaint(capsys, "truth", "--data", tmp_path / "log.csv")
+    assert "missing.nc" in complaint(capsys, "truth", "--data", tmp_path / "missing.nc")
 
 
 def test_the_nominal_default_does_not_pass_for_an_option(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
@@ -217,8 +207,8 @@ def test_the_nominal_default_does_not_pass_for_an_option(capsys: pytest.CaptureF
     log = tmp_path / "published.nc"
     experiment = replace(load("siso-5-elbow_pitch"), name="published", variant="published", duration=30.0)
     simulate([experiment])[0].save(log)
-    assert result(capsys, "--data", log)["variant"] == "published"
-    said = complaint(capsys, "--data", log, "--variant", "nominal")
+    assert result(capsys, "truth", "--data", log)["variant"] == "published"
+    said = complaint(capsys, "truth", "--data", log, "--variant", "nominal")
     assert "--variant nominal given, the log has variant = published" in said
 
 
@@ -229,20 +219,10 @@ def test_maps_by_one_command(
     monkeypatch.setattr(Density, "scaled", classmethod(lambda cls, factor: coarse))
     assert main(["truth", "--maps", "--out", str(tmp_path / "here.svg")]) == 2
     assert "expected a folder" in capsys.readouterr().err
-    out = run(capsys, "--maps", "--out", tmp_path / "here")
+    out = printed(capsys, "truth", "--maps", "--out", tmp_path / "here")
     assert f"maps: {tmp_path / 'here' / 'maps.html'}" in out
     files = {path.name for path in (tmp_path / "here").iterdir()}
     assert files >= {"maps.html", "maps.csv", "workspace.svg", "truth.svg"}
-
-
-def complaint(capsys: pytest.CaptureFixture[str], *words: object) -> str:
-    """Run what must be refused: exit 2, nothing on stdout, one line on stderr."""
-    code = main(["truth", *map(str, words)])
-    out, err = capsys.readouterr()
-    assert (code, out) == (2, "")
-    assert err.startswith("hmtb: ")
-    assert err.count("\n") == 1
-    return err
 
 
 @pytest.mark.parametrize(
@@ -287,5 +267,5 @@ def test_bad_values_are_one_line(
     capsys: pytest.CaptureFixture[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch, words: str, expected: str
 ) -> None:
     monkeypatch.chdir(tmp_path)
-    assert expected in complaint(capsys, *words.split())
+    assert expected in complaint(capsys, "truth", *words.split())
     assert list(tmp_path.iterdir()) == []

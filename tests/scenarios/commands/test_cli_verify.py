@@ -8,6 +8,7 @@ import pytest
 from scenarios.bench.result import Result
 from scenarios.commands.cli import main
 from tests.scenarios.bench.few import Few, Here
+from tests.scenarios.commands.calls import complaint
 
 MODULE = """
 import sysid
@@ -25,13 +26,6 @@ def executor(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Here:
     monkeypatch.setattr("scenarios.bench.metrics.ALL_METRICS", (Few(),))
     monkeypatch.setattr("scenarios.jobs.executor.LocalProcesses", lambda *options: here)
     return here
-
-
-def complaint(capsys: pytest.CaptureFixture[str], *words: str) -> str:
-    assert main(["verify", *words]) == 2
-    out, err = capsys.readouterr()
-    assert out == "" and err.count("\n") == 1
-    return err
 
 
 def test_figures_are_printed_written_and_told(
@@ -102,7 +96,7 @@ def test_a_lesser_run_is_refused_beside_a_fuller_result_and_a_fuller_one_is_not(
     assert main(["verify", "perfect", "--quick", "--records", "1"]) == 1  # too few for its figure
     assert main(["verify", "perfect", "--quick"]) == 0
     capsys.readouterr()
-    says = complaint(capsys, "perfect", "--quick", "--records", "1")
+    says = complaint(capsys, "verify", "perfect", "--quick", "--records", "1")
     assert "perfect.json has the result of a more complete run, with records that this run does not ask" in says
     assert "give another --out, or move that file away" in says
     assert executor.asked == 4
@@ -154,11 +148,11 @@ def test_what_cannot_be_is_refused_before_anything_is_made(
 ) -> None:
     (tmp_path / "mine.py").write_text(MODULE)
     (tmp_path / "my-file.py").write_text(MODULE)
-    assert says in complaint(capsys, *words)
+    assert says in complaint(capsys, "verify", *words)
     assert not (tmp_path / "results").exists()
 
 
 def test_processes_are_at_least_one(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
     assert "workers must be 1 or more, given 0" in complaint(
-        capsys, "perfect", "--workers", "0", "--out", str(tmp_path / "out")
+        capsys, "verify", "perfect", "--workers", "0", "--out", str(tmp_path / "out")
     )

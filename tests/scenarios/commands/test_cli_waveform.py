@@ -1,34 +1,12 @@
 """`hmtb waveform`: files, plots, and what they are good for."""
 
-import json
 from pathlib import Path
 
 import numpy as np
 import pytest
 
-from scenarios.commands.cli import main
 from scenarios.experiments.waveform import read_points
-
-
-def run(capsys: pytest.CaptureFixture[str], *words: object) -> tuple[int, str, str]:
-    code = main([str(word) for word in words])
-    out, err = capsys.readouterr()
-    return code, out, err
-
-
-def result(capsys: pytest.CaptureFixture[str], *words: object) -> dict:
-    """Run with --json; stdout is one object and stderr is empty."""
-    code, out, err = run(capsys, *words, "--json")
-    assert (code, err) == (0, ""), err
-    return json.loads(out, parse_constant=lambda name: pytest.fail(f"{name} is not JSON"))
-
-
-def complaint(capsys: pytest.CaptureFixture[str], *words: object) -> str:
-    """Run what must be refused: exit 2, nothing on stdout, one line on stderr."""
-    code, out, err = run(capsys, *words)
-    assert (code, out, err.count("\n")) == (2, "", 1)
-    return err
-
+from tests.scenarios.commands.calls import complaint, result, run
 
 WAVEFORMS = {
     "sine": "--frequency 1",

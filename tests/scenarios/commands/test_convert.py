@@ -11,6 +11,7 @@ from hmtb_twin import JointLog
 from hmtb_twin.bus.recorder_run import read_run, record_run
 from scenarios.commands.cli import main
 from scenarios.files.record_file import read_records, write_record
+from tests.scenarios.commands.calls import complaint
 
 OE = ("--method", "oe", "--orders", "2", "2", "1")
 
@@ -20,13 +21,6 @@ def run(capsys: pytest.CaptureFixture[str], *words: object, code: int = 0) -> di
     out, err = capsys.readouterr()
     assert err == ""
     return json.loads(out)
-
-
-def complaint(capsys: pytest.CaptureFixture[str], *words: object) -> str:
-    assert main([*map(str, words)]) == 2
-    out, err = capsys.readouterr()
-    assert (out, err.count("\n")) == ("", 1)
-    return err
 
 
 @pytest.fixture(scope="module")
