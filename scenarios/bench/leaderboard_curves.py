@@ -205,7 +205,7 @@ def _splits_of(row: LeaderboardRow) -> dict[str, Curve]:
 
 def _draw_split(axes: Axes, _: LeaderboardRow, curve: Curve) -> None:
     for place, (key, (_text, style)) in enumerate(SHARES.items()):
-        at = curve["mrad"] * 1.06 ** (place - 1)  # beside each other, so that bars are told apart
+        at = curve["mrad"] * 1.06 ** (place - 1)  # beside each other, so that bars do not hide one another
         axes.plot(at, _positive(curve[key]), color=style.colour, marker=style.marker, ms=3.5, lw=1.0)
         zeros = at[curve[key] == 0.0]
         # A logarithmic axis has no 0: such marks stand on its edge.

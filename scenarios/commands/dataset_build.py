@@ -44,7 +44,7 @@ def build(
 
     Args:
         spec: A data set that comes with the package (hmtb dataset list) or a TOML file.
-        out: Folder in which that of the data set is made.
+        out: Folder in which the folder of the data set is created.
         withhold: Publish without the truth, and keep the complete data sets and their seeds in this folder.
         students: A data set for each person, with arms, noise and waveforms of its own: a text file, one name per line.
         seed: With --withhold: seeds follow from it; by default they are drawn from the system's randomness.

@@ -28,7 +28,7 @@ def grade(
       hmtb dataset grade withheld submissions
 
     Args:
-        withheld: Folder that hmtb dataset build --withhold made.
+        withheld: Folder that hmtb dataset build --withhold created.
         submissions: A folder of submissions, or one submission.
         json: Print JSON.
     """

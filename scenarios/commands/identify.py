@@ -198,7 +198,7 @@ def _rows(result: "Identification") -> list[tuple[str, str]]:
         ("final prediction error", f"{model.fpe:.4g}; AIC {model.aic:.5g}, BIC {model.bic:.5g}"),
     ]
     if result.test is None:
-        rows.append(("residual test", f"not made: {result.untested}"))
+        rows.append(("residual test", f"not computed: {result.untested}"))
     else:
         test = result.test
         rows.append(("residuals white", _verdicts(test.white, test.whiteness_p)))

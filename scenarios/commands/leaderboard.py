@@ -22,8 +22,8 @@ def leaderboard(
     Results are the files that hmtb verify writes, or folders of them. The page leaderboard.html needs no network; the
     same tables stand in leaderboard.md. Rows are ordered by the number of figures that fail where theory expects
     them to pass, the fewest first, then by figures without a verdict, then by figures passed, then by efficiency; no
-    score is made of several figures. The response error is the median over the problems that were asked of all rows; a
-    row that did not answer them all has none. Where rows are not comparable, because seed, effort, limits, protocol or
+    score is made of several figures. The response error is the median over the problems that all rows were given; a row
+    that did not answer them all has none. Where rows are not comparable, because seed, effort, limits, protocol or
     machine differ, or an estimator refused requests, the page says so.
 
     Args:

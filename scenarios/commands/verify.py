@@ -1,4 +1,4 @@
-"""`hmtb verify`: anyone's estimator on the test bench."""
+"""`hmtb verify`: any estimator on the test bench."""
 
 from collections.abc import Sequence
 from pathlib import Path
@@ -41,53 +41,53 @@ def verify(
     verbose: bool = False,
     json: bool = False,
 ) -> int:
-    """Put an estimator on the test bench: problems with known truth, ten figures, each with a verdict.
+    """Test an estimator on problems with known truth: ten figures, each with a verdict.
 
-    An estimator is a function that takes a record and what is asked, and returns a model; or a program in any language
-    that reads a file and writes one (docs/your-estimator.md). It runs in a process of its own with limits of time and
+    An estimator is a function that takes a record and a task and returns a model, or a program in any language that
+    reads a file and writes one (docs/your-estimator.md). It runs in a process of its own with limits of time and
     memory: errors, crashes, hangs, NaN and unstable models are counted and never end the bench.
 
       hmtb verify my_module:my_estimator --quick           a function of a module in this folder
       hmtb verify my_file.py:my_estimator --structure oe   of a file; its models are output-error models
       hmtb verify --command "octave-cli my.m {mat} {task} {model}" --name mine
       hmtb verify my_module:my_estimator our-oe our-n4sid  beside others, on the same records, at the same time
-      hmtb verify --list                                   the others that there are
+      hmtb verify --list                                   the estimators that the bench knows
 
-    Say which structure and kind of method yours is, and it is measured by what theory says of these; without that it is
-    given the orders of each system in its own structure, and everything is expected of it that can be. The verdicts
-    together fail an estimator that is as good as the Cramér-Rao bound allows in one of 200 runs at most.
+    With --structure and --method the estimator is judged by what theory expects of them. Without, it receives the
+    orders of each system in its own structure, and every figure is expected to pass. The verdicts together fail an
+    estimator that is as good as the Cramér-Rao bound allows in one of 200 runs at most.
 
-    An estimator that has hung ten times in a row is asked no more: what is left of its trials counts as hung.
+    After ten hangs in a row an estimator gets no more requests: the rest of its trials count as hung.
 
-    Every trial that is done is kept in OUT/journals. A run that was interrupted or killed is gone on with by the same
-    command; --quick is a part of the full bench, which goes on from it. Where the estimator's file has changed,
-    or one of its folder that it imports, its trials begin anew.
+    Finished trials are saved in OUT/journals. Run the command again to resume an interrupted run; the full bench also
+    resumes from --quick, which is a part of it. If the file of the estimator has changed, or a file of its folder that
+    it imports, its trials start afresh.
 
     Exit code 1: an estimator fails a figure that theory expects it to pass.
 
     Args:
         estimators: MODULE:FUNCTION, FILE.py:FUNCTION, or names of --list.
-        command: A program instead; {mat}, {data} (NetCDF) or {csv} becomes the file of the record, {task} that of what
-            is asked, {model} that of the answer.
-        stays: The program is started once and told of each task on its standard input.
-        name: What your estimator is called in tables and files; by default as its function or program.
-        structure: That of the models of your estimators; without it, they take each that is asked.
-        method: Kind of their method, for what theory expects.
+        command: A program instead; {mat}, {data} (NetCDF) or {csv} becomes the file of the record, {task} the file of
+            the task, {model} the file of the answer.
+        stays: The program is started once and receives each task on its standard input.
+        name: Name of your estimator in tables and files; by default that of its function or program.
+        structure: Structure of its models; without it, the structure of each system.
+        method: Kind of its method, for what theory expects.
         quick: A tenth of the records, and fewer problems: minutes, and wider limits.
         records: At most so many records of each problem, for an estimator that takes seconds: wider limits still, and
             below 11 no verdict on bias.
-        seed: Of the records. Without one, it is drawn once the files of the estimators have been hashed, so that nobody
-            can know the records in advance; the result states it.
-        out: Folder for results, one file for each estimator, NAME.json; hmtb leaderboard makes a page of them. A result
-            there is never replaced by that of a run with fewer figures or records: such a run takes another folder.
+        seed: Seed of the records. Without it, it is drawn once the files of the estimators have been hashed, so that
+            nobody can know the records in advance; the result states it.
+        out: Folder for results, one file for each estimator, NAME.json; hmtb leaderboard makes a page of them. A run
+            with fewer figures or records never replaces a result there; it needs another folder.
         figures: Only these.
-        seconds: An answer may take this long, s; then the process is ended, and the trial is a hang.
-        memory_gib: It may use this much memory, GiB.
-        workers: Processes that ask and measure; all processors by default. Nothing but times depends on it.
-        cluster: Address of a Dask scheduler, tcp://HOST:8786, whose workers do the trials, with this package.
-        patience: How long a scheduler that has gone, or workers that are not there, are waited for, s.
-        list: List the estimators that the bench knows, and whether they can be run here.
-        verbose: Print all that a verdict rests on, and every part that fails; files and pages have the other parts too.
+        seconds: Time limit of an answer, s; then the process is ended, and the trial is a hang.
+        memory_gib: Memory limit, GiB.
+        workers: Processes for trials; all processors by default. Only times depend on it.
+        cluster: Address of a Dask scheduler, tcp://HOST:8786, whose workers run the trials with this package.
+        patience: How long to wait for a lost scheduler or for missing workers, s.
+        list: List the estimators that the bench knows, and whether they can run here.
+        verbose: Print everything that a verdict rests on, and every part that fails; files and pages have all parts.
         json: Print JSON.
     """
     if list:
@@ -100,20 +100,20 @@ def verify(
     from scenarios.estimators.known_estimators import KNOWN
     from scenarios.files.errors import ScenarioError
 
-    given = parse_estimators(estimators, command, EstimatorOptions(name, structure, method, stays))
+    commands = parse_estimators(estimators, command, EstimatorOptions(name, structure, method, stays))
     effort = "quick" if quick else "full"
     if not 0.0 < memory_gib <= MOST_GIB:
         raise ScenarioError(f"--memory-gib {memory_gib:g} given, expected more than 0 and at most {MOST_GIB:.0f} GiB")
     limits = Limits(seconds, round(memory_gib * 2**30))
     options = _options(quick, records, figures, seconds, memory_gib)
     plan = BenchPlan(
-        tuple(given),
+        tuple(commands),
         effort,
         seed,
         limits,
         metrics_named(figures),
         KNOWN["referee"].estimator,
-        {contestant.name: f"hmtb verify {words}{options}" for contestant, words in given.items()},
+        {contestant.name: f"hmtb verify {words}{options}" for contestant, words in commands.items()},
         records,
     )
     executor = _executor(workers, cluster, patience)
@@ -191,33 +191,18 @@ def _listed(*, json: bool) -> int:
         one = entry.versioned() if can_run else entry.estimator
         rows.append((one, can_run, why))
     if json:
+        keys = ("structure", "method", "version", "settings")
         entries = {
-            one.name: {
-                "structure": one.structure,
-                "method": one.method,
-                "version": one.version,
-                "settings": one.settings,
-                "available": can_run,
-                "why": why,
-            }
+            one.name: {**{key: getattr(one, key) for key in keys}, "available": can_run, "why": why}
             for one, can_run, why in rows
         }
         print_json({"estimators": entries})
         return 0
-    print_table(
-        "Estimators that the bench knows",
-        ("", "structure", "method", "here", "settings"),
-        [
-            (
-                one.name,
-                one.structure or "any",
-                one.method or "",
-                one.version or "yes" if can_run else "no",
-                one.settings,
-            )
-            for one, can_run, _ in rows
-        ],
-    )
+    cells = [
+        (one.name, one.structure or "any", one.method or "", one.version or "yes" if can_run else "no", one.settings)
+        for one, can_run, _ in rows
+    ]
+    print_table("Estimators that the bench knows", ("", "structure", "method", "here", "settings"), cells)
     for _, _, why in rows:
         if why:
             say(why)

@@ -1,4 +1,4 @@
-"""How the report's figures look: width, colours, axes."""
+"""Look of the report's figures: width, colours, axes."""
 
 from collections.abc import Iterable, Sequence
 
@@ -27,14 +27,14 @@ WIDTH = 5.2
 FREQUENCIES = np.geomspace(0.05, 25.0, 300)
 
 ZOOM = (0.1, 3.0)
-"""Where the joints' bandwidths lie, and below them what is extrapolated, Hz."""
+"""Range that holds the joints' bandwidths, and below them what models extrapolate, Hz."""
 
 NOT_EXCITED = "#eef0f2"
 
 MRAD = 1000.0
 
 HIGH = Style("#7a5195", (0, (1, 1.2)), 1.6, "P")  # type: ignore[arg-type]
-"""The output-error model of higher order, told apart from the thesis' own."""
+"""Style of the output-error model of higher order, unlike that of the thesis' own."""
 
 EXCITED_FROM = SAMPLE_RATE / POINTS
 """Lowest frequency with power in the input of a 100-point file played at 50 Hz, Hz."""

@@ -31,7 +31,7 @@ def save_figure(figure: Figure, path: Path, dpi: int = 100) -> None:
     Args:
         figure: The figure.
         path: The file; one of that name is replaced.
-        dpi: Pixels per inch of what is made of pixels.
+        dpi: Pixels per inch, of formats made of pixels.
 
     Raises:
         ScenarioError: There is a folder of that name.
@@ -161,15 +161,15 @@ class Gallery:
 
     def counterparts(self) -> Mapping[str, tuple[Picture, ...]]:
         """Pictures by figure of the thesis."""
-        found: dict[str, tuple[Picture, ...]] = {}
+        pictures: dict[str, tuple[Picture, ...]] = {}
         for picture in self.pictures:
             for entry in picture.thesis:
-                found[entry] = (*found.get(entry, ()), picture)
-        return found
+                pictures[entry] = (*pictures.get(entry, ()), picture)
+        return pictures
 
 
 def _lay_out(figure: Figure) -> None:
-    """Place the axes once for all files made of a figure: finding the places takes longer than drawing."""
+    """Place the axes once for all files of a figure: the layout takes longer than drawing."""
     engine = figure.get_layout_engine()
     if engine is not None:
         engine.execute(figure)
