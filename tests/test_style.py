@@ -4,27 +4,11 @@ import ast
 import re
 from pathlib import Path
 
-import pytest
-
 ROOT = Path(__file__).parents[1]
-PACKAGES = ("hmtb_twin", "sysid", "scenarios")
-TEXT = {
-    ".py",
-    ".md",
-    ".toml",
-    ".txt",
-    ".cff",
-    ".xml",
-    ".j2",
-    ".html",
-    ".css",
-    ".js",
-    ".csv",
-    ".json",
-    ".yml",
-    ".yaml",
-    "",
-}
+PACKAGES = ("hmtb_twin/", "sysid/", "scenarios/")
+TEXT = set(
+    [".py", ".md", ".toml", ".txt", ".cff", ".xml", ".j2", ".html", ".css", ".js", ".csv", ".json", ".yml", ".yaml"]
+) | {""}
 MADE = {"thesis-report", "dist", "build", "__pycache__"}
 MACHINE_PATH = re.compile(r"(?<![\w.<~-])/(?:work|root|tmp/dev|opt/pypi\S*|home/\w+)(?=[/\s\"'`,;:)]|$)", re.M)
 REGISTRY_HOST = re.compile(r"\b(?:pypi|pythonhosted|npmjs|deb\.debian|archive\.ubuntu|anaconda)\.(?:org|com)\b")
@@ -32,7 +16,7 @@ LOCAL_LINK = re.compile(r"\[[^\]]*\]\((?!\w+:|#)([^)\s#]+)")
 
 
 def product_files() -> list[Path]:
-    """Return every text file that belongs to the project; what tools and commands make is left out."""
+    """Return every text file that belongs to the project; files that tools and commands create are left out."""
     files = []
     for path in sorted(ROOT.rglob("*")):
         parts = path.relative_to(ROOT).parts
@@ -43,39 +27,31 @@ def product_files() -> list[Path]:
     return files
 
 
-FILES = product_files()
-PYTHON = [path for path in FILES if path.suffix == ".py" and path.relative_to(ROOT).parts[0] in PACKAGES]
-MARKDOWN = [path for path in FILES if path.suffix == ".md"]
+FILES = {path.relative_to(ROOT).as_posix(): path.read_text(encoding="utf-8") for path in product_files()}
 
 
-def name(path: Path) -> str:
-    return path.relative_to(ROOT).as_posix()
+def test_text_names_no_machine_and_no_registry() -> None:
+    names = {name: MACHINE_PATH.findall(text) + REGISTRY_HOST.findall(text) for name, text in FILES.items()}
+    assert not {name: traces for name, traces in names.items() if traces}
 
 
-@pytest.mark.parametrize("path", FILES, ids=name)
-def test_text_names_no_machine_and_no_registry(path: Path) -> None:
-    text = path.read_text(encoding="utf-8")
-    found = MACHINE_PATH.findall(text) + REGISTRY_HOST.findall(text)
-    assert not found, f"{name(path)} names {found}"
+def test_links_to_files_of_the_project_resolve() -> None:
+    links = [(name, link) for name, text in FILES.items() if name.endswith(".md") for link in LOCAL_LINK.findall(text)]
+    assert not [f"{name} points to {link}" for name, link in links if not (ROOT / name).parent.joinpath(link).exists()]
 
 
-@pytest.mark.parametrize("path", MARKDOWN, ids=name)
-def test_links_to_files_of_the_project_resolve(path: Path) -> None:
-    links = LOCAL_LINK.findall(path.read_text(encoding="utf-8"))
-    dead = [link for link in links if not (path.parent / link).exists()]
-    assert not dead, f"{name(path)} points to {dead}"
-
-
-@pytest.mark.parametrize("path", PYTHON, ids=name)
-def test_arguments_are_named_not_passed_through(path: Path) -> None:
-    functions = [n for n in ast.walk(ast.parse(path.read_text(encoding="utf-8"))) if isinstance(n, ast.FunctionDef)]
+def test_arguments_are_named_not_passed_through() -> None:
+    """An untyped keyword pass-through hides which arguments exist: name them, or type them with Unpack."""
     untyped = [
-        f"{function.name}, line {function.lineno}"
-        for function in functions
-        if (rest := function.args.kwarg) is not None
+        f"{name}, line {function.lineno}: {function.name}"
+        for name, text in FILES.items()
+        if name.endswith(".py") and name.startswith(PACKAGES)
+        for function in ast.walk(ast.parse(text))
+        if isinstance(function, ast.FunctionDef)
+        and (rest := function.args.kwarg) is not None
         and (rest.annotation is None or ast.unparse(rest.annotation) in {"Any", "object"})
     ]
-    assert not untyped, f"untyped keyword pass-through in {untyped}: name the arguments, or type them with Unpack"
+    assert not untyped
 
 
 def test_the_patterns_find_what_they_look_for() -> None:

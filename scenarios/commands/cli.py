@@ -2,14 +2,17 @@
 
 import contextlib
 import functools
+import inspect
 import io
 import os
+import re
 import shlex
 import sys
 import traceback
 from collections.abc import Callable, Mapping, Sequence
 from importlib import import_module, metadata
 from pathlib import Path
+from typing import ParamSpec
 
 import tyro
 
@@ -138,7 +141,10 @@ def _data_set_command(name: str) -> Callable[..., int]:
     return command
 
 
-def _parsed(command: Callable[..., int], program: str, words: Sequence[str]) -> Callable[[], int]:
+Options = ParamSpec("Options")
+
+
+def _parsed(command: Callable[Options, int], program: str, words: Sequence[str]) -> Callable[[], int]:
     """The command with its options, ready to run, or its help.
 
     Raises:
@@ -146,8 +152,13 @@ def _parsed(command: Callable[..., int], program: str, words: Sequence[str]) -> 
     """
 
     @functools.wraps(command)
-    def fill(*args: object, **kwargs: object) -> Callable[[], int]:
+    def fill(*args: Options.args, **kwargs: Options.kwargs) -> Callable[[], int]:
         return functools.partial(command, *args, **kwargs)
+
+    # The parser keeps the line breaks in the description of an option, so here they go; it reads a wrapped function.
+    fill.__signature__ = inspect.signature(command)  # type: ignore[attr-defined]
+    del fill.__wrapped__
+    fill.__doc__ = re.sub(r"\n {8}(?=\S)", " ", inspect.cleandoc(command.__doc__ or ""))
 
     def understand() -> Callable[[], int]:
         call: Callable[[], int] = tyro.cli(

@@ -51,14 +51,15 @@ def truth(
     hydraulic resonance is that of the oil's spring with the inertia that the joint sees, the other joints held; valve
     and leakage damp it (linear actuators only).
 
-    Two more truths on request. --bla 0.01 adds the best linear approximation, which linear models of records at that
+    Two more truths on request: --bla 0.01 adds the best linear approximation, which linear models of records at that
     amplitude tend to, with friction and velocity limit, and its 95 % interval (some seconds). A remark says where it is
     worth little. --data LOG adds the errors that models can attain on that log of hmtb simulate: no model that knows
     only commands and measurements has a smaller error, except by chance; a line below the table says by how much.
 
-    --maps shows how the truth varies over the workspace, payload, supply pressure, oil temperature, amplitude and
-    friction. It writes a page, figures and tables into a folder, in about a minute and a half of one core for the
-    nominal arm with linear actuators, several times that for others. Both --bla and --maps need a pose by name.
+    With --maps it also shows how the truth varies over the workspace, payload, supply pressure, oil temperature,
+    amplitude and friction. It writes a page, figures and tables into a folder, in about a minute and a half of one
+    core for the nominal arm with linear actuators, several times that for others. Both --bla and --maps need a pose by
+    name.
 
       hmtb truth --out truth.svg
       hmtb truth --pose 0,20,50,30,-50,0,0 --oil-temperature 15

@@ -167,10 +167,12 @@ def _workspace(maps: Maps) -> list[list[Panel]]:
     over = tuple(np.unique(np.degrees(rows.angles[:, JOINTS.index(joint)])) for joint in PLANE)
     circle = tuple(np.degrees(maps.truth.angles[JOINTS.index(joint)]) for joint in PLANE)
 
-    def panel(title: str, values: np.ndarray, label: str, **options: Any) -> Panel:
+    def panel(
+        title: str, values: np.ndarray, label: str, colours: str = "cividis", levels: tuple[float, ...] = ()
+    ) -> Panel:
         axes = {"title": title, "xlabel": f"{words(PLANE[0])} / deg", "ylabel": f"{words(PLANE[1])} / deg"}
         image = values.reshape(len(over[0]), len(over[1]))
-        return Panel(axes, image=image, over=over, circle=circle, label=label, **options)  # type: ignore[arg-type]
+        return Panel(axes, image=image, over=over, circle=circle, label=label, colours=colours, levels=levels)  # type: ignore[arg-type]
 
     change = 100.0 * maps.change(rows)
     cross = 100.0 * rows.cross[:, STUDIED][:, :, STUDIED].max(axis=(1, 2))

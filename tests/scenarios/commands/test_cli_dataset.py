@@ -1,15 +1,13 @@
 """`hmtb dataset`: its commands, their help, and one clear line for everything that a user can get wrong."""
 
-import inspect
 import json
-import re
 import tomllib
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 
 import pytest
 
-from scenarios.commands.cli import COMMANDS, _data_set_command
+from scenarios.commands.cli import COMMANDS
 from scenarios.commands.dataset import DATA_SET_COMMANDS
 from scenarios.datasets.chunk import BuiltExperiment, run_chunk
 from scenarios.datasets.plan import DataSetPlan
@@ -161,11 +159,3 @@ def test_failures_are_told_and_the_exit_code_is_one(
     # A reason that many share is said once.
     assert out.startswith("failed: twin-0-one and 1 more: ") and out.count("failed: ") == 2
     assert "2 experiments, 4 failed" in out
-
-
-@pytest.mark.parametrize("name", DATA_SET_COMMANDS)
-def test_help_breaks_no_line_in_a_sentence(name: str) -> None:
-    """The parser keeps line breaks within the description of an option, so each stands in one line."""
-    described = inspect.getdoc(_data_set_command(name)).split("Args:\n", 1)[1]
-    lines = described.rstrip().splitlines()
-    assert lines and all(re.match(r" {4}\w+: ", line) for line in lines), lines

@@ -98,6 +98,8 @@ def test_help_is_wrapped_and_its_examples_keep_their_lines(
     for example in ("--out truth.svg", "--pose 0,20,50,30,-50,0,0 --oil-temperature 15", "--maps --out maps"):
         assert f"  hmtb truth {example}" in prose.splitlines()
     assert "need a pose by name" in " ".join(prose.split())
+    monkeypatch.setenv("COLUMNS", "200")
+    assert "or the seven joint angles in degrees, with commas." in printed(capsys, "truth", "--help")
 
 
 def test_dry_friction_is_said_to_be_left_out(capsys: pytest.CaptureFixture[str]) -> None:
