@@ -25,12 +25,12 @@ BOOKKEEPING = frozenset(
         *("_NCProperties", "_Netcdf4Dimid", "_Netcdf4Coordinates", "_nc3_strict"),
     }
 )
-"""Attributes by which NetCDF4 is laid upon HDF5."""
+"""Attributes of HDF5 that make up the structure of NetCDF4."""
 
 
 @dataclass(frozen=True)
 class Variable:
-    """An array of a file.
+    """A variable of a file.
 
     Attributes:
         dims: Names of its dimensions, one per axis.
@@ -45,12 +45,7 @@ class Variable:
 
 @dataclass(frozen=True)
 class Contents:
-    """What a file holds.
-
-    Attributes:
-        variables: By name.
-        attributes: Of the whole.
-    """
+    """Variables of a file by name, and attributes of the whole."""
 
     variables: Mapping[str, Variable]
     attributes: Mapping[str, Attribute]
@@ -60,7 +55,7 @@ class Contents:
         return {name: array_hash(v.values) for name, v in self.variables.items() if v.values.dtype.kind in "biufc"}
 
     def to_bytes(self) -> bytes:
-        """The file.
+        """Write the file in memory.
 
         Raises:
             ScenarioError: Two variables disagree about a dimension, or a variable is no NetCDF variable.
@@ -75,7 +70,7 @@ class Contents:
         for name in sizes.keys() & self.variables.keys():
             if self.variables[name].dims != (name,):
                 raise ScenarioError(f"{name} is a dimension, expected its variable to run along itself alone")
-        return netcdf_bytes(sizes, self.variables, self.attributes)
+        return _netcdf_bytes(sizes, self.variables, self.attributes)
 
 
 def read_netcdf(path: Path | BinaryIO, *, only: Collection[str] | None = None) -> Contents:
@@ -83,17 +78,16 @@ def read_netcdf(path: Path | BinaryIO, *, only: Collection[str] | None = None) -
 
     Args:
         path: The file, or its bytes as a stream.
-        only: Names of the variables that are read; all by default.
+        only: Names of the variables to read; all by default.
 
     Raises:
-        ScenarioError: It is missing, or no NetCDF4 file, or a damaged one, or one that refers to other files or claims
-            to hold more than `MOST_BYTES`.
+        ScenarioError: It is missing, no NetCDF4 file or damaged; it refers to other files; or it is too large.
     """
     if isinstance(path, Path) and path.exists() and not path.is_file():
-        # From a pipe nothing would ever come.
+        # Reading from a pipe would never end.
         raise ScenarioError(f"{path} is no ordinary file, expected NetCDF4")
     try:
-        # Through h5netcdf it takes five times as long, mostly for attributes.
+        # h5netcdf takes five times as long, mostly for attributes.
         with h5py.File(path, "r") as raw:
             _check(raw, path)
             variables = {
@@ -111,7 +105,7 @@ def read_netcdf(path: Path | BinaryIO, *, only: Collection[str] | None = None) -
 
 
 def _check(raw: h5py.File, path: Path | BinaryIO) -> None:
-    """Refuse a file where reading it would read others or fill the memory: HDF5 knows links, and packs zeros well."""
+    """Refuse links to other files, and arrays that claim to fill the memory: HDF5 packs zeros well."""
     size = 0
     for name in raw:
         if not isinstance(raw.get(name, getlink=True), h5py.HardLink):
@@ -125,12 +119,12 @@ def _check(raw: h5py.File, path: Path | BinaryIO) -> None:
 
 
 def _is_dimension(entry: h5py.Dataset) -> bool:
-    """Whether an array only tells the length of a dimension that has no variable of its own."""
+    """Whether an array only states the length of a dimension without a variable."""
     return _text(entry.attrs.get("NAME", "")).startswith("This is a netCDF dimension but not a netCDF variable")
 
 
 def _dimensions(raw: h5py.File, name: str, entry: h5py.Dataset) -> tuple[str, ...]:
-    """Names of the dimensions that a variable runs along: HDF5 refers to their arrays."""
+    """Dimensions of a variable: HDF5 refers to their arrays."""
     if "DIMENSION_LIST" in entry.attrs:
         return tuple(str(raw[scales[0]].name).removeprefix("/") for scales in entry.attrs["DIMENSION_LIST"])
     if entry.ndim > 1:
@@ -139,7 +133,7 @@ def _dimensions(raw: h5py.File, name: str, entry: h5py.Dataset) -> tuple[str, ..
 
 
 def _attributes(entry: h5py.HLObject) -> dict[str, Attribute]:
-    """What users wrote; the rest is bookkeeping of the format."""
+    """Attributes that users wrote, without those of the format itself."""
     return {key: _plain(value) for key, value in entry.attrs.items() if key not in BOOKKEEPING}
 
 
@@ -164,7 +158,7 @@ PACKED = 64
 """Arrays of more numbers are compressed."""
 
 LEVEL = 2
-"""Of the compression: the noise in the low bits is what costs, and no level packs it."""
+"""Level of the compression; higher ones gain nothing, because noise in the low bits cannot be packed."""
 
 CHUNK = 1 << 20
 """Bytes of an array that are compressed at a time, at most: most records are read whole."""
@@ -179,16 +173,10 @@ NO_VARIABLE = "This is a netCDF dimension but not a netCDF variable."
 """Beginning of the name that NetCDF4 gives a dimension scale without a variable."""
 
 
-def netcdf_bytes(
+def _netcdf_bytes(
     sizes: Mapping[str, int], variables: Mapping[str, Variable], attributes: Mapping[str, Attribute]
 ) -> bytes:
-    """Make a file.
-
-    Args:
-        sizes: Of all dimensions, by name; one of size 0 is unlimited, as NetCDF has it.
-        variables: By name, real or whole numbers or texts; one named like a dimension has that dimension alone.
-        attributes: Of the whole.
-    """
+    """Write a file; a dimension of size 0 is unlimited. Files of h5netcdf contain times and differ from run to run."""
     creation = h5p.create(h5p.FILE_CREATE)
     _bare(creation)
     creation.set_link_creation_order(h5p.CRT_ORDER_TRACKED | h5p.CRT_ORDER_INDEXED)

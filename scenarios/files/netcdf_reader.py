@@ -44,10 +44,7 @@ class NetcdfReader:
         self._end()
 
     def describe(self, path: Path) -> dict[str, Any]:
-        """Describe a file; see `describe`.
-
-        Args:
-            path: The file.
+        """Describe a file; see the function `describe`.
 
         Raises:
             ScenarioError: It cannot be read, or reading it does not end.

@@ -5,8 +5,9 @@ import json
 import os
 import shutil
 from collections.abc import Callable, Iterator, Mapping
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -64,13 +65,6 @@ def words(stage: Words, monkeypatch: pytest.MonkeyPatch) -> Words:
     return stage
 
 
-@pytest.fixture(scope="module")
-def records(stage: Words, tiny_spec: DataSetSpec) -> dict[int, BuiltExperiment]:
-    """What comes of each experiment, run once for all tests."""
-    plan = DataSetPlan(tiny_spec)
-    return {made.number: made for made in run_chunk(plan, range(len(plan)), threads=1)}
-
-
 class Recorded(Executor[None]):
     """Returns experiments that were built before, and may be interrupted on the way."""
 
@@ -100,33 +94,48 @@ class Recorded(Executor[None]):
         pass
 
 
+@dataclass(frozen=True)
+class Case:
+    """A spec, its experiments, built once for all tests, and every file of an undisturbed build by its path."""
+
+    spec: DataSetSpec
+    records: Mapping[int, BuiltExperiment]
+    files: Mapping[str, bytes]
+
+    def build(self, out: Path, **options: Any) -> BuiltDataSet:
+        return build(self.spec, out, **{"executor": Recorded(self.records), **options})
+
+    def begin(self, out: Path, most: int = 2) -> Path:
+        """The folder of a build that was interrupted."""
+        with pytest.raises(KeyboardInterrupt):
+            self.build(out, executor=Recorded(self.records, most=most))
+        return out / f"{self.spec.label}.unfinished"
+
+    def resume(self, out: Path) -> list[int]:
+        """Experiments that a build runs which ends with all files as they should be."""
+        executor = Recorded(self.records)
+        assert files(self.build(out, executor=executor).path) == self.files
+        return executor.asked
+
+
 @pytest.fixture(scope="module")
-def expected(
-    tiny_spec: DataSetSpec, records: dict[int, BuiltExperiment], tmp_path_factory: pytest.TempPathFactory
-) -> Mapping[str, bytes]:
-    """Every file of an undisturbed build, by its place."""
-    return files(build(tiny_spec, tmp_path_factory.mktemp("undisturbed"), executor=Recorded(records)).path)
+def case(stage: Words, tiny_spec: DataSetSpec, tmp_path_factory: pytest.TempPathFactory) -> Case:
+    plan = DataSetPlan(tiny_spec)
+    records = {one.number: one for one in run_chunk(plan, range(len(plan)), threads=1)}
+    out = tmp_path_factory.mktemp("undisturbed")
+    return Case(tiny_spec, records, files(build(tiny_spec, out, executor=Recorded(records)).path))
 
 
 def files(folder: Path) -> dict[str, bytes]:
     return {path.relative_to(folder).as_posix(): path.read_bytes() for path in folder.rglob("*") if path.is_file()}
 
 
-def begun(spec: DataSetSpec, records: Mapping[int, BuiltExperiment], out: Path, most: int = 2) -> Path:
-    """The folder of a build that was interrupted."""
-    with pytest.raises(KeyboardInterrupt):
-        build(spec, out, executor=Recorded(records, most=most))
-    return out / f"{spec.label}.unfinished"
-
-
-def test_the_bytes_do_not_depend_on_threads_and_chunks(
-    tiny_spec: DataSetSpec, expected: Mapping[str, bytes], tmp_path: Path
-) -> None:
+def test_the_bytes_do_not_depend_on_threads_and_chunks(case: Case, tmp_path: Path) -> None:
     seen: list[Progress] = []
-    built = build(tiny_spec, tmp_path, workers=2, rows=1, progress=seen.append)
+    built = case.build(tmp_path, workers=2, rows=1, progress=seen.append)
     assert (built.experiments, built.failed) == (3, {})
-    assert files(built.path) == expected
-    assert not {"journal.sqlite"} & set(expected)
+    assert files(built.path) == case.files
+    assert not {"journal.sqlite"} & set(case.files)
     of_records = [one for one in seen if one.step == "records"]
     assert of_records[0].done == 0
     assert of_records[-1].done == of_records[-1].total == 3
@@ -135,43 +144,31 @@ def test_the_bytes_do_not_depend_on_threads_and_chunks(
     assert seen[-1] == Progress("finish", 1, 1)
 
 
-def test_the_index_and_the_checksums_hold_every_file(
-    tiny_spec: DataSetSpec, expected: Mapping[str, bytes], records: dict[int, BuiltExperiment]
-) -> None:
-    sums = dict(line.split("  ")[::-1] for line in expected["SHA256SUMS"].decode().splitlines())
-    assert set(sums) == set(expected) - {"SHA256SUMS"}
-    index = json.loads(expected["experiments.json"])
-    assert [entry["name"] for entry in index["experiments"]] == [entry.name for entry in DataSetPlan(tiny_spec)]
+def test_the_index_and_the_checksums_hold_every_file(case: Case) -> None:
+    sums = dict(line.split("  ")[::-1] for line in case.files["SHA256SUMS"].decode().splitlines())
+    assert set(sums) == set(case.files) - {"SHA256SUMS"}
+    index = json.loads(case.files["experiments.json"])
+    assert [entry["name"] for entry in index["experiments"]] == [entry.name for entry in DataSetPlan(case.spec)]
     for number, entry in enumerate(index["experiments"]):
-        assert entry["arrays"] == records[number].arrays
-        assert entry["file"] in expected
+        assert entry["arrays"] == case.records[number].arrays
+        assert entry["file"] in case.files
 
 
-def test_experiments_may_come_in_any_order(
-    tiny_spec: DataSetSpec, records: dict[int, BuiltExperiment], expected: Mapping[str, bytes], tmp_path: Path
-) -> None:
-    backwards = Recorded(records, backwards=True)
-    assert files(build(tiny_spec, tmp_path, executor=backwards).path) == expected
+def test_experiments_may_come_in_any_order(case: Case, tmp_path: Path) -> None:
+    backwards = Recorded(case.records, backwards=True)
+    assert files(case.build(tmp_path, executor=backwards).path) == case.files
 
 
-def test_what_is_done_when_interrupted_is_not_done_again(
-    tiny_spec: DataSetSpec, records: dict[int, BuiltExperiment], expected: Mapping[str, bytes], tmp_path: Path
-) -> None:
-    begun(tiny_spec, records, tmp_path)
-    rest = Recorded(records)
-    assert files(build(tiny_spec, tmp_path, executor=rest).path) == expected
-    assert rest.asked == [2]
+def test_what_is_done_when_interrupted_is_not_done_again(case: Case, tmp_path: Path) -> None:
+    case.begin(tmp_path)
+    assert case.resume(tmp_path) == [2]
     assert os.listdir(tmp_path) == ["tiny-v1"]
 
 
-def test_what_is_done_when_an_executor_fails_is_kept(
-    tiny_spec: DataSetSpec, records: dict[int, BuiltExperiment], expected: Mapping[str, bytes], tmp_path: Path
-) -> None:
+def test_what_is_done_when_an_executor_fails_is_kept(case: Case, tmp_path: Path) -> None:
     with pytest.raises(ScenarioError, match="no scheduler"):
-        build(tiny_spec, tmp_path, executor=Recorded(records, most=1, error=ScenarioError("no scheduler")))
-    rest = Recorded(records)
-    assert files(build(tiny_spec, tmp_path, executor=rest).path) == expected
-    assert rest.asked == [1, 2]
+        case.build(tmp_path, executor=Recorded(case.records, most=1, error=ScenarioError("no scheduler")))
+    assert case.resume(tmp_path) == [1, 2]
 
 
 def damaged(folder: Path) -> None:
@@ -217,27 +214,15 @@ def only_the_spec(folder: Path) -> None:
     ],
 )
 def test_what_a_crash_leaves_is_mended(
-    tiny_spec: DataSetSpec,
-    records: dict[int, BuiltExperiment],
-    expected: Mapping[str, bytes],
-    tmp_path: Path,
-    harm: Callable[[Path], None],
-    again: list[int],
+    case: Case, tmp_path: Path, harm: Callable[[Path], None], again: list[int]
 ) -> None:
-    harm(begun(tiny_spec, records, tmp_path))
-    rest = Recorded(records)
-    assert files(build(tiny_spec, tmp_path, executor=rest).path) == expected
-    assert rest.asked == again
+    harm(case.begin(tmp_path))
+    assert case.resume(tmp_path) == again
 
 
 @pytest.mark.parametrize("name", ["write_index", "_write_checksums", "read_index", "sync_folder"])
 def test_an_end_that_is_cut_short_is_gone_through_again(
-    tiny_spec: DataSetSpec,
-    records: dict[int, BuiltExperiment],
-    expected: Mapping[str, bytes],
-    tmp_path: Path,
-    monkeypatch: pytest.MonkeyPatch,
-    name: str,
+    case: Case, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, name: str
 ) -> None:
     def killed(*_: object) -> None:
         raise SystemExit
@@ -245,21 +230,16 @@ def test_an_end_that_is_cut_short_is_gone_through_again(
     with monkeypatch.context() as patch:
         patch.setattr(finish, name, killed)
         with pytest.raises(SystemExit):
-            build(tiny_spec, tmp_path, executor=Recorded(records))
-    rest = Recorded(records)
-    built = build(tiny_spec, tmp_path, executor=rest)
+            case.build(tmp_path)
+    rest = Recorded(case.records)
+    built = case.build(tmp_path, executor=rest)
     assert rest.asked == []
     assert built == BuiltDataSet(tmp_path / "tiny-v1", 3, {}, read_index(built.path)["hash"])
-    assert files(built.path) == expected
+    assert files(built.path) == case.files
 
 
 def test_a_piece_of_a_stage_is_made_once(
-    tiny_spec: DataSetSpec,
-    records: dict[int, BuiltExperiment],
-    expected: Mapping[str, bytes],
-    tmp_path: Path,
-    words: Words,
-    monkeypatch: pytest.MonkeyPatch,
+    case: Case, tmp_path: Path, words: Words, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     make = words.make
 
@@ -271,28 +251,24 @@ def test_a_piece_of_a_stage_is_made_once(
     with monkeypatch.context() as patch:
         patch.setattr(words, "make", stopped)
         with pytest.raises(KeyboardInterrupt):
-            build(tiny_spec, tmp_path, executor=Recorded(records))
+            case.build(tmp_path)
     # The disk has spoilt one meanwhile; it is noted last then, which the manifest must not show at the end.
     (tmp_path / "tiny-v1.unfinished" / "words" / "one.txt").write_bytes(b"One")
-    assert files(build(tiny_spec, tmp_path, executor=Recorded(records)).path) == expected
+    case.resume(tmp_path)
     assert words.made == ["one", "two", "one", "three"]
 
 
 def test_what_fails_is_noted_and_does_not_stop_the_rest(
-    tiny_spec: DataSetSpec,
-    records: dict[int, BuiltExperiment],
-    tmp_path: Path,
-    words: Words,
-    monkeypatch: pytest.MonkeyPatch,
+    case: Case, tmp_path: Path, words: Words, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(words, "spoilt", "two")
-    broken = {**records, 1: BuiltExperiment(1, records[1].about, failed="the drives are too weak")}
+    broken = {**case.records, 1: BuiltExperiment(1, case.records[1].about, failed="the drives are too weak")}
     with pytest.raises(KeyboardInterrupt):
-        build(tiny_spec, tmp_path, executor=Recorded(broken, most=2))
+        case.build(tmp_path, executor=Recorded(broken, most=2))
     rest = Recorded(broken)
-    built = build(tiny_spec, tmp_path, executor=rest)
+    built = case.build(tmp_path, executor=rest)
     assert rest.asked == [2]
-    name = DataSetPlan(tiny_spec)[1].name
+    name = DataSetPlan(case.spec)[1].name
     assert built.failed == {name: "the drives are too weak", "words: two": "two is no word"}
     assert built.experiments == 2
     entry = read_index(built.path)["experiments"][1]
@@ -301,13 +277,13 @@ def test_what_fails_is_noted_and_does_not_stop_the_rest(
 
 
 def test_an_experiment_that_cannot_be_run_and_a_truth_that_cannot_be_told_are_noted(
-    tiny_spec: DataSetSpec, monkeypatch: pytest.MonkeyPatch
+    case: Case, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     def untold(plan: DataSetPlan, entry: PlannedExperiment) -> Mapping[str, object]:
         raise ScenarioError(f"nothing is true of {entry.arm}")
 
-    short = tuple(replace(block, duration=0.2) for block in tiny_spec.records)
-    plan = DataSetPlan(replace(tiny_spec, window=0, records=short))
+    short = tuple(replace(block, duration=0.2) for block in case.spec.records)
+    plan = DataSetPlan(replace(case.spec, window=0, records=short))
     entries = list(plan)
     weak = replace(entries[2].experiment, plant=Plant(supply_pressure=6.0))
     entries[2] = replace(entries[2], experiment=weak)
@@ -322,12 +298,7 @@ def test_an_experiment_that_cannot_be_run_and_a_truth_that_cannot_be_told_are_no
 
 @pytest.mark.parametrize("call", (0, 1, 4, 9, 14, 21))
 def test_a_full_disk_is_one_line_and_costs_nothing(
-    tiny_spec: DataSetSpec,
-    records: dict[int, BuiltExperiment],
-    expected: Mapping[str, bytes],
-    tmp_path: Path,
-    monkeypatch: pytest.MonkeyPatch,
-    call: int,
+    case: Case, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, call: int
 ) -> None:
     calls = iter(range(1000))
 
@@ -338,64 +309,58 @@ def test_a_full_disk_is_one_line_and_costs_nothing(
     with monkeypatch.context() as patch:
         patch.setattr(atomic_write.os, "fsync", full)
         with pytest.raises(ScenarioError, match=f"{tmp_path}.*: {os.strerror(errno.ENOSPC)}"):
-            build(tiny_spec, tmp_path, executor=Recorded(records))
+            case.build(tmp_path)
     assert not (tmp_path / "tiny-v1").exists()
     assert not list(tmp_path.rglob("*.partial"))
-    assert files(build(tiny_spec, tmp_path, executor=Recorded(records)).path) == expected
+    case.resume(tmp_path)
 
 
-def test_a_build_killed_before_it_removed_its_journal_is_done(
-    tiny_spec: DataSetSpec, records: dict[int, BuiltExperiment], expected: Mapping[str, bytes], tmp_path: Path
-) -> None:
-    built = build(tiny_spec, tmp_path, executor=Recorded(records))
+def test_a_build_killed_before_it_removed_its_journal_is_done(case: Case, tmp_path: Path) -> None:
+    built = case.build(tmp_path)
     (built.path / "journal.sqlite").touch()
-    assert build(tiny_spec, tmp_path) == built
-    assert files(built.path) == expected
+    assert case.build(tmp_path) == built
+    assert files(built.path) == case.files
 
 
-def test_two_builders_do_not_share_a_folder(
-    tiny_spec: DataSetSpec, records: dict[int, BuiltExperiment], expected: Mapping[str, bytes], tmp_path: Path
-) -> None:
-    path = begun(tiny_spec, records, tmp_path) / "journal.sqlite"
+def test_two_builders_do_not_share_a_folder(case: Case, tmp_path: Path) -> None:
+    path = case.begin(tmp_path) / "journal.sqlite"
     fingerprint = read_fingerprint(path)
     assert fingerprint is not None
     with Journal(path, fingerprint), pytest.raises(ScenarioError, match="another process is at work here"):
-        build(tiny_spec, tmp_path, executor=Recorded(records))
-    assert files(build(tiny_spec, tmp_path, executor=Recorded(records)).path) == expected
+        case.build(tmp_path)
+    case.resume(tmp_path)
 
 
 def test_a_build_begun_with_other_spec_or_software_is_refused(
-    tiny_spec: DataSetSpec, records: dict[int, BuiltExperiment], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    case: Case, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    folder = begun(tiny_spec, records, tmp_path)
+    folder = case.begin(tmp_path)
     before = files(folder)
     for spec, says in (
-        (replace(tiny_spec, seed=8), "seed 7 then, 8 now"),
-        (replace(tiny_spec, records=tiny_spec.records[::-1]), "records differs"),
+        (replace(case.spec, seed=8), "seed 7 then, 8 now"),
+        (replace(case.spec, records=case.spec.records[::-1]), "records differs"),
     ):
         with pytest.raises(ScenarioError, match=says):
-            build(spec, tmp_path, executor=Recorded(records))
+            build(spec, tmp_path, executor=Recorded(case.records))
     with monkeypatch.context() as patch:
         patch.setattr(build_module, "versions", lambda: {**json.loads(before["build.json"])["versions"], "numpy": "1"})
         patch.setattr(build_module, "fingerprint", lambda: "0" * 64)
         with pytest.raises(ScenarioError, match=r"numpy \S+ then, 1 now; source \w+ then, 0000"):
-            build(tiny_spec, tmp_path, executor=Recorded(records))
+            case.build(tmp_path)
     assert {**files(folder), "journal.sqlite": b""} == {**before, "journal.sqlite": b""}
     (folder / "journal.sqlite").write_bytes(b"SQLite format 3" + bytes(1000))
     with pytest.raises(ScenarioError, match=r"journal\.sqlite"):
-        build(tiny_spec, tmp_path, executor=Recorded(records))
+        case.build(tmp_path)
 
 
-def test_nothing_that_is_there_is_overwritten(
-    tiny_spec: DataSetSpec, records: dict[int, BuiltExperiment], tmp_path: Path
-) -> None:
+def test_nothing_that_is_there_is_overwritten(case: Case, tmp_path: Path) -> None:
     def refused(out: Path, says: str) -> None:
         before = files(tmp_path)
         with pytest.raises(ScenarioError, match=says):
-            build(tiny_spec, out, executor=Recorded(records))
+            case.build(out)
         assert files(tmp_path) == before
 
-    done = build(tiny_spec, tmp_path / "a", executor=Recorded(records))
+    done = case.build(tmp_path / "a")
     refused(done.path.parent, "already there: a version is never overwritten")
     (tmp_path / "b").mkdir()
     (tmp_path / "b" / "tiny-v1").write_text("mine")
@@ -409,79 +374,71 @@ def test_nothing_that_is_there_is_overwritten(
     refused(tmp_path / "b" / "tiny-v1", "tiny-v1: a file of that name is there")
 
 
-def test_a_folder_that_cannot_be_written_is_one_line(tiny_spec: DataSetSpec, tmp_path: Path) -> None:
+def test_a_folder_that_cannot_be_written_is_one_line(case: Case, tmp_path: Path) -> None:
     tmp_path.chmod(0o500)
     user = os.geteuid()
     if user == 0:
         os.seteuid(65534)  # nobody; root writes everywhere
     try:
         with pytest.raises(ScenarioError, match=r"^cannot write or read \S+: Permission denied$"):
-            build(tiny_spec, tmp_path)
+            case.build(tmp_path)
     finally:
         os.seteuid(user)
         tmp_path.chmod(0o700)
 
 
-def test_a_set_without_any_record_is_not_published_and_can_be_tried_again(
-    tiny_spec: DataSetSpec, records: dict[int, BuiltExperiment], expected: Mapping[str, bytes], tmp_path: Path
-) -> None:
+def test_a_set_without_any_record_is_not_published_and_can_be_tried_again(case: Case, tmp_path: Path) -> None:
     broken = {
-        n: BuiltExperiment(n, made.about, failed=f"{made.about['name']}: too weak") for n, made in records.items()
+        n: BuiltExperiment(n, made.about, failed=f"{made.about['name']}: too weak") for n, made in case.records.items()
     }
     for _ in range(2):
         with pytest.raises(
             ScenarioError, match=r"none of 3 experiments has a record, .*; 3 of them: too weak\. The same"
         ):
-            build(tiny_spec, tmp_path, executor=Recorded(broken))
+            case.build(tmp_path, executor=Recorded(broken))
     assert os.listdir(tmp_path) == ["tiny-v1.unfinished"]
-    assert files(build(tiny_spec, tmp_path, executor=Recorded(records)).path) == expected
+    case.resume(tmp_path)
 
 
 def test_what_a_spec_needs_is_looked_for_before_anything_is_made(
-    tiny_spec: DataSetSpec, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    case: Case, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(valve_equations, "COMPILER", False)
-    first, *others = tiny_spec.records
+    first, *others = case.spec.records
     with pytest.raises(TwinError, match="Numba, which compiles its equations"):
-        build(replace(tiny_spec, records=(replace(first, actuators=("linear", "orifice")), *others)), tmp_path)
+        build(replace(case.spec, records=(replace(first, actuators=("linear", "orifice")), *others)), tmp_path)
     with pytest.raises(ScenarioError, match="workers = 1025 given, expected 1 to 1024"):
-        build(tiny_spec, tmp_path, workers=1025)
+        case.build(tmp_path, workers=1025)
     assert not list(tmp_path.iterdir())
 
 
-def test_a_folder_where_a_file_should_be_is_named(
-    tiny_spec: DataSetSpec, records: dict[int, BuiltExperiment], expected: Mapping[str, bytes], tmp_path: Path
-) -> None:
-    in_the_way = begun(tiny_spec, records, tmp_path) / "data" / "test" / "noise.nc"
+def test_a_folder_where_a_file_should_be_is_named(case: Case, tmp_path: Path) -> None:
+    in_the_way = case.begin(tmp_path) / "data" / "test" / "noise.nc"
     in_the_way.mkdir(parents=True)
     with pytest.raises(
         ScenarioError, match=r"cannot write \S+/data/test/noise\.nc: it is a folder; expected a file or nothing there"
     ):
-        build(tiny_spec, tmp_path, executor=Recorded(records))
+        case.build(tmp_path)
     in_the_way.rmdir()
-    assert files(build(tiny_spec, tmp_path, executor=Recorded(records)).path) == expected
+    case.resume(tmp_path)
 
 
-def test_files_of_nobody_are_not_published(
-    tiny_spec: DataSetSpec, records: dict[int, BuiltExperiment], expected: Mapping[str, bytes], tmp_path: Path
-) -> None:
-    folder = begun(tiny_spec, records, tmp_path)
+def test_files_of_nobody_are_not_published(case: Case, tmp_path: Path) -> None:
+    folder = case.begin(tmp_path)
     strays = [folder / "letter.txt", folder / "data" / "train" / "solution.nc"]
     for stray in strays:
         stray.write_text("mine")
     with pytest.raises(ScenarioError, match=r"'data/train/solution\.nc', 'letter\.txt', which no part of the build"):
-        build(tiny_spec, tmp_path, executor=Recorded(records))
+        case.build(tmp_path)
     for stray in strays:
         stray.unlink()
-    assert files(build(tiny_spec, tmp_path, executor=Recorded(records)).path) == expected
+    case.resume(tmp_path)
 
 
-def test_an_executor_that_leaves_experiments_out_is_found_out(
-    tiny_spec: DataSetSpec, records: dict[int, BuiltExperiment], tmp_path: Path
-) -> None:
-    idle = Recorded(records)
+def test_an_executor_that_leaves_experiments_out_is_found_out(case: Case, tmp_path: Path) -> None:
+    idle = Recorded(case.records)
     idle.run = lambda *_, **__: iter(())  # type: ignore[method-assign]
     with pytest.raises(ScenarioError, match="the executor returned 0 of 3 experiments"):
-        build(tiny_spec, tmp_path, executor=idle)
+        case.build(tmp_path, executor=idle)
     with pytest.raises(ScenarioError, match="rows = 0 given"):
-        build(tiny_spec, tmp_path, rows=0)
+        case.build(tmp_path, rows=0)
