@@ -113,6 +113,7 @@ def record_run(
         announcements.append(Test(record.name, length, record.axes, len(record)))
         used += length
         start += (length // SAMPLE_RATE + 2) * CLOCK
+    # A reader never sees half a file: it is renamed only when it is complete.
     partial = path.with_name(path.name + ".partial")
     try:
         with partial.open("wb") as file:

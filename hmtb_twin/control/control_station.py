@@ -139,6 +139,7 @@ def _powered(experiment: Experiment, ticks: int) -> np.ndarray:
     times = np.asarray(experiment.shutdown, dtype=float)
     if times.size == 0:
         return powered
+    # Times that are not finite would become ticks without meaning: they fail the check below.
     switched = np.rint(times * SAMPLE_RATE) if np.isfinite(times).all() else np.zeros(1)
     if not (switched[0] >= 1 and (np.diff(switched) > 0).all() and switched[-1] < ticks):
         raise TwinError(

@@ -30,6 +30,7 @@ def pickup(ticks: int, axes: int, parameters: HandController, rng: np.random.Gen
     Returns:
         Disturbance (N, n), V.
     """
+    # All draws are made whatever the chain: switching off one imperfection must not change the others.
     bias = (1.0 - parameters.compensation) * parameters.bias * rng.standard_normal(axes)
     noise = rng.standard_normal((ticks, axes))
     phase = 2.0 * np.pi * rng.random(axes)

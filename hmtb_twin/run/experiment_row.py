@@ -110,6 +110,7 @@ def prepare(experiment: Experiment, load: Callable[..., Arm]) -> ExperimentRow:
         TwinError: The experiment needs something that the laboratory does not have.
     """
     arm = _arm(experiment, load)
+    # A stream for each source: the draws of one do not depend on whether another is switched on.
     wires, resolvers, drives = np.random.default_rng(experiment.seed).spawn(3)
     station = ControlStation(experiment, arm, wires)
     shape = station.commands.shape

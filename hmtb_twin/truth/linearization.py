@@ -252,6 +252,7 @@ def small_signal_error(arm: Arm, model: StateSpace, angles: np.ndarray, amplitud
         raise TwinError(f"amplitude {amplitude!r} given, expected above 0 and up to {LARGEST_AMPLITUDE:.4g} rad")
     if model.order and not np.abs(np.linalg.eigvals(model.A)).max() < 1.0:
         return np.nan
+    # Binary commands held for five ticks excite the band of the servo and keep their amplitude at every instant.
     bits = np.random.default_rng(0).choice([-amplitude, amplitude], 40)
     offsets = np.repeat(bits, 5)
     worst = 0.0

@@ -168,6 +168,7 @@ class Truth:
             )
         commanded = replace(whole, K=None)
         path, (poles, shares, zeros) = commanded.minimal(MINIMAL), modal(commanded)
+        # 2 s of the pulse response: no bus delay is longer, and rounding stays below `DELAY`.
         pulse = np.abs(path.markov(100)[:, 0, 0])
         delay = int(np.argmax(pulse > DELAY * pulse.max()))
         late = np.zeros(max(0, delay - len(poles) + len(zeros)))

@@ -206,6 +206,7 @@ def run_campaign(
     twice = [name for name, count in Counter(entry.name for entry in scenarios).items() if count > 1]
     if twice:
         raise ScenarioError(f"given more than once: {', '.join(twice)}; a campaign has one record of each name")
+    # One call for all tests: Python then runs once per tick for the whole campaign.
     started = perf_counter()
     result = simulate([condition.applied(entry) for entry in scenarios], threads=threads, progress=progress)
     simulation_s = perf_counter() - started

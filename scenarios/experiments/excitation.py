@@ -48,6 +48,7 @@ def two_sines(*, frequency: float, amplitude: float = 1.0) -> Waveform:
     rate = float(SAMPLE_RATE)
     if not abs(frequency) < rate:
         raise ScenarioError(f"lower tone {frequency} Hz: expected one below {rate / 8} Hz")
+    # Tones between the lines of a 2 s file repeat in one of 4 s, which the same 100 points fill at half the rate.
     if abs(frequency * WINDOW - round(frequency * WINDOW)) > 1e-9:
         rate = rate / 2
     cycles = frequency * POINTS / rate
@@ -84,6 +85,7 @@ def bipolar_ramping_pulse(
             f"pulse width must be {1 / SAMPLE_RATE} to {half / SAMPLE_RATE} s at {frequency} Hz, given {pulse_width} s"
         )
     ramp = np.arange(1, width + 1) / width
+    # Half a period need not be a whole number of points: starts are rounded one by one, so that errors do not add up.
     starts = np.round(np.arange(round(POINTS / half)) * half).astype(int)
     points = np.zeros(POINTS)
     for number, start in enumerate(starts):
@@ -118,6 +120,7 @@ def multisine(
     spectrum = np.zeros(POINTS // 2 + 1, dtype=complex)
     spectrum[lines[chosen]] = np.exp(2j * np.pi * np.random.default_rng(seed).random(int(chosen.sum())))
     points = np.fft.irfft(spectrum, POINTS)
+    # Scaled by its peak, not by its power: the peak is what the converter limits.
     parameters = {"f_min": f_min, "f_max": f_max, "amplitude": amplitude, "odd": odd, "seed": seed}
     return Waveform(amplitude * points / np.abs(points).max(), "multisine", parameters)
 

@@ -135,6 +135,7 @@ def _measure(joints: tuple[str, ...], signals: list[np.ndarray], lags: int) -> J
         np.column_stack([signal[lags - 1 - lag : lags - 1 - lag + rows] for lag in range(lags)]) / signal.std()
         for signal in signals
     ]
+    # Orthonormal bases remove the spectrum of each signal: their joint condition measures the dependence alone.
     bases = []
     for block in blocks:
         basis, values, _ = np.linalg.svd(block, full_matrices=False)

@@ -99,6 +99,7 @@ class ShutdownInterval:
 
 def shutdown_intervals(log: JointLog) -> tuple[ShutdownInterval, ...]:
     """Return the intervals without servo power in a log, in order."""
+    # Padding with zeros closes intervals at either end of the record.
     off = np.concatenate(([0], (log.status & Status.SHUT_DOWN) != 0, [0])).astype(int)
     edges = np.diff(off)
     intervals = []

@@ -93,6 +93,7 @@ def check_truth(log: JointLog, arm: Arm, truth: Truth) -> None:
     Raises:
         ScenarioError: The truth is of another arm, of other conditions, or of another pose.
     """
+    # Truths are without dry friction, so that its level must not count as a difference.
     truth_plant, log_plant = (vars(replace(plant.sliding, friction_level=1.0)) for plant in (truth.plant, arm.plant))
     pairs = {
         "variant": (truth.variant, arm.variant),

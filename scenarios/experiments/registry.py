@@ -40,6 +40,7 @@ def _single_joint_tests(
             "name": f"siso-{test['number']}-{joint}",
             "axes": [joint],
             "duration": source["duration"],
+            # Every test has noise of its own, whichever joints are added later.
             "seed": 100 * test["number"] + position,
             "description": f"{joint.replace('_', ' ')}: {test['description']}",
             "tags": [*tags, joint, test["excitation"]["kind"]],

@@ -154,6 +154,7 @@ class Scenario:
         """
         if seed < 0:
             raise ScenarioError(f"expected a seed of 0 or more, given {seed}")
+        # The name enters the seed: tests of one campaign must not share their noise.
         own_seed = np.random.SeedSequence([seed, crc32(self.name.encode())]).generate_state(1)[0]
         return replace(self, seed=int(own_seed))
 
