@@ -6,11 +6,21 @@ import numpy as np
 import scipy.linalg
 from scipy.signal import lfilter
 
+from scenarios.estimators.claims import parameters
 from scenarios.files.errors import ScenarioError
 from scenarios.problems.problem import Bound
-from sysid import Polynomials
+from sysid import Polynomials, StateSpace
 from sysid.polynomial.orders import Orders
 from sysid.records.arrays import ComplexArray, FloatArray
+
+BURN_IN = 500
+"""Samples before each record, so that it does not start at rest."""
+
+LOG_STEP = 1e-4
+"""Relative step of the slope at the half-power frequency."""
+
+SINGULAR = 1e-10
+"""Ratio of the root information's singular values, columns scaled, below which parameters are not all determined."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -88,25 +98,13 @@ def _delayed(x: FloatArray, lags: range) -> list[FloatArray]:
     return [np.concatenate((np.zeros(lag), x[: len(x) - lag])) for lag in lags]
 
 
-LOG_STEP = 1e-4
-"""Relative step of the slope at the half-power frequency."""
-
-SINGULAR = 1e-10
-"""Ratio of the root information's singular values, columns scaled, below which parameters are not all determined."""
-
-
 def polynomial_bound(
     at: Polynomials,
-    parameters: FloatArray,
     orders: Orders,
-    *,
-    driven: Signals,
-    pulse: Signals,
-    burn_in: int,
+    truth: StateSpace,
     variance: float,
-    dt: float,
     frequencies: FloatArray,
-    bandwidth_hz: FloatArray,
+    signals: tuple[Signals, Signals],
 ) -> Bound:
     """Bound for Gaussian white innovations [Ljung1999, sec. 7.4 and 9.4].
 
@@ -118,30 +116,26 @@ def polynomial_bound(
 
     Args:
         at: The truth in the structure.
-        parameters: Its parameters (p,).
         orders: Of the structure.
-        driven: Signals without noise, the burn-in in front.
-        pulse: Signals of a unit pulse of innovation alone, until they have died out.
-        burn_in: Samples of `driven` that are no part of the record.
+        truth: The truth in state space.
         variance: Of the innovation.
-        dt: Sampling interval, s.
         frequencies: (nf,), Hz.
-        bandwidth_hz: True bandwidths (1, nu).
-
-    Returns:
-        The bound.
+        signals: The known part with `BURN_IN` samples in front, and the response to a unit pulse of innovation alone
+            until it has died out.
 
     Raises:
         ScenarioError: The record does not determine the parameters.
     """
-    known = regressors(at, orders, driven)[burn_in:] / np.sqrt(variance)
+    driven, pulse = signals
+    dt, bandwidth_hz = truth.dt, truth.bandwidth()
+    known = regressors(at, orders, driven)[BURN_IN:] / np.sqrt(variance)
     noise = regressors(at, orders, pulse) * np.sqrt(len(known))
     directions = _directions(np.vstack((known, noise)))
     response, derivatives = response_derivatives(at, orders, dt, frequencies)
     moves = np.tensordot(directions.T, derivatives, 1)
     return Bound(
         polynomials=at,
-        parameters=parameters,
+        parameters=parameters(at, orders),
         covariance=directions @ directions.T,
         frequencies=frequencies,
         response=response,

@@ -6,18 +6,14 @@ from functools import cached_property
 import numpy as np
 from scipy.signal import lfilter
 
-from scenarios.estimators.claims import parameters
 from scenarios.estimators.task import Task
 from scenarios.files.errors import ScenarioError
-from scenarios.problems.bound import Signals, polynomial_bound, regressors
+from scenarios.problems.bound import BURN_IN, Signals, polynomial_bound, regressors
 from scenarios.problems.embedding import Embedding, embedding, layout, own_structure, underfit
 from scenarios.problems.problem import Bound, comparison_frequencies
 from sysid import IOData, Polynomials, StateSpace
 from sysid.models import innovations_form
 from sysid.records.arrays import FloatArray, Locked, lock
-
-BURN_IN = 500
-"""Samples before each record, so that it does not start at rest."""
 
 MORE_ORDERS = 3
 """Most orders beyond the true one for an estimator that chooses."""
@@ -172,15 +168,6 @@ class LinearProblem(Locked):
         steps = self._pulse_length(at)
         pulse = np.zeros(steps)
         pulse[0] = 1.0
-        return polynomial_bound(
-            at,
-            parameters(at, orders),
-            orders,
-            driven=self.respond(self.reference, np.zeros(len(self.reference))),
-            pulse=self.respond(np.zeros((steps, self.polynomials.nu)), pulse),
-            burn_in=BURN_IN,
-            variance=self.variance,
-            dt=self.dt,
-            frequencies=self.frequencies,
-            bandwidth_hz=self.truth.bandwidth(),
-        )
+        driven = self.respond(self.reference, np.zeros(len(self.reference)))
+        noise = self.respond(np.zeros((steps, self.polynomials.nu)), pulse)
+        return polynomial_bound(at, orders, self.truth, self.variance, self.frequencies, (driven, noise))
