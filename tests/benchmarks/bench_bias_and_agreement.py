@@ -128,7 +128,7 @@ def whole_figures(runs: int) -> int:
         }
         for name, metric in figures.items():
             failed[name] += metric.passed is not True
-    allowed = runs * share * max(2 * len(PROBLEMS), Agreement().verdicts, Bias().verdicts())
+    allowed = runs * share * max(2 * len(PROBLEMS), Agreement().verdicts, Bias().verdicts)
     print(f"| metric, {runs} runs | failed | allowed at most |\n|---|---:|---:|")
     for name, count in failed.items():
         print(f"| {name} | {count} | {allowed:.2g} |")
