@@ -18,14 +18,8 @@ from scenarios.files.errors import ScenarioError
 from tests.benchmarks.simulated_estimators import FAULTS, FOUND_BY, HONEST, Fault, simulated
 
 CONTESTANT = Estimator("simulated", "bench:perfect")
-
-
 OUTPUT_ERROR = Estimator("simulated", "bench:perfect", structure="oe", method="pem")
-
-
 MAKERS: tuple[MetricDefinition, ...] = (Efficiency(), Coverage(), NormalisedError(), FrequencyResponse())
-
-
 ALARM = 1e-4
 
 
@@ -219,14 +213,8 @@ def test_every_fault_is_in_the_matrix() -> None:
 
 
 OBSERVER = Estimator("simulated", "bench:perfect", method="observer")
-
-
 LEAST_SQUARES = Estimator("simulated", "bench:perfect", method="least_squares", structure="arx")
-
-
 PEM_OUTPUT_ERROR = Estimator("simulated", "bench:perfect", method="pem", structure="oe")
-
-
 CLAIMS: tuple[MetricDefinition, ...] = (Coverage(), NormalisedError(), FrequencyResponse())
 
 

@@ -11,20 +11,10 @@ from scenarios.estimators.estimator import Estimator
 from scenarios.files.errors import ScenarioError
 
 FIGURE = AmplitudeSplit()
-
-
 TRIALS = FIGURE.trials("quick")
-
-
 LINES = np.arange(1, 26) / 5.12
-
-
 LINEAR = 1.0 / (1.0 + 1j * LINES) ** 2
-
-
 ONE = Estimator("one", "module:one")
-
-
 ALARM = 1e-4
 
 

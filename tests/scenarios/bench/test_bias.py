@@ -15,8 +15,6 @@ from scenarios.problems.registry import problem
 from tests.benchmarks.simulated_estimators import Fault, simulated
 
 ANYONE = Estimator("simulated", "bench:perfect")
-
-
 SHARE = 1e-4
 
 

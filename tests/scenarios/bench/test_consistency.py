@@ -20,8 +20,6 @@ from scenarios.estimators.estimator import Estimator
 from tests.benchmarks.simulated_estimators import Fault, simulated
 
 CONTESTANT = Estimator("simulated", "bench:perfect")
-
-
 MAKER = Consistency()
 
 
@@ -64,8 +62,6 @@ def test_the_full_effort_has_more_problems_and_records() -> None:
 
 
 RECOVERY = NoiseFreeRecovery()
-
-
 TRIALS = RECOVERY.trials("quick")
 
 
@@ -119,8 +115,6 @@ def test_systems_without_model_are_left_out_until_they_are_most() -> None:
 
 
 DT = 0.02
-
-
 F = np.array([0.1, 0.5, 2.0, 8.0, 20.0])
 
 

@@ -14,8 +14,6 @@ from scenarios.estimators.estimator import Estimator
 from scenarios.problems.trial import Trial
 
 ANYONE = Estimator("anyone", "bench:perfect")
-
-
 GOOD = [Measurement(Trial("p3", draw), "model") for draw in range(50)]
 
 

@@ -27,8 +27,6 @@ distributed = pytest.importorskip("distributed")
 
 
 TRIALS = tuple(Trial(name, draw) for name in ("p1@300", "p3@300") for draw in range(6))
-
-
 MODULE = """
 import sysid
 
