@@ -76,7 +76,7 @@ def sequence_class(joint: str) -> str:
     return f"twin-nominal-{joint}-prbs-{SEQUENCE_MRAD}mrad"
 
 
-class Bandwidth(MetricDefinition):
+class BandwidthMetric(MetricDefinition):
     """The distribution of the recovered bandwidth, by joint, amplitude and excitation.
 
     Joints differ, so a number over all of them would be that of none. The metric's own is that of the joint that is

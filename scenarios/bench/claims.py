@@ -225,7 +225,7 @@ def _distribution_p(values: FloatArray, freedom: int, null: FloatArray | None) -
     return None if null is None else float(ks_2samp(values, null).pvalue)
 
 
-class FrequencyResponse(AccuracyMetric):
+class ResponseError(AccuracyMetric):
     """Root mean square error of the response in claimed standard deviations, over all frequencies and at the worst.
 
     The error relative to the response, in percent, is shown beside it, also where nothing is claimed.

@@ -8,9 +8,9 @@ import numpy as np
 
 from scenarios.bench.accuracy import Agreement, Efficiency
 from scenarios.bench.amplitude_split import AmplitudeSplit
-from scenarios.bench.bandwidth import Bandwidth
+from scenarios.bench.bandwidth import BandwidthMetric
 from scenarios.bench.bias import Bias
-from scenarios.bench.claims import Coverage, FrequencyResponse, NormalisedError
+from scenarios.bench.claims import Coverage, NormalisedError, ResponseError
 from scenarios.bench.consistency import Consistency, NoiseFreeRecovery
 from scenarios.bench.measurement import Measurements
 from scenarios.bench.metric import (
@@ -212,12 +212,12 @@ MODEL_METRICS: tuple[MetricDefinition, ...] = (
     Efficiency(),
     Coverage(),
     NormalisedError(),
-    FrequencyResponse(),
+    ResponseError(),
     AmplitudeSplit(),
     Bias(),
     ResidualTestsAndOrders(),
     Agreement(),
-    Bandwidth(),
+    BandwidthMetric(),
 )
 """Metrics of models: ten with a verdict, and the recovered bandwidth, which has none."""
 

@@ -15,7 +15,7 @@ import numpy as np
 from simulated_estimators import FAULTS, FOUND_BY, simulated
 
 from scenarios.bench.accuracy import QUICK, RECORDS, Efficiency
-from scenarios.bench.claims import COVERAGE, Coverage, FrequencyResponse, NormalisedError, limits_by_frequency
+from scenarios.bench.claims import COVERAGE, Coverage, NormalisedError, ResponseError, limits_by_frequency
 from scenarios.bench.consistency import LENGTHS, Consistency, NoiseFreeRecovery, perfect_slopes
 from scenarios.bench.consistency import QUICK as SLOPES
 from scenarios.bench.consistency import RECORDS as SLOPE_RECORDS
@@ -51,7 +51,7 @@ METRICS: tuple[MetricDefinition, ...] = (
     Efficiency(),
     Coverage(),
     NormalisedError(),
-    FrequencyResponse(),
+    ResponseError(),
 )
 
 

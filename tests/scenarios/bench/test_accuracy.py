@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from scenarios.bench.accuracy import Acceptance, Efficiency, RecordStatistic, accuracy_trials
-from scenarios.bench.claims import Coverage, FrequencyResponse, NormalisedError
+from scenarios.bench.claims import Coverage, NormalisedError, ResponseError
 from scenarios.bench.consistency import Consistency, NoiseFreeRecovery
 from scenarios.bench.measurement import Measurement
 from scenarios.bench.metric import MetricDefinition
@@ -19,7 +19,7 @@ from tests.benchmarks.simulated_estimators import FAULTS, FOUND_BY, HONEST, Faul
 
 CONTESTANT = Estimator("simulated", "bench:perfect")
 OUTPUT_ERROR = Estimator("simulated", "bench:perfect", structure="oe", method="pem")
-MAKERS: tuple[MetricDefinition, ...] = (Efficiency(), Coverage(), NormalisedError(), FrequencyResponse())
+MAKERS: tuple[MetricDefinition, ...] = (Efficiency(), Coverage(), NormalisedError(), ResponseError())
 ALARM = 1e-4
 
 
@@ -106,10 +106,10 @@ def test_covariances_that_are_not_known_are_not_counted() -> None:
     unknown = np.full((16, 1, 1, 2, 2), np.nan)
     one = [replace(m, response_covariance=unknown) if m.trial.draw == 0 else m for m in data]
     most = [replace(m, response_covariance=unknown) if m.trial.draw < 16 else m for m in data]
-    metric = FrequencyResponse().evaluate(one, CONTESTANT, ALARM, ())
+    metric = ResponseError().evaluate(one, CONTESTANT, ALARM, ())
     assert metric.passed
     assert metric.parts[0].draws == 29
-    chosen = FrequencyResponse().evaluate(most, CONTESTANT, ALARM, ())
+    chosen = ResponseError().evaluate(most, CONTESTANT, ALARM, ())
     assert chosen.passed is False
     assert "claimed of 14 of 30 records" in chosen.parts[0].why
 
@@ -118,7 +118,7 @@ def test_a_covariance_of_another_shape_is_an_error() -> None:
     data = measured(Fault(), records=2)
     data[0] = replace(data[0], response_covariance=np.zeros((16, 2, 2)))
     with pytest.raises(ScenarioError, match="expected"):
-        FrequencyResponse().evaluate(data, CONTESTANT, ALARM, ())
+        ResponseError().evaluate(data, CONTESTANT, ALARM, ())
 
 
 def test_bandwidths_without_interval_are_not_counted() -> None:
@@ -146,7 +146,7 @@ def test_an_error_at_one_frequency_is_found_there() -> None:
         response = m.response.copy()
         response[7, 0, 0] += 2.0 * np.sqrt(np.trace(m.response_covariance[7, 0, 0]))
         data.append(replace(m, response=response))
-    metric = FrequencyResponse().evaluate(data, CONTESTANT, ALARM, ())
+    metric = ResponseError().evaluate(data, CONTESTANT, ALARM, ())
     assert metric.passed is False
     failed = [part.label for part in metric.parts if part.passed is False]
     assert {"p2 at", "p3 at", "p4 at", "p5 at"} <= {label[:5] for label in failed}
@@ -154,11 +154,11 @@ def test_an_error_at_one_frequency_is_found_there() -> None:
 
 
 def test_curves_for_drawing() -> None:
-    curve = FrequencyResponse().evaluate(measured(Fault(claimed=4.0)), CONTESTANT, ALARM, ()).curves["p3"]
+    curve = ResponseError().evaluate(measured(Fault(claimed=4.0)), CONTESTANT, ALARM, ()).curves["p3"]
     assert np.shape(curve["truth"]) == np.shape(curve["error"]) == np.shape(curve["claimed"]) == (16, 1, 1)
     assert np.array(curve["claimed"]) == pytest.approx(2.0 * np.array(curve["bound"]))
     assert np.array(curve["error"]) == pytest.approx(np.array(curve["bound"]), rel=0.5)
-    silent = FrequencyResponse().evaluate(measured(Fault(claimed_share=0.0, gain=1.5)), CONTESTANT, ALARM, ())
+    silent = ResponseError().evaluate(measured(Fault(claimed_share=0.0, gain=1.5)), CONTESTANT, ALARM, ())
     assert silent.curves["p2"]["claimed"] is None
     assert silent.curves["p2"]["relative_error_percent"] == pytest.approx(50.0, abs=1.0)
     assert "50 % on p2" in silent.why
@@ -176,7 +176,7 @@ CONVERGENCE_AND_CLAIMS: tuple[MetricDefinition, ...] = (
     Efficiency(),
     Coverage(),
     NormalisedError(),
-    FrequencyResponse(),
+    ResponseError(),
 )
 
 
@@ -215,7 +215,7 @@ def test_every_fault_is_in_the_matrix() -> None:
 OBSERVER = Estimator("simulated", "bench:perfect", method="observer")
 LEAST_SQUARES = Estimator("simulated", "bench:perfect", method="least_squares", structure="arx")
 PEM_OUTPUT_ERROR = Estimator("simulated", "bench:perfect", method="pem", structure="oe")
-CLAIMS: tuple[MetricDefinition, ...] = (Coverage(), NormalisedError(), FrequencyResponse())
+CLAIMS: tuple[MetricDefinition, ...] = (Coverage(), NormalisedError(), ResponseError())
 
 
 def measured_on(fault: Fault, name: str = "") -> list[Measurement]:

@@ -1,13 +1,13 @@
 import numpy as np
 import pytest
 
-from scenarios.bench.bandwidth import Bandwidth, TrueBandwidths, sequence_class, true_bandwidths
+from scenarios.bench.bandwidth import BandwidthMetric, TrueBandwidths, sequence_class, true_bandwidths
 from scenarios.bench.measurement import Measurement
 from scenarios.estimators.estimator import Estimator
 from scenarios.problems.trial import Trial
 
 TRUTH = TrueBandwidths(1.03, 0.95, (0.93, 0.97), 0.2, (("ARMAX (4.7)", 0.4),))
-FIGURE = Bandwidth(lambda name: TRUTH)
+FIGURE = BandwidthMetric(lambda name: TRUTH)
 PITCH = "twin-nominal-shoulder_pitch-multisine-10mrad"
 YAW = "twin-nominal-shoulder_yaw-prbs-67mrad"
 ONE = Estimator("one", "module:one")
