@@ -223,16 +223,6 @@ class ResponseAgreement:
     p: FloatArray
     p_all: FloatArray
 
-    @property
-    def gain_db(self) -> FloatArray:
-        """Difference of the gains (nf, ny, nu), dB."""
-        return np.asarray(20.0 * np.log10(np.abs(self.ratio)))
-
-    @property
-    def phase_deg(self) -> FloatArray:
-        """Difference of the phases (nf, ny, nu), degrees."""
-        return np.degrees(np.angle(self.ratio))
-
 
 def response_agreement(approximation: BestLinearApproximation, expected: ComplexArray) -> ResponseAgreement:
     """Test a best linear approximation against an exactly known response.

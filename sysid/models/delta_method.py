@@ -14,12 +14,6 @@ def standard_directions(covariance: FloatArray) -> FloatArray:
 
     Stepping along them instead of along single parameters keeps a badly conditioned model (whose parameters are known
     only jointly) inside its own confidence region.
-
-    Args:
-        covariance: Symmetric, positive semidefinite (p, p).
-
-    Returns:
-        Directions (p, p).
     """
     scale = np.sqrt(np.maximum(np.diag(covariance), 0.0))
     scale[scale == 0.0] = 1.0

@@ -13,20 +13,8 @@ def balanced_truncation(
     """Keep the states with the largest Hankel singular values [Moore1981].
 
     The truncated response differs from the whole one by at most twice the sum of the dropped singular values, at any
-    frequency.
-
-    Args:
-        A: State matrix (n, n), stable.
-        B: Input matrix (n, nu).
-        C: Output matrix (ny, n).
-        tolerance: States with a Hankel singular value below `tolerance` times the largest are dropped.
-        order: Number of states to keep at most; None keeps all that the tolerance allows.
-
-    Returns:
-        The reduced A, B, C and all Hankel singular values, largest first.
-
-    Raises:
-        SysidError: The model is not stable, so that it has no Gramians.
+    frequency. States with a singular value below `tolerance` times the largest, or beyond `order`, are dropped.
+    Returned are the reduced A, B, C and all Hankel singular values, largest first.
     """
     if len(A) == 0:
         return A, B, C, np.zeros(0)

@@ -99,16 +99,7 @@ def hankel_triangle(
 ) -> FloatArray:
     """Lower triangle L with L L' = moments, rows in a given sequence.
 
-    It is computed from the moments if they are far from singular, else from the data.
-
-    Args:
-        signals: z per experiment (N_i, q).
-        blocks: Block rows.
-        moments: See `hankel_moments`.
-        sequence: Row indices (k,).
-
-    Returns:
-        Triangle (k, k).
+    It is computed from the moments if they are far from singular, else from the data (N_i, q) per experiment.
     """
     index = np.asarray(sequence, dtype=int)
     part = moments[np.ix_(index, index)]

@@ -137,24 +137,8 @@ def prediction_error_estimate(
     The covariance is variance * (J' J)^-1 with J the exact Jacobian of the errors, initial conditions projected out
     [Ljung1999, ch. 9]; the variance is unbiased: parameters and initial conditions are counted. With
     missing outputs the gaps depend on the parameters too, and the curvature of the likelihood replaces J' J.
-
-    Args:
-        method: Name of the estimator.
-        experiments: Single-output experiments.
-        orders: The structure.
-        order_values: Orders as the estimate reports them.
-        initial_estimates: Generates the initial estimates, the most promising first.
-        max_iterations: Limit on the steps of the final minimisation.
-        coloured: Whether the covariance allows for errors that are not white; those of OE models are taken to be
-            independent of the input, which gives narrower intervals.
-        initial_conditions: Assumption about the time before each record.
-
-    Raises:
-        SysidError: Several outputs, too little data, backcasting with missing outputs, invalid options.
-
-    Warns:
-        SysidWarning: Poor excitation, means that do not fit the dynamics, no convergence, bad conditioning, roots of
-            C, D or F at the unit circle.
+    With `coloured`, the covariance allows for errors that are not white; those of OE models are taken to be independent
+    of the input, which gives narrower intervals. `order_values` are the orders as the estimate reports them.
     """
     initial_conditions = InitialConditions.of(initial_conditions)
     max_iterations = whole_number("max_iterations", max_iterations, 1)

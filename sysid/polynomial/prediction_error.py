@@ -13,8 +13,7 @@ from scipy.signal import lfilter
 
 from sysid.models.polynomials import is_stable
 from sysid.polynomial.correlation import autoregression
-from sysid.polynomial.error_jacobian import error_jacobian
-from sysid.polynomial.error_jacobian_gaps import gapped_error_jacobian
+from sysid.polynomial.error_jacobian import error_jacobian, gapped_error_jacobian
 from sysid.polynomial.initial_conditions import InitialConditions
 from sysid.polynomial.least_squares import scaled_triangle
 from sysid.polynomial.orders import Orders

@@ -75,7 +75,7 @@ CAUTIOUS = 1e2
 Start = ArrayLike | Estimate | RecursiveEstimate | RecursiveState | None
 
 
-def begin(
+def starting_state(
     data: IOData,
     orders: Orders,
     channels: Sequence[Channel],

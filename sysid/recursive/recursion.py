@@ -22,7 +22,7 @@ from sysid.records.arrays import FloatArray
 from sysid.records.data import IOData, as_experiments
 from sysid.records.errors import SysidError, SysidWarning
 from sysid.recursive.adaptation import Adaptation, Forgetting, Gradient
-from sysid.recursive.initial_state import Channel, Start, begin, regressed_channels, stable
+from sysid.recursive.initial_state import Channel, Start, regressed_channels, stable, starting_state
 from sysid.recursive.recursive_estimate import RecursiveEstimate, RecursiveState
 
 HALVINGS = 12  # limit on the halvings of a step that would make the predictor unstable
@@ -69,7 +69,7 @@ def recurse(
             f"adaptation must be a rule such as Forgetting(0.99), Kalman(1e-4) or Gradient(0.1), got {shown(rule)}"
         )
     channels = regressed_channels(data, orders)
-    state = begin(data, orders, channels, rule, origin, P0)
+    state = starting_state(data, orders, channels, rule, origin, P0)
 
     y, samples = data.y[:, 0], len(data)
     first = max(data.window, orders.first_row(0) - state.samples)

@@ -75,20 +75,10 @@ def make_predictor_estimate(
     messages: Sequence[str],
     innovation: FloatArray | None = None,
 ) -> Estimate:
-    """Assemble the estimate.
+    """Assemble the estimate from a predictor in scaled channels, and the basis and covariance of its local coordinates.
 
-    Args:
-        method: Name of the estimator.
-        experiments: The data set.
-        order_values: Orders as the estimate reports them.
-        scales: Of the channels.
-        predictor: The result, channels scaled.
-        basis: Directions of the local coordinates (entries of A, M, C, D; q).
-        covariance: Of the local coordinates (q, q), NaN if unknown.
-        diagnostics: Condition, convergence, and entries of the method.
-        messages: Warnings of the fit.
-        innovation: Covariance of the prediction errors, channels scaled (ny, ny), if the residuals do not give it: they
-            are larger after missing outputs.
+    `innovation` is the covariance of the prediction errors, channels scaled, if the residuals do not give it: they are
+    larger after missing outputs.
     """
     summary = DataSummary.of(experiments)
     parameters = basis.T @ predictor.vector()
