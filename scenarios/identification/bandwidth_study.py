@@ -118,21 +118,6 @@ class BandwidthStudy:
         }
 
 
-@dataclass(frozen=True)
-class _Setting:
-    """What the bandwidths of a study are recovered on and compared with."""
-
-    arm: Arm
-    condition: str
-    pose: str
-    methods: tuple[str, ...]
-    duration: float | None
-    best_linear: bool
-    seed: int
-    threads: int | None
-    stage: Stage
-
-
 def from_simulation(
     joints: Sequence[str],
     methods: Sequence[str],
@@ -201,12 +186,11 @@ def from_simulation(
     if not recordings:
         raise ScenarioError(f"every experiment failed: {'; '.join(f'{name}: {why}' for name, why in failed.items())}")
     first = next((seed for seed in seeds if seed is not None), 0)
-    arm, chosen = condition.arm(), tuple(dict.fromkeys(methods))
-    return _recovered(
-        recordings,
-        failed,
-        _Setting(arm, str(condition), OPERATING_POSE, chosen, duration, best_linear, first, threads, stage),
-    )
+    arm = condition.arm()
+    truth = linearize(arm, OPERATING_POSE, amplitudes=())
+    approximations = _best_linear(recordings, arm, first, threads, stage) if best_linear else {}
+    rows = _rows(recordings, methods, truth, approximations, stage)
+    return BandwidthStudy(str(condition), rows, truth, approximations, MappingProxyType(failed), duration)
 
 
 def from_logs(
@@ -261,53 +245,55 @@ def from_logs(
         )
     _refuse_repeated(logs)
     ((arm, pose, _),) = arms.values()
+    truth = linearize(arm, pose, amplitudes=())
+    approximations = _best_linear(recordings, arm, seed, threads, stage) if best_linear else {}
+    rows = _rows(recordings, methods, truth, approximations, stage)
     shortest = min(len(log) * log.dt for log in logs)
-    duration = shortest if shortest < FULL else None
-    condition, chosen = str(Condition(arm.variant, arm.friction)), tuple(dict.fromkeys(methods))
-    return _recovered(
-        recordings, {}, _Setting(arm, condition, pose, chosen, duration, best_linear, seed, threads, stage)
-    )
+    condition, duration = str(Condition(arm.variant, arm.friction)), shortest if shortest < FULL else None
+    return BandwidthStudy(condition, rows, truth, approximations, MappingProxyType({}), duration)
 
 
-def _recovered(recordings: Sequence[Recording], failed: Mapping[str, str], setting: _Setting) -> BandwidthStudy:
-    truth = linearize(setting.arm, setting.pose, amplitudes=())
+def _groups(recordings: Sequence[Recording]) -> dict[tuple[str, str], list[Recording]]:
+    """Group recordings by joint and test, joints in the thesis' order."""
     groups: dict[tuple[str, str], list[Recording]] = {}
-    for one in recordings:
+    for one in sorted(recordings, key=lambda one: list(STRUCTURES).index(one.joint)):
         groups.setdefault((one.joint, one.test), []).append(one)
-    approximations: dict[tuple[str, str], BestLinearOfTest] = {}
-    if setting.best_linear:
-        with setting.stage("best linear approximation") as step:
-            for number, ((joint, test), group) in enumerate(groups.items()):
-                step(number, len(groups))
-                experiment = group[0].setting
-                if experiment is None:
-                    continue
-                approximations[joint, test] = best_linear_of_test(
-                    experiment,
-                    setting.arm,
-                    [one.data for one in group],
-                    test=test,
-                    seed=setting.seed,
-                    threads=setting.threads,
-                )
-    # Joint by joint in the thesis' order, then test by test, then seed by seed.
-    order = [one for joint in STRUCTURES for (name, _), group in groups.items() if name == joint for one in group]
+    return groups
+
+
+def _best_linear(
+    recordings: Sequence[Recording], arm: Arm, seed: int, threads: int | None, stage: Stage
+) -> dict[tuple[str, str], BestLinearOfTest]:
+    groups, approximations = _groups(recordings), dict[tuple[str, str], BestLinearOfTest]()
+    with stage("best linear approximation") as step:
+        for (joint, test), group in groups.items():
+            step(len(approximations), len(groups))
+            records = [one.data for one in group]
+            approximations[joint, test] = best_linear_of_test(
+                group[0].setting, arm, records, test=test, seed=seed, threads=threads
+            )
+    return approximations
+
+
+def _rows(
+    recordings: Sequence[Recording],
+    methods: Sequence[str],
+    truth: Truth,
+    approximations: Mapping[tuple[str, str], BestLinearOfTest],
+    stage: Stage,
+) -> tuple[RecoveredBandwidth, ...]:
+    """Recover bandwidths joint by joint, then test by test, then seed by seed."""
     rows: list[RecoveredBandwidth] = []
-    with setting.stage("identify") as step:
-        for one in order:
-            bla = approximations.get((one.joint, one.test))
+    chosen = list(dict.fromkeys(methods))
+    with stage("identify") as step:
+        for (joint, test), group in _groups(recordings).items():
+            bla = approximations.get((joint, test))
             interval = None if bla is None else (bla.hz, *bla.ci95)
-            for method in setting.methods:
-                rows.append(recover(one, method, truth.joint(one.joint).bandwidth_hz, interval))
-                step(len(rows), len(order) * len(setting.methods))
-    return BandwidthStudy(
-        setting.condition,
-        tuple(rows),
-        truth,
-        MappingProxyType(approximations),
-        MappingProxyType(dict(failed)),
-        setting.duration,
-    )
+            for one in group:
+                for method in chosen:
+                    rows.append(recover(one, method, truth.joint(joint).bandwidth_hz, interval))
+                    step(len(rows), len(recordings) * len(chosen))
+    return tuple(rows)
 
 
 def _check_joint(joint: str) -> None:

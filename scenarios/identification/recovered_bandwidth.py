@@ -73,14 +73,14 @@ class Recording:
         test: The test.
         seed: Seed of noise and waveform; None for the scenario's own.
         data: Settled record without means, rad.
-        setting: The experiment; not needed to recover a bandwidth.
+        setting: The experiment.
     """
 
     joint: str
     test: str
     seed: int | None
     data: IOData
-    setting: Scenario | None = None
+    setting: Scenario
 
 
 @dataclass(frozen=True, kw_only=True)

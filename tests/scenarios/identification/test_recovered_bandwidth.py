@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from scipy.signal import lfilter
 
+from scenarios.experiments.registry import load
 from scenarios.files.errors import ScenarioError
 from scenarios.identification.recovered_bandwidth import (
     METHODS,
@@ -38,7 +39,7 @@ def recovered(
     u = np.tile(u, 120) if periodic else u
     y = lfilter(b, a, u) + noise * rng.standard_normal(len(u))
     record = IOData(u, y, DT)[200:].detrend()
-    return recover(Recording(JOINT, "5", seed, record), method, true)
+    return recover(Recording(JOINT, "5", seed, record, load("siso-5-shoulder_pitch")), method, true)
 
 
 @pytest.mark.parametrize("method", [name for name in METHODS if name not in NONPARAMETRIC])
@@ -96,7 +97,7 @@ def test_a_bandwidth_below_the_excitation_is_not_claimed_but_told() -> None:
 
 def test_what_an_estimator_refuses_is_a_row_with_the_reason() -> None:
     record = IOData(np.arange(6.0) % 3, np.arange(6.0), DT)
-    found = recover(Recording(JOINT, "5", None, record), "okid", 1.0)
+    found = recover(Recording(JOINT, "5", None, record, load("siso-5-shoulder_pitch")), "okid", 1.0)
     assert found.refused
     assert "samples" in found.reasons[0]
 
