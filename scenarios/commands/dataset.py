@@ -145,7 +145,7 @@ def export(
     Args:
         folder: The data set.
         format: Formats, separated by commas: mat (MATLAB 5), csv, parquet, ascii (the flat file of the thesis).
-        out: Folder in which those of the formats are created.
+        out: Folder in which the folders of the formats are created.
         json: Print JSON.
     """
     from scenarios.datasets.export import export as export_data_set

@@ -1,4 +1,4 @@
-"""Benchmark data sets: drawn from a spec, built without loss, checked, exported and scored."""
+"""Benchmark data sets: planned by a spec, built, checked, exported, scored, and withheld from classes."""
 
 from importlib import import_module
 from typing import TYPE_CHECKING

@@ -233,7 +233,7 @@ def export(
 
     Args:
         folder: The data set.
-        out: Folder in which those of the formats are made.
+        out: Folder in which the folders of the formats are created.
         formats: Names of `FORMATS`.
         progress: Called with the records done and their total.
 

@@ -124,8 +124,8 @@ class TruthSpec:
                 raise ScenarioError(f"truth: {name} = {values} given, expected each once")
         for name, least, most in (("floors", 0, 10**6), ("search_steps", 0, 10**4), ("realisations", 2, 10**4)):
             if not least <= getattr(self, name) <= most:
-                given = getattr(self, name)
-                raise ScenarioError(f"truth: {name} = {given} given, expected {least} or more, up to {most}")
+                value = getattr(self, name)
+                raise ScenarioError(f"truth: {name} = {value} given, expected {least} or more, up to {most}")
 
 
 MOST_TWINS = 10**7

@@ -114,7 +114,7 @@ def check_withholdable(spec: DataSetSpec) -> None:
     """Refuse a spec whose truth anyone could compute from what is published.
 
     Raises:
-        ScenarioError: Arms, scores or commands of the spec tell what is to be withheld.
+        ScenarioError: Arms, scores or commands of the spec reveal what is to be withheld.
     """
     if spec.withheld:
         raise ScenarioError(f"{spec.label}: the spec of a public data set given, expected the one it was built from")

@@ -43,6 +43,8 @@ def test_every_command_has_help(capsys: pytest.CaptureFixture[str], name: str) -
         ("build hmtb-siso-v1 elsewhere", "unexpected argument 'elsewhere'; see hmtb dataset build --help"),
         ("build hmtb-sisu-v1", "unknown data set 'hmtb-sisu-v1': did you mean 'hmtb-siso-v1'"),
         ("build mine.toml", "no file mine.toml: expected a spec"),
+        ("build hmtb-siso-v1 --students roster.txt", "--students given without --withhold FOLDER"),
+        ("grade withheld", "missing SUBMISSIONS"),
         ("show", "missing SPEC"),
     ],
 )
