@@ -63,15 +63,7 @@ def register(kind: type[Record], read: Callable[[object], Record], write: Callab
 
 
 def read_toml(text: str, source: str) -> dict[str, Any]:
-    """Parse TOML.
-
-    Args:
-        text: The text.
-        source: Where it came from, for messages.
-
-    Raises:
-        ScenarioError: It is not TOML.
-    """
+    """Parse TOML; `ScenarioError` names the source where the text is not TOML."""
     try:
         return tomllib.loads(text)
     except RecursionError as error:
@@ -81,16 +73,7 @@ def read_toml(text: str, source: str) -> dict[str, Any]:
 
 
 def from_json(kind: type[Record], text: str | bytes, source: str) -> Record:
-    """Read a record from JSON.
-
-    Args:
-        kind: The dataclass.
-        text: The text.
-        source: Where it came from, for messages.
-
-    Raises:
-        ScenarioError: It is not JSON, or not that of such a record; see `structure`.
-    """
+    """Read a record from JSON; `source` names the file in errors, which are those of `structure`."""
     try:
         return structure(kind, json.loads(text))
     except ScenarioError as error:

@@ -5,11 +5,11 @@ from collections.abc import Iterable
 
 
 class ScenarioError(ValueError):
-    """Something given to the study is wrong; the message says what was given, expected and available."""
+    """Wrong input to the study; the message says what was given, expected and available."""
 
 
 class MissingRecordError(ScenarioError):
-    """What is asked for needs a record that is not there."""
+    """A result needs a record that is missing."""
 
 
 def unknown(what: str, given: object, available: Iterable[str], *, listing: str | None = None) -> str:

@@ -247,7 +247,7 @@ def _properties(shape: Sequence[int], itemsize: int) -> h5p.PropDCID:
 
 
 def _bare(properties: h5p.PropOCID) -> None:
-    """Attributes in the order in which they are made, and no times."""
+    """Keep attributes in order of creation, and no times."""
     properties.set_obj_track_times(False)
     properties.set_attr_creation_order(h5p.CRT_ORDER_TRACKED | h5p.CRT_ORDER_INDEXED)
 

@@ -1,4 +1,4 @@
-"""Versions of what a result was made with."""
+"""Versions of the software that computes a result, and a hash of our own source."""
 
 import platform
 import tomllib
@@ -18,13 +18,13 @@ KINDS = (".py", ".toml", ".xml")
 
 def versions() -> dict[str, str]:
     """Versions of Python and of every package that a result depends on."""
-    found = {"python": platform.python_version(), "machine": platform.machine()}
+    numbers = {"python": platform.python_version(), "machine": platform.machine()}
     for name in PACKAGES:
         try:
-            found[name] = version(name)
+            numbers[name] = version(name)
         except PackageNotFoundError:
-            found[name] = _of_source() if name == OURS else "not installed as a package"
-    return found
+            numbers[name] = _of_source() if name == OURS else "not installed as a package"
+    return numbers
 
 
 def _of_source() -> str:

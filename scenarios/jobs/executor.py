@@ -1,4 +1,4 @@
-"""Run batches of items in worker processes of this machine; what holds for every executor stands here too."""
+"""Run batches of items on workers: the scheme that all executors share, and processes of this machine."""
 
 import atexit
 import os
@@ -148,16 +148,11 @@ class Executor(ABC, Generic[Handle]):
 
     @abstractmethod
     def _results(self, handle: Handle) -> Iterable[Any]:
-        """The results of a batch that is done.
-
-        Raises:
-            LostError: They will not come.
-            DeadWorkerError: The worker died.
-        """
+        """The results of a batch that is done; raises `LostError` or `DeadWorkerError` where there are none."""
 
     @abstractmethod
     def _close(self) -> None:
-        """Let workers go."""
+        """End the workers."""
 
 
 class LocalProcesses(Executor[Future[list[Any]]]):
@@ -225,11 +220,7 @@ class LocalProcesses(Executor[Future[list[Any]]]):
 
 
 def at_worker_exit(close: Callable[[], object]) -> None:
-    """Call a function when this process ends, also by SIGTERM or with its parent.
-
-    Args:
-        close: Closes what a task has opened for later batches.
-    """
+    """Call a function when this process ends, also by SIGTERM or with its parent: to close what batches share."""
     if not _CLOSERS:
         atexit.register(_close_all)
     _CLOSERS.append(close)

@@ -35,7 +35,7 @@ class Journal:
     along: their work is done again.
 
     Args:
-        path: The file; made where there is none, its folder too.
+        path: The file; it and its folder are made if missing.
         fingerprint: What the entries depend on, such as versions of software and settings, by name.
 
     Raises:
@@ -139,10 +139,10 @@ class Journal:
             for row in fingerprint.items():
                 self._execute("INSERT INTO fingerprint VALUES (?, ?)", row)
         self._execute("COMMIT")
-        if before and (found := differences(before, fingerprint)):
-            more = f"; {len(found) - SHOWN} more" if len(found) > SHOWN else ""
+        if before and (changed := differences(before, fingerprint)):
+            more = f"; {len(changed) - SHOWN} more" if len(changed) > SHOWN else ""
             raise ScenarioError(
-                f"{self._path} was begun with other settings or software: {'; '.join(found[:SHOWN])}{more}. Resume "
+                f"{self._path} was begun with other settings or software: {'; '.join(changed[:SHOWN])}{more}. Resume "
                 f"with those, or remove {self._path} to start again"
             )
 

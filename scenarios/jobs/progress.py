@@ -40,7 +40,7 @@ class Progress:
 
 
 Report = Callable[[Progress], None]
-"""Called now and then while work goes on."""
+"""Called now and then with the state of the work."""
 
 
 @contextmanager
