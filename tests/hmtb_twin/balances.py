@@ -74,11 +74,6 @@ class EnergyBalance:
     potential: float
 
     @property
-    def delivered(self) -> float:
-        """Net energy through the load ports, J."""
-        return self.supplied - self.throttled
-
-    @property
     def residual(self) -> float:
         """Energy that came in and is nowhere, J."""
         return self.supplied - sum(getattr(self, item.name) for item in fields(self) if item.name != "supplied")
@@ -111,26 +106,13 @@ class LinearRun:
 
 
 def linear_balances(arm: Arm, command: np.ndarray, *, refined: int = 1) -> tuple[OilBalance, EnergyBalance]:
-    """Run an arm from rest and draw up its books.
+    """Run an arm with linear actuators from rest under commands (N, 7) at 50 Hz, rad; return its balances.
 
     Over a physics step of length h the engine holds valve flow Q and joint velocity w, and integrates
-    V/(4 beta) dP/dt = Q - (K + C) P - D w exactly: P is an exponential; its integral and that of its square are known.
-    The oil's book so closes to rounding. The torque D P at the step's end acts on the joint over the whole step.
-    Semi-implicit Euler is the leapfrog scheme: a velocity belongs to the middle of a step. Torques work on the mean of
-    the velocities before and after, and the links' energy is read where the velocity belongs, half a step before the
-    angle. From rest to rest the energy's book so closes with the square of the step; in the middle of a motion what the
-    implicit step adds to the inertia is seen, in proportion to the step. All that is summed are states and torques of
-    the engine, and the valve flow that the servo's law asks for from them; what is throttled is by definition what the
-    supply gave and did not come out of the load ports.
-
-    Args:
-        arm: The arm, with linear actuators, in free space.
-        command: Commanded angles (N, 7) at 50 Hz, rad; the run starts at rest at the first.
-        refined: Physics steps in place of one.
-
-    Returns:
-        The balances of oil and of energy.
-
+    V/(4 beta) dP/dt = Q - (K + C) P - D w exactly, so that the oil balance closes to rounding. Semi-implicit Euler is
+    the leapfrog scheme: a velocity belongs to the middle of a step. Torques work on the mean of the velocities before
+    and after, and the links' energy is read half a step before the angle, so that from rest to rest the energy balance
+    closes with the square of the step. `refined` physics steps replace one.
     """
     model = copy(arm.model)
     model.opt.timestep /= refined
@@ -253,23 +235,12 @@ class OrificeRun:
 
 
 def orifice_balances(arm: Arm, command: np.ndarray, *, refined: int = 4) -> tuple[OilBalance, EnergyBalance]:
-    """Run an arm with servo valves from rest and draw up its books.
+    """Run an arm with servo valves from rest under commands (N, 7) at 50 Hz, rad; return its balances.
 
-    Each chamber: what its two lands and its check valves let in less what leaks past the actuator and what the joint
-    sweeps is what it stores. The supply: what the pump gives less what the lands draw is what the accumulator stores.
     Flows are computed from the states at the ends of the physics steps and integrated by Simpson's rule, so that both
-    books close with the fourth power of the step.
-
-    Args:
-        arm: The arm, with servo valves, in free space.
-        command: Commanded angles (N, 7) at 50 Hz, rad; the run starts at rest at the first.
-        refined: Physics steps in place of one.
-
-    Returns:
-        The balance of oil of chambers A and B of each joint in turn and of the supply, where swept is what the valves
-        draw, (15,); and that of energy, in which throttled holds lands and check valves, and compressed the
-        accumulator's oil too.
-
+    balances close with the fourth power of the step. The oil balance is that of chambers A and B of each joint in turn
+    and of the supply (15,), where swept is what the valves draw; in the energy balance, throttled includes lands and
+    check valves, compressed the accumulator's oil. `refined` physics steps replace one.
     """
     model = copy(arm.model)
     model.opt.timestep /= refined
@@ -341,17 +312,10 @@ def _orifice_run(model: mujoco.MjModel, arm: Arm, command: np.ndarray) -> Orific
 def _flows(
     p: np.ndarray, spools: np.ndarray, supply: np.ndarray, chambers: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Flows at every instant, cm^3/s.
+    """Return the flows at every instant, cm^3/s.
 
-    Args:
-        p: Parameters of the valves (n, PARAMETERS).
-        spools: Spool positions (ticks, instants, n).
-        supply: Supply pressure (ticks, instants), MPa.
-        chambers: Pressures of chambers A and B (ticks, instants, n, 2), MPa.
-
-    Returns:
-        Of each chamber the flow from the supply and the flow to the return line (ticks, instants, n, 2, 2), the flow
-        in through its check valves (ticks, instants, n, 2), and the pump's (ticks, instants).
+    Of each chamber that from the supply and to the return line (ticks, instants, n, 2, 2) and that in through its check
+    valves (ticks, instants, n, 2), and the pump's (ticks, instants); spools are (ticks, instants, n).
     """
     lands, checks = np.empty((*chambers.shape, 2)), np.empty_like(chambers)
     pump = np.empty_like(supply)
