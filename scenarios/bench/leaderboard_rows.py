@@ -1,10 +1,11 @@
 """Rows of the leaderboard: result files, read, checked and put in order."""
 
 from collections.abc import Collection, Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, fields, is_dataclass
 from math import inf, isnan, nan
 from pathlib import Path
-from typing import Any
+from types import UnionType
+from typing import Any, get_args, get_origin, get_type_hints
 
 import numpy as np
 
@@ -214,39 +215,32 @@ def _read(path: Path) -> Result:
 
 def _fault(result: Result) -> str:
     """A wrong type or range in a file that anyone may have written; empty where there is none."""
-    contestant, limits = result.contestant, result.limits
-    checks: list[tuple[str, Any, type]] = [
-        *((key, getattr(contestant, key), str) for key in ("name", "target", "version", "settings", "home")),
-        *((key, getattr(contestant, key), bool) for key in ("program", "stays")),
-        *((key, getattr(result, key), str) for key in ("effort", "command", "source", "machine", "run")),
-        *((key, getattr(result, key), int) for key in ("seed", "protocol")),
-        ("memory_bytes", limits.memory_bytes, int),
-    ]
-    for key, kind in (("outcomes", int), ("reasons", int), ("refused", int), ("versions", str)):
-        table = getattr(result, key)
-        if not isinstance(table, Mapping):
-            return f"{key} is {str(table)[:80]!r}, expected a table"
-        checks += [(f"{key}, {name}", value, kind) for name, value in table.items()]
-    for name, metric in result.figures.items():
-        checks += [(f"{name}, {key}", getattr(metric, key), str) for key in ("title", "unit", "why")]
-        for part in metric.parts:
-            checks += [(f"{name}, {key} of a part", getattr(part, key), str) for key in ("label", "why")]
-            checks += [(f"{name}, {part.label}", part.theory, bool), (f"{name}, {part.label}", part.draws, int)]
-        if any(passed not in (True, False, None) for passed in (metric.passed, *(p.passed for p in metric.parts))):
-            return f"{name}: passed is neither true, false nor null"
-        if not 0.0 <= metric.false_alarm <= 1.0:
-            return f"{name} has a false-alarm rate of {metric.false_alarm}, expected one from 0 to 1"
-        if not isinstance(metric.curves, Mapping):
-            return f"{name} has curves {str(metric.curves)[:80]!r}, expected them by name"
-    for place, value, expected in checks:
-        if type(value) is not expected or (isinstance(value, int) and abs(value) > LARGEST):
-            return f"{place} is {str(value)[:80]!r}, expected {expected.__name__}"
-    if min((*result.outcomes.values(), *result.reasons.values(), *result.refused.values()), default=0) < 0:
-        return "a count is below 0"
-    if any(part.draws < 0 for metric in result.figures.values() for part in metric.parts):
-        return "a number of records is below 0"
-    if not one_line(contestant.name):
-        return f"name {contestant.name!r} has no character that can be seen"
-    if type(limits.seconds) not in (int, float) or not limits.seconds <= LARGEST:
-        return f"the time limit is {str(limits.seconds)[:80]}, expected seconds"
-    return ""
+    if fault := _wrong_type(result, Result, "the result"):
+        return fault
+    if not one_line(result.contestant.name):
+        return f"name {result.contestant.name!r} has no character that can be seen"
+    metrics = result.figures.values()
+    counts = [*result.outcomes.values(), *result.reasons.values(), *result.refused.values()]
+    if min(*counts, *(part.draws for metric in metrics for part in metric.parts), 0) < 0:
+        return "a number of requests or records is below 0"
+    rates = [metric.false_alarm for metric in metrics]
+    return "" if all(0.0 <= rate <= 1.0 for rate in rates) else f"a false-alarm rate of {rates} is none from 0 to 1"
+
+
+def _wrong_type(value: object, hint: Any, place: str) -> str:
+    """A value of another type than its record declares, with its place; empty where there is none."""
+    kinds = get_args(hint)
+    inner: list[tuple[object, Any, str]] = []
+    if is_dataclass(value) and type(value) is hint:
+        hints = get_type_hints(hint)
+        inner = [(getattr(value, one.name), hints[one.name], f"{place}, {one.name}") for one in fields(value)]
+    elif get_origin(hint) is Mapping and isinstance(value, Mapping):
+        inner = [(entry, kinds[1], f"{place}, {name}") for name, entry in value.items()]
+    elif get_origin(hint) is tuple and isinstance(value, tuple):
+        inner = [(entry, kinds[0], place) for entry in value]
+    elif hint is not Any:
+        allowed = kinds if get_origin(hint) is UnionType else (get_origin(hint) or hint,)
+        fits = type(value) in allowed or (float in allowed and type(value) is int)
+        if not fits or (isinstance(value, int) and abs(value) > LARGEST):
+            return f"{place} is {str(value)[:80]!r}, expected {' or '.join(kind.__name__ for kind in allowed)}"
+    return next(filter(None, (_wrong_type(*entry) for entry in inner)), "")
