@@ -32,7 +32,9 @@ PACKAGES_OF_THE_PAGE = ("sysid", "hmtb_twin", "scenarios")
 FLAT = {"__init__", "__main__"}
 FORBIDDEN_NAMES = {"utils", "util", "base", "common", "misc", "helpers", "helper", "core"}
 LONGEST_FILE = 400
-# Between the rooms of `scenarios`.
+# Of `scenarios`: files of a room, `__init__` included, and its public names. The chapters of the thesis are many.
+MOST_FILES, EXEMPT = 25, {"thesis"}
+PUBLIC_NAMES = range(3, 9)
 MOST_ARROWS, MOST_FLOORS = 80, 12
 REFERENCE_KEY = re.compile(r"[\[;]\s*([A-Z][A-Za-z]+(?:19|20)\d\d[a-z]?)\b")
 
@@ -129,6 +131,14 @@ def test_a_room_imports_only_rooms_before_it() -> None:
         return rest.partition(".")[0] not in rooms[: rooms.index(module.room) + 1]
 
     assert not wrong_imports(is_wrong), f"rooms from the ground up: {ROOMS}"
+
+
+def test_rooms_of_the_study_are_small() -> None:
+    for room in ROOMS["scenarios"]:
+        files = sorted((ROOT / "scenarios" / room).glob("*.py"))
+        assert len(files) <= MOST_FILES or room in EXEMPT, f"{room} has {len(files)} files, at most {MOST_FILES}"
+        public = importlib.import_module(f"scenarios.{room}").__all__
+        assert len(public) in PUBLIC_NAMES, f"{room} has {len(public)} public names, expected {PUBLIC_NAMES}"
 
 
 def test_rooms_of_the_study_hang_together_loosely() -> None:
