@@ -57,15 +57,13 @@ class Panel:
     Attributes:
         axes: Labels, limits and scales, as `Axes.set` takes them.
         curves: By joint x (n,) and y (n,), and where known the ends of intervals of y (n, 2).
-        style: Of the curves, beside the joint's colour, line and marker.
+        style: Style of the curves, beside the joint's colour, line and marker.
         levels: Heights of dashed lines; of an image, values of its contours.
-        marks: Position of a dotted line across each curve, by joint; "" for a line of the whole panel.
-        upright: Whether these lines are vertical.
-        image: Values (a, b) over x and y.
+        marks: Positions of dotted lines by joint; "" for a line of no joint.
+        upright: Whether the dotted lines are vertical.
+        image: Values (a, b) over x and y, its colour map and the label of its colour bar.
         over: x (a,) and y (b,) of the image.
-        colours: Name of the image's colour map; one with two ends is centred on zero.
-        label: Of the image's colour bar.
-        circle: Point of the image that is marked.
+        circle: Point of the image that is marked; without one, every value is printed.
     """
 
     axes: Mapping[str, Any]

@@ -125,21 +125,28 @@ class MapTable:
 
     def text(self) -> str:
         """Return the table as CSV: a line for each operating point and joint, an empty cell where there is no value."""
-        columns = ("varied", "value", "unit", *(f"{name}_deg" for name in JOINTS), "stable", "joint", "bandwidth_hz")
-        columns += ("gain", "damping_ratio", *(f"cross_gain_from_{name}" for name in MOVING), "relative_gain_distance")
-        columns += ("ci95_low_hz", "ci95_high_hz", "bandwidth_from_stick_hz", "distortion_percent")
+        columns = {
+            "bandwidth_hz": self.bandwidth,
+            "gain": self.gain,
+            "damping_ratio": self.damping,
+            **{f"cross_gain_from_{name}": self.cross[:, :, j] for j, name in enumerate(MOVING)},
+            "relative_gain_distance": self.interaction,
+            "ci95_low_hz": self.interval[:, :, 0],
+            "ci95_high_hz": self.interval[:, :, 1],
+            "bandwidth_from_stick_hz": self.stick_bandwidth,
+            "distortion_percent": self.distortion,
+            "velocity_limited_share": self.slewing,
+        }
         buffer = io.StringIO()
         writer = csv.writer(buffer, lineterminator="\n")
-        writer.writerow((*columns, "velocity_limited_share"))
-        degrees = np.degrees(self.angles)
-        for k, (varied, value) in enumerate(zip(self.varied, self.value, strict=True)):
-            shown = value if isinstance(value, str) else _number(value)
-            point = (varied, shown, UNITS.get(varied, ""), *(f"{angle:.4g}" for angle in degrees[k]))
+        angles = (f"{name}_deg" for name in JOINTS)
+        writer.writerow(("varied", "value", "unit", *angles, "stable", "joint", *columns))
+        for k, varied in enumerate(self.varied):
+            value = self.value[k] if isinstance(self.value[k], str) else _number(self.value[k])
+            pose = (f"{angle:.4g}" for angle in np.degrees(self.angles[k]))
+            point = (varied, value, UNITS.get(varied, ""), *pose, int(self.stable[k]))
             for i, joint in enumerate(MOVING):
-                numbers = (self.bandwidth[k, i], self.gain[k, i], self.damping[k, i], *self.cross[k, i])
-                numbers += (self.interaction[k, i], *self.interval[k, i], self.stick_bandwidth[k, i])
-                numbers += (self.distortion[k, i], self.slewing[k, i])
-                writer.writerow((*point, int(self.stable[k]), joint, *map(_number, numbers)))
+                writer.writerow((*point, joint, *(_number(values[k, i]) for values in columns.values())))
         return buffer.getvalue()
 
 
