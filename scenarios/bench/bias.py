@@ -45,13 +45,11 @@ class MeanError:
         size: Estimate free of the part that scatter alone has, 0 where that part is larger.
         interval: 95 % interval of the size.
         limit: Value that `size` exceeds with the given probability where the mean is as large as allowed.
-        p: Probability of a size as large as this one where the mean is as large as allowed.
     """
 
     size: float
     interval: tuple[float, float]
     limit: float
-    p: float
 
 
 def mean_error(errors: FloatArray, false_alarm: float, allowed: float = 0.0) -> MeanError:
@@ -74,25 +72,18 @@ def mean_error(errors: FloatArray, false_alarm: float, allowed: float = 0.0) -> 
     # the noncentral distribution loses digits where there is no noncentrality
     upper = ncf.isf(false_alarm, q, rest, noncentrality) if allowed else f_distribution.isf(false_alarm, q, rest)
     limit = _size(float(upper), records, q)
-    statistic = _f_statistic(errors)
+    statistic = f_statistic(errors)
     if not np.isfinite(statistic):
-        return MeanError(np.inf, (np.inf, np.inf), limit, 0.0)
+        return MeanError(np.inf, (np.inf, np.inf), limit)
     low, high = (_noncentrality(statistic, q, rest, share) for share in (0.025, 0.975))
     return MeanError(
         _size(statistic, records, q),
         (float(np.sqrt(low / records)), float(np.sqrt(high / records))),
         limit,
-        _probability_above(statistic, q, rest, noncentrality),
     )
 
 
-def significance(errors: FloatArray, allowed: float = 0.0) -> float:
-    """`MeanError.p` alone, in a hundredth of the time."""
-    records, q = errors.shape
-    return _probability_above(_f_statistic(errors), q, records - q, records * allowed**2)
-
-
-def _f_statistic(errors: FloatArray) -> float:
+def f_statistic(errors: FloatArray) -> float:
     """The F-distributed statistic; 0 where there are no errors, infinite where some direction does not scatter."""
     records, q = errors.shape
     mean = errors.mean(axis=0)
@@ -112,12 +103,6 @@ def _size(statistic: float, records: int, q: int) -> float:
     """E T^2 = (K - 1) (q + K d^2) / (K - q - 2), solved for d."""
     squared = statistic * q * (records - 1.0) / (records - q)
     return float(np.sqrt(max(squared * (records - q - 2.0) / (records - 1.0) - q, 0.0) / records))
-
-
-def _probability_above(statistic: float, q: int, rest: int, noncentrality: float) -> float:
-    if noncentrality == 0.0:
-        return float(f_distribution.sf(statistic, q, rest))
-    return float(ncf.sf(statistic, q, rest, noncentrality))
 
 
 def _noncentrality(statistic: float, q: int, rest: int, above: float) -> float:

@@ -14,11 +14,11 @@ from collections.abc import Callable, Sequence
 from dataclasses import replace
 
 import numpy as np
-from scipy.stats import chi2
+from scipy.stats import chi2, f, ncf
 from simulated_estimators import Fault, simulated
 
 from scenarios.bench.accuracy import Agreement
-from scenarios.bench.bias import ALLOWED, ALONE, DIRECTIONS, RECORDS, Bias, significance
+from scenarios.bench.bias import ALLOWED, ALONE, DIRECTIONS, RECORDS, Bias, f_statistic
 from scenarios.bench.measurement import Measurement
 from scenarios.bench.metrics import false_alarm_of_each
 from scenarios.bench.statistics import bound_for
@@ -54,7 +54,9 @@ def p_values(sets: int, records: int, size: float, allowed: float, noise: Noise)
     for k in range(sets):
         errors = noise(rng, (records, DIRECTIONS))
         errors[:, 0] += size
-        out[k] = significance(errors, allowed)
+        freedom, shift = (DIRECTIONS, records - DIRECTIONS), records * allowed**2
+        statistic = f_statistic(errors)
+        out[k] = ncf.sf(statistic, *freedom, shift) if shift else f.sf(statistic, *freedom)
     return out
 
 
