@@ -65,7 +65,7 @@ def test_percent_described_uses_squares_and_says_so() -> None:
 
 
 def test_orders_beyond_the_rank_are_reduced_and_said() -> None:
-    with pytest.warns(SysidWarning, match="numerical rank 4: a model of order 4 instead of 6"):
+    with pytest.warns(SysidWarning, match="numerical rank 4: the model has order 4 instead of 6"):
         assert era(multivariable().markov(41), 6).model.order == 4
 
 

@@ -79,7 +79,7 @@ def test_options() -> None:
 
 
 def test_orders_beyond_the_rank_are_reduced_and_said(exact_system: Callable[[int, int], Any]) -> None:
-    with pytest.warns(SysidWarning, match="2 canonical correlations that do not vanish"):
+    with pytest.warns(SysidWarning, match="2 nonzero canonical correlations"):
         estimate = n4sid(exact_system(2, 1).data, 5)
     assert estimate.model.order == 2
     assert any("canonical correlations" in text for text in estimate.diagnostics["warnings"])

@@ -114,7 +114,7 @@ def test_unstable_realisation_is_said() -> None:
 
 @DEPENDENT
 def test_orders_beyond_the_rank_are_reduced_and_kept_in_the_record(exact_system: Callable[[int, int], Any]) -> None:
-    with pytest.warns(SysidWarning, match="numerical rank 2: a model of that order instead of 5"):
+    with pytest.warns(SysidWarning, match="numerical rank 2: the model has that order instead of 5"):
         estimate = okid(exact_system(2, 1).data, 5, p=5)
     assert estimate.model.order == 2
     assert any("numerical rank 2" in text for text in estimate.diagnostics["warnings"])

@@ -166,7 +166,7 @@ def test_refusals() -> None:
     refused("the start needs a stable predictor", lambda: pem_ss(data, unstable))
     still = StateSpace(np.zeros((0, 0)), np.zeros((0, 2)), np.zeros((2, 0)), np.eye(2), None, 0.02)
     refused("at least one state", lambda: pem_ss(data, still))
-    refused("coloured=True is for output-error models", lambda: pem_ss(data, multivariable(), coloured=True))
+    refused("coloured=True needs gain=False", lambda: pem_ss(data, multivariable(), coloured=True))
     refused("expected a StateSpace or an Estimate", lambda: pem_ss(data, "n4sid"))  # type: ignore[arg-type]
     refused("1 input", lambda: pem_ss(IOData(np.arange(9.0), np.arange(9.0), 0.02), multivariable()))
     refused("too many states for the data", lambda: pem_ss(data[:6], multivariable()))
