@@ -196,7 +196,7 @@ def test_submissions_are_graded_as_hmtb_dataset_score_does(
     assert ann["models"][0]["bandwidth_hz"] == pytest.approx(truth.bandwidth_hz) and ann["models"][0]["stable"]
     assert abs(ann["models"][0]["error_percent"]) < 1e-6 < abs(bob["models"][0]["error_percent"])
     # Without predictions the model is scored; the arm of ann is not that of bob.
-    assert bob["score"] == score_model(truth.model, school.withheld / "class-bob-v1").mean
+    assert bob["score"] == pytest.approx(score_model(truth.model, school.withheld / "class-bob-v1").mean, rel=1e-9)
     assert "unknown person 'eve'" in result["refused"]["eve"]
     assert main(["dataset", "grade", str(school.withheld), str(tmp_path / "ann")]) == 0
     assert "oe" in capsys.readouterr().out
