@@ -7,7 +7,7 @@ import matplotlib.image
 
 from hmtb_twin import load_arm, render
 from scenarios.experiments.campaign import NOMINAL
-from scenarios.thesis.figures_answer import bandwidths
+from scenarios.thesis.figures_overview import bandwidths
 from scenarios.thesis.study import run_study
 
 FOLDER = Path(__file__).parent

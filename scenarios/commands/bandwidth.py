@@ -131,9 +131,9 @@ def bandwidth(
 
 
 def _seeds(count: int, first: int | None) -> tuple[int | None, ...]:
-    from scenarios.thesis.seeds import counted
+    from scenarios.experiments.waveform import seed_range
 
-    return (None,) if first is None and count == 1 else tuple(counted(count, 1 if first is None else first))
+    return (None,) if first is None and count == 1 else tuple(seed_range(count, 1 if first is None else first))
 
 
 def _read(paths: "Sequence[Path]") -> "list[JointLog]":

@@ -45,13 +45,13 @@ def thesis(
         logs: Keep the logs too, as NetCDF4.
         json: Print the results as JSON.
     """
+    from scenarios.experiments.waveform import seed_range
     from scenarios.files.data_file import write_log
     from scenarios.files.errors import ScenarioError
-    from scenarios.thesis.seeds import counted
 
     if threads is not None and threads < 1:
         raise ScenarioError(f"threads must be 1 or more, given {threads}")
-    repeated = counted(seeds, 1 if seed is None else seed)
+    repeated = seed_range(seeds, 1 if seed is None else seed)
     duration = 40.0 if quick else None
     with ExitStack() as stack:
         folder = stack.enter_context(output_folder(out))
@@ -144,7 +144,7 @@ def _failures(study: "Comparison", many: "Tally | None") -> Iterator[str]:
 
 def _shipped(duration: float | None) -> "Tally | None":
     """Conclusions of many seeds, recorded with this version; there are none of short records."""
-    from scenarios.thesis.recorded import recorded
+    from scenarios.thesis.monte_carlo import recorded
 
     return recorded() if duration is None else None
 

@@ -126,6 +126,23 @@ def check_seed(seed: int) -> None:
         raise ScenarioError(f"a seed is a whole number from 0 to 2^63 - 1, given {seed}")
 
 
+MOST_SEEDS = 1000
+"""Most repetitions of one command: a study takes two minutes a seed, so a thousand take a day and a half."""
+
+
+def seed_range(count: int, first: int) -> range:
+    """Seeds of a repeated study, checked before any work begins.
+
+    Raises:
+        ScenarioError: The count is below one or above `MOST_SEEDS`, or one of the seeds is not valid.
+    """
+    if not 1 <= count <= MOST_SEEDS:
+        raise ScenarioError(f"the number of seeds must be 1 to {MOST_SEEDS}, given {count}")
+    check_seed(first)
+    check_seed(first + count - 1)
+    return range(first, first + count)
+
+
 def points(*, points: tuple[float, ...]) -> Waveform:
     """A custom waveform, point by point.
 

@@ -10,9 +10,8 @@ from scenarios.experiments.campaign import RPCM, plays_identified_sequence
 from scenarios.thesis.comparison import Comparison
 from scenarios.thesis.disturbances import AS_IT_IS
 from scenarios.thesis.findings_fits import FAST, FOLLOWS
-from scenarios.thesis.margin import MARGIN, ahead
 from scenarios.thesis.multivariable import WAYS, ThreeJointModel, Way
-from scenarios.thesis.verdicts import WORDS
+from scenarios.thesis.verdicts import MARGIN, WORDS, ahead
 from sysid import IOData, residuals
 
 SAME = 0.1

@@ -1,18 +1,157 @@
-"""Chapter V in the report: OKID."""
+"""Report section on chapter 5: observer/Kalman identification, with its figures."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from matplotlib.figure import Figure
+from matplotlib.ticker import FixedLocator, NullLocator, ScalarFormatter
 
-from scenarios.report.figure_style import short
+from scenarios.report.figure_style import FREQUENCIES, MRAD, WIDTH, dc_bode, dress, model_response, short
 from scenarios.report.figures import Gallery
-from scenarios.thesis import figures_chapter_5 as draw
+from scenarios.thesis import chapter_5 as draw
 from scenarios.thesis.comparison import Comparison, JointResult
 from scenarios.thesis.observer_analysis import LIVE, JointObserver, P, described
-from scenarios.thesis.wording import p_value
+from scenarios.thesis.tally import p_value
 from scenarios.truth.published import PERCENT_DESCRIBED, PublishedModel
-from sysid import StateSpace
+from sysid import IOData, ModelFit, StateSpace
+from sysid.plots import BOUND, PALETTE, Curve, Style, Trace, output_comparison, singular_values
+
+SHOWN = 36
+"""System Markov parameters that are drawn: 0.7 s."""
+
+SIMULATED = Style("#d55e00", "--", 1.3, "^")
+"""The simulated output, where the predicted one has the method's own colour."""
+
+
+def markov_parameters(entry: JointObserver) -> Figure:
+    """Observer Markov parameters, and the system's beside those of the truth."""
+    figure = Figure(figsize=(WIDTH, 4.6), layout="constrained")
+    upper, lower = figure.subplots(2, 1, sharex=True)
+    diagnostics = entry.estimate.diagnostics
+    style = PALETTE["okid"]
+    for name, label, shift, colour, marker in (
+        ("u", "of the command", -0.15, style.colour, style.marker),
+        ("y", "of the measurement", 0.15, "#7a5195", "P"),
+    ):
+        values = np.asarray(diagnostics[f"observer_markov_{name}"])[:, 0, 0]
+        lags = np.arange(1, len(values) + 1) + shift
+        upper.vlines(lags, 0.0, values, color=colour, lw=1.6)
+        upper.plot(lags, values, marker, color=colour, ms=5, label=label)
+    upper.set_ylabel("value / rad/rad")
+    upper.set_title("Markov parameters of the observer", loc="left", fontsize=9)
+    upper.legend(fontsize=8, frameon=False, loc="upper right")
+    system = np.asarray(diagnostics["system_markov"])[:SHOWN, 0, 0]
+    samples = np.arange(len(system))
+    lower.vlines(samples, 0.0, system, color=style.colour, lw=1.4)
+    lower.plot(samples, system, style.marker, color=style.colour, ms=4, label="from the observer")
+    true = entry.true_markov[:SHOWN]
+    lower.plot(samples, true, "-", color=PALETTE["truth"].colour, lw=1.2, label="truth")
+    lower.set_ylabel("value / rad/rad")
+    lower.set_title("Markov parameters of the system", loc="left", fontsize=9)
+    lower.set_xlabel("sample of 0.02 s after the pulse")
+    lower.legend(fontsize=8, frameon=False, loc="upper right")
+    dress((upper, lower))
+    for axes in (upper, lower):
+        axes.axhline(0.0, color=BOUND.colour, lw=0.7)
+    return figure
+
+
+def errors(entry: JointObserver) -> Figure:
+    """Prediction and smoothing errors over the number of observer Markov parameters."""
+    figure = Figure(figsize=(WIDTH, 3.0), layout="constrained")
+    axes = figure.subplots()
+    numbers = [row.p for row in entry.errors]
+    for values, label, style in (
+        ([row.prediction for row in entry.errors], "prediction, from p samples before", PALETTE["okid"]),
+        ([row.smoothing for row in entry.errors], "smoothing, from p before and p after", SIMULATED),
+    ):
+        scaled = 100 * np.array(values)
+        axes.plot(numbers, scaled, color=style.colour, ls=style.line, lw=1.3, marker=style.marker, ms=5, label=label)
+    axes.set_yscale("log")
+    # A decade at most: plain numbers tell it better than powers of ten.
+    axes.yaxis.set_major_locator(FixedLocator([0.2, 0.3, 0.5, 1.0, 2.0, 3.0, 5.0, 10.0, 20.0, 50.0]))
+    axes.yaxis.set_minor_locator(NullLocator())
+    axes.yaxis.set_major_formatter(ScalarFormatter())
+    axes.set_xticks(numbers)
+    axes.axvline(5.0, color=BOUND.colour, ls=BOUND.line, lw=BOUND.width)
+    axes.annotate(
+        "p of the thesis",
+        (5.0, 0.5),
+        xycoords=("data", "axes fraction"),
+        xytext=(4, 0),
+        textcoords="offset points",
+        fontsize=8,
+        color=BOUND.colour,
+    )
+    axes.set_xlabel("observer Markov parameters p")
+    axes.set_ylabel("error / % of the output")
+    axes.legend(fontsize=8, frameon=False, loc="upper right")
+    dress([axes])
+    return figure
+
+
+def hankel(entry: JointObserver) -> Figure:
+    """Hankel singular values, with the share that so many of them hold."""
+    figure = singular_values({"PRBS": entry.estimate}, limit=8, size=(WIDTH, 3.2))
+    (axes,) = figure.axes
+    values = np.asarray(entry.estimate.diagnostics["hankel_singular_values"], dtype=float)
+    for share in entry.shares:
+        axes.annotate(
+            f"{described(entry.estimate, share.order):.4f} %",
+            (share.order, values[share.order - 1] / values[0]),
+            xytext=(6, 5),
+            textcoords="offset points",
+            fontsize=8,
+        )
+    axes.set_xlim(0.5, len(entry.shares) + 0.9)
+    axes.set_ylabel("singular value over the largest")
+    axes.set_xlabel("number (filled: in the model; label: share of the squares up to it)")
+    low, high = axes.get_ylim()
+    axes.set_ylim(low, 3.0 * high)
+    for legend in figure.legends:
+        legend.remove()
+    dress([axes])
+    return figure
+
+
+def state_space_bode(entry: JointResult) -> Figure:
+    """The OKID model beside the truth and the printed OKID model."""
+    model = entry.models["okid"]
+    printed = next(one for one in entry.published if one.method == "okid")
+    return dc_bode(
+        [
+            Curve("truth", model_response(entry.truth.model), PALETTE["truth"]),
+            Curve(model.label, model.estimate.frequency_response(FREQUENCIES), PALETTE["okid"]),
+            Curve(f"published {printed.label}", model_response(printed.model), PALETTE["published"]),
+        ]
+    )
+
+
+def predicted(data: IOData, fit: ModelFit, what: str, *, length: float) -> Figure:
+    """One-step prediction and simulation against the measurement, a piece of the record called `what`."""
+    traces = [
+        Trace(f"one step ahead: {fit.one_step[0]:.2f} %", fit.predicted[:, 0], PALETTE["okid"]),
+        Trace(f"simulated: {fit.simulation[0]:.2f} %", fit.simulated[:, 0], SIMULATED),
+    ]
+    return _piece(data, traces, what, length)
+
+
+def printed_outputs(data: IOData, fits: dict[PublishedModel, ModelFit], what: str, *, length: float) -> Figure:
+    """Simulations of printed models on the twin's inputs against its measurement, a piece of the record `what`."""
+    traces = [
+        Trace(f"{printed.label}: {fit.simulation[0]:.1f} %", fit.simulated[:, 0], PALETTE[printed.method])
+        for printed, fit in fits.items()
+    ]
+    return _piece(data, traces, what, length)
+
+
+def _piece(data: IOData, traces: list[Trace], what: str, length: float) -> Figure:
+    start = min(20.0, max(len(data) * data.dt - length, 0.0))
+    figure = output_comparison(data, traces, start=start, length=length, scale=MRAD, unit="mrad", size=(WIDTH, 4.4))
+    figure.axes[0].set_title(what, loc="left", fontsize=9)
+    return figure
+
 
 FIRST = {"shoulder_yaw": ("", 50), "shoulder_pitch": ("A", 52), "elbow_pitch": ("A", 58)}
 """First of the thesis' six figures of each joint."""

@@ -10,11 +10,10 @@ from scenarios.report.figure_style import short
 from scenarios.report.figures import Gallery, Picture
 from scenarios.thesis import figures_chapter_6 as draw
 from scenarios.thesis import figures_records as records
-from scenarios.thesis.block_diagrams import block_diagrams
 from scenarios.thesis.categories import categories
 from scenarios.thesis.comparison import Comparison
-from scenarios.thesis.coupled_response import off_diagonal, pushed_by_others
-from scenarios.thesis.multi_input import EXCITED
+from scenarios.thesis.figures_chapter_6 import block_diagrams
+from scenarios.thesis.multi_input import EXCITED, off_diagonal, pushed_by_others
 from scenarios.thesis.multivariable import FAST_CHIRP, ThreeJointModel
 from scenarios.thesis.reference_fits import COUPLED, DIAGONAL, NOISELESS
 

@@ -5,7 +5,7 @@ from dataclasses import dataclass, replace
 
 from hmtb_twin import JointLog, JointTruth, Truth
 from scenarios.experiments.campaign import Campaign, tests_of_same_sequence
-from scenarios.thesis.attribution import Attributions
+from scenarios.thesis.attribution import Attributions, OrderEffect
 from scenarios.thesis.every_data_set import DataSets
 from scenarios.thesis.fairness_table import Fairness
 from scenarios.thesis.multivariable import Multivariable, ThreeJointModel
@@ -14,7 +14,6 @@ from scenarios.thesis.observer_analysis import Observers
 from scenarios.thesis.order_search import Searches
 from scenarios.thesis.prediction_errors import PredictionErrors
 from scenarios.thesis.robustness_outcome import Robustness
-from scenarios.thesis.sensitivity import OrderEffect
 from scenarios.truth.published import PublishedModel
 from sysid import Estimate, FrequencyResponse, IOData, ResidualTest
 

@@ -1,10 +1,268 @@
-"""Fairness in the report: the same table for every arm."""
+"""Report section on the fair comparison of the methods: conclusions and figures."""
 
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass
+from functools import partial
+from itertools import combinations
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
+
+from hmtb_twin import STUDIED_JOINTS
+from scenarios.experiments.campaign import RPCM, Condition
+from scenarios.identification.recovered_bandwidth import near_1_hz
+from scenarios.report.figure_style import HIGH, WIDTH, dress, short
 from scenarios.report.figures import Gallery
 from scenarios.thesis.comparison import Comparison
-from scenarios.thesis.fair_conclusions import RECORDS, conclusions, said
 from scenarios.thesis.fairness_table import ArmFairness, BothFits, FairModel, Fairness
-from scenarios.thesis.figures_fairness import dumbbells
+from scenarios.thesis.verdicts import MARGIN, tied
+from sysid.plots import INK, PALETTE, Style
+
+RECORDS = {"mimo-10": "slow chirp, 0 to 1 Hz", "mimo-12": "fast chirp, 5 to 10 Hz", RPCM: "exchange"}
+"""Records of three joints, for people."""
+
+WAYS = {"simulation": "in simulation", "one_step": "one step ahead"}
+
+
+@dataclass(frozen=True)
+class Answer:
+    """Conclusions on one arm.
+
+    Attributes:
+        words: The conclusion; what is compared between arms.
+        detail: The number behind it, or nothing.
+    """
+
+    words: str
+    detail: str = ""
+
+
+@dataclass(frozen=True)
+class Conclusion:
+    """One question, answered on every arm.
+
+    Attributes:
+        question: What is asked.
+        answers: By arm, in their order; nothing for an arm without the record.
+    """
+
+    question: str
+    answers: dict[Condition, Answer | None]
+
+    def changes(self, *, friction: bool | None = None) -> bool:
+        """Whether two arms differ.
+
+        Args:
+            friction: Compare only arms that differ in friction alone (True) or in all but friction (False).
+        """
+        known = [(arm, answer.words) for arm, answer in self.answers.items() if answer is not None]
+        return any(
+            words != others
+            for (arm, words), (other, others) in combinations(known, 2)
+            if friction is None
+            or (friction and arm.variant == other.variant)
+            or (not friction and arm.friction == other.friction)
+        )
+
+
+def conclusions(fairness: Fairness) -> tuple[Conclusion, ...]:
+    """Answer the questions of the thesis' comparison on every arm that has the records.
+
+    Args:
+        fairness: The tables.
+
+    Returns:
+        One entry for each question.
+    """
+    own = fairness.estimation_test
+    arms = [arm for arm in fairness.arms if len(arm.joints) == len(STUDIED_JOINTS)]
+    asked: list[tuple[str, Callable[[ArmFairness], Answer | None]]] = [
+        ("Joints whose identified models are, for the most part, near 1 Hz", _near),
+        ("Whether most 95 % intervals hold the truth", _held),
+        ("Whether every identified model is stable", _stable),
+    ]
+    for way, words in WAYS.items():
+        question = f"SysID or OKID better on single-joint tests not seen, {words}"
+        asked.append((question, partial(_single, own=own, way=way)))
+        for record, name in RECORDS.items():
+            question = f"SysID or OKID better on the {name}, {words}"
+            asked.append((question, partial(_several, record=record, way=way)))
+    return tuple(Conclusion(question, {arm.condition: answer(arm) for arm in arms}) for question, answer in asked)
+
+
+def said(found: tuple[Conclusion, ...]) -> str:
+    """Describe the conclusions that change between arms; empty without two arms to compare."""
+    if not found or max(sum(answer is not None for answer in entry.answers.values()) for entry in found) < 2:
+        return ""
+    changed = [entry for entry in found if entry.changes()]
+    rubbed = sum(entry.changes(friction=True) for entry in found)
+    other = sum(entry.changes(friction=False) for entry in found)
+    ways = " and ".join(
+        f"{sum(entry.changes() for entry in found if entry.question.endswith(words))} of "
+        f"{sum(entry.question.endswith(words) for entry in found)} {words}"
+        for words in WAYS.values()
+    )
+    return (
+        f"Of {len(found)} conclusions {len(changed)} change between the arms: friction alone changes {rubbed}, the arm "
+        f"alone {other}. Of the comparisons of SysID with OKID {ways} change. Fits closer than {MARGIN:g} points are "
+        "called equal."
+    )
+
+
+def _near(arm: ArmFairness) -> Answer:
+    found = {}
+    for joint, models in arm.joints.items():
+        hz = [entry.bandwidth_hz for entry in models if not entry.printed]
+        found[joint] = 2 * sum(near_1_hz(value) for value in hz) > len(hz)
+    every = arm.identified()
+    near = sum(near_1_hz(entry.bandwidth_hz) for entry in every)
+    return Answer(_listed(joint for joint, yes in found.items() if yes), f"{near} of {len(every)} models")
+
+
+def _held(arm: ArmFairness) -> Answer:
+    every = arm.identified()
+    held = sum(bool(entry.covers) for entry in every)
+    return Answer("yes" if 2 * held > len(every) else "no", f"{held} of {len(every)}")
+
+
+def _stable(arm: ArmFairness) -> Answer:
+    wild = [
+        f"{entry.label.split(',')[0]} of {_name(joint)}"
+        for joint, models in arm.joints.items()
+        for entry in models
+        if not entry.printed and not entry.stable
+    ]
+    return Answer("no", "not " + ", ".join(wild)) if wild else Answer("yes")
+
+
+def _single(arm: ArmFairness, own: int, way: str) -> Answer | None:
+    pairs = {}
+    for joint in arm.joints:
+        fits = [arm.chosen(joint, okid=okid).validation(own) for okid in (False, True)]
+        if fits[0] is None or fits[1] is None:
+            return None
+        pairs[joint] = (fits[0], fits[1])
+    return _winners(pairs, way)
+
+
+def _several(arm: ArmFairness, record: str, way: str) -> Answer | None:
+    models = {entry.name: entry for entry in arm.three_joint if not entry.printed}
+    fits = [models[name].fits.get(record) for name in ("SysID", "OKID") if name in models]
+    if len(fits) < 2 or fits[0] is None or fits[1] is None:
+        return None
+    first, second = fits[0], fits[1]
+    return _winners({joint: (first[joint], second[joint]) for joint in first}, way)
+
+
+def _winners(pairs: dict[str, tuple[BothFits, BothFits]], way: str) -> Answer:
+    by_winner: dict[str, list[str]] = {}
+    gaps = []
+    for joint, (first, second) in pairs.items():
+        gap = getattr(second, way) - getattr(first, way)
+        winner = "equal" if tied(gap) else "OKID" if gap > 0 else "SysID"
+        by_winner.setdefault(winner, []).append(joint)
+        gaps.append(f"{gap:+.1f}".replace("-", "−"))
+    words = "; ".join(
+        f"{winner}: {_listed(by_winner[winner])}" for winner in ("OKID", "SysID", "equal") if winner in by_winner
+    )
+    return Answer(words, f"OKID {', '.join(gaps)} points")
+
+
+def _listed(joints: Iterable[str]) -> str:
+    names = [_name(joint) for joint in joints]
+    return ", ".join(names) if names else "none"
+
+
+def _name(joint: str) -> str:
+    """Short, as a table has little room."""
+    return {"shoulder_yaw": "yaw", "shoulder_pitch": "shoulder", "elbow_pitch": "elbow"}[joint]
+
+
+LIMITS = (0.3, 300.0)
+"""Limits of the axis, percent; values beyond are marked at its edge with an arrow."""
+
+
+def dumbbells(fairness: Fairness) -> Figure:
+    """For every model 100 − fit in simulation and one step ahead, on tests not seen; a panel for each joint and arm."""
+    arms = [arm for arm in fairness.arms if arm.joints]
+    rows = {joint: arms[0].joints[joint] for joint in STUDIED_JOINTS if joint in arms[0].joints}
+    figure = Figure(
+        figsize=(WIDTH, 1.1 + 0.19 * sum(len(models) + 2 for models in rows.values())), layout="constrained"
+    )
+    panels = figure.subplots(
+        len(rows),
+        len(arms),
+        sharex=True,
+        sharey="row",
+        squeeze=False,
+        height_ratios=[len(models) + 1 for models in rows.values()],
+    )
+    for line, (joint, named) in zip(panels, rows.items(), strict=True):
+        for axes, arm in zip(line, arms, strict=True):
+            _dumbbells(axes, arm.joints.get(joint, ()), fairness.estimation_test)
+            axes.set_xscale("log")
+            axes.set_xlim(*LIMITS)
+            axes.set_xticks([1, 10, 100], ["1", "10", "100"])
+            axes.minorticks_off()
+        line[0].set_yticks(range(len(named)), [_label(entry) for entry in named])
+        line[0].set_ylim(len(named) - 0.4, -0.6)
+        line[0].set_ylabel(short(joint), fontsize=8)
+    for axes, arm in zip(panels[0], arms, strict=True):
+        axes.set_title(_arm(arm), fontsize=8)
+    dress(panels.ravel())
+    for axes in panels.ravel():
+        # the grid marks the ticks
+        axes.tick_params(labelsize=7, left=False, bottom=False)
+    figure.supxlabel("100 − fit, median over single-joint tests not seen / %", fontsize=9)
+    marks = [
+        Line2D([], [], color=INK, marker="o", ls="", ms=5, label="in simulation"),
+        Line2D([], [], color=INK, marker="o", mfc="white", ls="", ms=5, label="one step ahead"),
+        Line2D([], [], color=INK, marker=">", ls="", ms=5, label="beyond the axis"),
+    ]
+    figure.legend(handles=marks, loc="outside upper left", ncols=3, frameon=False, fontsize=8)
+    return figure
+
+
+def _dumbbells(axes: Axes, models: Sequence[FairModel], own: int) -> None:
+    """One line for each model from the filled mark to the open one."""
+    scores = [(place, model, model.validation(own)) for place, model in enumerate(models)]
+    known = [(place, model, fit) for place, model, fit in scores if fit is not None]
+    if not known:
+        return
+    y = np.array([place for place, *_ in known])
+    colours = np.array([_style(model).colour for _, model, _ in known])
+    rest = np.array([[100 - fit.simulation, 100 - fit.one_step] for *_, fit in known])
+    x = np.clip(rest, 1.1 * LIMITS[0], LIMITS[1] / 1.15)
+    axes.hlines(y, x.min(axis=1), x.max(axis=1), colors=colours.tolist(), lw=1.4)
+    # A model without a noise model has both in one place: the open mark lies inside the filled one.
+    for k, size in enumerate((26, 12)):
+        for beyond, mark in ((False, "o"), (True, ">")):
+            here = (rest[:, k] > LIMITS[1]) == beyond
+            if here.any():
+                edge = colours[here].tolist()
+                inside = edge if k == 0 else "white"
+                axes.scatter(
+                    x[here, k], y[here], s=size, c=inside, marker=mark, edgecolors=edge, linewidths=1.0, zorder=3
+                )
+
+
+def _arm(arm: ArmFairness) -> str:
+    return f"{arm.condition.variant},\n{'with' if arm.condition.friction else 'no'} friction"
+
+
+def _label(model: FairModel) -> str:
+    if model.method == "oe_high":
+        return "OE, sufficient order"
+    return model.label if model.printed else model.label.split(" ")[0] + (" ★" if model.chosen else "")
+
+
+def _style(model: FairModel) -> Style:
+    if model.printed:
+        return PALETTE["published"]
+    return HIGH if model.method == "oe_high" else PALETTE[model.method]
+
 
 WORST = -1000.0
 """Fits below this are printed as such: a simulation that grows without bound has any number."""

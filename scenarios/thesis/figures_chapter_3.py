@@ -14,8 +14,7 @@ from scenarios.experiments.waveform import POINTS
 from scenarios.report.figure_style import MRAD, WIDTH, dress, model_response, well_known
 from scenarios.thesis.comparison import Comparison, JointResult
 from scenarios.thesis.envelope import envelope
-from scenarios.thesis.nonparametric import PRBS, SINES, Nonparametric, excited
-from scenarios.thesis.period_spectra import PeriodSpectra
+from scenarios.thesis.nonparametric import PRBS, SINES, Nonparametric, PeriodSpectra, excited
 from sysid import FrequencyResponse
 from sysid.plots import BOUND, INK, PALETTE, Style
 

@@ -11,9 +11,8 @@ from scenarios.thesis import findings_chapter_6 as chapter_6
 from scenarios.thesis import findings_fits as fits
 from scenarios.thesis import findings_robustness as robustness
 from scenarios.thesis import findings_spectra as spectra
-from scenarios.thesis.claims import CLAIMS
 from scenarios.thesis.comparison import Comparison
-from scenarios.thesis.finding import Finding, undecided
+from scenarios.thesis.finding import CLAIMS, Finding, undecided
 from sysid import SysidError
 
 FINDINGS: Mapping[str, Callable[[Comparison], Finding]] = MappingProxyType(

@@ -9,8 +9,8 @@ from scenarios.experiments.log_review import settled
 from scenarios.files.errors import MissingRecordError
 from scenarios.thesis.comparison import Comparison, ModelResult
 from scenarios.thesis.finding import Finding, decided, verdict
-from scenarios.thesis.held_out import held_out
 from scenarios.thesis.observer_analysis import ORDER, P, described, observer
+from scenarios.thesis.verdicts import held_out
 from scenarios.truth.published import PERCENT_DESCRIBED
 from sysid import IOData
 

@@ -7,9 +7,8 @@ import numpy as np
 from hmtb_twin import JOINTS
 from scenarios.experiments.campaign import RPCM
 from scenarios.thesis.comparison import Comparison
-from scenarios.thesis.coupled_response import pushed_by_others
 from scenarios.thesis.finding import Finding, decided, verdict
-from scenarios.thesis.multi_input import EXCITED, FULL_OKID, INDEPENDENT
+from scenarios.thesis.multi_input import EXCITED, FULL_OKID, INDEPENDENT, pushed_by_others
 from scenarios.thesis.multivariable import WAYS, Multivariable, ThreeJointModel
 from scenarios.thesis.record_fits import held_out_fit, held_out_records, ties, within_reach
 from scenarios.thesis.reference_fits import COUPLED, DIAGONAL

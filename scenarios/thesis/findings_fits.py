@@ -12,11 +12,10 @@ from scenarios.experiments.campaign import RPCM, single_joint_test
 from scenarios.identification.recovered_bandwidth import ABOUT_1_HZ
 from scenarios.thesis.comparison import Comparison
 from scenarios.thesis.finding import Finding, decided, verdict
-from scenarios.thesis.margin import MARGIN, ahead
 from scenarios.thesis.multi_input import EXCITED, FULL_OKID, INDEPENDENT
 from scenarios.thesis.multivariable import FAST_CHIRP, LAGS, LEVEL, WAYS, Kind, ThreeJointModel, Way
 from scenarios.thesis.record_fits import followed, shortfall, ties, within_reach
-from scenarios.thesis.verdicts import WORDS, both_ways, without_noise_model
+from scenarios.thesis.verdicts import MARGIN, WORDS, ahead, both_ways, without_noise_model
 from sysid import ResidualTest, SysidWarning
 from sysid.models import block_diagonal
 

@@ -7,10 +7,17 @@ from scenarios.files.errors import MissingRecordError
 from scenarios.thesis.comparison import Comparison
 from scenarios.thesis.disturbances import DISTURBANCES, OUTLIER_SIZE
 from scenarios.thesis.finding import Finding, decided, verdict
-from scenarios.thesis.orders_needed import CONSTANT, DETRENDED
 from scenarios.thesis.robustness import CORE, sysid_method
-from scenarios.thesis.robustness_outcome import RobustnessOutcome
-from scenarios.thesis.tolerance import COMPARABLE, NO_BANDWIDTH, clean, comparable, shift
+from scenarios.thesis.robustness_outcome import (
+    COMPARABLE,
+    CONSTANT,
+    DETRENDED,
+    NO_BANDWIDTH,
+    RobustnessOutcome,
+    clean,
+    comparable,
+    shift,
+)
 
 NEAR_ONE = 0.001
 """A pole that near z = 1, or beyond it, acts as a constant over a record of 40 s."""

@@ -7,9 +7,9 @@ from hmtb_twin import STUDIED_JOINTS
 from scenarios.experiments.campaign import OTHER_WAVEFORMS, plays_identified_sequence, single_joint_test
 from scenarios.files.errors import MissingRecordError
 from scenarios.thesis.comparison import Comparison, ModelResult
-from scenarios.thesis.margin import tied
 from scenarios.thesis.multivariable import Kind, Way
 from scenarios.thesis.reference_fits import COUPLED, DIAGONAL, NOISELESS, reference_fits
+from scenarios.thesis.verdicts import tied
 
 Records = tuple[Iterable[int], Iterable[str]]
 """Numbers of single-joint tests, and names of records of several joints."""

@@ -1,18 +1,67 @@
-"""The study's result as one object, and in one sentence."""
+"""Results of the study as a JSON record."""
 
 from collections.abc import Iterable, Sequence
 from pathlib import Path
 
 from scenarios.identification.one_hertz import held_in_words, look, published_in_words
 from scenarios.identification.recovered_bandwidth import ABOUT_1_HZ, near_1_hz
-from scenarios.thesis.attribution import AS_IT_IS, CONDITIONS, SMOOTH
+from scenarios.thesis.attribution import AS_IT_IS, CONDITIONS, SMOOTH, half_power_spread, spread
+from scenarios.thesis.categories import categories
 from scenarios.thesis.comparison import Comparison
 from scenarios.thesis.finding import Finding
 from scenarios.thesis.frequencies import finding_record, seeds_record
-from scenarios.thesis.multivariable_record import multivariable_record
-from scenarios.thesis.sensitivity import half_power_spread, spread
+from scenarios.thesis.multivariable import WAYS
 from scenarios.thesis.tally import Tally
 from sysid.models.bandwidth import half_power_hz
+
+
+def multivariable_record(study: Comparison) -> dict[str, object]:
+    """The three-joint models with their fits, and the seven categories.
+
+    Args:
+        study: The study.
+
+    Returns:
+        `three_joint_models`, `references` (what the truth itself follows), `full_models` and `categories` by name.
+    """
+    found = study.multivariable
+    return {
+        "three_joint_models": {
+            entry.name: {
+                "states": entry.model.order,
+                "largest_pole": entry.largest_pole,
+                "relative_error": entry.error,
+                "relative_error_diagonal": entry.diagonal_error,
+                "fits": {name: {way: dict(fits.of(way)) for way in WAYS} for name, fits in entry.fits.items()},
+            }
+            for entry in found.models
+        },
+        "references": {
+            entry.name: {name: dict(fits) for name, fits in entry.fits.items()} for entry in found.references
+        },
+        "full_models": [
+            {
+                "record": entry.record,
+                "condition": entry.condition,
+                "method": entry.method,
+                "relative_error": entry.error,
+                "relative_error_diagonal": entry.diagonal_error,
+                "off_diagonal": entry.coupling,
+            }
+            for entry in found.full
+        ],
+        "categories": {
+            entry.name: {
+                "thesis": entry.thesis,
+                "ahead": entry.ahead,
+                "measures": [
+                    {"what": measure.what, "values": dict(measure.values), "ahead": measure.ahead}
+                    for measure in entry.measures
+                ],
+            }
+            for entry in categories(study)
+        },
+    }
 
 
 def results(

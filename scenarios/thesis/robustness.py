@@ -16,8 +16,14 @@ from scenarios.experiments.campaign import Campaign
 from scenarios.experiments.model_structures import STRUCTURES, Structure, every_structure
 from scenarios.identification.methods import estimate
 from scenarios.thesis.disturbances import AS_IT_IS, DISTURBANCES, TREATMENTS, Disturbance
-from scenarios.thesis.orders_needed import OrderNeeded, orders_needed, simulated_fit
-from scenarios.thesis.robustness_outcome import Failure, Robustness, RobustnessOutcome
+from scenarios.thesis.robustness_outcome import (
+    Failure,
+    OrderNeeded,
+    Robustness,
+    RobustnessOutcome,
+    orders_needed,
+    simulated_fit,
+)
 from sysid import IOData, SysidError, SysidWarning
 from sysid.models.bandwidth import half_power_hz
 

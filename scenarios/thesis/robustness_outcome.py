@@ -1,14 +1,125 @@
-"""Outcomes of the experiment on disturbed records, one by one and by degree."""
+"""Results of the robustness study: orders needed, errors of each method and tolerated noise."""
 
-from collections.abc import Iterable, Mapping, Sequence
+import warnings
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from statistics import median
+from types import MappingProxyType
 from typing import Literal
 
 import numpy as np
 
-from scenarios.thesis.disturbances import AS_IT_IS
-from scenarios.thesis.orders_needed import OrderNeeded
+import sysid
+from scenarios.experiments.campaign import Campaign
+from scenarios.experiments.log_review import settled
+from scenarios.experiments.model_structures import STRUCTURES
+from scenarios.thesis.disturbances import AS_IT_IS, DISTURBANCES, biased
+from sysid import Estimate, IOData, SysidError, SysidWarning, predict
+from sysid.validation import fit_percent
+
+ORDERS: Mapping[str, tuple[int, ...]] = MappingProxyType({"SysID": (1, 2, 3), "OKID": (1, 2, 3, 4)})
+"""States that are tried, by kind of model: as many as the thesis speaks of."""
+
+PART = 1000
+"""Samples of the part that is used, 20 s from the start: larger orders than needed take long to fit."""
+
+MARGIN = 1.0
+"""An order suffices whose fit is at most so far below the best order's on the same record, percent points."""
+
+BIAS = 0.5
+"""Constant in the output of the biased record, standard deviations of the output."""
+
+DETRENDED = "detrended"
+"""The record as the study takes it."""
+
+WITH_MEANS = "with its means"
+"""The same with the joint's angle about which it moves, in the command as in the measurement."""
+
+CONSTANT = "with a constant in the output"
+"""The detrended record with a constant added to the output alone."""
+
+METHODS: Mapping[str, Callable[[IOData, int, int], Estimate]] = MappingProxyType(
+    {
+        "SysID": lambda data, n, nk: sysid.oe(data, n, n, nk),
+        "OKID": lambda data, n, _: sysid.okid(data, n, p=5),
+    }
+)
+"""Output error with as many zeros' coefficients as poles, the one structure that has a single order; and OKID."""
+
+
+@dataclass(frozen=True)
+class OrderNeeded:
+    """Number of sufficient states on one record.
+
+    Attributes:
+        joint: The joint.
+        method: `SysID` or `OKID`.
+        record: What the record is like.
+        fits: In simulation to records of other waveforms, percent, median, by order; minus infinity where there is no
+            stable model.
+        needed: The smallest order that suffices.
+    """
+
+    joint: str
+    method: str
+    record: str
+    fits: Mapping[int, float]
+    needed: int
+
+
+def orders_needed(joint: str, campaign: Campaign, data: IOData, judges: Sequence[IOData]) -> tuple[OrderNeeded, ...]:
+    """Find the order that suffices on the detrended record and on two that are not.
+
+    Args:
+        joint: The joint.
+        campaign: Holds the log that the record comes from, with its means.
+        data: The record that models are identified from, without its means.
+        judges: Records of other waveforms, not spoilt.
+
+    Returns:
+        One entry for each method and record.
+    """
+    nk = next(entry.orders[-1] for entry in STRUCTURES[joint] if entry.method == "oe")
+    part = data[:PART].detrend()
+    records = {
+        DETRENDED: part,
+        WITH_MEANS: settled(campaign.log(data.name), joint)[:PART],
+        CONSTANT: biased(part, BIAS, np.random.default_rng(0)),
+    }
+    found = []
+    for method in METHODS:
+        for name, record in records.items():
+            fits = {n: _fit(method, record, n, nk, judges) for n in ORDERS[method]}
+            found.append(OrderNeeded(joint, method, name, fits, needed(fits)))
+    return tuple(found)
+
+
+def needed(fits: Mapping[int, float]) -> int:
+    """The smallest order whose fit is within `MARGIN` of the best."""
+    best = max(fits.values())
+    return min(n for n, fit in fits.items() if fit >= best - MARGIN)
+
+
+def _fit(method: str, record: IOData, n: int, nk: int, judges: Sequence[IOData]) -> float:
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", SysidWarning)
+        try:
+            found = METHODS[method](record, n, nk)
+        except SysidError:
+            return float("-inf")
+        return simulated_fit(found, judges) if found.model.is_stable() else float("-inf")
+
+
+def simulated_fit(found: Estimate, judges: Sequence[IOData]) -> float:
+    """Median fit in simulation of one output, percent; minus infinity where the model grows beyond all numbers."""
+    return median(_simulated(found, judge) for judge in judges)
+
+
+def _simulated(found: Estimate, judge: IOData) -> float:
+    with np.errstate(all="ignore"):
+        simulated = np.nan_to_num(predict(found, judge, steps=None), nan=np.inf, posinf=np.inf, neginf=-np.inf)
+    return float(fit_percent(judge.y, simulated)[0])
+
 
 Failure = Literal["", "refused", "unstable", "no bandwidth"]
 """Failures: the estimator refused, the model is unstable, its gain never falls by 3 dB."""
@@ -134,3 +245,75 @@ def _summary(degree: float, entries: Sequence[RobustnessOutcome]) -> Summary:
 def _spread(values: Iterable[float]) -> tuple[float, float, float]:
     known = [value for value in values if not np.isnan(value)]
     return (median(known), min(known), max(known)) if known else (float("nan"),) * 3
+
+
+COMPARABLE = (10.0, 5.0)
+"""A model is comparable to the one from the clean record when its bandwidth moves by at most so many percent and its
+median fit in simulation to records of other waveforms falls by at most so many points."""
+
+NO_BANDWIDTH = 100.0
+"""Percent that a bandwidth counts as moved by where the spoilt record gives none."""
+
+
+@dataclass(frozen=True)
+class Tolerance:
+    """Tolerance of a method to a disturbance on one joint.
+
+    Attributes:
+        degree: The largest degree up to which every one tried is tolerated, in the disturbance's unit; None where the
+            smallest is not.
+        everything: Whether the largest one tried is tolerated.
+    """
+
+    degree: float | None
+    everything: bool
+
+
+def clean(found: Robustness, joint: str, method: str) -> RobustnessOutcome:
+    """The model from the record as it is."""
+    return found.of("bias", joint, method)[0.0][0]
+
+
+def shift(entry: RobustnessOutcome, reference: RobustnessOutcome) -> float:
+    """Percent by which the bandwidth moves."""
+    return NO_BANDWIDTH if entry.failure else 100 * abs(entry.bandwidth_hz / reference.bandwidth_hz - 1)
+
+
+def comparable(entries: tuple[RobustnessOutcome, ...], reference: RobustnessOutcome) -> bool:
+    """Whether the median draw stays comparable; a record that the estimator refuses does not."""
+    percent, points = COMPARABLE
+    if any(entry.failure == "refused" for entry in entries):
+        return False
+    return (
+        median(shift(entry, reference) for entry in entries) <= percent
+        and median(reference.fit - entry.fit for entry in entries) <= points
+    )
+
+
+def tolerance(
+    found: Robustness, disturbance: str, joint: str, method: str, treatment: str = AS_IT_IS[0]
+) -> Tolerance | None:
+    """Find how much is tolerated.
+
+    Args:
+        found: The experiment.
+        disturbance: Key of the disturbance.
+        joint: The joint.
+        method: The method.
+        treatment: What is taken off the record before.
+
+    Returns:
+        The tolerance; None where it was not tried.
+    """
+    kind = DISTURBANCES[disturbance]
+    draws = found.of(disturbance, joint, method, treatment)
+    tried = sorted((d for d in draws if d or kind.decibel), reverse=kind.falling)
+    if not tried:
+        return None
+    reference = clean(found, joint, method)
+    last = None
+    for degree in tried:
+        if not comparable(draws[degree], reference):
+            return Tolerance(last, False)
+        last = degree
+    return Tolerance(last, True)

@@ -28,7 +28,7 @@ from scenarios.experiments.waveform import POINTS
 from scenarios.files.errors import ScenarioError
 from scenarios.files.provenance import versions
 from scenarios.identification.methods import estimate
-from scenarios.thesis.attribution import attribute, scaled
+from scenarios.thesis.attribution import attribute, order_effects, scaled
 from scenarios.thesis.comparison import (
     Comparison,
     Cost,
@@ -42,7 +42,6 @@ from scenarios.thesis.nonparametric import nonparametric
 from scenarios.thesis.observer_analysis import observers
 from scenarios.thesis.prediction_errors import prediction_errors
 from scenarios.thesis.robustness import robustness
-from scenarios.thesis.sensitivity import order_effects
 from scenarios.truth.published import published
 from sysid import FrequencyResponse, IOData, SysidError, SysidWarning
 from sysid.models.bandwidth import half_power_hz

@@ -1,4 +1,4 @@
-"""Tally of many seeds: frequencies of verdicts and ranges of numbers."""
+"""Tally of the verdicts over many seeds, and its statistics in words."""
 
 import json
 from collections import Counter
@@ -11,7 +11,7 @@ import numpy as np
 from scenarios.files.atomic_write import write_whole
 from scenarios.files.errors import ScenarioError
 from scenarios.identification.recovered_bandwidth import near_1_hz
-from scenarios.thesis.finding import Verdict
+from scenarios.thesis.finding import Finding, Verdict
 from scenarios.thesis.outcome import SeedOutcome, outcome_from
 
 STEADY = 0.9
@@ -228,3 +228,82 @@ def read_tally(text: str, *, recorded: bool = False) -> Tally:
     record = json.loads(text)
     outcomes = tuple(outcome_from(entry) for entry in record["seeds"])
     return Tally(outcomes, {int(seed): why for seed, why in record["failed"].items()}, recorded)
+
+
+TINY = 1e-300
+"""Probabilities below this are printed as such: the tail of the distribution is not computed further."""
+
+
+def minus(text: str) -> str:
+    """The text with the minus sign of print for every hyphen; for numbers only."""
+    return text.replace("-", "−")
+
+
+def number(value: float, digits: int = 4) -> str:
+    """A number as text, counts without decimals, all others to the same significant digits."""
+    if not np.isfinite(value):
+        return "–"
+    if value == 0.0 or (float(value).is_integer() and abs(value) < 1000):
+        return minus(f"{value:.0f}")
+    return minus(f"{value:#.{digits}g}".rstrip("."))
+
+
+def p_value(p: float) -> str:
+    """A probability as text."""
+    return f"p < {TINY:g}" if p < TINY else f"p = {p:.2g}"
+
+
+def measure(value: float, finding: Finding) -> str:
+    """A number of a finding; a probability too small to have been computed is said to be so."""
+    return f"< {TINY:g}" if value < TINY and "p-value" in finding.unit else number(value)
+
+
+def parts(finding: Finding) -> list[tuple[str, str, str | None]]:
+    """The numbers of a finding as they are shown, one after the other.
+
+    Args:
+        finding: The finding. A number named `of`, or `of ...`, is the whole of which the one before it counts a part.
+
+    Returns:
+        Name of each number, the number, and the whole that it is a part of; the name is empty where there is one only.
+    """
+    if not isinstance(finding.value, Mapping):
+        return [("", measure(finding.value, finding), None)]
+    shown: list[tuple[str, str, str | None]] = []
+    for name, value in finding.value.items():
+        text = measure(value, finding)
+        if shown and (name == "of" or name.startswith("of ")):
+            shown[-1] = (*shown[-1][:2], text)
+        else:
+            shown.append((name, text, None))
+    return shown
+
+
+def limits(found: Spread | None, finding: Finding) -> str:
+    """Return the range of a finding's number over the seeds, in brackets; empty where it does not move.
+
+    Args:
+        found: The number over the seeds, if they have it.
+        finding: The finding.
+    """
+    if found is None or found.low == found.high or np.isnan(found.low):
+        return ""
+    if found.shares:
+        return f"({', '.join(f'{measure(value, finding)} with {count}' for value, count in found.shares)} seeds)"
+    return f"({measure(found.low, finding)} – {measure(found.high, finding)})"
+
+
+def root(value: complex, digits: int = 3) -> str:
+    """A pole or zero as text."""
+    value = complex(value)
+    if abs(value.imag) < 0.5 * 10.0**-digits:
+        return minus(f"{value.real:.{digits}f}")
+    sign = "+" if value.imag > 0 else "−"
+    return minus(f"{value.real:.{digits}f}") + f" {sign} {abs(value.imag):.{digits}f}j"
+
+
+def plain(value: object) -> str:
+    """A parameter's value as text: several numbers with crosses between them."""
+    if isinstance(value, tuple | list):
+        return " × ".join(plain(part) for part in value)
+    return f"{value:.5g}" if isinstance(value, float | int) else str(value)

@@ -1,10 +1,72 @@
-"""Verdicts on claims that can be read, or estimated, in more than one way."""
+"""Rules that turn fits into verdicts: the margin of a tie, held-out fits and the multivariable comparison."""
 
 from collections.abc import Mapping
+from statistics import median
 from typing import Any
 
+from scenarios.files.errors import MissingRecordError
+from scenarios.thesis.comparison import Comparison, Fit, ModelResult
 from scenarios.thesis.finding import Verdict, verdict
 from scenarios.thesis.multivariable import WAYS, ThreeJointModel, Way
+
+MARGIN = 0.2
+"""Two fits that differ by less are tied, percentage points: the thesis reads fits off its plots to no more digits."""
+
+
+def ahead(difference: float) -> bool:
+    """Whether a fit is ahead of another by more than a tie.
+
+    Args:
+        difference: The fit less the other, percentage points.
+    """
+    return difference >= MARGIN
+
+
+def tied(difference: float) -> bool:
+    """Whether two fits are tied.
+
+    Args:
+        difference: One fit less the other, percentage points.
+    """
+    return abs(difference) < MARGIN
+
+
+def said(difference: float) -> str:
+    """`ahead`, `tied` or `behind` in words.
+
+    Args:
+        difference: One fit less the other, percentage points.
+    """
+    return "tied" if tied(difference) else ("ahead" if difference > 0 else "behind")
+
+
+def held_out(study: Comparison, model: ModelResult) -> float:
+    """Median fit in simulation to the tests that the model has not seen, percent.
+
+    Raises:
+        MissingRecordError: There is no such test.
+    """
+    return median(fit.simulation for fit in _fits(study, model))
+
+
+def held_out_one_step(study: Comparison, model: ModelResult) -> float:
+    """The same of the one-step predictions.
+
+    Raises:
+        MissingRecordError: There is no such test.
+    """
+    return median(fit.one_step for fit in _fits(study, model))
+
+
+def _fits(study: Comparison, model: ModelResult) -> tuple[Fit, ...]:
+    found = model.held_out(study.estimation_test)
+    if not found:
+        raise MissingRecordError(
+            f"{model.label} has no test to be judged on: there is none beside test {study.estimation_test} and those "
+            "of the same sequence"
+        )
+    return found
+
 
 WORDS: Mapping[Way, str] = {"simulation": "in simulation", "one_step": "one step ahead"}
 

@@ -10,10 +10,9 @@ import argparse
 import sys
 from pathlib import Path
 
-from scenarios.thesis.claims import CLAIMS
+from scenarios.thesis.finding import CLAIMS
 from scenarios.thesis.frequencies import seeds_record
-from scenarios.thesis.monte_carlo import tally
-from scenarios.thesis.recorded import FILE
+from scenarios.thesis.monte_carlo import FILE, tally
 from scenarios.thesis.tally import Tally, write_tally
 
 ROOT = Path(__file__).parents[2]

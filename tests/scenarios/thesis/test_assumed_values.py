@@ -1,10 +1,10 @@
 """What was put in from the thesis is told with the arm's own numbers."""
 
 from hmtb_twin.parameters.values import HAND_CONTROLLER, SERVOS
-from scenarios.thesis.assumed_values import assumed_values, assumed_values_of
-from scenarios.thesis.claims import CLAIMS
 from scenarios.thesis.comparison import Comparison
+from scenarios.thesis.finding import CLAIMS
 from scenarios.thesis.findings import findings
+from scenarios.thesis.published_section import assumed_values, assumed_values_of
 
 
 def test_the_numbers_are_those_of_the_arm() -> None:

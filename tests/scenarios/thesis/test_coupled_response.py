@@ -5,7 +5,7 @@ import pytest
 
 from hmtb_twin import JOINTS, STUDIED_JOINTS
 from scenarios.thesis.comparison import Comparison
-from scenarios.thesis.coupled_response import off_diagonal, pushed_by_others, relative_error, three_joint_truth
+from scenarios.thesis.multi_input import off_diagonal, pushed_by_others, relative_error, three_joint_truth
 from sysid import StateSpace
 
 

@@ -10,10 +10,8 @@ from scenarios.experiments.campaign import NOMINAL, Campaign, Condition
 from scenarios.identification.methods import estimate
 from scenarios.thesis import fairness_table
 from scenarios.thesis.comparison import Comparison
-from scenarios.thesis.fair_conclusions import conclusions, said
-from scenarios.thesis.fairness_section import percent
+from scenarios.thesis.fairness_section import conclusions, dumbbells, percent, said
 from scenarios.thesis.fairness_table import ArmFairness, BothFits, FairModel, Fairness, ThreeJointFits
-from scenarios.thesis.figures_fairness import dumbbells
 from sysid import IOData, SysidError
 
 METHODS = ["arx", "armax", "iv4", "oe", "okid", "oe_high"]

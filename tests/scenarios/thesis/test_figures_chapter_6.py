@@ -4,8 +4,8 @@ import numpy as np
 
 from scenarios.thesis import figures_chapter_6 as draw
 from scenarios.thesis import figures_records as records
-from scenarios.thesis.block_diagrams import block_diagrams
 from scenarios.thesis.comparison import Comparison
+from scenarios.thesis.figures_chapter_6 import block_diagrams
 
 
 def test_block_diagrams_hold_the_polynomials() -> None:

@@ -8,12 +8,11 @@ import pytest
 
 import scenarios.thesis.findings
 from scenarios.identification.recovered_bandwidth import near_1_hz
-from scenarios.thesis.claims import CLAIMS
 from scenarios.thesis.comparison import Comparison
-from scenarios.thesis.finding import Finding, verdict
+from scenarios.thesis.finding import CLAIMS, Finding, verdict
 from scenarios.thesis.findings import findings
 from scenarios.thesis.results import answer, headline, results, stands
-from scenarios.thesis.wording import p_value
+from scenarios.thesis.tally import p_value
 from scenarios.truth.published import YAW_OE
 from sysid import FrequencyResponse, StateSpace, SysidError
 from sysid.models.bandwidth import gain_crossing, half_power_hz

@@ -8,7 +8,7 @@ from scenarios.files.errors import MissingRecordError
 from scenarios.thesis import findings_chapter_4 as chapter
 from scenarios.thesis.comparison import Comparison
 from scenarios.thesis.every_data_set import DataSetModel, DataSets, Follow
-from scenarios.thesis.flexibility import flexibility
+from scenarios.thesis.findings_chapter_4 import flexibility
 from scenarios.truth.published import YAW_ARMAX, YAW_OE
 
 JOINTS = ("shoulder_yaw", "shoulder_pitch", "elbow_pitch")

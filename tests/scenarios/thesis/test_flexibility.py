@@ -1,6 +1,6 @@
 """What is stable beats what is not, and a small lead is a tie."""
 
-from scenarios.thesis.flexibility import Flexibility
+from scenarios.thesis.findings_chapter_4 import Flexibility
 
 FITS = {"ARMAX": 97.60, "OE": 97.55, "ARX": 96.9, "IV4": 97.61}
 

@@ -8,7 +8,7 @@ import pytest
 from scenarios.files.errors import MissingRecordError
 from scenarios.thesis.comparison import Comparison
 from scenarios.thesis.findings_chapter_5 import percent_described
-from scenarios.thesis.held_out import held_out, held_out_one_step
+from scenarios.thesis.verdicts import held_out, held_out_one_step
 
 
 def test_tests_of_the_same_sequence_are_not_held_out(study: Comparison) -> None:

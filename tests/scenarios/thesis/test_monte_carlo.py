@@ -15,13 +15,11 @@ from scenarios.experiments.model_structures import STRUCTURES
 from scenarios.files.errors import ScenarioError
 from scenarios.jobs.journal import Journal
 from scenarios.thesis import monte_carlo
-from scenarios.thesis.claims import CLAIMS
 from scenarios.thesis.comparison import Cost
-from scenarios.thesis.finding import Finding, Verdict, decided
+from scenarios.thesis.finding import CLAIMS, Finding, Verdict, decided
 from scenarios.thesis.frequencies import answer_text, chance, finding_record, frequency_text, seeds_record, source_text
-from scenarios.thesis.monte_carlo import tally
+from scenarios.thesis.monte_carlo import contradictions, tally
 from scenarios.thesis.outcome import MethodBandwidth, SeedOutcome, numbers, outcome_from
-from scenarios.thesis.recorded import contradictions
 from scenarios.thesis.tally import Tally, read_tally, spread, write_tally
 
 

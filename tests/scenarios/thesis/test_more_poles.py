@@ -3,7 +3,7 @@
 import numpy as np
 from scipy.signal import lfilter
 
-from scenarios.thesis.more_poles import ORDERS, MorePoles, more_poles
+from scenarios.thesis.prediction_errors import ORDERS, MorePoles, more_poles
 from sysid import IOData
 
 

@@ -2,8 +2,7 @@
 
 from scenarios.experiments.joint_inputs import LIMIT
 from scenarios.thesis.comparison import Comparison
-from scenarios.thesis.coupled_response import off_diagonal
-from scenarios.thesis.multi_input import ALONE, EXCITED, INDEPENDENT, METHODS, SHARED
+from scenarios.thesis.multi_input import ALONE, EXCITED, INDEPENDENT, METHODS, SHARED, off_diagonal
 
 
 def test_independent_waveforms_find_what_a_shared_one_cannot(study: Comparison) -> None:

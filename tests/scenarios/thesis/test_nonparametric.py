@@ -15,9 +15,9 @@ from scenarios.thesis.nonparametric import (
     half_power,
     nonparametric,
     period_of,
+    period_spectra,
     summary,
 )
-from scenarios.thesis.period_spectra import period_spectra
 from sysid import FrequencyResponse, IOData, StateSpace, simulate
 
 SERVO = StateSpace(

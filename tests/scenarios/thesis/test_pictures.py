@@ -7,7 +7,7 @@ import pytest
 from hmtb_twin import TwinError
 from scenarios.experiments.campaign import RPCM
 from scenarios.thesis.comparison import Comparison
-from scenarios.thesis.pictures import arm_picture, exchange
+from scenarios.thesis.figures_overview import arm_picture, exchange
 
 
 def _no_opengl(*_: object, **__: object) -> None:
@@ -15,8 +15,8 @@ def _no_opengl(*_: object, **__: object) -> None:
 
 
 def test_without_opengl_a_line_says_what_to_install(study: Comparison, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("scenarios.thesis.pictures.render", _no_opengl)
-    monkeypatch.setattr("scenarios.thesis.pictures.Stage", _no_opengl)
+    monkeypatch.setattr("scenarios.thesis.figures_overview.render", _no_opengl)
+    monkeypatch.setattr("scenarios.thesis.figures_overview.Stage", _no_opengl)
     assert arm_picture() == ("", "No OpenGL here, install libegl1")
     moments, outcome = exchange(study)
     assert moments == ()
@@ -24,7 +24,7 @@ def test_without_opengl_a_line_says_what_to_install(study: Comparison, monkeypat
 
 
 def test_moments_are_shown_in_the_order_of_the_exchange(study: Comparison, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("scenarios.thesis.pictures.SIZE", (64, 48))
+    monkeypatch.setattr("scenarios.thesis.figures_overview.SIZE", (64, 48))
     moments, _ = exchange(study, ("approach", "insert"))
     assert [entry.phase for entry in moments] == ["approach", "insert"]
     assert 0.0 < moments[0].time < moments[1].time

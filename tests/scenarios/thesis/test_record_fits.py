@@ -6,9 +6,9 @@ import pytest
 
 from scenarios.files.errors import MissingRecordError
 from scenarios.thesis.comparison import Comparison
-from scenarios.thesis.margin import MARGIN, ahead, said, tied
 from scenarios.thesis.multivariable import WAYS
 from scenarios.thesis.record_fits import followed, held_out_fit, held_out_records, shares_missing, ties, within_reach
+from scenarios.thesis.verdicts import MARGIN, ahead, said, tied
 
 YAW = "shoulder_yaw"
 

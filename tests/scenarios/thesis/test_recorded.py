@@ -13,12 +13,10 @@ from scenarios.experiments.campaign import campaign_scenario
 from scenarios.experiments.log_review import prepared
 from scenarios.experiments.model_structures import STRUCTURES
 from scenarios.identification.methods import estimate
-from scenarios.thesis.claims import CLAIMS
-from scenarios.thesis.finding import decided
+from scenarios.thesis.finding import CLAIMS, decided
 from scenarios.thesis.frequencies import frequency_text, source_text
-from scenarios.thesis.monte_carlo import tally
+from scenarios.thesis.monte_carlo import contradictions, recorded, tally
 from scenarios.thesis.outcome import MethodBandwidth
-from scenarios.thesis.recorded import contradictions, recorded
 from sysid import SysidWarning
 
 SEED = 1

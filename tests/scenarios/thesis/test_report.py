@@ -16,11 +16,9 @@ from scenarios.thesis.finding import Verdict
 from scenarios.thesis.findings import findings
 from scenarios.thesis.frequencies import ORDER, chance
 from scenarios.thesis.outcome import outcome
-from scenarios.thesis.report import html, write_report
-from scenarios.thesis.report_context import context
+from scenarios.thesis.report import context, html, write_report
 from scenarios.thesis.results import answers, headline
-from scenarios.thesis.tally import Tally
-from scenarios.thesis.wording import limits
+from scenarios.thesis.tally import Tally, limits
 
 VOID = {"meta", "img", "br", "link", "hr", "input"}
 

@@ -9,12 +9,19 @@ import pytest
 from scenarios.files.errors import MissingRecordError
 from scenarios.thesis.comparison import Comparison
 from scenarios.thesis.disturbances import DISTURBANCES
-from scenarios.thesis.figures_robustness import errors
 from scenarios.thesis.findings_robustness import bias_and_outliers, statements
-from scenarios.thesis.orders_needed import CONSTANT, DETRENDED, needed
 from scenarios.thesis.robustness import CORE, JUDGES, other_structures, robustness, sysid_method
-from scenarios.thesis.robustness_outcome import Robustness, RobustnessOutcome
-from scenarios.thesis.tolerance import clean, comparable, tolerance
+from scenarios.thesis.robustness_outcome import (
+    CONSTANT,
+    DETRENDED,
+    Robustness,
+    RobustnessOutcome,
+    clean,
+    comparable,
+    needed,
+    tolerance,
+)
+from scenarios.thesis.robustness_section import errors
 
 
 def outcome(

@@ -4,8 +4,8 @@ from dataclasses import replace
 
 from scenarios.thesis.comparison import Comparison
 from scenarios.thesis.finding import Verdict, decided
-from scenarios.thesis.recorded import recorded
-from scenarios.thesis.shortcomings import shortcomings
+from scenarios.thesis.monte_carlo import recorded
+from scenarios.thesis.report import shortcomings
 
 
 def test_findings_fall_into_their_lists(study: Comparison) -> None:

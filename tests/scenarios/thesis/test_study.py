@@ -28,13 +28,11 @@ from scenarios.experiments.model_structures import STRUCTURES
 from scenarios.experiments.registry import load
 from scenarios.files.errors import ScenarioError
 from scenarios.thesis.attribution import CONDITIONS as SWITCHED_OFF
-from scenarios.thesis.attribution import conditions
+from scenarios.thesis.attribution import conditions, half_power_spread, order_effects
 from scenarios.thesis.comparison import Comparison
-from scenarios.thesis.coupled_response import relative_error, three_joint_truth
-from scenarios.thesis.multi_input import FULL_OKID, INDEPENDENT, full_models
+from scenarios.thesis.multi_input import FULL_OKID, INDEPENDENT, full_models, relative_error, three_joint_truth
 from scenarios.thesis.multi_input import METHODS as METHODS_OF_SEVERAL
-from scenarios.thesis.period_spectra import period_spectra
-from scenarios.thesis.sensitivity import half_power_spread, order_effects
+from scenarios.thesis.nonparametric import period_spectra
 from scenarios.thesis.study import ESTIMATION_TEST, concluded, plan, run_study, study_joint
 from sysid import Estimate, IOData, StateSpace, SysidError
 
@@ -169,7 +167,7 @@ def test_period_spectra_tell_the_disturbance_apart() -> None:
 
 
 def test_the_effect_of_the_order_is_reported(study: Comparison) -> None:
-    from scenarios.thesis.sensitivity import ORDERS, spread
+    from scenarios.thesis.attribution import ORDERS, spread
 
     for name, effects in study.orders.items():
         assert tuple(entry.orders[:2] for entry in effects) == ORDERS
@@ -257,7 +255,7 @@ def test_an_order_that_is_refused_is_left_out(
 
     monkeypatch.setattr(sysid, "oe", refuses)
     assert [effect.orders for effect in order_effects(data, 1)] == [(2, 2, 1)]
-    monkeypatch.setattr("scenarios.thesis.sensitivity.ORDERS", ((3, 3),))
+    monkeypatch.setattr("scenarios.thesis.attribution.ORDERS", ((3, 3),))
     with pytest.raises(ScenarioError, match=f"{name} gives no output-error model of any order: 3, 3, 1: no minimum"):
         order_effects(data, 1)
 

@@ -9,9 +9,8 @@ import pytest
 
 import scenarios.thesis.study
 from scenarios.commands.thesis import thesis
-from scenarios.thesis.claims import CLAIMS
 from scenarios.thesis.comparison import Comparison
-from scenarios.thesis.finding import Verdict
+from scenarios.thesis.finding import CLAIMS, Verdict
 from scenarios.thesis.frequencies import ORDER
 from scenarios.thesis.study import ESTIMATION_TEST
 

@@ -3,8 +3,7 @@
 import numpy as np
 
 from scenarios.thesis.finding import decided
-from scenarios.thesis.tally import spread
-from scenarios.thesis.wording import limits, measure, number, parts, plain, root
+from scenarios.thesis.tally import limits, measure, number, parts, plain, root, spread
 
 
 def test_numbers_have_four_digits_and_counts_none() -> None:
