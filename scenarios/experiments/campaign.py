@@ -11,6 +11,7 @@ from hmtb_twin.run.simulation import Progress
 from scenarios.experiments.log_review import prepared
 from scenarios.experiments.registry import load, names
 from scenarios.experiments.scenario import Scenario
+from scenarios.files import codec
 from scenarios.files.errors import MissingRecordError, ScenarioError, unknown
 from sysid import IOData
 
@@ -161,16 +162,14 @@ def campaign_scenario(name: str, *, seed: int | None = None, duration: float | N
     Raises:
         ScenarioError: No such scenario, or an invalid seed or duration.
     """
-    if seed is not None and (isinstance(seed, bool) or not isinstance(seed, int) or seed < 0):
-        raise ScenarioError(f"seed = {seed!r} given, expected a whole number of 0 or more")
-    scenario = load(name)
     if seed is not None:
-        scenario = scenario.reseeded(seed)
-        if len(scenario.excitation) == 1 and scenario.excitation[0].kind == "prbs":
-            (entry,) = scenario.excitation
-            parameters = {**entry.parameters, "seed": seed, "register": REGISTER}
-            scenario = replace(scenario, excitation=(replace(entry, parameters=parameters),))
-    return scenario if duration is None or name == RPCM else replace(scenario, duration=duration)
+        codec.structure(int, seed, "seed")
+    scenario = load(name, duration=None if name == RPCM else duration, seed=seed)
+    if seed is None or [entry.kind for entry in scenario.excitation] != ["prbs"]:
+        return scenario
+    (entry,) = scenario.excitation
+    parameters = {**entry.parameters, "seed": seed, "register": REGISTER}
+    return replace(scenario, excitation=(replace(entry, parameters=parameters),))
 
 
 def run_campaign(
@@ -189,8 +188,8 @@ def run_campaign(
         condition: The arm.
         tests: Names of registered scenarios.
         extra: Further scenarios, played as they are but on this arm.
-        seed: See `planned`.
-        duration: See `planned`.
+        seed: See `campaign_scenario`.
+        duration: See `campaign_scenario`.
         threads: Threads for the physics.
         progress: Called with the completed ticks and the total.
 
@@ -198,7 +197,7 @@ def run_campaign(
         The records, in the order of the tests.
 
     Raises:
-        ScenarioError: Nothing to play, the same name twice, or see `planned`; nothing is played then.
+        ScenarioError: Nothing to play, the same name twice, or see `campaign_scenario`; nothing is played then.
     """
     scenarios = [*(campaign_scenario(name, seed=seed, duration=duration) for name in tests), *extra]
     if not scenarios:

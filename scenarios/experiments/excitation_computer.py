@@ -117,22 +117,6 @@ SETTINGS: Mapping[str, Any] = {"repeat_frequency": float, "iterations": int}
 codec.register(Excitation, Excitation.from_table, Excitation.to_table)
 
 
-def play(excitations: Sequence[Excitation], axes: int, duration: float, *, rounds: bool = True) -> np.ndarray:
-    """Play excitations through the converter.
-
-    Args:
-        excitations: One for all axes, or one per axis.
-        axes: How many axes.
-        duration: Length, s.
-        rounds: Whether the converter rounds.
-
-    Returns:
-        Volts `(N, axes)` at 50 Hz.
-    """
-    columns = [BOARD.convert(entry.requested_volts(duration), rounds=rounds) for entry in excitations]
-    return np.hstack(columns * axes if len(columns) == 1 else columns)
-
-
 def check_outputs(excitations: Sequence[Excitation], axes: Sequence[str], independent_channels: bool) -> None:
     """Raise `ScenarioError` unless there is one excitation for all axes or one per axis, and outputs enough."""
     if len(excitations) not in (1, len(axes)):

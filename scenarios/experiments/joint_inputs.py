@@ -7,6 +7,7 @@ of each other, and their effects on a joint cannot be separated.
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.lib.stride_tricks import sliding_window_view
 
 from hmtb_twin import JOINTS, STUDIED_JOINTS, Experiment, JointLog
 from scenarios.experiments.log_review import SETTLING
@@ -128,13 +129,10 @@ def _measure(joints: tuple[str, ...], signals: list[np.ndarray], lags: int) -> J
     if len(joints) < 2:
         return None
     signals = [signal - signal.mean() for signal in signals]
-    rows = len(signals[0]) - lags + 1
-    if rows < 2 * lags * len(joints) or not all(signal.any() for signal in signals):
+    if len(signals[0]) - lags + 1 < 2 * lags * len(joints) or not all(signal.any() for signal in signals):
         return None
-    blocks = [
-        np.column_stack([signal[lags - 1 - lag : lags - 1 - lag + rows] for lag in range(lags)]) / signal.std()
-        for signal in signals
-    ]
+    # The newest sample first, as in a regressor.
+    blocks = [sliding_window_view(signal, lags)[:, ::-1] / signal.std() for signal in signals]
     # Orthonormal bases remove the spectrum of each signal: their joint condition measures the dependence alone.
     bases = []
     for block in blocks:
@@ -159,5 +157,4 @@ def logged_inputs(log: JointLog, experiment: Experiment) -> JointInputs | None:
 
 
 def _condition(blocks: list[np.ndarray]) -> float:
-    values = np.linalg.svd(np.hstack(blocks), compute_uv=False)
-    return float(values[0] / values[-1]) if values[-1] > 0.0 else float("inf")
+    return float(np.linalg.cond(np.hstack(blocks)))

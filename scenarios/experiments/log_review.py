@@ -51,10 +51,8 @@ def prepared(log: JointLog, joints: str | Sequence[str]) -> IOData:
 
 def clipped_share(log: JointLog, scenario: Scenario) -> float:
     """Return the fraction of samples at which the converter of the hand controller or the excitation computer clips."""
-    clipped = (log.status & Status.CONVERTER_SATURATED) != 0
-    for entry in scenario.excitation:
-        clipped |= BOARD.exceeds_range(entry.requested_volts(scenario.duration)[:, 0])
-    return float(np.mean(clipped))
+    beyond = BOARD.exceeds_range(scenario.requested_volts()).any(axis=1)
+    return float(np.mean(beyond | ((log.status & Status.CONVERTER_SATURATED) != 0)))
 
 
 def velocity_limited_share(log: JointLog) -> float:

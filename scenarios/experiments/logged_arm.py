@@ -1,6 +1,6 @@
 """The arm of an experiment, and the arm that a log was recorded from."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import fields, replace
 from json import loads
 from typing import Any, get_type_hints
@@ -33,8 +33,8 @@ def logged_arm(log: JointLog) -> Arm:
     return load_arm(
         log.provenance["variant"],
         log.provenance["payload"],
-        plant=logged_plant(log),
-        specimen=logged_specimen(log),
+        plant=Plant(**_logged(log, "plant", get_type_hints(Plant))),
+        specimen=_logged_specimen(log),
         friction=log.provenance["friction"] == "true",
     )
 
@@ -48,35 +48,26 @@ def pictured_arm(log: JointLog) -> Arm:
     )
 
 
-def logged_plant(log: JointLog) -> Plant:
-    """Return the plant of a log; raises `ScenarioError` where its provenance is damaged."""
-    types = get_type_hints(Plant)
-    return Plant(**_logged(log, "plant", types, lambda name, text: types[name](text)))
-
-
-def logged_specimen(log: JointLog) -> Specimen:
+def _logged_specimen(log: JointLog) -> Specimen:
     """Return the deviations of a log's arm from its variant; raises `ScenarioError` where the provenance is damaged."""
-    names = {entry.name: entry.type for entry in fields(Specimen)}
-    unknown = [
-        key for key in log.provenance if key.startswith("specimen_") and key.removeprefix("specimen_") not in names
-    ]
+    names = [f"specimen_{entry.name}" for entry in fields(Specimen)]
+    unknown = [key for key in log.provenance if key.startswith("specimen_") and key not in names]
     if unknown:
-        expected = ", ".join(f"specimen_{name}" for name in names)
-        raise ScenarioError(f"{log.name}: {unknown[0]} in its provenance, expected one of {expected}")
-    values = _logged(log, "specimen", names, lambda _, text: loads(text))
+        raise ScenarioError(f"{log.name}: {unknown[0]} in its provenance, expected one of {', '.join(names)}")
+    values = _logged(log, "specimen", {entry.name: loads for entry in fields(Specimen)})
     try:
         return Specimen(**values)
     except ValueError as error:
         raise ScenarioError(f"{log.name}: its provenance describes no specimen of the arm: {error}") from error
 
 
-def _logged(log: JointLog, kind: str, names: dict[str, Any], read: Callable[[str, str], object]) -> dict[str, Any]:
+def _logged(log: JointLog, kind: str, readers: Mapping[str, Callable[[str], Any]]) -> dict[str, Any]:
     """Return the values that the provenance holds under `kind_name`, by name."""
     values: dict[str, Any] = {}
-    for name in names:
+    for name, read in readers.items():
         text = log.provenance.get(f"{kind}_{name}")
         try:
-            values |= {} if text is None else {name: read(name, text)}
+            values |= {} if text is None else {name: read(text)}
         except ValueError as error:
             raise ScenarioError(f"{log.name}: {kind}_{name} = {text!r} in its provenance, expected numbers") from error
     return values

@@ -2,7 +2,6 @@
 
 import os
 import sys
-from dataclasses import replace
 from pathlib import Path
 from time import perf_counter, sleep
 from typing import Any
@@ -37,12 +36,7 @@ def load_or_simulate(name: str, *, seed: int | None = None, duration: float | No
         if seed is not None or duration is not None:
             raise ScenarioError(f"{name} is recorded: seed and duration belong to a scenario that is yet to run")
         return JointLog.load(Path(name))
-    scenario = load(name)
-    if duration is not None:
-        scenario = replace(scenario, duration=duration)
-    if seed is not None:
-        scenario = scenario.reseeded(seed)
-    result = simulate([scenario])
+    result = simulate([load(name, duration=duration, seed=seed)])
     for label, reason in result.failed.items():
         raise ScenarioError(f"{label}: {reason}")
     return result.logs[0]

@@ -168,13 +168,12 @@ def preview(scenario: Scenario) -> Preview:
     home, frame = arm.controller.tool_pose(arm.pose(scenario.pose))
     # Trace of a rotation by an angle: 1 + 2 cos; small angles need the sine, |R - R0| = 2 sqrt(2) sin(angle / 2).
     turned = np.linalg.norm(rotations - frame, axis=(1, 2)).max() / np.sqrt(8.0)
-    requested = [entry.requested_volts(scenario.duration)[:ticks] for entry in scenario.excitation]
     joints = moved_joints(scenario)
     start = round(SETTLING / SAMPLE_TIME)
     settled = commands[start if ticks > 2 * start else 0 :]
     return Preview(
         scenario=scenario,
-        requested=np.hstack(requested * len(scenario.axes) if len(requested) == 1 else requested),
+        requested=scenario.requested_volts()[:ticks],
         volts=station.volts[:ticks],
         commands=commands,
         tool=(positions - home) @ frame,

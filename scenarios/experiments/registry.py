@@ -4,7 +4,7 @@ Their tables are plain data: a list of them needs no laboratory, which takes mor
 """
 
 import tomllib
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from functools import cache
 from importlib.resources import files
@@ -20,21 +20,13 @@ Table = dict[str, Any]
 """A scenario as its TOML file holds it; each has a name, axes, a duration, a description and tags."""
 
 
-def table1() -> list[Table]:
-    """The 24 single-joint tests of the thesis [Morris1996, table 1]."""
+def single_joint_tests() -> list[Table]:
+    """The 24 single-joint tests of the thesis [Morris1996, table 1], then the same on the joints that it left alone."""
     source = _source("table1.toml")
-    return _single_joint_tests(source, source["joints"], source["tags"], 0)
-
-
-def other_joints() -> list[Table]:
-    """The tests of Table 1 on the joints that the thesis left alone."""
-    source = _source("table1.toml")
-    return _single_joint_tests(source, source["other_joints"], source["other_tags"], len(source["joints"]))
-
-
-def _single_joint_tests(
-    source: Mapping[str, Any], joints: Sequence[str], tags: Sequence[str], first: int
-) -> list[Table]:
+    groups = (
+        (source["joints"], source["tags"], 0),
+        (source["other_joints"], source["other_tags"], len(source["joints"])),
+    )
     return [
         {
             "name": f"siso-{test['number']}-{joint}",
@@ -46,6 +38,7 @@ def _single_joint_tests(
             "tags": [*tags, joint, test["excitation"]["kind"]],
             "excitation": test["excitation"],
         }
+        for joints, tags, first in groups
         for test in source["test"]
         for position, joint in enumerate(joints, start=first)
     ]
@@ -110,24 +103,11 @@ def _source(name: str) -> dict[str, Any]:
     return tomllib.loads((files("scenarios") / "data" / name).read_text(encoding="utf-8"))
 
 
-def by_name(tables: Iterable[Table]) -> dict[str, Table]:
-    """Tables by name, in their order.
-
-    Raises:
-        ScenarioError: Two have the same name.
-    """
-    entries: dict[str, Table] = {}
-    for table in tables:
-        if table["name"] in entries:
-            raise ScenarioError(f"scenario {table['name']!r} is already registered; choose another name")
-        entries[table["name"]] = table
-    return entries
-
-
 @cache
 def registered() -> Mapping[str, Table]:
     """The tables of all registered scenarios by name."""
-    return by_name((*table1(), *other_joints(), *table2(), *independent(), *exchange()))
+    tables = (*single_joint_tests(), *table2(), *independent(), *exchange())
+    return {table["name"]: table for table in tables}
 
 
 def names(tag: str | None = None) -> tuple[str, ...]:
@@ -162,20 +142,16 @@ def selected(words: Sequence[str], *, duration: float | None = None, seed: int |
         raise ScenarioError(
             f"no scenario named; there are {len(names())}, listed by: hmtb scenarios list; tags: {', '.join(tags())}"
         )
-    chosen = [load(name) for name in known]
-    if duration is not None:
-        chosen = [replace(scenario, duration=duration) for scenario in chosen]
-    return chosen if seed is None else [scenario.reseeded(seed) for scenario in chosen]
+    return [load(name, duration=duration, seed=seed) for name in known]
 
 
-def load(name: str | Path) -> "Scenario":
+def load(name: str | Path, *, duration: float | None = None, seed: int | None = None) -> "Scenario":
     """A registered scenario by name, or one from a TOML file.
 
     Args:
         name: A registered name, or a path that ends in `.toml`.
-
-    Returns:
-        The scenario.
+        duration: Length instead of its own, s.
+        seed: Draws other noise.
 
     Raises:
         ScenarioError: There is no such scenario or file, or the file is wrong.
@@ -183,10 +159,13 @@ def load(name: str | Path) -> "Scenario":
     if str(name).endswith(".toml"):
         from scenarios.experiments.scenario import Scenario
 
-        return Scenario.read(name)
-    if str(name) not in registered():
+        scenario = Scenario.read(name)
+    elif str(name) in registered():
+        scenario = _scenario(str(name))
+    else:
         raise ScenarioError(unknown("scenario", name, registered(), listing="hmtb scenarios list"))
-    return _scenario(str(name))
+    scenario = scenario if duration is None else replace(scenario, duration=duration)
+    return scenario if seed is None else scenario.reseeded(seed)
 
 
 @cache

@@ -16,8 +16,13 @@ from hmtb_twin.parameters.values import OPERATING_POSE
 from scenarios.experiments.operator import Pose, ScriptedOperator, Step
 from scenarios.files.errors import ScenarioError, unknown
 
+HOLSTER, RECEPTACLE = SEATS["holster"], SEATS["receptacle"]
+
 CLEAR = 0.06
 """How far above the unit the empty end effector stays clear of it, m."""
+
+ALIGNED = RECEPTACLE.mouth + 0.015
+"""Height over the floor of the receptacle at which the unit is aligned, m."""
 
 
 @cache
@@ -33,30 +38,20 @@ def rpcm_script() -> tuple[Step, ...]:
     The operator grips the unit in its holster, draws it out to the approach point, holds there, brings it to the
     receptacle, aligns, inserts and releases it; then grips it again, extracts it and returns.
     """
-    approach = approach_point()
-    holster, receptacle = SEATS["holster"], SEATS["receptacle"]
-    over = _over(receptacle)
+    approach, over, aligned = approach_point(), _over_receptacle(), _above(RECEPTACLE, ALIGNED)
     grip = Step(
         "grip", None, near=0.0025, turn=radians(3.0), speed=0.03, stride=0.04, touching=True, closed=True, pause=0.8
     )
     return (
-        Step("approach", _above(holster, CLEAR)),
+        Step("approach", _above(HOLSTER, CLEAR)),
         grip,
         Step("draw out", approach, closed=True, speed=0.06, stride=0.06, near=0.008, touching=True),
         Step("hold", approach, closed=True, near=0.006, pause=5.0),
         Step("transfer", over, carry=True, closed=True, near=0.008, speed=0.08, pause=1.5),
-        Step(
-            "align",
-            _above(receptacle, receptacle.mouth + 0.015),
-            carry=True,
-            closed=True,
-            near=0.003,
-            speed=0.04,
-            pause=1.5,
-        ),
+        Step("align", aligned, carry=True, closed=True, near=0.003, speed=0.04, pause=1.5),
         Step(
             "insert",
-            receptacle.seated,
+            RECEPTACLE.seated,
             carry=True,
             closed=True,
             near=0.002,
@@ -67,7 +62,7 @@ def rpcm_script() -> tuple[Step, ...]:
             pause=1.0,
         ),
         Step("release", None, near=0.01, touching=True, pause=1.0),
-        Step("withdraw", _above(receptacle, CLEAR), near=0.006, speed=0.05, pause=5.0),
+        Step("withdraw", _above(RECEPTACLE, CLEAR), near=0.006, speed=0.05, pause=5.0),
         replace(grip, name="grip again"),
         Step("extract", over, carry=True, closed=True, speed=0.05, stride=0.06, near=0.01, touching=True),
         Step("return", approach, closed=True, near=0.006, speed=0.08),
@@ -76,13 +71,12 @@ def rpcm_script() -> tuple[Step, ...]:
 
 def unloaded_script() -> tuple[Step, ...]:
     """Return the steps of the same motion with an empty end effector: the unit stays in its holster."""
-    receptacle = SEATS["receptacle"]
-    approach, over = approach_point(), _over(receptacle)
+    approach, over = approach_point(), _over_receptacle()
     return (
         Step("hold", approach, near=0.006, pause=5.0),
         Step("transfer", over, near=0.008, speed=0.08, pause=1.5),
-        Step("align", _above(receptacle, receptacle.mouth + 0.015), near=0.003, speed=0.04, pause=1.5),
-        Step("lower", receptacle.seated, near=0.003, speed=0.02, stride=0.012, pause=5.0),
+        Step("align", _above(RECEPTACLE, ALIGNED), near=0.003, speed=0.04, pause=1.5),
+        Step("lower", RECEPTACLE.seated, near=0.003, speed=0.02, stride=0.012, pause=5.0),
         Step("raise", over, speed=0.05, stride=0.06, near=0.01),
         Step("return", approach, near=0.006, speed=0.08),
     )
@@ -93,13 +87,11 @@ def _above(seat: Seat, height: float) -> Pose:
     return position + np.array([0.0, 0.0, height]), rotation
 
 
-def _over(seat: Seat) -> Pose:
-    """Over a seat, as high as the approach point."""
-    (x, y, _), rotation = seat.seated
+def _over_receptacle() -> Pose:
+    """Over the receptacle, as high as the approach point."""
+    (x, y, _), rotation = RECEPTACLE.seated
     return np.array([x, y, approach_point()[0][2]]), rotation
 
-
-HOLSTER, RECEPTACLE = SEATS["holster"], SEATS["receptacle"]
 
 DEPTH = 0.002
 """Largest height of an inserted unit above the floor of its seat, m."""
@@ -273,11 +265,6 @@ TASKS: dict[str, Callable[[], tuple[Step, ...]]] = {"rpcm": rpcm_script, "rpcm-u
 
 MODE = "cartesian_rate"
 """Control mode of all tasks."""
-
-
-def task_outcome(log: JointLog, task: str) -> RpcmOutcome | None:
-    """Return the outcome of a task that inserts the unit, else None."""
-    return rpcm_outcome(log) if task == "rpcm" else None
 
 
 def check_task(task: str, experiment: Experiment, *, excited: bool) -> None:

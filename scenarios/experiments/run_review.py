@@ -12,7 +12,7 @@ from scenarios.experiments.log_review import (
     velocity_limited_share,
 )
 from scenarios.experiments.preview import deadband_warning
-from scenarios.experiments.rpcm import RpcmOutcome, task_outcome
+from scenarios.experiments.rpcm import RpcmOutcome, rpcm_outcome
 from scenarios.experiments.scenario import Scenario
 
 
@@ -46,7 +46,7 @@ def review(log: JointLog, scenario: Scenario) -> RunReview:
     """
     clipped = clipped_share(log, scenario)
     inputs = logged_inputs(log, scenario)
-    task = task_outcome(log, scenario.task)
+    task = rpcm_outcome(log) if scenario.task == "rpcm" else None
     warnings = [
         f"{100 * clipped:.2g} % of the samples stand at an end of a converter's range, whatever the excitation asked "
         "for; a smaller amplitude avoids it"

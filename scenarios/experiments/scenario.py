@@ -24,9 +24,10 @@ from hmtb_twin import (
     TwinError,
 )
 from hmtb_twin.arm.arm import check_arm
+from hmtb_twin.control.data_acquisition import BOARD
 from hmtb_twin.control.modes import axis_names
 from hmtb_twin.parameters.values import HAND_CONTROLLER, SAMPLE_RATE, SAMPLE_TIME
-from scenarios.experiments.excitation_computer import Excitation, check_outputs, play
+from scenarios.experiments.excitation_computer import Excitation, check_outputs
 from scenarios.experiments.rpcm import check_task, task_operator
 from scenarios.experiments.waveform import LONGEST, check_seed
 from scenarios.files import codec
@@ -134,9 +135,14 @@ class Scenario:
             Volts `(N, len(axes))` at 50 Hz, `N = round(50 * duration)`, before noise and bias; zero where an operator
             moves the stick.
         """
+        return BOARD.convert(self.requested_volts(), rounds=self.chain.dac)
+
+    def requested_volts(self) -> np.ndarray:
+        """Voltages that the files request of the converter, before its range and rounding; otherwise as `volts`."""
         if not self.excitation:
             return np.zeros((round(SAMPLE_RATE * self.duration), len(self.axes)))
-        return play(self.excitation, len(self.axes), self.duration, rounds=self.chain.dac)
+        columns = [entry.requested_volts(self.duration) for entry in self.excitation]
+        return np.hstack(columns * len(self.axes) if len(columns) == 1 else columns)
 
     def operator(self) -> Operator | None:
         """Return a new operator for the task, or None if the excitation computer moves the stick."""
@@ -152,8 +158,7 @@ class Scenario:
 
         The excitation keeps its own seed: the same file is played again.
         """
-        if seed < 0:
-            raise ScenarioError(f"expected a seed of 0 or more, given {seed}")
+        check_seed(seed)
         # The name enters the seed: tests of one campaign must not share their noise.
         own_seed = np.random.SeedSequence([seed, crc32(self.name.encode())]).generate_state(1)[0]
         return replace(self, seed=int(own_seed))
