@@ -187,7 +187,7 @@ def _bias_alone(own: Measurements, estimator: Estimator) -> Part:
     alone = problem(ALONE)
     if not isinstance(alone, SharedAlone):
         return unjudged(ALONE, "no bias is predicted")
-    bound = alone.first.bound(estimator.structure) or alone.first.bound(None)
+    bound = alone.bound_without_other(estimator.structure) or alone.bound_without_other(None)
     if bound is None:
         return unjudged(ALONE, "no bias is predicted")
     axes = directions(bound)

@@ -1,17 +1,16 @@
 """Two inputs that share their waveform, as the joints of the thesis did when they moved at once [Morris1996]."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 
 import numpy as np
 
 from hmtb_twin.parameters.values import SAMPLE_TIME
-from scenarios.estimators.task import Task
 from scenarios.problems.linear_problem import BURN_IN, LinearProblem
 from scenarios.problems.problem import Bound
 from scenarios.problems.textbook import binary_sequence, noise_variance
 from sysid import IOData, Polynomials, StateSpace, oe
-from sysid.records.arrays import ComplexArray, FloatArray, Locked
+from sysid.records.arrays import ComplexArray, FloatArray
 
 SAMPLES = 2000
 HOLD = 3
@@ -34,42 +33,27 @@ SHARED = {
 
 
 @dataclass(frozen=True, eq=False)
-class SharedAlone(Locked):
-    """Records of which only the first input is given, and the truth is its path.
+class SharedAlone(LinearProblem):
+    """The path from the first input, in records of which only that input is given.
 
     Attributes:
-        name: By which the registry finds it.
         both: The problem with both inputs.
-        first: The problem of the first path alone, whose tasks are used.
     """
 
-    name: str
-    both: LinearProblem
-    first: LinearProblem
-
-    @property
-    def truth(self) -> StateSpace:
-        """Path from the first input."""
-        return self.first.truth
-
-    @property
-    def frequencies(self) -> FloatArray:
-        """(nf,), Hz."""
-        return self.first.frequencies
+    both: LinearProblem = field(kw_only=True)
 
     def draw(self, seed: int) -> IOData:
         """The record of `both`, without the second input."""
         record = self.both.draw(seed)
         return IOData(record.u[:, :1], record.y, record.dt)
 
-    def task(self, structure: str | None, ask: str = "fit") -> Task | None:
-        """The task of the first path alone."""
-        return self.first.task(structure, ask)
-
-    def bound(self, structure: str | None) -> Bound | None:
+    def bound(self, structure: str | None) -> None:
         """None: the record does not tell the path from what comes with the other input."""
         del structure
-        return None
+
+    def bound_without_other(self, structure: str | None) -> Bound | None:
+        """The bound if the second input were silent."""
+        return super().bound(structure)
 
     @cached_property
     def limit(self) -> StateSpace:
@@ -81,7 +65,7 @@ class SharedAlone(Locked):
         """
         signals = self.both.respond(self.both.reference, np.zeros(len(self.both.reference)))
         record = IOData(signals.u[BURN_IN:, :1], signals.y[BURN_IN:], self.both.dt)
-        b, f = self.first.polynomials.channel(0)
+        b, f = self.polynomials.channel(0)
         delay = int(np.argmax(b != 0.0))
         return oe(record, len(b) - delay, len(f) - 1, delay).model
 
@@ -90,7 +74,7 @@ class SharedAlone(Locked):
         return self.limit.frequency_response(self.frequencies) - self.truth.frequency_response(self.frequencies)
 
 
-def shared(plain: str, name: str, samples: int | None) -> LinearProblem | SharedAlone:
+def shared(plain: str, name: str, samples: int | None) -> LinearProblem:
     """A problem of `SHARED`; samples of a record, or None for `SAMPLES`."""
     truth = Polynomials(B=np.stack((B1, B2)), F=np.stack((F, F)))
     variance = noise_variance(truth, _inputs(SAMPLES), SIGNAL_TO_NOISE_DB)
@@ -98,8 +82,7 @@ def shared(plain: str, name: str, samples: int | None) -> LinearProblem | Shared
     both = LinearProblem(name, truth, inputs, variance, SAMPLE_TIME)
     if plain == "shared":
         return both
-    first = LinearProblem(name, Polynomials(B=B1, F=F), inputs[:, :1], variance, SAMPLE_TIME)
-    return SharedAlone(name, both, first)
+    return SharedAlone(name, Polynomials(B=B1, F=F), inputs[:, :1], variance, SAMPLE_TIME, both=both)
 
 
 def _inputs(samples: int) -> FloatArray:

@@ -4,6 +4,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.polynomial.polyutils import trimseq
 
 from scenarios.estimators.claims import filled
 from scenarios.estimators.task import STRUCTURES
@@ -48,26 +49,26 @@ def embedding(truth: Polynomials, structure: str) -> Embedding | None:
     a, c, d = truth.A, truth.C, truth.D
     b, f = zip(*(truth.channel(j) for j in range(truth.nu)), strict=True)
     common = _common(f)
-    poles = [_trim(np.convolve(a, one)) for one in f]
+    poles = [trimseq(np.convolve(a, one)) for one in f]
     delay = min(int(np.flatnonzero(one)[0]) for one in b)
     white = _same(c, np.convolve(a, d))
     orders = {"nb": _longest(b) - delay, "nf": _longest(poles) - 1, "nk": delay}
     if structure == "oe":
         return Embedding(structure, orders, _polynomials(b, poles) if white else None)
     if structure == "bj":
-        c, d = (ONE, ONE) if white else (c, _trim(np.convolve(a, d)))
+        c, d = (ONE, ONE) if white else (c, trimseq(np.convolve(a, d)))
         orders = {"nb": orders["nb"], "nc": len(c) - 1, "nd": len(d) - 1, "nf": orders["nf"], "nk": delay}
         return Embedding(structure, orders, _polynomials(b, poles, c=c, d=d))
     # One denominator for all: A F D y = B (F/F_j) D u_j + C F e
-    whole = _trim(np.convolve(a, common))
-    zeros = [_trim(np.convolve(one, np.polydiv(common, fj)[0])) for one, fj in zip(b, f, strict=True)]
+    whole = trimseq(np.convolve(a, common))
+    zeros = [trimseq(np.convolve(one, np.polydiv(common, fj)[0])) for one, fj in zip(b, f, strict=True)]
     if structure == "arx":
         bare = _same(np.convolve(c, common), d)
         orders = {"na": len(whole) - 1, "nb": _longest(zeros) - delay, "nk": delay}
         return Embedding(structure, orders, _polynomials(zeros, a=whole) if bare else None)
-    whole = _trim(np.convolve(whole, d))
-    zeros = [_trim(np.convolve(one, d)) for one in zeros]
-    noise = _trim(np.convolve(c, common))
+    whole = trimseq(np.convolve(whole, d))
+    zeros = [trimseq(np.convolve(one, d)) for one in zeros]
+    noise = trimseq(np.convolve(c, common))
     if structure == "armax":
         orders = {"na": len(whole) - 1, "nb": _longest(zeros) - delay, "nc": len(noise) - 1, "nk": delay}
         return Embedding(structure, orders, _polynomials(zeros, a=whole, c=noise))
@@ -133,21 +134,11 @@ def _polynomials(
 
 
 def _stacked(rows: Sequence[FloatArray]) -> FloatArray:
-    if len(rows) == 1:
-        return rows[0]
-    out = np.zeros((len(rows), _longest(rows)))
-    for place, row in zip(out, rows, strict=True):
-        place[: len(row)] = row
-    return out
+    return rows[0] if len(rows) == 1 else np.stack([filled("", row, _longest(rows)) for row in rows])
 
 
 def _longest(rows: Sequence[FloatArray]) -> int:
     return max(len(row) for row in rows)
-
-
-def _trim(row: FloatArray) -> FloatArray:
-    kept = np.flatnonzero(row)
-    return row[: kept[-1] + 1] if len(kept) else row[:1]
 
 
 def _same(one: FloatArray, other: FloatArray) -> bool:

@@ -4,6 +4,7 @@ from dataclasses import dataclass, field
 from functools import cached_property
 
 import numpy as np
+from numpy.polynomial.polynomial import polyadd
 from scipy.signal import lfilter
 
 from scenarios.estimators.task import Task
@@ -145,16 +146,14 @@ class LinearProblem(Locked):
     def _closed_loop(self) -> FloatArray:
         """Characteristic polynomial of the loop with the plant B/(A F)."""
         b, f = self.polynomials.channel(0)
-        plant = np.convolve(self.polynomials.A, f)
-        longest = max(len(plant), len(b))
-        return np.pad(plant, (0, longest - len(plant))) + np.pad(self.feedback * b, (0, longest - len(b)))
+        return np.asarray(polyadd(np.convolve(self.polynomials.A, f), self.feedback * b))
 
     def _pulse_length(self, at: Polynomials) -> int:
         """Samples until the response to a pulse has died out."""
         filters = [at.A, at.C, at.D, *(at.channel(j)[1] for j in range(at.nu))]
         if self.feedback:
             filters.append(self._closed_loop)
-        slowest = max((float(np.abs(np.roots(row)).max(initial=0.0)) for row in filters), default=0.0)
+        slowest = max(float(np.abs(np.roots(row)).max(initial=0.0)) for row in filters)
         if slowest >= 1.0:
             raise ScenarioError(f"{self.name}: a root of modulus {slowest:.6g} given, expected less than 1")
         steps = 100 if slowest < 1e-3 else 100 + int(np.log(DIED_OUT) / np.log(slowest))

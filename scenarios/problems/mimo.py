@@ -98,12 +98,12 @@ class MimoProblem(Locked):
     def efficient(self, structure: str, seed: int) -> FloatArray:
         """See `LinearProblem.efficient`."""
         del structure
-        return self._bound.parameters + self._bound.covariance @ self._coordinates.score(self.draw(seed))
+        return self._bound.parameters + self._bound.covariance @ self._coordinates.normal(self.draw(seed)).gradient
 
     def realise(self, structure: str, theta: FloatArray) -> tuple[StateSpace, None]:
         """The model with the local coordinates of the bound (q,)."""
         del structure
-        return self._coordinates.model(theta), None
+        return self._coordinates.realise(theta), None
 
     @cached_property
     def _coordinates(self) -> Coordinates:

@@ -137,16 +137,15 @@ def _fair(candidate: LinearProblem, wanted: Difficulty, rng: np.random.Generator
     size = np.sqrt(np.sum(bound.response_directions**2, axis=(0, 4)))
     if not (size[inside] <= wanted.deviation * np.abs(bound.response[inside])).all():
         return False
-    return _as_linear_as_the_bound(candidate, bound, rng)
+    return _as_linear_as_the_bound(candidate, bound, size, rng)
 
 
-def _as_linear_as_the_bound(candidate: LinearProblem, bound: Bound, rng: np.random.Generator) -> bool:
+def _as_linear_as_the_bound(candidate: LinearProblem, bound: Bound, size: FloatArray, rng: np.random.Generator) -> bool:
     embedded = candidate.embedded(None)
     if embedded is None or bound.polynomials is None:
         return False
     orders = layout(candidate.structure, embedded.orders)
     directions = standard_directions(bound.covariance)
-    size = np.sqrt(np.sum(bound.response_directions**2, axis=(0, 4)))
     _, derivatives = response_derivatives(bound.polynomials, orders, candidate.dt, bound.frequencies)
     beyond = np.empty((TRIALS, *bound.response.shape))
     for k in range(TRIALS):

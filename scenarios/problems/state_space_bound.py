@@ -32,7 +32,7 @@ class Coordinates:
         basis: Directions (entries of A - K C, B and K, C, D; q).
         scales: Of the channels.
         weight: Inverse of the innovation's covariance, scaled (ny, ny).
-        realise: From coordinates (q,) to the model.
+        realise: From coordinates (q,) to the model; its `parameters` are those of the truth.
     """
 
     predictor: Predictor
@@ -41,26 +41,16 @@ class Coordinates:
     weight: FloatArray
     realise: RealiseLocally
 
-    @property
-    def parameters(self) -> FloatArray:
-        """Those of the truth (q,)."""
-        return self.realise.parameters
-
-    def model(self, theta: FloatArray) -> StateSpace:
-        """Model with coordinates (q,)."""
-        return self.realise(theta)
-
     def normal(self, data: IOData) -> Normal:
-        """Information and gradient of a record at the truth, the initial state eliminated."""
+        """Information and score of a record at the truth, the initial state eliminated.
+
+        The score, `gradient`, is the derivative of the logarithm of the likelihood (q,).
+        """
         records = [Record.of(data, self.scales, gain=True)]
         point = Point.at(records, self.predictor, self.weight)
         covariance = np.asarray(np.linalg.inv(self.weight), dtype=np.float64)
         at = Point(point.predictor, point.states, point.errors, covariance, point.criterion, spreads=point.spreads)
         return linearise(records, at, self.basis)
-
-    def score(self, data: IOData) -> FloatArray:
-        """Derivative of the logarithm of the likelihood at the truth (q,)."""
-        return self.normal(data).gradient
 
 
 def coordinates(truth: StateSpace, data: IOData) -> Coordinates:
@@ -95,17 +85,18 @@ def state_space_bound(at: Coordinates, draw: Callable[[int], IOData], frequencie
     """
     information = sum(at.normal(draw(FIRST_SEED + k)).information for k in range(DRAWS)) / DRAWS
     covariance = np.asarray(np.linalg.inv(information), dtype=np.float64)
-    truth = at.model(at.parameters)
+    parameters = at.realise.parameters
+    truth = at.realise(parameters)
     bandwidths = truth.bandwidth()
     known = np.argwhere(np.isfinite(bandwidths))
     edges = bandwidths[np.isfinite(bandwidths)]
     grid = np.concatenate((frequencies, [0.0], edges))
 
     def parts(theta: FloatArray) -> FloatArray:
-        response = at.model(theta).frequency_response(grid)
+        response = at.realise(theta).frequency_response(grid)
         return np.stack((response.real, response.imag), axis=-1)
 
-    moves = spread(parts, at.parameters, covariance)
+    moves = spread(parts, parameters, covariance)
     response = truth.frequency_response(grid)
     count = len(frequencies)
     # of the logarithms of the magnitudes
@@ -117,7 +108,7 @@ def state_space_bound(at: Coordinates, draw: Callable[[int], IOData], frequencie
         deviation[i, j] = np.linalg.norm(relative[:, count + 1 + k, i, j] - relative[:, count, i, j]) / abs(slope)
     return Bound(
         polynomials=None,
-        parameters=at.parameters,
+        parameters=parameters,
         covariance=covariance,
         frequencies=frequencies,
         response=response[:count],

@@ -97,17 +97,11 @@ class BestLinear(Locked):
         Raises:
             KeyError, TypeError, ValueError: It is no such table.
         """
-        arrays = {one.name: np.array(table[one.name]) for one in fields(cls) if one.type == FloatArray}
         low, high = table["bandwidth_ci95"]
-        return cls(
-            **arrays,
-            response=np.array(table["real"]) + 1j * np.array(table["imaginary"]),
-            realisations=table["realisations"],
-            bandwidth_hz=table["bandwidth_hz"],
-            bandwidth_ci95=(low, high),
-            command_rms=table["command_rms"],
-            slewing=table["slewing"],
-        )
+        response = np.array(table["real"]) + 1j * np.array(table["imaginary"])
+        values = {one.name: table[one.name] for one in fields(cls) if one.name in table}
+        values |= {name: np.array(value) for name, value in values.items() if isinstance(value, list)}
+        return cls(**values | {"response": response, "bandwidth_ci95": (low, high)})
 
 
 def twin_best_linear(name: TwinName) -> BestLinear:

@@ -81,7 +81,7 @@ def test_a_few_failures_do_not_matter() -> None:
 def test_what_one_input_alone_shows_is_told_beside_what_it_must_show() -> None:
     alone = problem(ALONE)
     assert isinstance(alone, SharedAlone)
-    bound = alone.first.bound(None)
+    bound = alone.bound_without_other(None)
     assert bound is not None
     rng = np.random.default_rng(1)
     steps = rng.standard_normal((20, len(bound.response_directions)))
