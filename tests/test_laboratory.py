@@ -49,10 +49,7 @@ def logs() -> dict[str, JointLog]:
 
 def stick(counts: float) -> float:
     """Deflection of one axis in volts, beyond the deadband."""
-    volts = counts * STEP
-    if abs(volts) <= 0.05:
-        return 0.0
-    return (abs(volts) - 0.05) * (1.0 if volts > 0 else -1.0)
+    return float(np.sign(counts)) * max(abs(counts * STEP) - 0.05, 0.0)
 
 
 @pytest.mark.parametrize("mode", ["single_joint", "single_joint_rate"])
@@ -147,19 +144,14 @@ FIRST = {
 SETTINGS = {"single_joint": ("elbow_pitch",), "cartesian": ("x", "z")}
 
 
-def plan(mode: str, chain: Chain) -> Scenario:
-    wave = Excitation("two_sines", {"frequency": 1.5, "amplitude": 1.7})
-    return Scenario(
-        "plan", SETTINGS[mode], (wave,), duration=3.0, seed=5, mode=mode, chain=chain, hand_controller=STICK
-    )
-
-
 @pytest.fixture(scope="module", params=list(SETTINGS))
 def pairs(request: pytest.FixtureRequest) -> dict[str, JointLog]:
     """One log with every link, and one without each."""
+    wave = Excitation("two_sines", {"frequency": 1.5, "amplitude": 1.7})
+    plain = Scenario("plan", SETTINGS[request.param], (wave,), duration=3.0, seed=5, mode=request.param)
     chains = [Chain(), *(replace(Chain(), **{link: False}) for link in FIRST)]
-    tests = [plan(request.param, chain) for chain in chains]
-    return dict(zip(("all", *FIRST), simulate(tests), strict=True))
+    logs = simulate([replace(plain, chain=chain, hand_controller=STICK) for chain in chains])
+    return dict(zip(("all", *FIRST), logs, strict=True))
 
 
 def residual(log: JointLog) -> np.ndarray:
@@ -185,28 +177,19 @@ def test_dac_rounds_by_half_a_count(pairs: dict[str, JointLog]) -> None:
     assert 0.4 * STEP < np.abs(change).max() <= 0.5 * STEP + 1e-12
 
 
-def test_noise_is_what_the_seed_draws(pairs: dict[str, JointLog]) -> None:
-    change = pairs["all"].volts - pairs["noise"].volts
+def test_noise_and_bias_are_what_the_seed_draws(pairs: dict[str, JointLog]) -> None:
+    volts = {link: pairs["all"].volts - pairs[link].volts for link in ("bias", "noise")}
     wires = np.random.default_rng(5).spawn(2)[0]
-    wires.standard_normal(change.shape[1])  # the biases
-    np.testing.assert_allclose(change, HAND_CONTROLLER.noise * wires.standard_normal(change.shape), atol=1e-14)
+    bias = HAND_CONTROLLER.bias * wires.standard_normal(volts["bias"].shape[1])
+    np.testing.assert_allclose(volts["bias"], np.broadcast_to(bias, volts["bias"].shape), atol=1e-14)
+    noise = HAND_CONTROLLER.noise * wires.standard_normal(volts["noise"].shape)
+    np.testing.assert_allclose(volts["noise"], noise, atol=1e-14)
 
 
-def test_bias_is_a_constant_of_each_axis(pairs: dict[str, JointLog]) -> None:
-    change = pairs["all"].volts - pairs["bias"].volts
-    np.testing.assert_allclose(change, np.broadcast_to(change[0], change.shape), atol=1e-14)
-    wires = np.random.default_rng(5).spawn(2)[0]
-    np.testing.assert_allclose(change[0], HAND_CONTROLLER.bias * wires.standard_normal(change.shape[1]), atol=1e-14)
-
-
-def test_adc_rounds_the_voltage_it_samples(pairs: dict[str, JointLog]) -> None:
+def test_adc_rounds_the_voltage_that_it_samples_every_third_tick(pairs: dict[str, JointLog]) -> None:
     smooth, ticks = pairs["adc"].counts, np.arange(len(pairs["adc"]))
     np.testing.assert_array_equal(pairs["all"].counts, np.rint(smooth))
     np.testing.assert_allclose(STEP * smooth, pairs["all"].volts[ticks - ticks % 3], rtol=1e-12)
-
-
-def test_hold_repeats_every_third_sample(pairs: dict[str, JointLog]) -> None:
-    ticks = np.arange(len(pairs["all"]))
     np.testing.assert_array_equal(pairs["all"].counts, pairs["hold"].counts[ticks - ticks % 3])
     np.testing.assert_array_equal(pairs["hold"].counts, np.rint(pairs["hold"].volts / STEP))
 

@@ -1,4 +1,4 @@
-"""Arms with other servo valves, another physics step or another integrator than `load_arm` gives."""
+"""Arms with other servo valves or another physics step than `load_arm` gives, and comparisons of arms and logs."""
 
 from copy import copy
 from dataclasses import replace
@@ -6,13 +6,23 @@ from dataclasses import replace
 import mujoco
 import numpy as np
 
-from hmtb_twin import JOINTS, Arm
+from hmtb_twin import JOINTS, Arm, JointLog
 from hmtb_twin.hydraulics import valve_equations as eq
 from hmtb_twin.hydraulics.orifice import valve_parameters
 from hmtb_twin.parameters.servo_valve import POWER_UNIT, SERVO_VALVE, PowerUnit, ServoValve
 from hmtb_twin.parameters.values import INDEXED_JOINTS, OPERATING_POSE, SAMPLE_TIME
 from hmtb_twin.truth.linearization import sample_map, sliding
 from sysid import StateSpace
+
+CHANNELS = (
+    *("commanded", "measured", "wrench", "true_angles", "load_pressure", "volts", "counts", "status"),
+    *("unit_pose", "contact_force", "spool", "supply_pressure"),
+)
+
+
+def equal(first: JointLog, second: JointLog) -> bool:
+    """Whether two logs agree in every bit of every channel."""
+    return all(np.array_equal(getattr(first, name), getattr(second, name)) for name in CHANNELS)
 
 
 def with_valve(arm: Arm, *, valve: ServoValve = SERVO_VALVE, power_unit: PowerUnit = POWER_UNIT) -> Arm:

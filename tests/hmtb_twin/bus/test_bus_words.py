@@ -15,16 +15,9 @@ ROOT = Path(__file__).parents[3]
 
 def test_command_words_by_hand():
     # Terminal 1 transmits 12 words of subaddress 1: 00001 1 00001 01100; it receives 13 words: 00001 0 00010 01101.
-    assert [f"{message.command:016b}" for message in MESSAGES] == [
-        "0000110000101100",
-        "0001010000101011",
-        "0000100001001101",
-    ]
-    assert [f"{message.status:016b}" for message in MESSAGES] == [
-        "0000100000000000",
-        "0001000000000000",
-        "0000100000000000",
-    ]
+    commands = ["0000110000101100", "0001010000101011", "0000100001001101"]
+    answers = ["0000100000000000", "0001000000000000", "0000100000000000"]
+    assert [(f"{m.command:016b}", f"{m.status:016b}") for m in MESSAGES] == list(zip(commands, answers, strict=True))
 
 
 def test_messages_fit_the_standard_and_the_tick():
@@ -37,11 +30,13 @@ def test_messages_fit_the_standard_and_the_tick():
     assert ends[-1] < COUNTS_PER_TICK == 200_000
 
 
-def test_the_words_carry_every_channel_of_the_record():
+def test_the_words_carry_every_channel_of_the_record_and_the_documented_table_is_this_one():
     for message in MESSAGES:
-        assert message.quantities == CHANNELS[message.name][0]
-        assert message.units == CHANNELS[message.name][1]
+        assert (message.quantities, message.units) == CHANNELS[message.name][:2]
     assert BAM == Recorder().resolver_step == np.deg2rad(180 / 32768)
+    text = (ROOT / "docs/bus.md").read_text(encoding="utf-8")
+    assert "\n".join(interface_control_table()) in text
+    assert len(re.findall(r"^\| .*\| `checksum` \|", text, re.M)) == len(MESSAGES)
 
 
 @given(st.lists(st.integers(0, 0xFFFF), min_size=1, max_size=30))
@@ -65,9 +60,3 @@ def test_up_to_three_wrong_bits_never_pass(words, data):
     for word, bit in data.draw(st.lists(places, min_size=1, max_size=3, unique=True)):
         message[word] ^= np.uint16(1 << bit)
     assert (check_words(message[None, :-2])[0] != message[-2:]).any()
-
-
-def test_the_documented_table_is_this_one():
-    text = (ROOT / "docs/bus.md").read_text(encoding="utf-8")
-    assert "\n".join(interface_control_table()) in text
-    assert len(re.findall(r"^\| .*\| `checksum` \|", text, re.M)) == len(MESSAGES)

@@ -1,5 +1,8 @@
+from dataclasses import replace
+
 import numpy as np
 import pytest
+import xarray as xr
 
 from hmtb_twin import JointLog, TwinError, simulate
 
@@ -24,11 +27,15 @@ def test_analyst_gets_command_and_measurement_only(log):
     np.testing.assert_array_equal(data.y[:, 0], log.measured[:, 3])
     assert data.dt == 0.02
     np.testing.assert_array_equal(log.iodata("wrist_yaw").y[:, 0], log.measured[:, 5])
+    with pytest.raises(TwinError, match=r"'knee'.*elbow_pitch"):
+        log.iodata("knee")
 
 
-def test_log_is_locked(log):
+def test_log_is_locked_and_its_channels_fit_together(log):
     with pytest.raises(ValueError, match="read-only"):
         log.measured[0, 0] = 0.0
+    with pytest.raises(TwinError, match=r"wrench of shape .* expected"):
+        replace(log, wrench=log.wrench[:-1])
 
 
 def test_missing_and_foreign_files(log, tmp_path):
@@ -37,21 +44,9 @@ def test_missing_and_foreign_files(log, tmp_path):
     (tmp_path / "text.nc").write_text("u,y\n1,2\n")
     with pytest.raises(TwinError, match="not a NetCDF4 file"):
         JointLog.load(tmp_path / "text.nc")
-    import xarray as xr
-
     xr.Dataset({"tide": ("t", np.zeros(3))}).to_netcdf(tmp_path / "tide.nc", engine="h5netcdf")
     with pytest.raises(TwinError, match=r"no joint log.*tide"):
         JointLog.load(tmp_path / "tide.nc")
-
-
-def test_unwritable_place(log, tmp_path):
-    with pytest.raises(TwinError, match="cannot write"):
-        log.save(tmp_path / "absent" / "log.nc")
-
-
-def test_unknown_joint(log):
-    with pytest.raises(TwinError, match=r"'knee'.*elbow_pitch"):
-        log.iodata("knee")
 
 
 @pytest.mark.parametrize(
@@ -66,8 +61,6 @@ def test_unknown_joint(log):
     ],
 )
 def test_damaged_logs_are_refused(log, tmp_path, spoil):
-    import xarray as xr
-
     path = log.save(tmp_path / "log.nc")
     spoil(xr.load_dataset(path, engine="h5netcdf")).to_netcdf(tmp_path / "bad.nc", engine="h5netcdf")
     with pytest.raises(TwinError, match=r"bad\.nc|joint log"):
@@ -75,21 +68,14 @@ def test_damaged_logs_are_refused(log, tmp_path, spoil):
 
 
 def test_a_log_that_cannot_be_written_leaves_nothing(log, tmp_path):
-    from dataclasses import replace
-
+    with pytest.raises(TwinError, match="cannot write"):
+        log.save(tmp_path / "absent" / "log.nc")
     with pytest.raises(TwinError, match="cannot write"):
         replace(log, seed=2**70).save(tmp_path / "log.nc")
     assert list(tmp_path.iterdir()) == []
     (tmp_path / "taken.nc").mkdir()
     with pytest.raises(TwinError, match="folder"):
         log.save(tmp_path / "taken.nc")
-
-
-def test_channels_must_fit_together(log):
-    from dataclasses import replace
-
-    with pytest.raises(TwinError, match=r"wrench of shape .* expected"):
-        replace(log, wrench=log.wrench[:-1])
 
 
 def test_a_damaged_header_is_one_error_and_no_noise(log, tmp_path, capfd):

@@ -24,51 +24,30 @@ class Replay:
         return Motion(next(self._volts))
 
 
+def operated(experiment, make):
+    """The kind of experiment whose operator is made by `make`."""
+    return dataclass(frozen=True)(type("Operated", (experiment,), {"operator": make}))
+
+
 @pytest.mark.parametrize("mode", ["single_joint", "single_joint_rate", "cartesian", "cartesian_rate"])
-def test_an_operator_who_does_the_same_gives_the_same_log(experiment, mode):
+def test_an_operator_who_does_the_same_gives_the_same_log_and_sees_the_tool_where_it_is(experiment, mode):
+    operators = []
+
+    def replay(self) -> Replay:
+        operators.append(Replay(experiment.volts(self)))
+        return operators[-1]
+
     axes = ("x", "z") if mode.startswith("cartesian") else ("shoulder_yaw", "elbow_pitch")
-
-    @dataclass(frozen=True)
-    class Operated(experiment):
-        def operator(self) -> Replay:
-            return Replay(experiment.volts(self))
-
-    plain = experiment(mode=mode, axes=axes, duration=2.0)
-    by_hand = simulate([Operated(mode=mode, axes=axes, duration=2.0)])[0]
-    played = simulate([plain])[0]
+    settings = {"mode": mode, "axes": axes, "duration": 2.0}
+    by_hand, played = simulate([operated(experiment, replay)(**settings), experiment(**settings)])
     for name in CHANNELS:
         np.testing.assert_array_equal(getattr(by_hand, name), getattr(played, name), err_msg=name)
-
-
-def test_an_operator_sees_the_tool_where_it_is(experiment):
-    seen = []
-
-    @dataclass(frozen=True)
-    class Watched(experiment):
-        def operator(self) -> Replay:
-            seen.append(Replay(experiment.volts(self)))
-            return seen[-1]
-
-    log = simulate([Watched(duration=1.0)])[0]
-    controller = load_arm().controller
-    for k in (0, 20, 49):
-        view = seen[0].views[k]
-        position, rotation = controller.tool_pose(log.true_angles[k])
+    for k in (0, 20, 99):
+        view, (position, rotation) = operators[0].views[k], load_arm().controller.tool_pose(by_hand.true_angles[k])
         assert view.time == pytest.approx(k * 0.02)
         np.testing.assert_allclose(view.tool_position, position, atol=1e-12)
         np.testing.assert_allclose(view.tool_rotation, rotation, atol=1e-12)
-        np.testing.assert_array_equal(view.wrench, log.wrench[k])
-
-
-def test_rate_mode_integrates_the_stick(experiment):
-    class Push(experiment):
-        def volts(self) -> np.ndarray:
-            return np.full((round(50 * self.duration), 1), 2.0)
-
-    quiet = Chain(noise=False, bias=False, adc=False)
-    log = simulate([Push(mode="single_joint_rate", axes=("wrist_yaw",), duration=2.0, chain=quiet)])[0]
-    turned = log.commanded[-1, 5] - load_arm().pose("rpcm_holster_out_approach")[5]
-    assert turned == pytest.approx(2.0 * 2.0 * Push().hand_controller.rate_gain)
+        np.testing.assert_array_equal(view.wrench, by_hand.wrench[k])
 
 
 def test_saturation_and_limits_are_flagged(experiment):
@@ -83,13 +62,15 @@ def test_saturation_and_limits_are_flagged(experiment):
 
 @pytest.fixture(scope="module")
 def stopped(experiment):
-    """A binary test of the shoulder pitch with the power off from 3 s to 6 s."""
-    return simulate([experiment(axes=("shoulder_pitch",), duration=9.0, shutdown=(3.0, 6.0))])[0]
-
-
-def test_shutdown_is_flagged_from_power_off_to_power_on(stopped):
-    off = (stopped.status & Status.SHUT_DOWN) != 0
-    np.testing.assert_array_equal(np.flatnonzero(off), np.arange(150, 300))
+    """A binary test of the shoulder pitch with the power off from 3 s to 6 s, run beside another; the other alone."""
+    other = experiment(duration=3.0)
+    log, company = simulate(
+        [experiment(name="off", axes=("shoulder_pitch",), duration=9.0, shutdown=(3.0, 6.0)), other]
+    )
+    alone = simulate([other])[0]
+    assert all(np.array_equal(getattr(alone, name), getattr(company, name)) for name in CHANNELS)
+    np.testing.assert_array_equal(np.flatnonzero(log.status & Status.SHUT_DOWN), np.arange(150, 300))
+    return log
 
 
 def test_trapped_oil_holds_the_arm_but_for_its_leakage(stopped):
@@ -113,14 +94,6 @@ def test_restart_is_bumpless(stopped):
     assert np.ptp(stopped.true_angles[310:, 2]) > 0.02
 
 
-def test_the_others_of_a_batch_do_not_notice_a_shutdown(experiment):
-    alone = simulate([experiment(duration=3.0)])[0]
-    company = simulate([experiment(name="stopped", duration=3.0, shutdown=(1.0,)), experiment(duration=3.0)])
-    for name in CHANNELS:
-        np.testing.assert_array_equal(getattr(alone, name), getattr(company[1], name), err_msg=name)
-    assert (company[0].status[50:] == Status.SHUT_DOWN).all()
-
-
 @pytest.mark.parametrize("times", [(0.0,), (0.005,), (5.0,), (3.999,), (2.0, 1.0), (3.0, 3.005), (float("nan"),)])
 def test_bad_shutdowns_are_refused(experiment, times):
     with pytest.raises(TwinError, match="power off"):
@@ -141,23 +114,12 @@ def test_an_operator_who_does_the_impossible_fails_alone(experiment, answer, say
         def move(self, view: View) -> Motion:
             return Motion(np.zeros(1)) if view.time < 0.01 else answer
 
-    @dataclass(frozen=True)
-    class Operated(experiment):
-        def operator(self) -> Wrong:
-            return Wrong()
-
-    logs = simulate([Operated(name="wrong", duration=1.0), experiment(duration=1.0)])
+    kind = operated(experiment, lambda _: Wrong())
+    logs = simulate([kind(name="wrong", duration=0.1), experiment(duration=0.1)])
     assert [log.name for log in logs] == ["binary"]
     assert re.search(says, logs.failed["wrong"])
-
-
-def test_an_operator_must_be_able_to_move(experiment):
-    class Operated(experiment):
-        def operator(self) -> object:
-            return 3
-
     with pytest.raises(TwinError, match=r"gave int, expected an object with a method move"):
-        simulate([Operated()])
+        simulate([operated(experiment, lambda _: 3)()])
 
 
 def test_the_log_names_its_operator_and_claims_no_recipe_it_cannot_keep():

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.optimize import brentq
 
-from hmtb_twin import JOINTS, OverloadError, Plant, linearize, load_arm, simulate
+from hmtb_twin import JOINTS, OverloadError, Plant, linearize, load_arm
 from hmtb_twin.parameters.values import MOTIONS, OPERATING_POSE
 from hmtb_twin.truth.analytic_hydraulics import linear_hydraulics
 from hmtb_twin.truth.linearization import CLEARANCE
@@ -57,15 +57,6 @@ def test_a_joint_that_sinks_onto_its_stop_has_no_truth():
     assert arm.rest(pose).qpos[wrist] > stop - CLEARANCE
     with pytest.raises(OverloadError, match=r"^at 20.7 MPa the drives let the wrist pitch sink onto its stop, to 90"):
         linearize(arm, pose, amplitudes=())
-
-
-@pytest.mark.parametrize("form", FORMS)
-def test_an_experiment_that_starts_so_is_refused_before_anything_runs(experiment, form):
-    heavy = experiment(name="heavy", plant=Plant(actuator=form, supply_pressure=6.0))
-    told = []
-    with pytest.raises(OverloadError, match=r"^heavy: at 6 MPa the drives .* \(rpcm_holster_out_approach\)$"):
-        simulate([experiment(name="light", duration=1.0), heavy], progress=lambda *ticks: told.append(ticks))
-    assert told == []
 
 
 def test_linear_drives_hold_up_to_their_steady_stall_torque_and_no_more():

@@ -70,52 +70,44 @@ def run(model, data, seconds):
 def test_bench_follows_the_equations_written_down_again(name):
     actuator, inertia, valve, unit = replace(ACTUATORS[name], friction=None), 5.0, SERVO_VALVE, POWER_UNIT
     model, data = bench(actuator, inertia=inertia)
-    oil = actuator.hydraulics
-    D, C = actuator.displacement, actuator.leakage
-    rated = D * actuator.no_load_speed
+    oil, D, C, rated = actuator.hydraulics, actuator.displacement, actuator.leakage, actuator.rated_flow
     chamber = actuator.trapped_volume / (2.0 * oil.bulk_modulus)
     omega, ps0, pr = 2 * np.pi * valve.frequency, oil.supply_pressure, oil.return_pressure
+    assert valve.static_gain(actuator, 0.0) == valve.loop_gain
+    assert rated == pytest.approx(D * actuator.no_load_speed)
 
     def law(drop):
         return drop / (drop**2 + valve.transition_pressure**2) ** 0.25
 
-    size = rated / law((ps0 - pr) / 2)
-
     def land(x, drop):
-        return size * (x + np.sqrt(x**2 + valve.clearance**2)) / 2 * law(drop)
+        return rated / law((ps0 - pr) / 2) * (x + np.sqrt(x**2 + valve.clearance**2)) / 2 * law(drop)
 
     def equations(_, state, torque):
         w, ps, x, v, slow, pa, pb = state
         load = pa - pb
-        static, total = valve.static_gain(actuator, 0.0), valve.loop_gain
-        assert static == total
-        ask = total * chamber / 2 * (torque / D - load) + C * torque / D + valve.compensated * D * w
-        x_dot_dot = omega**2 * (np.clip(ask / rated, -1, 1) - x) - 2 * valve.damping * omega * v
+        ask = valve.loop_gain * chamber / 2 * (torque / D - load) + C * torque / D + valve.compensated * D * w
         to_a, from_a = land(x, ps - pa), land(-x, pa - pr)
         to_b, from_b = land(-x, ps - pb), land(x, pb - pr)
         pump = np.clip(unit.droop * (ps0 - ps), 0, unit.largest_flow)
         return [
             D * load / inertia,
             (pump - to_a - to_b) / unit.capacity,
-            v,
-            x_dot_dot,
+            omega * v,
+            omega * (np.clip(ask / rated, -1, 1) - x) - 2 * valve.damping * omega * v,
             (load - slow) / valve.washout_time,
             (to_a - from_a - D * w - C * load) / chamber,
             (to_b - from_b + D * w + C * load) / chamber,
         ]
 
     # Within the strokes and the pressures of the check valves: those are tested below.
-    torques = np.array([0.3, -0.25, 0.1]) * actuator.maximum_torque
     state = np.array([0.0, ps0, 0, 0, 0, (ps0 + pr) / 2, (ps0 + pr) / 2])
-    for torque in torques:
+    for torque in np.array([0.3, -0.25, 0.1]) * actuator.maximum_torque:
         data.ctrl[1] = torque
         run(model, data, 0.1)
         state = solve_ivp(equations, (0, 0.1), state, args=(torque,), rtol=1e-10, atol=1e-12, method="LSODA").y[:, -1]
         spool, speed, _, slow, mean, load = states(data)[0]
         got = [data.qvel[0], data.act[0], spool, speed / omega, slow, mean + load / 2, mean - load / 2]
-        state[3] /= omega
         np.testing.assert_allclose(got, state, rtol=1e-5, atol=2e-6)
-        state[3] *= omega
 
 
 def test_python_and_mujoco_compute_the_same_rates():
@@ -136,20 +128,6 @@ def test_python_and_mujoco_compute_the_same_rates():
             p, own = arm_parameters(arm.model)[j], data.act[1:].reshape(7, -1)[j]
             oil = arm.actuators[name].displacement * own[eq.LOAD]
             assert force[j] == pytest.approx(oil - eq.friction_torque(p, own[eq.BRISTLES], data.qvel[j]), rel=1e-12)
-
-
-@given(st.lists(st.floats(-1.0, 1.0), min_size=5, max_size=5))
-def test_load_pressure_obeys_the_equation_of_the_linear_actuator(draw):
-    actuator = ACTUATORS["shoulder_pitch"]
-    p = valve_parameters(actuator, (0.0, 0.0))
-    state, rates = np.zeros(eq.STATES), np.empty(eq.STATES)
-    state[eq.SPOOL], state[eq.MEAN], state[eq.LOAD], w = draw[0], 12.0 + 2 * draw[1], 12 * draw[2], 5 * draw[3]
-    eq.joint_rates(p, state, 20.0, 100.0 * draw[4], w, rates)
-    a, b = state[eq.MEAN] + state[eq.LOAD] / 2, state[eq.MEAN] - state[eq.LOAD] / 2
-    to_a, from_a, to_b, from_b = eq.land_flows(p, state[eq.SPOOL], 20.0, a, b)
-    load_flow = (to_a - from_a + eq.check_flow(p, a) - to_b + from_b - eq.check_flow(p, b)) / 2
-    expected = load_flow - actuator.leakage * state[eq.LOAD] - actuator.displacement * w
-    assert actuator.compliance * rates[eq.LOAD] == pytest.approx(expected, rel=1e-9, abs=1e-9)
 
 
 @given(st.floats(-1.0, 1.0), st.floats(0.0, 25.0), st.floats(0.0, 25.0), st.floats(3.0, 25.0), st.floats(-0.1, 0.1))
@@ -182,18 +160,6 @@ def test_speed_under_load_is_that_of_the_orifice_law(load):
     assert data.qvel[0] == pytest.approx(plain, rel=1.2e-2)
 
 
-def test_flow_is_asymmetric_under_a_standing_load():
-    speeds = []
-    for direction in (1.0, -1.0):
-        model, data = bench()
-        data.qfrc_applied[0] = -0.5 * SMOOTH.maximum_torque
-        data.ctrl[1] = direction * 1e5
-        run(model, data, 1.5)
-        speeds.append(abs(data.qvel[0]))
-    # sqrt(1 - 1/2) against sqrt(1 + 1/2): raising a load is slower than lowering it.
-    assert speeds[0] / speeds[1] == pytest.approx(np.sqrt(0.5 / 1.5), rel=0.05)
-
-
 def test_overlap_is_a_dead_band_and_underlap_leaks():
     pressures = {}
     for underlap in (-0.05, 0.0):
@@ -205,14 +171,8 @@ def test_overlap_is_a_dead_band_and_underlap_leaks():
         pressures[underlap] = states(data)[0, eq.LOAD] / (data.ctrl[1] / SMOOTH.displacement)
     assert pressures[0.0] == pytest.approx(1.0, abs=0.01)
     assert abs(pressures[-0.05]) < 0.02
-    null = [
-        sum(
-            eq.land_flows(
-                valve_parameters(SMOOTH, (0.0, 0.0), replace(SERVO_VALVE, underlap=u)), 0.0, 20.7, 12.05, 12.05
-            )
-        )
-        for u in (-0.05, 0.0, 0.05)
-    ]
+    valves = [valve_parameters(SMOOTH, (0.0, 0.0), replace(SERVO_VALVE, underlap=u)) for u in (-0.05, 0.0, 0.05)]
+    null = [sum(eq.land_flows(p, 0.0, 20.7, 12.05, 12.05)) for p in valves]
     assert null[0] < 0.1 * null[1] < 0.02 * null[2]
     # Null leakage at zero lap: half the clearance open at each of four lands.
     assert null[1] == pytest.approx(4 * SERVO_VALVE.clearance / 2 * SMOOTH.rated_flow, rel=1e-6)
@@ -253,18 +213,6 @@ def test_spool_stops_at_full_stroke_and_pressures_stay_within_the_check_valves()
     assert p[eq.RELIEF] < highest < p[eq.RELIEF] + 3.0
 
 
-def test_spool_is_a_second_order_lag_with_a_limit():
-    valve = replace(SERVO_VALVE, clearance=1e-3)
-    model, data = bench(inertia=1e9, valve=valve)
-    gain = arm_parameters(model)[0][eq.PRESSURE_GAIN]
-    data.ctrl[1] = 0.02 * SMOOTH.rated_flow / (gain + SMOOTH.leakage) * SMOOTH.displacement
-    mujoco.mj_step(model, data)
-    omega, h = valve.angular_frequency, model.opt.timestep
-    # The first instants, before pressure answers: x = u (w t)^2 / 2 (1 - 2 z w t / 3 ...).
-    expected = 0.02 * (omega * h) ** 2 / 2 * (1 - 2 * valve.damping * omega * h / 3)
-    assert states(data)[0, eq.SPOOL] == pytest.approx(expected, rel=0.03)
-
-
 @pytest.mark.parametrize("name", JOINTS)
 def test_pressure_loop_has_margin(name, valve_arm):
     static = SERVO_VALVE.static_gain(valve_arm.actuators[name], valve_arm.gains[name][1])
@@ -295,19 +243,16 @@ def natural_poles(arm, pose):
 
 
 @pytest.mark.parametrize("supply", [10.0, 20.7, 24.0, 35.0])
-@pytest.mark.parametrize(
-    ("variant", "payload", "pose"),
-    [
-        ("nominal", "rpcm", "home"),
-        ("nominal", "none", "home"),
-        ("nominal", "none", OPERATING_POSE),
-        ("published", "rpcm", OPERATING_POSE),
-    ],
-)
-def test_arm_is_stable_and_damped_over_pressure_and_temperature(supply, variant, payload, pose):
-    for temperature in (0.0, 40.0, 100.0):
-        plant = replace(ORIFICE, friction="viscous", supply_pressure=supply, oil_temperature=temperature)
-        poles = natural_poles(load_arm(variant, payload, plant=plant), pose)
+@pytest.mark.parametrize("temperature", [0.0, 40.0, 100.0])
+def test_arm_is_stable_and_damped_over_pressure_and_temperature(supply, temperature):
+    plant = replace(ORIFICE, friction="viscous", supply_pressure=supply, oil_temperature=temperature)
+    for variant, payload, poses in (
+        ("nominal", "rpcm", ["home"]),
+        ("nominal", "none", ["home", OPERATING_POSE]),
+        ("published", "rpcm", [OPERATING_POSE]),
+    ):
+        arm = load_arm(variant, payload, plant=plant)
+        poles = np.concatenate([natural_poles(arm, pose) for pose in poses])
         assert poles.real.max() < -0.5
         # Above 80 Hz light joints ring on their oil.
         swinging = poles[(poles.imag > 1.0) & (np.abs(poles) < 2.0 * np.pi * 80.0)]
@@ -367,22 +312,6 @@ def test_closed_valves_trap_the_oil_but_for_leakage(valve_arm):
         assert start[j] - data.qpos[j] == pytest.approx(sunk, rel=0.15)
 
 
-def test_dry_friction_is_a_spring_until_breakaway():
-    arm = load_arm(plant=ORIFICE)
-    j, actuator = JOINTS.index("elbow_pitch"), arm.actuators["elbow_pitch"]
-    coulomb = actuator.coulomb_torque
-    breakaway = actuator.friction.static_ratio * coulomb
-    for torque, sticks in ((0.5 * coulomb, True), (4.0 * breakaway, False)):
-        data = arm.rest(arm.pose(OPERATING_POSE))
-        start = data.qpos[j]
-        data.ctrl[2 * j + 1] += torque
-        run(arm.model, data, 2.0)
-        stuck = torque / (arm.gains["elbow_pitch"][0] + coulomb / actuator.friction.presliding)
-        moved = data.qpos[j] - start
-        assert bool(moved == pytest.approx(stuck, rel=0.15)) is sticks
-        assert moved > 0.85 * stuck
-
-
 @pytest.mark.parametrize("friction", ["coulomb", "lugre"])
 def test_worn_seals_are_resolved_by_the_step(friction):
     arm = load_arm(plant=replace(ORIFICE, friction=friction, friction_level=8.0))
@@ -420,10 +349,9 @@ def test_shutdown_and_worksite_run_on_servo_valves(experiment):
     site = experiment(plant=ORIFICE, duration=1.0, worksite=True)
     logs = simulate([stopped, site, replace(stopped, name="linear", plant=Plant())])
     assert not logs.failed
-    off = slice(60, 100)
-    assert np.abs(logs[0].spool[off]).max() < 1e-6
+    assert np.abs(logs[0].spool[60:100]).max() < 1e-6
     # The arm sinks by leakage alone, as it does with linear actuators.
-    sunk, linear = (np.ptp(log.true_angles[off], axis=0)[2:5] for log in (logs[0], logs[2]))
+    sunk, linear = (np.ptp(log.true_angles[60:100], axis=0)[2:5] for log in (logs[0], logs[2]))
     np.testing.assert_allclose(sunk, linear, rtol=0.1)
     assert sunk.max() < 0.02
     assert np.abs(logs[0].spool[105:]).max() > 1e-3

@@ -50,12 +50,9 @@ def test_a_pointer_missing_or_in_two_places_is_an_error(words):
         pointer_offsets(struct, ("ctrl", "act"), struct.read)
 
 
-def test_bindings_without_addresses_are_an_error():
+def test_bindings_without_addresses_and_moving_pointers_are_errors(monkeypatch):
     with pytest.raises(TwinError, match="address of its int"):
         pointer_offsets(3, ("ctrl",))
-
-
-def test_moving_pointers_are_an_error(monkeypatch):
     monkeypatch.setattr(struct_offsets, "_offsets", lambda joints: {"act": 8 * joints})
     with pytest.raises(TwinError, match="keeps act at places that differ"):
         struct_offsets.struct_offsets()

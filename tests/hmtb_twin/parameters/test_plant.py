@@ -6,29 +6,40 @@ import numpy as np
 import pytest
 
 from hmtb_twin import JOINTS, STUDIED_JOINTS, Plant, TwinError, linearize, load_arm, simulate
-from hmtb_twin.parameters.drives import ACTUATORS, RATED_PRESSURE, relative_viscosity
+from hmtb_twin.parameters.drives import (
+    ACTUATORS,
+    COLDEST,
+    HOTTEST,
+    RATED_PRESSURE,
+    kinematic_viscosity,
+    relative_viscosity,
+)
 
 SHOULDER = ACTUATORS["shoulder_pitch"]
 
 
-def test_nominal_plant_leaves_the_actuators_as_they_are():
+def test_viscosity_is_that_of_the_grade_and_a_straight_line_in_walthers_plot():
+    assert [kinematic_viscosity(t) for t in (40.0, 100.0)] == pytest.approx([32.0, 5.4], rel=1e-12)
+    assert relative_viscosity(40.0) == pytest.approx(1.0, rel=1e-12)
+    temperatures = np.linspace(COLDEST, HOTTEST, 21)
+    x = np.log10(temperatures + 273.15)
+    y = np.log10(np.log10([kinematic_viscosity(t) + 0.7 for t in temperatures]))
+    np.testing.assert_allclose(y, np.polyval(np.polyfit(x, y, 1), x), atol=1e-12)
+    assert (np.diff(y) < 0.0).all()
+
+
+def test_supply_pressure_and_oil_temperature_act_on_their_numbers_of_the_actuator():
     assert {name: Plant().applied(actuator) for name, actuator in ACTUATORS.items()} == ACTUATORS
-
-
-def test_supply_pressure_sets_torque_by_itself_and_flow_by_its_root():
     low = Plant(supply_pressure=3.4 + RATED_PRESSURE / 4.0).applied(SHOULDER)
     assert low.maximum_torque == pytest.approx(SHOULDER.maximum_torque / 4.0)
     assert low.rated_flow == pytest.approx(SHOULDER.rated_flow / 2.0)
     # Friction and leakage are stated at the rated pressure, whatever the supply is.
     assert low.coulomb_torque == pytest.approx(SHOULDER.coulomb_torque)
     assert low.leakage == pytest.approx(SHOULDER.leakage)
-
-
-@pytest.mark.parametrize("temperature", [0.0, 20.0, 90.0])
-def test_thick_oil_drags_more_and_leaks_less(temperature):
-    there, thickness = Plant(oil_temperature=temperature).applied(SHOULDER), relative_viscosity(temperature)
-    assert there.drag == pytest.approx(SHOULDER.drag * thickness)
-    assert there.leakage == pytest.approx(SHOULDER.leakage / thickness)
+    for temperature in (0.0, 20.0, 90.0):
+        there, thickness = Plant(oil_temperature=temperature).applied(SHOULDER), relative_viscosity(temperature)
+        assert there.drag == pytest.approx(SHOULDER.drag * thickness)
+        assert there.leakage == pytest.approx(SHOULDER.leakage / thickness)
 
 
 def test_frictions_differ_in_what_they_leave():
@@ -46,56 +57,47 @@ def test_frictions_differ_in_what_they_leave():
 def test_dry_friction_holds_below_its_level_and_yields_above(kind):
     arm = load_arm(plant=Plant(friction=kind))
     angles, joint = arm.pose("rpcm_holster_out_approach"), JOINTS.index("shoulder_yaw")
-    coulomb = arm.actuators["shoulder_yaw"].coulomb_torque
-    kp, _ = arm.gains["shoulder_yaw"]
-
-    def moved(torque: float) -> float:
+    coulomb, (kp, _) = arm.actuators["shoulder_yaw"].coulomb_torque, arm.gains["shoulder_yaw"]
+    moved = []
+    for torque in (0.7 * coulomb, 5.0 * coulomb):
         data = arm.rest(angles)
         data.ctrl[2 * joint + 1] += torque
         mujoco.mj_step(arm.model, data, nstep=4000)
-        return float(data.qpos[joint] - angles[joint])
-
-    held, yielded = moved(0.7 * coulomb), moved(5.0 * coulomb)
-    assert abs(held) < 0.7 * 0.7 * coulomb / kp
+        moved.append(data.qpos[joint] - angles[joint])
+    assert abs(moved[0]) < 0.7 * 0.7 * coulomb / kp
     # Sliding, the servo's spring carries what friction does not.
-    assert yielded == pytest.approx((5.0 - 1.0) * coulomb / kp, rel=0.15)
+    assert moved[1] == pytest.approx((5.0 - 1.0) * coulomb / kp, rel=0.15)
 
 
 def test_coulomb_friction_hardly_creeps():
     arm = load_arm(plant=Plant(friction="coulomb"))
-    angles = arm.pose("home")
-    data = arm.rest(angles)
+    data = arm.rest(arm.pose("home"))
     data.ctrl[1::2] += [0.5 * arm.actuators[name].coulomb_torque for name in JOINTS]
     mujoco.mj_step(arm.model, data, nstep=4000)
     before = data.qpos.copy()
     mujoco.mj_step(arm.model, data, nstep=10_000)
     # Over 5 s: a thirtieth of a count of the resolver, and half a count on the wrist roll, whose inertia is tiny.
-    assert np.abs(data.qpos - before)[:-1].max() < 3e-6
-    assert abs(data.qpos[-1] - before[-1]) < 5e-5
+    assert (np.abs(data.qpos - before) < [*(6 * [3e-6]), 5e-5]).all()
 
 
 @pytest.mark.parametrize("kind", [int, float, np.float64, np.float32, np.int64, Fraction])
 def test_numbers_of_every_kind_are_stored_as_floats(kind):
     plant = Plant(actuator=np.str_("linear"), friction_level=kind(2), supply_pressure=kind(20), process_noise=kind(0))
-    assert plant == Plant(friction_level=2.0, supply_pressure=20.0)
-    assert repr(plant) == repr(Plant(friction_level=2.0, supply_pressure=20.0))
-    assert hash(plant) == hash(Plant(friction_level=2.0, supply_pressure=20.0))
+    plain = Plant(friction_level=2.0, supply_pressure=20.0)
+    assert (plant, repr(plant), hash(plant)) == (plain, repr(plain), hash(plain))
 
 
-def test_truth_keeps_the_drag_and_drops_dry_friction():
-    smooth = {kind: linearize(load_arm(plant=Plant(friction=kind))) for kind in ("none", "viscous", "coulomb", "lugre")}
+def test_truth_keeps_the_drag_drops_dry_friction_and_slows_in_cold_oil():
+    plants = {kind: Plant(friction=kind) for kind in ("none", "viscous", "coulomb", "lugre")}
+    plants["cold"] = Plant(oil_temperature=0.0)
+    truths = {kind: linearize(load_arm(plant=plant), amplitudes=()) for kind, plant in plants.items()}
     for joint in STUDIED_JOINTS:
-        hz = {kind: truth.joint(joint).bandwidth_hz for kind, truth in smooth.items()}
+        hz = {kind: truth.joint(joint).bandwidth_hz for kind, truth in truths.items()}
         assert hz["viscous"] == hz["coulomb"] == hz["lugre"]
         # Drag adds to kd: the bandwidth kp / kd falls by its share.
         _, kd = load_arm().gains[joint]
         assert hz["viscous"] / hz["none"] == pytest.approx(1.0 - ACTUATORS[joint].drag / kd, abs=1e-3)
-
-
-def test_cold_oil_slows_the_joints():
-    cold, warm = (linearize(load_arm(plant=Plant(oil_temperature=t))) for t in (0.0, 40.0))
-    for joint in STUDIED_JOINTS:
-        assert cold.joint(joint).bandwidth_hz < 0.995 * warm.joint(joint).bandwidth_hz
+        assert hz["cold"] < 0.995 * hz["lugre"]
 
 
 def test_process_noise_moves_the_arm_from_its_own_seed(experiment):

@@ -11,15 +11,12 @@ from hmtb_twin.parameters.variants import PUBLISHED_ACTUATORS, PUBLISHED_SERVOS
 
 @pytest.fixture(scope="module")
 def slow():
-    return linearize(load_arm("published"))
+    return linearize(load_arm("published"), amplitudes=())
 
 
-def test_bandwidths(slow):
+def test_bandwidths_gain_at_rest_and_delays(slow, truth):
     found = [slow.joint(name).bandwidth_hz for name in STUDIED_JOINTS]
     assert found == pytest.approx([0.159, 0.96, 1.05], abs=0.01)
-
-
-def test_gain_at_rest_is_one_and_the_delays_are_nominal(slow, truth):
     for name in STUDIED_JOINTS:
         assert slow.joint(name).dc_gain == pytest.approx(1.0, abs=2e-6)
         assert slow.joint(name).delay_samples == truth.joint(name).delay_samples
@@ -29,7 +26,7 @@ def test_gain_at_rest_is_one_and_the_delays_are_nominal(slow, truth):
 @pytest.mark.parametrize("pose", POSES)
 def test_stable_with_every_payload_at_every_pose(payload, pose):
     def slowest(variant):
-        return np.sort(np.abs(linearize(load_arm(variant, payload), pose).model.poles()))[::-1]
+        return np.sort(np.abs(linearize(load_arm(variant, payload), pose, amplitudes=()).model.poles()))[::-1]
 
     own = slowest("published")
     assert own[0] < 0.981

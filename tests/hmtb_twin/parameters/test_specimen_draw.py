@@ -38,18 +38,13 @@ def test_the_same_seed_draws_the_same_arm_and_another_one_another() -> None:
 @pytest.mark.parametrize("gone", POPULATION.stated)
 def test_a_distribution_less_changes_nothing_of_the_others(gone: str) -> None:
     seed = np.random.SeedSequence(7)
-    (whole, changes), (less, fewer) = (
-        draw_specimen(POPULATION, seed),
-        draw_specimen(replace(POPULATION, **{gone: None}), seed),
-    )
     nominal = {**vars(NOMINAL_SPECIMEN), "supply_pressure": None, "process_noise": None}
-    before, after = {**nominal, **vars(whole), **changes}, {**nominal, **vars(less), **fewer}
+    draws = (draw_specimen(population, seed) for population in (POPULATION, replace(POPULATION, **{gone: None})))
+    before, after = ({**nominal, **vars(specimen), **changes} for specimen, changes in draws)
     assert before[gone] != nominal[gone]
     assert after == {**before, gone: nominal[gone]}
-
-
-def test_quantities_of_one_distribution_are_drawn_apart() -> None:
-    specimen, _ = draw_specimen(replace(POPULATION, kd=POPULATION.kp), np.random.SeedSequence(7))
+    # Quantities of one distribution are drawn apart.
+    specimen, _ = draw_specimen(replace(POPULATION, kd=POPULATION.kp), seed)
     assert not set(specimen.kp) & set(specimen.kd)
 
 
@@ -90,43 +85,35 @@ def test_every_quantity_of_a_specimen_may_scatter() -> None:
 
 
 @pytest.mark.parametrize(
-    ("table", "message"),
+    ("mass", "message"),
     [
-        ({"weight": {"kind": "fixed"}}, "^distributions: unknown key 'weight', available: mass, stretch"),
-        ({"mass": {"kind": "normal", "sigma": 0.1}}, "^mass: unknown key 'sigma', available: kind, spread, centre$"),
-        ({"mass": {"spread": 0.1}}, "^mass without a kind given, expected one of fixed, normal, uniform, lognormal$"),
-        ({"mass": {"kind": "gamma"}}, "^mass: unknown kind 'gamma' of distribution, available: fixed, normal"),
-        ({"mass": {"kind": "normal"}}, "^mass: spread = 0 of a normal distribution given, expected above 0$"),
-        (
-            {"mass": {"kind": "fixed", "spread": 0.1}},
-            "^mass: spread = 0.1 of a fixed distribution given, expected none$",
-        ),
-        (
-            {"mass": {"kind": "normal", "spread": True}},
-            "^mass: spread = True of a distribution given, expected a finite",
-        ),
-        (
-            {"mass": {"kind": "normal", "spread": float("inf")}},
-            "spread = inf of a distribution given, expected a finite",
-        ),
-        ({"mass": 0.1}, "^mass = 0.1 given, expected a table of kind, spread, centre$"),
-        (
-            {"mass": {"kind": "normal", "spread": 0.3}},
-            r"^mass from -0.2 to 2.2 would be drawn: specimen: mass\[0\] = -0",
-        ),
-        (
-            {"shift": {"kind": "lognormal", "spread": 0.3}},
-            "^shift: centre = 0 of a lognormal distribution given",
-        ),
-        ({"mass": {"kind": "lognormal", "spread": 1e9}}, "^mass from 0 to inf would be drawn: specimen"),
-        ({"process_noise": {"kind": "normal", "spread": 0.1}}, "^process_noise from -0.4 to 0.4 would be drawn: plant"),
+        ({"kind": "normal", "sigma": 0.1}, "^mass: unknown key 'sigma', available: kind, spread, centre$"),
+        ({"spread": 0.1}, "^mass without a kind given, expected one of fixed, normal, uniform, lognormal$"),
+        ({"kind": "gamma"}, "^mass: unknown kind 'gamma' of distribution, available: fixed, normal"),
+        ({"kind": "normal"}, "^mass: spread = 0 of a normal distribution given, expected above 0$"),
+        ({"kind": "fixed", "spread": 0.1}, "^mass: spread = 0.1 of a fixed distribution given, expected none$"),
+        ({"kind": "normal", "spread": True}, "^mass: spread = True of a distribution given, expected a finite"),
+        ({"kind": "normal", "spread": np.inf}, "spread = inf of a distribution given, expected a finite"),
+        (0.1, "^mass = 0.1 given, expected a table of kind, spread, centre$"),
+        ({"kind": "normal", "spread": 0.3}, r"^mass from -0.2 to 2.2 would be drawn: specimen: mass\[0\] = -0"),
+        ({"kind": "lognormal", "spread": 1e9}, "^mass from 0 to inf would be drawn: specimen"),
     ],
 )
-def test_what_no_population_can_be_is_refused(table, message) -> None:
+def test_what_no_distribution_can_be_is_refused(mass, message) -> None:
     with pytest.raises(TwinError, match=message):
-        TwinDistributions.from_table(table)
+        TwinDistributions.from_table({"mass": mass})
 
 
-def test_numbers_need_a_centre() -> None:
+@pytest.mark.parametrize(
+    ("name", "kind", "message"),
+    [
+        ("weight", "fixed", "^distributions: unknown key 'weight', available: mass, stretch"),
+        ("shift", "lognormal", "^shift: centre = 0 of a lognormal distribution given"),
+        ("process_noise", "normal", "^process_noise from -1.2 to 1.2 would be drawn: plant"),
+    ],
+)
+def test_what_no_population_can_be_is_refused(name, kind, message) -> None:
+    with pytest.raises(TwinError, match=message):
+        TwinDistributions.from_table({name: {"kind": kind, "spread": 0.3}})
     with pytest.raises(TwinError, match="without a centre"):
         Distribution("normal", 0.1).draw(1, np.random.default_rng(0))

@@ -10,19 +10,7 @@ from mujoco import batch
 from hmtb_twin import Motion, OverloadError, Plant, Specimen, Status, TwinError, load_arm, simulate
 from hmtb_twin.arm.arm import _load
 from hmtb_twin.control.experiment import Chain
-
-CHANNELS = (
-    *("commanded", "measured", "wrench", "true_angles", "load_pressure", "volts", "counts", "status"),
-    *("unit_pose", "contact_force", "spool", "supply_pressure"),
-)
-
-
-def equal(first, second) -> bool:
-    return all(np.array_equal(getattr(first, name), getattr(second, name)) for name in CHANNELS)
-
-
-def sliding_or_not(friction):
-    return replace(Chain(), friction=friction)
+from tests.hmtb_twin.altered_arms import equal
 
 
 @pytest.fixture
@@ -45,7 +33,7 @@ def test_different_arms_side_by_side_log_what_each_logs_alone(experiment, batche
         experiment(
             name=f"{variant}-{friction}-{payload}",
             variant=variant,
-            chain=sliding_or_not(friction),
+            chain=Chain(friction=friction),
             payload=payload,
             seed=seed,
             # One of them is longer than what is computed ahead.
@@ -153,41 +141,56 @@ def test_what_cannot_be_run_fails_by_itself_where_asked(experiment, monkeypatch)
     weak = experiment(name="weak", plant=Plant(supply_pressure=6.0))
     unknown, uncompiled = experiment(name="unknown", variant="lunar"), experiment(name="uncompiled", payload="mdm")
     good, other = experiment(duration=1.0), experiment(name="other", seed=2, duration=0.5)
-    told = []
-    mixed = [weak, good, unknown, uncompiled, other]
-    logs = simulate(mixed, keep_going=True, progress=lambda *ticks: told.append(ticks))
+    # Failures of one name are listed by their seeds, and by their places where the seeds agree too.
+    mixed = [weak, good, replace(weak, seed=2), unknown, uncompiled, other, weak]
+    ticks = []
+    logs = simulate(mixed, keep_going=True, progress=lambda *counts: ticks.append(counts))
     assert [log.name for log in logs] == ["binary", "other"]
-    assert list(logs.failed) == ["weak", "unknown", "uncompiled"]
-    assert logs.failed["weak"].startswith("at 6 MPa the drives cannot hold the arm")
-    assert logs.failed["weak"].endswith("(rpcm_holster_out_approach)")
+    assert list(logs.failed) == ["weak@1#0", "weak@2", "unknown", "uncompiled", "weak@1#6"]
+    assert logs.failed["weak@2"].startswith("at 6 MPa the drives cannot hold the arm")
+    assert logs.failed["weak@2"].endswith("(rpcm_holster_out_approach)")
     assert "unknown variant 'lunar'" in logs.failed["unknown"]
     assert "A + B >= C" in logs.failed["uncompiled"]
-    assert told[-1] == (75, 75)
+    assert ticks[-1] == (75, 75)
     assert equal(logs[0], simulate([good])[0])
-    for one, error in ((weak, OverloadError), (unknown, TwinError), (uncompiled, ValueError)):
+    ticks.clear()
+    servo_valves = replace(weak, plant=Plant(actuator="orifice", supply_pressure=6.0))
+    for one, error in (
+        (weak, OverloadError),
+        (servo_valves, OverloadError),
+        (unknown, TwinError),
+        (uncompiled, ValueError),
+    ):
         with pytest.raises(error):
-            simulate([good, one])
+            simulate([good, one], progress=lambda *counts: ticks.append(counts))
+    assert ticks == []
 
 
-def test_an_error_of_the_engine_fails_its_row_not_the_batch(experiment, monkeypatch):
+def test_divergence_or_an_error_of_the_engine_fails_its_row_not_the_batch(experiment, monkeypatch):
+    arm = load_arm()
+    edge = arm.pose("rpcm_holster_out_approach")[3] + 0.1
+
+    class Diverging:
+        def gravity_torque(self, angles):
+            torque = arm.controller.gravity_torque(angles)
+            torque[np.asarray(angles)[:, 3] > edge] = np.nan
+            return torque
+
     def broken(*arguments, plant, **options):
-        arm = load_arm(*arguments, plant=plant, **options)
+        loaded = load_arm(*arguments, plant=plant, **options)
         if plant.friction_level == 2.0:
-            arm.unpowered.opt.solver = 99
-        return arm
+            loaded.unpowered.opt.solver = 99
+        return loaded if plant.friction_level == 2.0 else replace(loaded, controller=Diverging())
 
     monkeypatch.setattr("hmtb_twin.run.simulation.load_arm", broken)
-    mixed = [experiment(name=f"{level:g}", plant=Plant(friction_level=level), duration=1.0) for level in (1.0, 2.0)]
-    mixed[1] = replace(mixed[1], shutdown=(0.5,))
-    logs = simulate(mixed)
+    calm = experiment(name="calm", amplitude=0.5, duration=1.0)
+    wild = experiment(name="wild", amplitude=5.0)
+    stopped = replace(calm, name="stopped", plant=Plant(friction_level=2.0), shutdown=(0.5,))
+    logs = simulate([calm, wild, stopped, replace(calm, name="calm2")])
     _load.cache_clear()
-    assert set(logs.failed) == {"2"}
-    assert logs.failed["2"].startswith("the physics engine stopped at 0.50 s: ")
-    assert equal(logs[0], simulate(mixed[:1])[0])
-
-
-def test_failures_of_one_name_and_seed_are_told_apart(experiment):
-    weak = Plant(supply_pressure=6.0)
-    mixed = [experiment(plant=weak, seed=seed) for seed in (1, 2, 1)] + [experiment(name="other", plant=weak)]
-    logs = simulate(mixed, keep_going=True)
-    assert list(logs.failed) == ["binary@1#0", "binary@2", "binary@1#2", "other"]
+    monkeypatch.undo()
+    assert [log.name for log in logs] == ["calm", "calm2"]
+    assert set(logs.failed) == {"wild", "stopped"}
+    assert "CTRL" in logs.failed["wild"]
+    assert logs.failed["stopped"].startswith("the physics engine stopped at 0.50 s: ")
+    assert equal(logs[0], simulate([calm])[0])
