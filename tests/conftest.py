@@ -1,6 +1,7 @@
 """Settings that hold for every test."""
 
 import os
+from collections import Counter
 from collections.abc import Callable
 from typing import TYPE_CHECKING
 
@@ -28,14 +29,17 @@ SHARED = ("study",)
 
 @pytest.hookimpl(tryfirst=True)
 def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
-    """Say which tests stay together when they run in several processes."""
+    """Mark tests of a study as slow, and say which tests stay together when they run in several processes."""
+    groups = {item: _group(item) for item in items}
+    for item, group in groups.items():
+        if group in SHARED:
+            item.add_marker(pytest.mark.slow)
     if not hasattr(config, "workerinput"):
         return
-    groups = {item: _group(item) for item in items}
-    long = {group for item, group in groups.items() if item.get_closest_marker("slow") or group in SHARED}
+    slow = Counter(group for item, group in groups.items() if item.get_closest_marker("slow"))
     for item, group in groups.items():
         item.add_marker(pytest.mark.xdist_group(group))
-    items.sort(key=lambda item: groups[item] not in long)
+    items.sort(key=lambda item: (groups[item] not in SHARED, -slow[groups[item]]))
 
 
 def _group(item: pytest.Item) -> str:

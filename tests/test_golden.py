@@ -19,6 +19,7 @@ def recorded() -> dict[str, Numbers]:
     return cases
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("case", QUICK)
 def test_numbers_are_those_recorded(case: str) -> None:
     assert not differences(recorded()[case], numbers(case), TOLERANCE)

@@ -218,6 +218,7 @@ def test_without_resolvers_the_record_is_the_delayed_angle(pairs: dict[str, Join
 # --- All of them off. ---
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("mode", "axes", "amplitude"),
     [*(("single_joint", (joint,), 1e-3) for joint in STUDIED_JOINTS), ("cartesian", ("x", "y", "z"), 0.45e-3)],

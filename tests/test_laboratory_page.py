@@ -7,6 +7,7 @@ from dataclasses import fields
 from pathlib import Path
 
 import numpy as np
+import pytest
 
 from hmtb_twin import PAYLOADS, VARIANTS, Chain, HandController, Plant, Status, simulate
 from scenarios import Scenario
@@ -28,6 +29,7 @@ def test_the_scenario_runs() -> None:
     np.testing.assert_array_equal(np.flatnonzero(off), np.arange(1000, 1250))
 
 
+@pytest.mark.slow
 def test_the_operator_runs(tmp_path: Path) -> None:
     path = tmp_path / "operator.py"
     path.write_text(f"import sys\nsys.path.insert(0, {str(ROOT)!r})\n{block('python')}", encoding="utf-8")

@@ -16,6 +16,7 @@ PAGE = (ROOT / "docs" / "maps.md").read_text(encoding="utf-8")
 NUMBER = re.compile(r"(?<![\w.])\d+(?:\.\d+)?(?:e-\d+)?")
 
 
+@pytest.mark.slow
 def test_small_signal_sentences_are_computed() -> None:
     """Those over amplitude and friction take a minute; the command at the head of the page renews them."""
     (block,) = re.findall(r"<!-- findings -->\n(.*?)<!-- end -->", PAGE, re.S)

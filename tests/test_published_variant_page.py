@@ -137,12 +137,14 @@ def read_again(label: str) -> np.ndarray:
     return question.measured(row, made)
 
 
+@pytest.mark.slow
 def test_the_arm_as_it_is_reads_one_hertz() -> None:
     label = "as it is (dry friction 1 %)"
     page = np.array([float(cell) for cell in rows()[label][:9]]).reshape(3, 3)
     np.testing.assert_allclose(read_again(label).mean(axis=0), page, rtol=0.08)
 
 
+@pytest.mark.slow
 def test_with_worn_seals_it_reads_slow_with_a_gain_above_one() -> None:
     found = read_again("dry friction 22 %")
     assert (found[:, :, 0] < 0.3).all()

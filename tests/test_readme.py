@@ -17,6 +17,7 @@ def block(language: str) -> str:
     return text
 
 
+@pytest.mark.slow
 def test_the_python_example_prints_what_the_readme_shows(tmp_path: Path) -> None:
     path = tmp_path / "example.py"
     path.write_text(f"import sys\nsys.path.insert(0, {str(ROOT)!r})\n{block('python')}", encoding="utf-8")

@@ -73,6 +73,7 @@ def clean():
     return records
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("joint", STUDIED_JOINTS)
 @pytest.mark.parametrize("method", ["oe", "armax", "okid"])
 def test_clean_small_signal_data_give_back_the_true_response(joint, method, clean, truth):

@@ -6,6 +6,8 @@ import sys
 from dataclasses import fields
 from pathlib import Path
 
+import pytest
+
 from hmtb_twin import Specimen, load_arm
 from hmtb_twin.parameters.specimen import FARTHEST, LARGEST
 from hmtb_twin.parameters.specimen_draw import CUT, KINDS, TwinDistributions
@@ -24,6 +26,7 @@ def test_the_table_is_one_of_a_scenario() -> None:
     assert load_arm(specimen=specimen).specimen == specimen
 
 
+@pytest.mark.slow
 def test_the_examples_run(tmp_path: Path) -> None:
     text = "\n".join(re.findall(r"^```python\n(.*?)^```", PAGE, re.M | re.S))
     path = tmp_path / "example.py"

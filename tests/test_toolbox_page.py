@@ -6,6 +6,8 @@ import subprocess
 import sys
 from pathlib import Path
 
+import pytest
+
 import sysid
 
 ROOT = Path(__file__).parents[1]
@@ -14,6 +16,7 @@ PAGE = (ROOT / "docs/toolbox.md").read_text(encoding="utf-8")
 RECORDS = {name for name in sysid.__all__ if name[0].isupper()}
 
 
+@pytest.mark.slow
 def test_the_session_runs(tmp_path: Path) -> None:
     (session,) = re.findall(r"^```python\n(.*?)^```", PAGE, re.M | re.S)
     path = tmp_path / "session.py"

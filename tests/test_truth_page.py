@@ -6,6 +6,8 @@ import sys
 from dataclasses import fields
 from pathlib import Path
 
+import pytest
+
 from scenarios.experiments.multisines import Multisines
 from scenarios.truth.attainable import Attainable, Horizon
 from scenarios.truth.best_linear import BestLinearTruth
@@ -14,6 +16,7 @@ ROOT = Path(__file__).parents[1]
 PAGE = (ROOT / "docs/truth.md").read_text(encoding="utf-8")
 
 
+@pytest.mark.slow
 def test_the_example_runs(tmp_path: Path) -> None:
     (text,) = re.findall(r"^```python\n(.*?)^```", PAGE, re.M | re.S)
     path = tmp_path / "example.py"

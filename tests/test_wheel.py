@@ -68,6 +68,7 @@ def test_the_wheel_holds_models_data_and_types_and_nothing_else(wheel: Path) -> 
     assert held == expected
 
 
+@pytest.mark.slow
 def test_the_packages_come_from_the_wheel(environment: Path, tmp_path: Path) -> None:
     script = (
         "import hmtb_twin, sysid, scenarios; print(hmtb_twin.__file__, sysid.__file__, scenarios.__file__, sep='\\n')"
@@ -81,6 +82,7 @@ def test_the_command_lists_the_scenarios(environment: Path, tmp_path: Path) -> N
     assert "siso-1-shoulder_yaw" in json.dumps(json.loads(printed))
 
 
+@pytest.mark.slow
 def test_the_arm_loads_and_moves(environment: Path, tmp_path: Path) -> None:
     script = (
         "from dataclasses import replace\n"

@@ -87,6 +87,7 @@ def test_the_clock_does_not_matter(name: str, cut: int) -> None:
     assert_same(response(identify(data[cut:])), response(identify(data)), tolerance)
 
 
+@pytest.mark.slow
 @each
 @quick
 @given(where=st.integers(150, 350))

@@ -64,6 +64,7 @@ ODD: tuple[tuple[tuple[Any, ...], object], ...] = (
 )
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("chosen", [ODD[::2], ODD[1::2]])
 @pytest.mark.filterwarnings("error")
 def test_numbers_that_no_axis_can_hold_are_left_out_of_drawings(
@@ -99,6 +100,7 @@ def read(page: str) -> Reader:
     return reader
 
 
+@pytest.mark.slow
 def test_the_page_is_well_formed_and_loads_nothing(pages: tuple[str, str, Sequence[LeaderboardRow]]) -> None:
     reader = read(pages[0])
     marks = [value for _, name, value in reader.attributes if name == "id"]

@@ -4,6 +4,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
+import pytest
+
 from scenarios.bench.claims import NormalisedError
 from scenarios.bench.consistency import NoiseFreeRecovery
 from scenarios.bench.measurement import Measurement
@@ -47,6 +49,7 @@ class Some:
         return self.definition.evaluate(measured, contestant, false_alarm, referee)
 
 
+@pytest.mark.slow
 def test_each_is_caught_by_the_figures_that_should_and_by_no_other(tmp_path: Path) -> None:
     few = (Some(NoiseFreeRecovery(), ("quiet-1-1", "quiet-1-2"), 1), Some(NormalisedError(), ("p5",), 30))
     figures = (*few, Reliability(few), Speed(few))

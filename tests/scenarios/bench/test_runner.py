@@ -52,6 +52,7 @@ def plain(results: Sequence[TrialResult]) -> list[str]:
     )
 
 
+@pytest.mark.slow
 def test_workers_measure_what_is_measured_here(scheduler: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
     (tmp_path / "alone.py").write_text(MODULE)
     monkeypatch.chdir(tmp_path)

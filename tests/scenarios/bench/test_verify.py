@@ -96,6 +96,7 @@ def long(folder: Path) -> BenchPlan:
     return replace(PLAN, contestants=(stuck,), figures=(Few(draws=4),), limits=Limits(300.0))
 
 
+@pytest.mark.slow
 def test_what_a_killed_run_started_ends_with_it_and_another_goes_on_as_if_nobody_had_disturbed(tmp_path: Path):
     (tmp_path / "faulty.py").write_text(FAULTY)
     (tmp_path / "killed.py").write_text(KILLED)
@@ -126,6 +127,7 @@ def test_what_a_killed_run_started_ends_with_it_and_another_goes_on_as_if_nobody
     assert repr(plain(Result.read(tmp_path / "killed" / "stuck.json"))) == repr(plain(on))
 
 
+@pytest.mark.slow
 def test_one_that_only_hangs_is_given_up_and_one_that_sometimes_does_is_not(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ):
@@ -230,6 +232,7 @@ def test_a_run_that_was_interrupted_goes_on_beside_a_lesser_result(tmp_path: Pat
     verify(replace(PLAN, records=1), tmp_path, Here(after=0))
 
 
+@pytest.mark.slow
 def test_what_is_refused_is_counted_by_family_and_ask(tmp_path: Path):
     (tmp_path / "faulty.py").write_text(FAULTY)
     each = (Estimator("refusing", "faulty:refusing", home=str(tmp_path), structure="arx"),)
@@ -242,6 +245,7 @@ def test_what_is_refused_is_counted_by_family_and_ask(tmp_path: Path):
     assert kinds == {"p2": 2, "p2, select": 1, "twin": 1}
 
 
+@pytest.mark.slow
 def test_whatever_estimators_do_is_counted(tmp_path: Path):
     (tmp_path / "faulty.py").write_text(FAULTY)
     kinds = {"good": "model", "crashing": "crash", "hanging": "hang", "hungry": "memory"}
@@ -277,6 +281,7 @@ def test_an_estimator_that_cannot_be_loaded_ends_a_run_and_leaves_no_journal(tmp
     assert list((tmp_path / JOURNALS).iterdir()) == []
 
 
+@pytest.mark.slow
 def test_another_estimator_of_the_same_name_takes_nothing_away(tmp_path: Path):
     (tmp_path / "faulty.py").write_text(FAULTY)
     (tmp_path / "other.py").write_text(FAULTY)
@@ -295,6 +300,7 @@ def test_another_estimator_of_the_same_name_takes_nothing_away(tmp_path: Path):
     assert journal.read_bytes() == before[journal]
 
 
+@pytest.mark.slow
 def test_a_sandbox_that_fails_is_an_outcome_too(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
     (tmp_path / "faulty.py").write_text(FAULTY)
     good = Estimator("good", "faulty:good", home=str(tmp_path), structure="arx")

@@ -204,6 +204,7 @@ def test_truth_has_the_promised_keys(capsys: pytest.CaptureFixture[str]) -> None
     assert sorted(errors.values()) == [errors[key] for key in sorted(errors)]
 
 
+@pytest.mark.slow
 def test_truth_says_which_joint_is_locked(capsys: pytest.CaptureFixture[str]) -> None:
     joints = result(capsys, "truth")["joints"]
     assert joints["shoulder_roll"]["bandwidth_hz"] is None

@@ -35,6 +35,7 @@ def csv(tmp_path: Path) -> Path:
     return path
 
 
+@pytest.mark.slow
 def test_without_words_the_truth_and_all_prints_of_the_joint(
     capsys: pytest.CaptureFixture[str], logs: dict[str, Path]
 ) -> None:

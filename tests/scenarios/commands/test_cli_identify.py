@@ -190,6 +190,7 @@ def test_a_matrix_in_a_mat_file_is_several_inputs(capsys: pytest.CaptureFixture[
     assert found["fit"]["simulation"][0] > 99.99
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("method", ESTIMATORS)
 def test_missing_outputs_are_declared(capsys: pytest.CaptureFixture[str], tmp_path: Path, method: str) -> None:
     u, y = signals(samples=500)
@@ -269,6 +270,7 @@ def test_another_record_is_judged_about_its_own_level(
     assert apart["fit"]["simulation"][0] == pytest.approx(compare(model, record)[0].simulation[0], abs=0.05)
 
 
+@pytest.mark.slow
 def test_figures(capsys: pytest.CaptureFixture[str], tmp_path: Path, csv: Path, two: Path) -> None:
     found = result(capsys, "identify", csv, "--method", "oe", "--orders", "1", "1", "--out", tmp_path / "figures")
     names = ["record", "outputs", "bode", "step", "roots", "residuals"]

@@ -60,6 +60,7 @@ def test_conditions_are_those_asked_for(capsys: pytest.CaptureFixture[str]) -> N
     assert found["joints"]["wrist_roll"]["bandwidth_hz"] == pytest.approx(true.bandwidth_hz)
 
 
+@pytest.mark.slow
 def test_process_noise_brings_the_noise_model(capsys: pytest.CaptureFixture[str]) -> None:
     found = result(capsys, "truth", "--process-noise", 0.001)
     truth = linearize(load_arm(plant=Plant(process_noise=0.001)), amplitudes=())
@@ -70,6 +71,7 @@ def test_process_noise_brings_the_noise_model(capsys: pytest.CaptureFixture[str]
     assert "Standard deviation of each joint's innovations" in printed(capsys, "truth", "--process-noise", 0.001)
 
 
+@pytest.mark.slow
 def test_pose_by_angles(capsys: pytest.CaptureFixture[str]) -> None:
     degrees = (0, 20, 50, 30, -50, 0, 0)
     found = result(capsys, "truth", "--pose", ",".join(map(str, degrees)))
@@ -79,6 +81,7 @@ def test_pose_by_angles(capsys: pytest.CaptureFixture[str]) -> None:
     assert "0,20,50,30,-50,0,0 deg" in printed(capsys, "truth", "--pose", ",".join(map(str, degrees)))
 
 
+@pytest.mark.slow
 def test_electric_drives_have_no_oil(capsys: pytest.CaptureFixture[str]) -> None:
     out = printed(capsys, "truth", "--variant", "flight")
     assert "hydraulic" not in out
@@ -102,11 +105,13 @@ def test_help_is_wrapped_and_its_examples_keep_their_lines(
     assert "or the seven joint angles in degrees, with commas." in printed(capsys, "truth", "--help")
 
 
+@pytest.mark.slow
 def test_dry_friction_is_said_to_be_left_out(capsys: pytest.CaptureFixture[str]) -> None:
     assert "Dry friction is not in these numbers; see --bla" in printed(capsys, "truth")
     assert "Dry friction" not in printed(capsys, "truth", "--friction", "none")
 
 
+@pytest.mark.slow
 def test_cautions_tell_where_a_bandwidth_says_little() -> None:
     """While the bristles bend a joint is another one, between stick and slip no linear one; sliding it is fine."""
     arm = load_arm()
@@ -125,6 +130,7 @@ def drawn_words(path: Path) -> str:
     return " ".join(re.findall(r"<!-- (.*?) -->", path.read_text(encoding="utf-8"), re.S) or [])
 
 
+@pytest.mark.slow
 def test_title_tells_conditions_that_are_not_nominal() -> None:
     def title(**changes: object) -> str:
         arm = load_arm(plant=Plant(**changes))
@@ -137,6 +143,7 @@ def test_title_tells_conditions_that_are_not_nominal() -> None:
     assert "nominal conditions" not in said
 
 
+@pytest.mark.slow
 def test_measured_bandwidths_bear_their_intervals() -> None:
     arm = load_arm()
     found = best_linear(MultisineExperiment("elbow", ("elbow_pitch",)), Multisines(rms=0.02, realisations=2))
@@ -147,6 +154,7 @@ def test_measured_bandwidths_bear_their_intervals() -> None:
     assert segment[:, 0] == pytest.approx((low, high))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("ending", ["svg", "png", "pdf"])
 def test_figure(capsys: pytest.CaptureFixture[str], tmp_path: Path, ending: str) -> None:
     path = tmp_path / "deep" / f"truth.{ending}"
@@ -155,6 +163,7 @@ def test_figure(capsys: pytest.CaptureFixture[str], tmp_path: Path, ending: str)
     assert path.read_bytes().startswith(start)
 
 
+@pytest.mark.slow
 def test_best_linear_columns(
     capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
@@ -177,6 +186,7 @@ def test_best_linear_columns(
     assert "Dry friction is not in these numbers but for the best linear ones" in out
 
 
+@pytest.mark.slow
 def test_attainable_on_a_log(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
     assert main(["simulate", "siso-5-elbow_pitch", "--duration", "30", "--out", str(tmp_path)]) == 0
     capsys.readouterr()
@@ -204,6 +214,7 @@ def test_attainable_on_a_log(capsys: pytest.CaptureFixture[str], tmp_path: Path)
     assert "missing.nc" in complaint(capsys, "truth", "--data", tmp_path / "missing.nc")
 
 
+@pytest.mark.slow
 def test_the_nominal_default_does_not_pass_for_an_option(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
     """A log of another arm needs no option; naming the nominal arm contradicts it."""
     log = tmp_path / "published.nc"
@@ -214,6 +225,7 @@ def test_the_nominal_default_does_not_pass_for_an_option(capsys: pytest.CaptureF
     assert "--variant nominal given, the log has variant = published" in said
 
 
+@pytest.mark.slow
 def test_maps_by_one_command(
     capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:

@@ -50,6 +50,7 @@ def test_figures_are_printed_written_and_told(
     assert figure["value"] == result.figures["few"].value
 
 
+@pytest.mark.slow
 def test_several_stand_side_by_side_and_one_that_fails_is_told_by_the_exit_code(
     executor: Here, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

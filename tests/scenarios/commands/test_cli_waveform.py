@@ -22,6 +22,7 @@ WAVEFORMS = {
 }
 
 
+@pytest.mark.slow
 def test_every_waveform_has_flags_for_everything_it_takes(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
     from inspect import signature
 
@@ -75,6 +76,7 @@ def test_a_file_of_few_digits_excites_no_more_than_its_tones(
     assert result(capsys, "waveform", "file", "--path", path, "--out", tmp_path)["order_of_excitation"] == 2
 
 
+@pytest.mark.slow
 def test_it_says_for_which_models_a_waveform_is_too_poor(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
     found = result(capsys, "waveform", "two_sines", "--frequency", "2.5", "--out", tmp_path)
     (warning,) = found["warnings"]

@@ -34,6 +34,7 @@ def made(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return folder
 
 
+@pytest.mark.slow
 def test_simulate_writes_every_format(made: Path, capsys: pytest.CaptureFixture[str]) -> None:
     endings = sorted(path.name.replace("siso-5-", "") for path in made.iterdir())
     joints = ("elbow_pitch", "shoulder_yaw")
@@ -54,6 +55,7 @@ def test_faults_of_the_bus_follow_the_seed(capsys: pytest.CaptureFixture[str], t
     assert (files[0] != files[2]).any()
 
 
+@pytest.mark.slow
 def test_a_run_becomes_files_and_files_become_a_run(
     made: Path, capsys: pytest.CaptureFixture[str], tmp_path: Path
 ) -> None:
@@ -109,6 +111,7 @@ def test_memory_is_full_with_one_line(
     assert found["warnings"] == ["long was to have 200 ticks, of which the memory held 150"]
 
 
+@pytest.mark.slow
 def test_identify_reads_all_of_them(made: Path, capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
     reference = run(capsys, "identify", made / "siso-5-elbow_pitch.nc", *OE, "--skip", "4")
     for ending, words in ((".asc", ()), (".mat", ()), (".csv", ("--joint", "elbow_pitch"))):

@@ -84,6 +84,7 @@ class Physics:
         return (simulated(arm, pose, commands) + arm.rest(pose).qpos[:7])[:, [column]]
 
 
+@pytest.mark.slow
 def test_the_right_model_reaches_the_stated_score(small: DataSet, floors: dict[str, dict[str, str]]) -> None:
     """With dry friction and without, the twin simulated from the commands alone leaves the noise of the recorder."""
     scores = score_model(lambda record: Physics(small, record), small)
@@ -122,6 +123,7 @@ def test_no_baseline_goes_below_a_floor(small: DataSet, floors: dict[str, dict[s
                 assert float(value) >= 0.999 * float(stated["best_linear"]), f"{path.stem} on {experiment}"
 
 
+@pytest.mark.slow
 def test_every_row_is_made_again_by_its_command(small: DataSet, monkeypatch: pytest.MonkeyPatch) -> None:
     rows = read_table(small.folder / BASELINES)
     assert [one["method"] for one in rows] == [method.name for method in small.spec.baselines.methods]

@@ -80,6 +80,7 @@ def test_there_is_a_piece_for_each_class() -> None:
     assert len({excitation_class(entry) for entry in plan}) == 5
 
 
+@pytest.mark.slow
 def test_the_file_is_the_approximation_and_lies_about_the_truth(tmp_path: Path) -> None:
     entry = DataSetPlan(SPEC)[0]
     contents = best_linear_contents(SPEC, entry, threads=1)
@@ -168,6 +169,7 @@ models = []
 )
 
 
+@pytest.mark.slow
 @pytest.mark.filterwarnings("ignore:.* is not periodic")
 def test_recorded_realisations_of_a_class_are_the_measurement(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Records of one class count whatever their part, others do not; only what is missing is simulated."""

@@ -24,6 +24,7 @@ def bench() -> ModuleType:
     return module
 
 
+@pytest.mark.slow
 def test_a_killed_build_ends_in_the_bytes_of_one_that_nobody_disturbed(
     bench: ModuleType, tiny: Path, tiny_spec: DataSetSpec, tmp_path: Path
 ) -> None:

@@ -36,6 +36,7 @@ def workers(address: str, count: int) -> Iterator[None]:
             one.wait()
 
 
+@pytest.mark.slow
 def test_one_thread_two_threads_and_two_workers_make_the_same_bytes(
     tiny: Path, tiny_spec: DataSetSpec, tmp_path: Path
 ) -> None:

@@ -57,6 +57,7 @@ def digest(values: np.ndarray) -> str:
     return sha256(np.asfortranarray(values).tobytes(order="F")).hexdigest()
 
 
+@pytest.mark.slow
 def test_the_python_snippets_run(place: Path) -> None:
     text = "\n".join(snippets("python"))
     env = {**os.environ, "PYTHONPATH": str(ROOT)}

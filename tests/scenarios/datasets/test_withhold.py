@@ -59,6 +59,7 @@ def secrets_of(complete: DataSetSpec) -> dict[str, set[bytes]]:
     return forms
 
 
+@pytest.mark.slow
 def test_no_published_byte_tells_a_secret(school: Class) -> None:
     complete = school.withheld / school.ann.name
     forms = secrets_of(open_data_set(complete).spec)
@@ -112,6 +113,7 @@ def test_public_data_sets_load_check_and_cannot_be_scored_or_built(school: Class
     assert result.passed and any("withheld" in note for note in result.notes)
 
 
+@pytest.mark.slow
 def test_an_interrupted_build_keeps_its_seeds_and_resumes(
     school: Class, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -40,6 +40,7 @@ def test_without_friction_it_is_the_small_signal_truth_line_by_line() -> None:
     assert held >= binom.ppf(0.01, len(whole), 0.95)
 
 
+@pytest.mark.slow
 def test_the_test_would_see_a_bandwidth_that_is_off_by_two_percent() -> None:
     found = best_linear(YAW, SHORT)
     f = found.servo.response.frequencies
@@ -48,6 +49,7 @@ def test_the_test_would_see_a_bandwidth_that_is_off_by_two_percent() -> None:
     assert response_agreement(found.servo, model.frequency_response(f / 1.02)).p_all.item() < 1e-6
 
 
+@pytest.mark.slow
 def test_several_joints_at_once_give_the_coupled_truth() -> None:
     setting = MultisineExperiment("mimo", ("shoulder_pitch", "elbow_pitch"), chain=QUIET)
     found = best_linear(setting, replace(SHORT, realisations=5), measured=("elbow_pitch", "shoulder_pitch"))
@@ -58,6 +60,7 @@ def test_several_joints_at_once_give_the_coupled_truth() -> None:
     assert np.abs(found.servo.response.response[0, 0]) @ [0, 1] == pytest.approx(1.0, abs=0.05)
 
 
+@pytest.mark.slow
 def test_friction_takes_gain_and_bandwidth_away_and_shows_as_odd_distortion() -> None:
     setting = replace(YAW, chain=replace(QUIET, friction=True))
     found = best_linear(setting, Multisines(realisations=4, odd=True))
@@ -76,6 +79,7 @@ def test_friction_takes_gain_and_bandwidth_away_and_shows_as_odd_distortion() ->
     assert quiet.silent.noise.item() == pytest.approx(1.04e-4 * np.sqrt(50 / 256), rel=0.05)
 
 
+@pytest.mark.slow
 def test_limits_and_rounding_lie_before_the_recorded_command() -> None:
     """What reaches the servo is recorded, so that its response is the truth; from the stick it is not."""
     limited = best_linear(
@@ -96,6 +100,7 @@ def test_limits_and_rounding_lie_before_the_recorded_command() -> None:
     assert error < 2 * uniform
 
 
+@pytest.mark.slow
 def test_the_same_seeds_give_the_same_bits_on_any_number_of_threads() -> None:
     short = replace(SHORT, realisations=2)
     one, two, other = (

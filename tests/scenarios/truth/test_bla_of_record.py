@@ -20,6 +20,7 @@ def commanded(setting: Scenario) -> IOData:
     return IOData(u, u, 0.02).detrend()
 
 
+@pytest.mark.slow
 def test_without_friction_it_is_the_small_signal_truth() -> None:
     condition = Condition(friction=False)
     setting = condition.applied(campaign_scenario("siso-5-elbow_pitch", duration=24.0))

@@ -210,6 +210,7 @@ def measured(arm: Arm, **density: object) -> tuple[MapTable, list[tuple[int, int
     return maps(arm, OPERATING_POSE, whole, stage=stage).table, steps
 
 
+@pytest.mark.slow
 def test_without_dry_friction_the_arm_is_linear_up_to_its_velocity_limit() -> None:
     arm = load_arm(plant=replace(NOMINAL_PLANT, friction="viscous"))
     table, steps = measured(arm, amplitudes=(2e-3, 0.1))
@@ -228,6 +229,7 @@ def test_without_dry_friction_the_arm_is_linear_up_to_its_velocity_limit() -> No
     assert steps[-1] == (2, 2)
 
 
+@pytest.mark.slow
 def test_friction_ends_linearity_at_small_amplitudes_and_high_levels() -> None:
     table, _ = measured(load_arm(), amplitudes=(1e-3, 3e-2), levels=(0.0, 4.0))
     amplitudes, levels, truth = table.rows("amplitude"), table.rows("friction"), linearize(load_arm(), amplitudes=())
@@ -271,6 +273,7 @@ def test_what_is_unstable_is_not_called_too_heavy(found: Maps) -> None:
     assert "At 7 MPa the drives cannot hold the arm. At 35 MPa the arm is unstable." in text
 
 
+@pytest.mark.slow
 def test_poses_that_the_drives_cannot_hold_are_gaps(tmp_path: Path) -> None:
     found = maps(load_arm(plant=Plant(supply_pressure=9.0)), OPERATING_POSE, COARSE)
     poses = found.table.rows("operating pose", "workspace", "near", "anywhere", *MOVING)
@@ -290,6 +293,7 @@ def test_linear_range_is_the_longest_run() -> None:
     assert linear_range(np.array([1e-3]), np.array([np.nan]), 1.0) is None
 
 
+@pytest.mark.slow
 def test_page_and_table_are_complete(found: Maps, tmp_path: Path) -> None:
     files = write_maps(found, tmp_path)
     assert {path.name for path in tmp_path.iterdir()} == {path.name for path in files}

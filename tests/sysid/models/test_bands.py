@@ -51,6 +51,7 @@ def test_draws_agree_with_the_delta_method(p2: Any) -> None:
     np.testing.assert_allclose(poles.real.std(axis=0), np.sqrt(poles_band(estimate).covariance[:, 0, 0]), rtol=0.1)
 
 
+@pytest.mark.slow
 def test_bands_cover(p2: Any) -> None:
     truth = p2.model
     response, poles, zeros = step(truth), truth.poles(), truth.zeros()

@@ -44,6 +44,7 @@ def labels(figure: Figure) -> list[str]:
     return [text.get_text() for text in figure.legends[0].get_texts()]
 
 
+@pytest.mark.slow
 def test_plots_come_with_the_package_when_they_are_asked_for() -> None:
     import subprocess
     import sys

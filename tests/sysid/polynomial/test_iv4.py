@@ -20,6 +20,7 @@ def coloured(seed: int, samples: int = 1000) -> IOData:
     return IOData(u, lfilter(B, A, u) + lfilter([1.0], A, v), 0.1)[200:]
 
 
+@pytest.mark.slow
 def test_efficient_and_covered_where_least_squares_is_biased() -> None:
     """The whitened instruments, with the true model, give the asymptotic covariance of the method."""
     errors, normalised, hits, biased = [], [], [], []

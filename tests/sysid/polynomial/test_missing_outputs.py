@@ -153,6 +153,7 @@ FITS: list[tuple[Callable[[IOData], Estimate], dict[str, Any], list[float]]] = [
 ]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("bursts", [False, True])
 @pytest.mark.parametrize("case", range(3))
 def test_errors_are_as_large_as_their_covariance(case: int, bursts: bool) -> None:
@@ -168,6 +169,7 @@ def test_errors_are_as_large_as_their_covariance(case: int, bursts: bool) -> Non
     assert np.mean(variances) == pytest.approx(1.0, abs=0.06)
 
 
+@pytest.mark.slow
 def test_it_beats_the_complete_parts_of_a_record_full_of_gaps() -> None:
     truth = np.array([*A[1:], *B[1:], *C[1:]])
     whole, parts = [], []
@@ -263,6 +265,7 @@ def test_state_space_agrees_with_armax_and_its_covariance() -> None:
     np.testing.assert_allclose(found.noise_variance, polynomials.noise_variance, rtol=0.01)
 
 
+@pytest.mark.slow
 def test_two_outputs_that_miss_different_samples() -> None:
     f = np.array([0.1, 0.5, 1.0, 2.0, 4.0])
     covered, variances = [], []

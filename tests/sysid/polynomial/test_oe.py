@@ -11,6 +11,7 @@ from sysid import IOData, SysidWarning, oe
 GRID = np.linspace(0.1, 24.0, 40)
 
 
+@pytest.mark.slow
 @pytest.mark.filterwarnings("ignore:the parameters are poorly determined", "ignore:F has a root")
 @pytest.mark.parametrize("order", [9, 12])
 def test_clustered_real_poles(p2: Any, order: int) -> None:
@@ -60,6 +61,7 @@ def test_pole_at_the_edge_is_reported() -> None:
         oe(IOData(u, y + 0.01 * np.random.default_rng(2).standard_normal(800), 0.1), 1, 1, 0)
 
 
+@pytest.mark.slow
 def test_coloured_disturbances_need_the_coloured_covariance() -> None:
     a, b = [1, -1.5, 0.7], [0, 1.0, 0.5]
     truth = np.array([1.0, 0.5, -1.5, 0.7])

@@ -3,6 +3,7 @@
 from typing import Any
 
 import numpy as np
+import pytest
 from scipy.signal import lfilter
 
 from sysid import IOData, armax, arx, bj
@@ -45,6 +46,7 @@ def test_white_errors_hardly_notice(p3: Any) -> None:
     np.testing.assert_allclose(np.sqrt(np.diag(robust.covariance) / np.diag(plain.covariance)), 1.0, atol=0.2)
 
 
+@pytest.mark.slow
 def test_arx_plateaus_at_its_predicted_bias() -> None:
     """A disturbance of the output leads least squares elsewhere: where, its correlations tell [Ljung1999, sec. 8.4]."""
     d = [1, -0.95]
@@ -70,6 +72,7 @@ def test_arx_plateaus_at_its_predicted_bias() -> None:
     assert 0.92 < coverage(robust, predicted) < 0.975
 
 
+@pytest.mark.slow
 def test_armax_of_too_small_an_order() -> None:
     """The curvature is not the Gauss-Newton one there."""
     limit = armax(record(1_000, [1.0], [1.0], 200_000, 10), 1, 1, 1).parameters
@@ -81,6 +84,7 @@ def test_armax_of_too_small_an_order() -> None:
     assert 0.91 < coverage(robust, limit) < 0.985
 
 
+@pytest.mark.slow
 def test_box_jenkins_with_too_small_a_noise_model() -> None:
     """The path from the input stays consistent; its intervals need the sandwich."""
     c, d = [1.0], [1, -1.6, 0.9]

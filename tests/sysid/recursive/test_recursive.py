@@ -57,6 +57,7 @@ def above_batch(model: StateSpace, batch: StateSpace, data: IOData) -> float:
     return len(data) * (loss / least - 1.0)
 
 
+@pytest.mark.slow
 def test_a_poorly_determined_model_begins_with_an_estimate(p1: Any) -> None:
     """Condition 4e8: from zero one pass does not suffice and that is said; from an estimate it does."""
     orders = (5, 3, 5, 2)
@@ -183,6 +184,7 @@ def test_nothing_forgotten_follows_no_jump() -> None:
     assert rarx(jumping(), 1, 1).parameters[-1, 1] == pytest.approx(1.5, abs=0.15)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("adaptation", [Forgetting(0.97), Gradient(0.05), Gradient(0.005, normalised=False)])
 def test_covariance_is_the_spread_of_the_last_parameters(adaptation: Any) -> None:
     last, predicted = [], []

@@ -81,6 +81,7 @@ def test_the_gain_is_the_innovation_gain() -> None:
     assert np.std(errors) == pytest.approx(0.3, rel=0.05)
 
 
+@pytest.mark.slow
 def test_intervals_cover() -> None:
     truth = sysid.models.innovations_form(
         sysid.Polynomials([1, -1.5, 0.7], [0, 1.0, 0.5], np.ones(1), np.ones(1), np.ones(1)), 0.1

@@ -68,6 +68,7 @@ def draw(seed: int, samples: int = 800) -> IOData:
     return IOData(u, simulate(truth, u) + simulate(disturbance, e), 0.02)[100:]
 
 
+@pytest.mark.slow
 def test_efficient_and_honest_about_it() -> None:
     """Responses scatter as their covariances say, in several outputs too."""
     truth, f = multivariable(), np.array([0.5, 3.0, 15.0])
@@ -92,6 +93,7 @@ def test_efficient_and_honest_about_it() -> None:
     assert np.mean(bandwidths) > 0.866
 
 
+@pytest.mark.slow
 def test_coloured_disturbances_need_the_coloured_covariance() -> None:
     truth, f = multivariable(), np.array([0.5, 3.0])
     g = truth.frequency_response(f)
