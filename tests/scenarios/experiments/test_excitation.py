@@ -71,7 +71,12 @@ def test_sine_and_two_sines_are_pure() -> None:
 
 @pytest.mark.parametrize(
     ("waveform", "order"),
-    [(sine(frequency=5.0), 2), (two_sines(frequency=2.5), 4), (two_sines(frequency=1.25), 4)],
+    [
+        (sine(frequency=5.0), 2),
+        (two_sines(frequency=2.5), 4),
+        (two_sines(frequency=1.25), 4),
+        (Waveform(np.zeros(100), "silence"), 0),
+    ],
 )
 def test_order_of_excitation_of_sinusoids_is_twice_their_number(waveform: Waveform, order: int) -> None:
     assert waveform.order_of_excitation() == order
@@ -89,6 +94,7 @@ def test_order_of_excitation_of_prbs_is_rich_and_at_most_the_file() -> None:
 def test_prbs_has_two_levels_and_bits_of_the_clock(clock: int) -> None:
     points = prbs(amplitude=2.0, clock=clock, seed=7).points
     assert set(points) == {-2.0, 2.0}
+    assert all(set(prbs(clock=held, seed=seed).points) == {-1.0, 1.0} for held in (clock, 33) for seed in range(20))
     changes = np.flatnonzero(np.diff(points)) + 1
     assert np.all(changes % clock == 0)
     # A whole maximum-length sequence sums to one level; the cut file cannot miss by more than the bits cut off.
@@ -188,13 +194,21 @@ def test_play_repeats_the_period(waveform: Waveform) -> None:
     [
         lambda: sine(frequency=5.1),
         lambda: sine(frequency=0.0),
+        lambda: sine(frequency=25.0),  # sampled at its zeros
+        lambda: sine(frequency=5.0, amplitude=1e308),
         lambda: two_sines(frequency=1.3),
         lambda: two_sines(frequency=5.0, amplitude=1.0).play(float("nan")),
         lambda: two_sines(frequency=20.0),
+        lambda: two_sines(frequency=-1e308),
         lambda: prbs(clock=0),
+        lambda: prbs(clock=50),
+        lambda: prbs(seed=-1),
+        lambda: multisine(seed=2**63),
+        lambda: white_noise(seed=-1),
         lambda: chirp(f_start=-1.0, f_end=5.0),
         lambda: chirp_franklin(f_start=1.0, f_end=5.0, ramp=0.9),
         lambda: bipolar_ramping_pulse(pulse_width=0.6),
+        lambda: bipolar_ramping_pulse(pulse_width=1e308),
         lambda: multisine(f_min=5.0, f_max=4.0),
         lambda: prbs().play(-1.0),
         lambda: points(points=(0.0, 1.0)),

@@ -150,3 +150,12 @@ def test_a_missing_file_and_a_wrong_entry_are_refused(folder: Path) -> None:
         Scenario.read(folder / "mine.toml")
     with pytest.raises(ScenarioError, match="takes a path and repeat_frequency, iterations; given path, amplitude"):
         Scenario.from_toml(FILE + "amplitude = 1.0\n")
+    with pytest.raises(ScenarioError, match="cannot read waveform file"):
+        read_points("a\0b")
+
+
+def test_a_waveform_of_silence_is_one_line(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
+    words = ["waveform", "sine", "--frequency", "5", "--amplitude", "0", "--out", str(tmp_path / "out")]
+    assert main(words) == 2
+    assert capsys.readouterr().err.count("\n") == 1
+    assert not (tmp_path / "out").exists()

@@ -1,6 +1,8 @@
 """Films and pictures of an experiment."""
 
 import json
+import os
+import subprocess
 import sys
 from contextlib import nullcontext
 from pathlib import Path
@@ -135,6 +137,14 @@ def test_a_log_plays_back_tick_by_tick(log: Path, monkeypatch: pytest.MonkeyPatc
     assert len(poses) > 2
     for time, angles in poses:
         np.testing.assert_array_equal(angles, record.true_angles[round(time / record.dt)])
+
+
+def test_an_opengl_back_end_that_does_not_load_is_one_line() -> None:
+    words = [sys.executable, "-m", "scenarios", "truth"]
+    run = subprocess.run(words, env={**os.environ, "MUJOCO_GL": "bogus"}, capture_output=True, text=True, check=False)
+    assert (run.returncode, run.stdout) == (2, "")
+    assert run.stderr.count("\n") == 1
+    assert "MUJOCO_GL='bogus'" in run.stderr
 
 
 def test_help_names_every_camera(capsys: pytest.CaptureFixture[str]) -> None:

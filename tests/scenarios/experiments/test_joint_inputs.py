@@ -9,7 +9,7 @@ import pytest
 import sysid
 from hmtb_twin import JOINTS, STUDIED_JOINTS, JointLog, linearize, load_arm, simulate
 from scenarios import Excitation, Scenario, load, names
-from scenarios.experiments.joint_inputs import LAGS, LIMIT, joint_inputs, logged_inputs, moved_joints
+from scenarios.experiments.joint_inputs import LAGS, LIMIT, JointInputs, joint_inputs, logged_inputs, moved_joints
 
 COLUMNS = [JOINTS.index(joint) for joint in STUDIED_JOINTS]
 FREQUENCIES = np.array([0.25, 0.5, 1.0, 2.0, 3.0])
@@ -22,10 +22,8 @@ def logs() -> dict[str, JointLog]:
 
 
 def test_a_shared_waveform_is_flagged_and_independent_ones_are_not(logs: dict[str, JointLog]) -> None:
-    shared = logged_inputs(logs["mimo-7"], load("mimo-7"))
-    apart = logged_inputs(logs["mimo-7-independent"], load("mimo-7-independent"))
-    assert shared is not None
-    assert apart is not None
+    shared, apart = (logged_inputs(log, load(name)) for name, log in logs.items())
+    assert shared is not None and apart is not None
     assert shared.condition > 5 * LIMIT
     assert (shared.full, shared.block_diagonal) == (False, True)
     assert "no full model of several inputs can be identified" in str(shared.warning())
@@ -59,12 +57,17 @@ def signals(*columns: np.ndarray) -> np.ndarray:
     return commands
 
 
+def measured(*columns: np.ndarray, lags: int = LAGS) -> JointInputs:
+    inputs = joint_inputs(signals(*columns), STUDIED_JOINTS[: len(columns)], lags=lags)
+    assert inputs is not None
+    return inputs
+
+
 def test_the_condition_is_that_of_the_correlation_whatever_the_size() -> None:
     rng = np.random.default_rng(0)
     a, b = rng.standard_normal((2, 40_000))
     for rho in (0.0, 0.6, 0.99):
-        found = joint_inputs(signals(a, 50.0 * (rho * a + np.sqrt(1 - rho**2) * b)), STUDIED_JOINTS[:2], lags=4)
-        assert found is not None
+        found = measured(a, 50.0 * (rho * a + np.sqrt(1 - rho**2) * b), lags=4)
         # Eigenvalues of the correlation matrix of two signals are 1 +- rho.
         assert found.condition == pytest.approx(np.sqrt((1 + rho) / (1 - rho)), rel=0.05)
         assert found.covariance_condition == pytest.approx(found.condition**2, rel=0.1)
@@ -74,8 +77,7 @@ def test_the_colour_of_a_single_command_does_not_count() -> None:
     rng = np.random.default_rng(1)
     smooth = np.cumsum(rng.standard_normal((40_000, 2)), axis=0)
     smooth -= np.apply_along_axis(lambda x: np.convolve(x, np.ones(200) / 200, "same"), 0, smooth)
-    found = joint_inputs(signals(*smooth.T), STUDIED_JOINTS[:2])
-    assert found is not None
+    found = measured(*smooth.T)
     assert found.condition < 1.5
     assert found.covariance_condition > 100.0
     assert found.full
@@ -83,18 +85,13 @@ def test_the_colour_of_a_single_command_does_not_count() -> None:
 
 def test_a_delayed_copy_within_the_lags_is_found_and_one_beyond_is_not() -> None:
     a = np.random.default_rng(2).standard_normal(5000)
-    near = joint_inputs(signals(a, np.roll(a, 3)), STUDIED_JOINTS[:2])
-    far = joint_inputs(signals(a, np.roll(a, LAGS + 1)), STUDIED_JOINTS[:2])
-    assert near is not None
-    assert far is not None
-    assert near.condition > 1e3
-    assert far.condition < 1.5
+    assert measured(a, np.roll(a, 3)).condition > 1e3
+    assert measured(a, np.roll(a, LAGS + 1)).condition < 1.5
 
 
 def test_a_tone_without_noise_is_too_poor_for_a_block_diagonal_model_as_well() -> None:
     t = np.arange(2000) / 50
-    found = joint_inputs(signals(np.sin(2 * np.pi * t), np.sin(4 * np.pi * t)), STUDIED_JOINTS[:2])
-    assert found is not None
+    found = measured(np.sin(2 * np.pi * t), np.sin(4 * np.pi * t))
     assert found.orders == (2, 2)
     assert (found.full, found.block_diagonal) == (False, False)
     assert "excite to the orders 2, 2, expected 8" in str(found.warning())
@@ -108,8 +105,7 @@ def test_nothing_is_said_of_one_joint_of_joints_at_rest_and_of_short_records() -
 
 def test_joints_at_rest_are_left_out() -> None:
     a, b = np.random.default_rng(4).standard_normal((2, 500))
-    found = joint_inputs(signals(a, 1e-12 * b, b), STUDIED_JOINTS)
-    assert found is not None
+    found = measured(a, 1e-12 * b, b)
     assert found.joints == (STUDIED_JOINTS[0], STUDIED_JOINTS[2])
     assert found.condition < 2.0
 

@@ -18,6 +18,11 @@ def log() -> JointLog:
     return simulate([replace(load("siso-5-elbow_pitch"), name="short", duration=2.0)])[0]
 
 
+def test_a_log_can_be_made_again_from_itself(log: JointLog) -> None:
+    again = simulate([Scenario.from_toml(log.provenance["scenario"])])[0]
+    assert np.array_equal(log.measured, again.measured)
+
+
 @pytest.mark.parametrize(
     ("arm", "pose", "message"),
     [

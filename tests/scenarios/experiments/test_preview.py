@@ -148,13 +148,8 @@ def test_simulate_says_how_far_the_arm_sank(capsys: pytest.CaptureFixture[str], 
 
 
 def test_an_operator_is_refused() -> None:
-
-    class Manned(Scenario):
-        def operator(self) -> object:  # type: ignore[override]
-            return object()
-
     with pytest.raises(ScenarioError, match="an operator who looks at the arm moves the stick"):
-        preview(Manned("manned", ("elbow_pitch",), (QUIET,)))
+        preview(load("rpcm"))
 
 
 def test_the_command_prints_what_is_seen(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:

@@ -11,7 +11,7 @@ from hmtb_twin.control.experiment import UnitView
 from hmtb_twin.parameters.payloads import SEATS, UNIT
 from hmtb_twin.parameters.values import JOINTS, LINKS, MOTIONS
 from scenarios import ScenarioError, load
-from scenarios.experiments.operator import GRAVITY, ScriptedOperator, Skill, Step
+from scenarios.experiments.operator import GRAVITY, PEAK, ScriptedOperator, Skill, Step, Submovement
 from scenarios.experiments.rpcm import PHASES, approach_point, rpcm_outcome
 from scenarios.experiments.scenario import Scenario
 
@@ -115,6 +115,17 @@ def test_a_task_is_a_toml_file_without_excitation() -> None:
     text = load("rpcm").to_toml()
     assert "excitation" not in text
     assert Scenario.from_toml(text) == load("rpcm")
+
+
+def test_a_submovement_covers_its_distance_smoothly_and_only_then() -> None:
+    movement = Submovement(np.array([0.3, -0.1]), start=1.0, duration=2.0)
+    time = np.arange(0.0, 4.0, 1e-3)
+    velocity = np.array([movement.velocity(t) for t in time])
+    np.testing.assert_allclose(velocity.sum(axis=0) * 1e-3, movement.distance, rtol=1e-6)
+    assert not velocity[(time <= 1.0) | (time >= movement.end)].any()
+    assert velocity[:, 0].max() == pytest.approx(PEAK * 0.3 / 2.0, rel=1e-6)
+    # It starts and stops without a step in acceleration: its jerk is nowhere beyond 60 d / T^3, the least possible.
+    assert np.abs(np.diff(velocity, 2, axis=0)).max() < 1.001 * 60.0 * 0.3 / 2.0**3 * 1e-6
 
 
 GAINS = np.array([0.02, 0.02, 0.02, 0.05, 0.05, 0.05])

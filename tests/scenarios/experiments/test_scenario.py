@@ -131,6 +131,7 @@ def test_reseeding_draws_another_seed_for_every_name_and_keeps_the_file() -> Non
         (lambda t: t.replace("frequency = 5", "frequency = true"), "must be a finite number, given True"),
         (lambda t: t.replace("frequency = 5", "frequency = nan"), "must be a finite number, given nan"),
         (lambda t: t.replace("frequency = 5", "frequency = 5.1"), "5.1 Hz does not repeat"),
+        (lambda t: f"duration = 1{'0' * 400}\n" + t, "finite number"),
         (lambda t: "durations = 3\n" + t, "unknown key 'durations'.*did you mean 'duration'"),
         (lambda t: "duration = '3'\n" + t, "duration must be a finite number"),
         (lambda t: "duration = 0.001\n" + t, "duration of 0.02 to"),
@@ -163,23 +164,20 @@ def test_a_wrong_file_is_refused_with_what_there_is(change: object, says: str) -
         Scenario.from_toml(change(MINIMAL), source="mine.toml")  # type: ignore[operator]
 
 
-def test_one_excitation_per_axis_or_one_for_all() -> None:
-    sine = Excitation("sine", {"frequency": 5.0})
-    with pytest.raises(ScenarioError, match="2 excitations for 1 axes"):
-        Scenario("two", ("elbow_pitch",), (sine, sine))
-
-
 @pytest.mark.parametrize(
     ("changes", "told"),
     [
         ({"variant": "flight", "plant": Plant(supply_pressure=15.0)}, "supply_pressure = 15.0.*electric"),
         ({"variant": "flight", "worksite": True}, "'flight' at the worksite"),
         ({"payload": "mdm", "worksite": True}, "'mdm' at the worksite given, expected rpcm or none"),
+        *(({"name": name}, "scenario name") for name in ("", ".", "../escape", "a/b", "a\nb", "a\0b", "x" * 101, "-x")),
+        *(({"duration": duration}, "duration") for duration in (0.0, -1.0, 1e9, float("nan"), float("inf"))),
+        *(({"seed": seed}, "seed") for seed in (-1, 2**63, 2**70)),
         ({"plant": None}, "plant = None given, expected a Plant"),
         ({"specimen": None}, "specimen = None given, expected a Specimen"),
         ({"variant": "flight", "specimen": Specimen(leakage=2.0)}, "leakage = 2.0 given.*electric"),
     ],
 )
-def test_arms_that_cannot_be_loaded_are_refused(changes, told):
+def test_values_that_no_experiment_can_have_are_refused(changes, told):
     with pytest.raises(ScenarioError, match=told):
         replace(load("siso-1-elbow_pitch"), **changes)
