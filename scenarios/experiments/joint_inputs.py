@@ -9,7 +9,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
 
-from hmtb_twin import JOINTS, STUDIED_JOINTS, Experiment, JointLog
+from hmtb_twin import JOINTS, STUDIED_JOINTS, Experiment
+from hmtb_twin.parameters.values import SAMPLE_TIME
 from scenarios.experiments.log_review import SETTLING
 from sysid import IOData, order_of_excitation
 
@@ -147,13 +148,12 @@ def _measure(joints: tuple[str, ...], signals: list[np.ndarray], lags: int) -> J
     )
 
 
-def logged_inputs(log: JointLog, experiment: Experiment) -> JointInputs | None:
-    """Return `joint_inputs` of the settled part of a log; None also for one joint, or with an operator."""
-    joints = moved_joints(experiment)
-    if len(joints) == 1 or experiment.operator() is not None:
+def settled_inputs(commands: np.ndarray, experiment: Experiment) -> JointInputs | None:
+    """Return `joint_inputs` of the settled part of the commands (N, 7), rad; None also with an operator."""
+    if experiment.operator() is not None:
         return None
-    start = round(SETTLING / log.dt)
-    return joint_inputs(log.commanded[start:] if len(log) > 2 * start else log.commanded, joints)
+    start = round(SETTLING / SAMPLE_TIME)
+    return joint_inputs(commands[start if len(commands) > 2 * start else 0 :], moved_joints(experiment))
 
 
 def _condition(blocks: list[np.ndarray]) -> float:

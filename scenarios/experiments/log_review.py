@@ -7,8 +7,6 @@ from math import degrees
 import numpy as np
 
 from hmtb_twin import JOINTS, JointLog, Status
-from hmtb_twin.control.data_acquisition import BOARD
-from scenarios.experiments.scenario import Scenario
 from scenarios.files.errors import ScenarioError
 from sysid import IOData
 
@@ -47,12 +45,6 @@ def settled(log: JointLog, joints: str | Sequence[str]) -> IOData:
 def prepared(log: JointLog, joints: str | Sequence[str]) -> IOData:
     """Return the `settled` part of a log without its means, which is what estimators get."""
     return settled(log, joints).detrend()
-
-
-def clipped_share(log: JointLog, scenario: Scenario) -> float:
-    """Return the fraction of samples at which the converter of the hand controller or the excitation computer clips."""
-    beyond = BOARD.exceeds_range(scenario.requested_volts()).any(axis=1)
-    return float(np.mean(beyond | ((log.status & Status.CONVERTER_SATURATED) != 0)))
 
 
 def velocity_limited_share(log: JointLog) -> float:

@@ -174,8 +174,7 @@ class ScriptedOperator:
         if stands and not self._eased:
             # The unit stands on its seat: take the load off before releasing it.
             self._eased = True
-            self._start(force / skill.stiffness, np.zeros(3), step, time)
-            self._yielding = True
+            self._start(force / skill.stiffness, np.zeros(3), step, time, yielding=True)
             return
         at_target = (
             abs(offset[0]) <= step.near and np.abs(offset[1:]).max() <= aside and np.abs(turn).max() <= step.turn
@@ -193,7 +192,7 @@ class ScriptedOperator:
             offset[1:] = np.where(pushed, force[1:] / skill.stiffness, seen_aside)
         self._start(offset, turn, step, time)
 
-    def _start(self, offset: np.ndarray, turn: np.ndarray, step: Step, time: float) -> None:
+    def _start(self, offset: np.ndarray, turn: np.ndarray, step: Step, time: float, *, yielding: bool = False) -> None:
         skill, length = self._skill, float(np.linalg.norm(offset))
         offset = offset * min(1.0, step.stride / max(length, 1e-9))
         length = float(np.linalg.norm(offset))
@@ -204,14 +203,13 @@ class ScriptedOperator:
         turn = turn * (1.0 + skill.spread * self._rng.standard_normal())
         turn = turn + skill.stray * angle * self._rng.standard_normal(3)
         self._movement = Submovement(np.concatenate([offset, turn]), time, duration)
-        self._yielding = False
+        self._yielding = yielding
 
     def _back_off(self, step: Step, seen: View, time: float) -> None:
         """Yield to the contact force in every direction, and a little more along the tool."""
         away = self._force(seen) / self._skill.stiffness
         away[0] += np.copysign(self._skill.recoil, away[0])
-        self._start(away, np.zeros(3), step, time)
-        self._yielding = True
+        self._start(away, np.zeros(3), step, time, yielding=True)
 
     def _force(self, seen: View) -> np.ndarray:
         """Return the contact force on the tool, in its frame (3,), N: the wrist force less the known weight."""

@@ -9,8 +9,7 @@ from hmtb_twin.control.control_station import ControlStation
 from hmtb_twin.control.data_acquisition import BOARD
 from hmtb_twin.parameters.values import MOTIONS, SAMPLE_TIME
 from scenarios.experiments.excitation_computer import MISSES_POINTS
-from scenarios.experiments.joint_inputs import STILL, JointInputs, joint_inputs, moved_joints
-from scenarios.experiments.log_review import SETTLING
+from scenarios.experiments.joint_inputs import STILL, JointInputs, settled_inputs
 from scenarios.experiments.model_structures import excitation_order_warning
 from scenarios.experiments.scenario import Scenario
 from scenarios.files.errors import ScenarioError
@@ -168,9 +167,6 @@ def preview(scenario: Scenario) -> Preview:
     home, frame = arm.controller.tool_pose(arm.pose(scenario.pose))
     # Trace of a rotation by an angle: 1 + 2 cos; small angles need the sine, |R - R0| = 2 sqrt(2) sin(angle / 2).
     turned = np.linalg.norm(rotations - frame, axis=(1, 2)).max() / np.sqrt(8.0)
-    joints = moved_joints(scenario)
-    start = round(SETTLING / SAMPLE_TIME)
-    settled = commands[start if ticks > 2 * start else 0 :]
     return Preview(
         scenario=scenario,
         requested=scenario.requested_volts()[:ticks],
@@ -180,6 +176,6 @@ def preview(scenario: Scenario) -> Preview:
         turn=float(2.0 * np.arcsin(min(turned, 1.0))),
         status=station.status[:ticks],
         velocity_limits=arm.velocity_limits,
-        inputs=joint_inputs(settled, joints) if len(joints) > 1 else None,
+        inputs=settled_inputs(commands, scenario),
         power_off=power_off,
     )

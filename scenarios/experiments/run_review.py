@@ -2,15 +2,13 @@
 
 from dataclasses import dataclass
 
-from hmtb_twin import JointLog
+import numpy as np
+
+from hmtb_twin import JointLog, Status
+from hmtb_twin.control.data_acquisition import BOARD
 from scenarios.experiments.excitation_computer import MISSES_POINTS
-from scenarios.experiments.joint_inputs import JointInputs, logged_inputs
-from scenarios.experiments.log_review import (
-    ShutdownInterval,
-    clipped_share,
-    shutdown_intervals,
-    velocity_limited_share,
-)
+from scenarios.experiments.joint_inputs import JointInputs, settled_inputs
+from scenarios.experiments.log_review import ShutdownInterval, shutdown_intervals, velocity_limited_share
 from scenarios.experiments.preview import deadband_warning
 from scenarios.experiments.rpcm import RpcmOutcome, rpcm_outcome
 from scenarios.experiments.scenario import Scenario
@@ -44,8 +42,9 @@ def review(log: JointLog, scenario: Scenario) -> RunReview:
         log: The log.
         scenario: The experiment that it records.
     """
-    clipped = clipped_share(log, scenario)
-    inputs = logged_inputs(log, scenario)
+    beyond = BOARD.exceeds_range(scenario.requested_volts()).any(axis=1)
+    clipped = float(np.mean(beyond | ((log.status & Status.CONVERTER_SATURATED) != 0)))
+    inputs = settled_inputs(log.commanded, scenario)
     task = rpcm_outcome(log) if scenario.task == "rpcm" else None
     warnings = [
         f"{100 * clipped:.2g} % of the samples stand at an end of a converter's range, whatever the excitation asked "

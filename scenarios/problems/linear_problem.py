@@ -14,7 +14,7 @@ from scenarios.problems.embedding import Embedding, embedding, layout, own_struc
 from scenarios.problems.problem import Bound, comparison_frequencies
 from sysid import IOData, Polynomials, StateSpace
 from sysid.models import innovations_form
-from sysid.records.arrays import FloatArray, Locked, lock
+from sysid.records.arrays import FloatArray, Locked
 
 MORE_ORDERS = 3
 """Most orders beyond the true one for an estimator that chooses."""
@@ -43,10 +43,6 @@ class LinearProblem(Locked):
     dt: float
     feedback: float = 0.0
     _bounds: dict[str, Bound] = field(default_factory=dict, init=False, repr=False)
-
-    def __post_init__(self) -> None:
-        """Lock: problems are shared by all who ask for them."""
-        object.__setattr__(self, "reference", lock(self.reference))
 
     @cached_property
     def truth(self) -> StateSpace:

@@ -14,7 +14,7 @@ from scenarios.problems.state_space_bound import Coordinates, coordinates, state
 from scenarios.problems.textbook import BITS
 from sysid import IOData, StateSpace
 from sysid.models.recursion import state_trajectory
-from sysid.records.arrays import FloatArray, Locked, lock
+from sysid.records.arrays import FloatArray, Locked
 
 SAMPLES = 12_000
 BURN_IN = 500
@@ -54,10 +54,6 @@ class MimoProblem(Locked):
     truth: StateSpace
     inputs: FloatArray
     order: int
-
-    def __post_init__(self) -> None:
-        """Lock: problems are shared by all who ask for them."""
-        object.__setattr__(self, "inputs", lock(self.inputs))
 
     @cached_property
     def frequencies(self) -> FloatArray:

@@ -11,7 +11,7 @@ import numpy as np
 from hmtb_twin import JOINTS, JointLog, Status, load_arm, simulate
 from hmtb_twin.parameters.values import MOTIONS, SAMPLE_TIME
 from scenarios import Scenario, load, names
-from scenarios.experiments.joint_inputs import logged_inputs
+from scenarios.experiments.joint_inputs import settled_inputs
 from scenarios.experiments.log_review import clipped_share
 
 HEAD = (
@@ -61,7 +61,7 @@ def _row(scenario: Scenario, log: JointLog) -> tuple[str, ...]:
         turns.append(2.0 * np.arcsin(min(turned, 1.0)))
     clipped, limited = clipped_share(log, scenario), _share(log, Status.VELOCITY_LIMITED)
     orders = ", ".join(str(entry.waveform().order_of_excitation()) for entry in scenario.excitation) or "-"
-    inputs = logged_inputs(log, scenario)
+    inputs = settled_inputs(log.commanded, scenario)
     complaints = _complaints(log, rates, asked, arm.velocity_limits, clipped)
     limit = np.degrees(arm.velocity_limits[fastest])
     return (

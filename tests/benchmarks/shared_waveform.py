@@ -14,7 +14,7 @@ import numpy as np
 import sysid
 from hmtb_twin import JOINTS, STUDIED_JOINTS, JointLog, linearize, load_arm, simulate
 from scenarios import load
-from scenarios.experiments.joint_inputs import logged_inputs
+from scenarios.experiments.joint_inputs import settled_inputs
 
 FREQUENCIES = np.array([0.25, 0.5, 1.0, 2.0, 3.0])
 COLUMNS = [JOINTS.index(joint) for joint in STUDIED_JOINTS]
@@ -44,7 +44,7 @@ def main() -> int:
     chosen = [*shared, *smooth]
     print("| test | condition between joints | full model, error | block-diagonal model, error |\n|---|---:|---:|---:|")
     for scenario, log in zip(chosen, simulate(chosen), strict=True):
-        inputs = logged_inputs(log, scenario)
+        inputs = settled_inputs(log.commanded, scenario)
         full, diagonal = errors(log, true)
         print(f"| {scenario.name} | {inputs.condition if inputs else np.nan:.3g} | {full:.3f} | {diagonal:.3f} |")
     return 0

@@ -9,7 +9,7 @@ import pytest
 import sysid
 from hmtb_twin import JOINTS, STUDIED_JOINTS, JointLog, linearize, load_arm, simulate
 from scenarios import Excitation, Scenario, load, names
-from scenarios.experiments.joint_inputs import LAGS, LIMIT, JointInputs, joint_inputs, logged_inputs, moved_joints
+from scenarios.experiments.joint_inputs import LAGS, LIMIT, JointInputs, joint_inputs, moved_joints, settled_inputs
 
 COLUMNS = [JOINTS.index(joint) for joint in STUDIED_JOINTS]
 FREQUENCIES = np.array([0.25, 0.5, 1.0, 2.0, 3.0])
@@ -22,7 +22,7 @@ def logs() -> dict[str, JointLog]:
 
 
 def test_a_shared_waveform_is_flagged_and_independent_ones_are_not(logs: dict[str, JointLog]) -> None:
-    shared, apart = (logged_inputs(log, load(name)) for name, log in logs.items())
+    shared, apart = (settled_inputs(log.commanded, load(name)) for name, log in logs.items())
     assert shared is not None and apart is not None
     assert shared.condition > 5 * LIMIT
     assert (shared.full, shared.block_diagonal) == (False, True)

@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from hmtb_twin import JOINTS, Chain, HandController, Plant, Specimen
+from hmtb_twin import JOINTS, Chain, HandController, Plant, Specimen, TwinError
 from scenarios import Excitation, Scenario, ScenarioError, load
 from scenarios.experiments.scenario import NAME
 
@@ -181,3 +181,10 @@ def test_a_wrong_file_is_refused_with_what_there_is(change: object, says: str) -
 def test_values_that_no_experiment_can_have_are_refused(changes, told):
     with pytest.raises(ScenarioError, match=told):
         replace(load("siso-1-elbow_pitch"), **changes)
+
+
+@pytest.mark.parametrize("name", ["translation_gain", "adc_range", "hum_frequency"])
+@pytest.mark.parametrize("huge", [1e308, -1e308])
+def test_huge_values_of_the_hand_controller_are_refused_by_name(name: str, huge: float) -> None:
+    with pytest.raises(TwinError, match=name):
+        HandController(**{name: huge})
