@@ -172,11 +172,6 @@ def test_a_link_changes_what_comes_after_it_and_nothing_before(link: str, pairs:
         assert np.abs(residual(on) - residual(off)).max() <= RECORDER.resolver_step * (1 + 1e-6)
 
 
-def test_dac_rounds_by_half_a_count(pairs: dict[str, JointLog]) -> None:
-    change = pairs["all"].volts - pairs["dac"].volts
-    assert 0.4 * STEP < np.abs(change).max() <= 0.5 * STEP + 1e-12
-
-
 def test_noise_and_bias_are_what_the_seed_draws(pairs: dict[str, JointLog]) -> None:
     volts = {link: pairs["all"].volts - pairs[link].volts for link in ("bias", "noise")}
     wires = np.random.default_rng(5).spawn(2)[0]
@@ -194,25 +189,18 @@ def test_adc_rounds_the_voltage_that_it_samples_every_third_tick(pairs: dict[str
     np.testing.assert_array_equal(pairs["hold"].counts, np.rint(pairs["hold"].volts / STEP))
 
 
-def test_without_velocity_limit_a_command_arrives_at_once(pairs: dict[str, JointLog]) -> None:
-    on, off = pairs["all"], pairs["velocity_limit"]
+def test_dac_velocity_limit_friction_and_resolvers_do_what_they_should(pairs: dict[str, JointLog]) -> None:
+    on, elbow, limits = pairs["all"], JOINTS.index("elbow_pitch"), load_arm().velocity_limits
+    assert 0.4 * STEP < np.abs(on.volts - pairs["dac"].volts).max() <= 0.5 * STEP + 1e-12
+    free = pairs["velocity_limit"]
     assert ((on.status & Status.VELOCITY_LIMITED) != 0).any()
-    assert not (off.status & Status.VELOCITY_LIMITED).any()
-    limits = load_arm().velocity_limits
+    assert not (free.status & Status.VELOCITY_LIMITED).any()
     assert (np.abs(np.diff(on.commanded, axis=0)) <= 0.02 * limits * (1 + 1e-9)).all()
-    assert (np.abs(np.diff(off.commanded, axis=0)).max(axis=0) > 0.02 * limits).any()
-
-
-def test_friction_takes_from_the_motion(pairs: dict[str, JointLog]) -> None:
-    elbow = JOINTS.index("elbow_pitch")
-    on, off = (np.ptp(pairs[name].true_angles[:, elbow]) for name in ("all", "friction"))
-    assert 0.5 < on / off < 0.999
-
-
-def test_without_resolvers_the_record_is_the_delayed_angle(pairs: dict[str, JointLog]) -> None:
+    assert (np.abs(np.diff(free.commanded, axis=0)).max(axis=0) > 0.02 * limits).any()
+    assert 0.5 < np.ptp(on.true_angles[:, elbow]) / np.ptp(pairs["friction"].true_angles[:, elbow]) < 0.999
     assert (residual(pairs["resolver"]) == 0.0).all()
-    on = residual(pairs["all"])[1:]
-    assert on.std() == pytest.approx(np.hypot(RECORDER.noise, RECORDER.resolver_step / np.sqrt(12)), rel=0.1)
+    scatter = np.hypot(RECORDER.noise, RECORDER.resolver_step / np.sqrt(12))
+    assert residual(on)[1:].std() == pytest.approx(scatter, rel=0.1)
 
 
 # --- All of them off. ---
@@ -227,7 +215,7 @@ def test_small_signals_without_imperfections_obey_the_linear_truth(
     mode: str, axes: tuple[str, ...], amplitude: float
 ) -> None:
     """A binary signal of a milliradian, or of half a millimetre along each axis of the tool, and half of that."""
-    truth = linearize(load_arm())
+    truth = linearize(load_arm(), amplitudes=(1e-3,))
     volts = amplitude / (HAND_CONTROLLER.gain if mode == "single_joint" else HAND_CONTROLLER.translation_gain)
     waves = [Excitation("prbs", {"amplitude": factor * volts, "clock": 5}) for factor in (1.0, 0.5)]
     tests = [Scenario("ideal", axes, (wave,), duration=20.0, mode=mode, chain=IDEAL) for wave in waves]

@@ -3,18 +3,7 @@ from dataclasses import dataclass, field
 import numpy as np
 import pytest
 
-from hmtb_twin import (
-    NOMINAL_SPECIMEN,
-    Arm,
-    Chain,
-    HandController,
-    Operator,
-    Plant,
-    Specimen,
-    Truth,
-    linearize,
-    load_arm,
-)
+from hmtb_twin import Arm, Chain, HandController, Operator, Plant, Specimen, Truth, linearize, load_arm
 
 
 @dataclass(frozen=True)
@@ -30,7 +19,7 @@ class BinaryTest:
     variant: str = "nominal"
     payload: str = "rpcm"
     plant: Plant = Plant()  # noqa: RUF009
-    specimen: Specimen = NOMINAL_SPECIMEN
+    specimen: Specimen = Specimen()  # noqa: RUF009
     pose: str = "rpcm_holster_out_approach"
     mode: str = "single_joint"
     worksite: bool = False

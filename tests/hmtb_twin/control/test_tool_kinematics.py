@@ -98,16 +98,15 @@ def test_another_arm_is_refused(old, new):
 
 def test_other_lengths_are_read_from_the_model():
     text = model_file("hmtb/hmtb.xml").read_text(encoding="utf-8")
-    for old, new in (
-        ('<body name="upper_arm" pos="0.1 0 0">', '<body name="upper_arm" pos="0.12 0.03 0.04">'),
-        ('<body name="shoulder_yaw_link" pos="0.15 0 0">', '<body name="shoulder_yaw_link" pos="0.17 0.02 0.05">'),
-        ('<site name="tool" pos="0.14 0 0"/>', '<site name="tool" pos="0.3 0 0"/>'),
-        ('<body name="wrist_yaw_link" pos="0.15 0 0">', '<body name="wrist_yaw_link" pos="0.15 -0.03 -0.02">'),
+    for part, old, new in (
+        ('<body name="upper_arm"', "0.1 0 0", "0.12 0.03 0.04"),
+        ('<body name="shoulder_yaw_link"', "0.15 0 0", "0.17 0.02 0.05"),
+        ('<site name="tool"', "0.14 0 0", "0.3 0 0"),
+        ('<body name="wrist_yaw_link"', "0.15 0 0", "0.15 -0.03 -0.02"),
     ):
-        assert old in text
-        text = text.replace(old, new)
+        assert f'{part} pos="{old}"' in text
+        text = text.replace(f'{part} pos="{old}"', f'{part} pos="{new}"')
     controller = ControllerModel(text)
-
     kinematics = ToolKinematics(controller)
     for angles in POSES[:20]:
         found = posture(controller, kinematics, angles)

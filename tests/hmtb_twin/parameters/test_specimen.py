@@ -11,7 +11,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from hmtb_twin import JOINTS, NOMINAL_SPECIMEN, Arm, OverloadError, Plant, Specimen, TwinError, linearize, load_arm
+from hmtb_twin import JOINTS, NOMINAL_SPECIMEN, OverloadError, Plant, Specimen, TwinError, linearize, load_arm
 from hmtb_twin.arm.controller_model import ControllerModel
 from hmtb_twin.arm.rigid_bodies import BODIES
 from hmtb_twin.control.experiment import IDEAL
@@ -47,31 +47,23 @@ def deviating(seed: int) -> Specimen:
 
 def bodies(specimen: Specimen) -> dict[str, tuple[float, np.ndarray, np.ndarray]]:
     """Mass, centre of mass and inertia of each link of the nominal arm on this specimen."""
-    found = specimen.bodies(
-        np.array([link.mass for link in LINKS.values()]),
-        np.array([[link.length / 2.0, 0.0, 0.0] for link in LINKS.values()]),
-        np.array([[link.axial_inertia, *2 * [link.transverse_inertia]] for link in LINKS.values()]),
-    )
-    return dict(zip(LINKS, zip(*found, strict=True), strict=True))
+    nominal = [(x.mass, (x.length / 2, 0, 0), (x.axial_inertia, *2 * [x.transverse_inertia])) for x in LINKS.values()]
+    parts = specimen.bodies(*(np.array(column, dtype=float) for column in zip(*nominal, strict=True)))
+    return dict(zip(LINKS, zip(*parts, strict=True), strict=True))
 
 
 @given(st.lists(st.floats(-FARTHEST, FARTHEST), min_size=9, max_size=9), st.floats(0.01, 100.0))
 @settings(max_examples=50)
 def test_the_log_cholesky_parameters_are_those_of_pinocchio(theta: list[float], factor: float) -> None:
     """Of a body of unit mass and unit extents, whose pseudo-inertia is the identity."""
-    rest = (1.0,) * 7, (0.0,) * 21
-    specimen = Specimen(
-        mass=(factor, *rest[0]),
-        stretch=(*theta[:3], *rest[1]),
-        shear=(*theta[3:6], *rest[1]),
-        shift=(*theta[6:], *rest[1]),
-    )
+    names = ("stretch", "shear", "shift")
+    parts = {name: (*theta[3 * k : 3 * k + 3], *21 * [0.0]) for k, name in enumerate(names)}
+    specimen = Specimen(mass=(factor, *7 * [1.0]), **parts)
     masses, centres, inertias = specimen.bodies(np.ones(8), np.zeros((8, 3)), np.full((8, 3), 2.0))
     np.testing.assert_array_equal(inertias[1:], np.tile(2.0 * np.eye(3), (7, 1, 1)))
     mass, centre, inertia = masses[0], centres[0], inertias[0]
-    known = pin.Inertia.FromLogCholeskyParameters(
-        pin.LogCholeskyParameters(np.array([0.5 * np.log(factor), *theta[:3], *theta[3:6], *theta[6:]]))
-    )
+    parameters = pin.LogCholeskyParameters(np.array([0.5 * np.log(factor), *theta]))
+    known = pin.Inertia.FromLogCholeskyParameters(parameters)
     assert mass == pytest.approx(known.mass, rel=1e-9)
     np.testing.assert_allclose(centre, known.lever, atol=1e-9)
     np.testing.assert_allclose(inertia, known.inertia, atol=1e-9 * np.trace(known.inertia))
@@ -80,15 +72,12 @@ def test_the_log_cholesky_parameters_are_those_of_pinocchio(theta: list[float], 
     assert moments[0] + moments[1] >= moments[2] * (1.0 - 1e-9)
 
 
-def test_the_farthest_bodies_can_be_simulated() -> None:
-    ends = np.random.default_rng(0).choice([-FARTHEST, FARTHEST], (3, 24))
-    arm = load_arm(specimen=Specimen(stretch=tuple(ends[0]), shear=tuple(ends[1]), shift=tuple(ends[2])))
-    assert (arm.model.body_inertia[1:] > 0.0).all()
-
-
-def test_mass_alone_is_a_plain_factor_and_gains_and_oil_alone_let_nothing_droop() -> None:
+def test_mass_is_a_plain_factor_gains_let_nothing_droop_and_extremes_are_bodies() -> None:
     soft = load_arm(specimen=Specimen(kp=(1.2,) * 7, drag=(2.0,) * 7, bulk_modulus=0.5))
     np.testing.assert_array_equal(soft.rest(soft.pose("home")).qpos, soft.pose("home"))
+    ends = np.random.default_rng(0).choice([-FARTHEST, FARTHEST], (3, 24))
+    farthest = load_arm(specimen=Specimen(stretch=tuple(ends[0]), shear=tuple(ends[1]), shift=tuple(ends[2])))
+    assert (farthest.model.body_inertia[1:] > 0.0).all()
     arm, heavy = load_arm(), load_arm(specimen=Specimen(mass=(1.25,) * 8, payload_mass=1.25))
     np.testing.assert_allclose(heavy.model.body_mass, 1.25 * arm.model.body_mass, rtol=1e-15)
     np.testing.assert_allclose(heavy.model.body_inertia, 1.25 * arm.model.body_inertia, rtol=1e-14)
@@ -120,6 +109,11 @@ def test_the_controller_knows_the_variant_and_is_shared() -> None:
     assert other.controller is arm.controller
     tuned, factors = np.array(list(arm.gains.values())), np.column_stack([other.specimen.kp, other.specimen.kd])
     np.testing.assert_allclose(np.array(list(other.gains.values())), factors * tuned, rtol=1e-15)
+    # What is loaded anew, without friction or without power, is the same arm.
+    assert sliding(other).specimen == other.specimen
+    np.testing.assert_array_equal(other.unpowered.body_mass, other.model.body_mass)
+    np.testing.assert_array_equal(other.unpowered.body_iquat, other.model.body_iquat)
+    assert (other.unpowered.body_mass[1:] != arm.model.body_mass[1:]).all()
 
 
 def test_what_the_drives_rub_and_run_on() -> None:
@@ -137,16 +131,6 @@ def test_what_the_drives_rub_and_run_on() -> None:
     assert NOMINAL_SPECIMEN.applied("elbow_pitch", plain) is plain
 
 
-def drift(arm: Arm, pose: str, duration: float = 1.0) -> float:
-    """How far any joint goes from rest by itself, rad."""
-    data = arm.rest(arm.pose(pose))
-    start, farthest = data.qpos.copy(), 0.0
-    for _ in range(round(50 * duration)):
-        mujoco.mj_step(arm.model, data, nstep=round(0.02 / arm.model.opt.timestep))
-        farthest = max(farthest, float(np.abs(data.qpos - start)[:7].max()))
-    return farthest
-
-
 @pytest.mark.parametrize(
     ("variant", "payload", "plant", "friction", "worksite", "still"),
     [
@@ -161,23 +145,22 @@ def drift(arm: Arm, pose: str, duration: float = 1.0) -> float:
 def test_a_drooping_arm_stands_still_where_it_rests(variant, payload, plant, friction, worksite, still) -> None:
     arm = load_arm(variant, payload, plant=plant, specimen=deviating(2), friction=friction, worksite=worksite)
     angles = arm.pose(OPERATING_POSE)
-    droop = arm.rest(angles).qpos[:7] - angles
+    data = arm.rest(angles)
+    rest = data.qpos.copy()
+    droop = rest[:7] - angles
     assert 3e-4 < np.abs(droop[1:]).max() < 0.05
     # The indexed joint leans on its pin only.
     assert 1e-10 < abs(droop[0]) < 1e-6
-    assert drift(arm, OPERATING_POSE) < still
+    for _ in range(50):
+        mujoco.mj_step(arm.model, data, nstep=round(0.02 / arm.model.opt.timestep))
+        assert np.abs(data.qpos - rest)[:7].max() < still
     kp = np.array([arm.gains[name][0] for name in JOINTS])
     excess = arm.weight(angles + droop) - arm.controller.gravity_torque(angles[None])[0]
     if plant.actuator == "linear":
         np.testing.assert_allclose(-kp[1:] * droop[1:], excess[1:], atol=1e-9)
-
-
-@pytest.mark.parametrize("form", ["linear", "orifice"])
-def test_an_arm_heavier_than_its_drives_hold_is_refused(form) -> None:
-    """Its controller feeds forward what these would hold."""
-    arm = load_arm(plant=Plant(form), specimen=Specimen(mass=(6.0,) * 8))
+    # The controller of an arm heavier than its drives hold feeds forward what these would hold.
     with pytest.raises(OverloadError, match="cannot hold the arm at this pose: shoulder pitch needs"):
-        arm.rest(arm.pose(OPERATING_POSE))
+        load_arm(plant=plant, specimen=Specimen(mass=(6.0,) * 8)).rest(angles)
 
 
 @pytest.mark.parametrize(
@@ -194,24 +177,13 @@ def test_the_truth_of_a_drooping_arm_is_as_good_as_that_of_a_nominal_one(
     variant, pose, form, seed, amplitude, error
 ) -> None:
     arm = load_arm(variant, plant=Plant(form), specimen=deviating(seed))
-    truth = linearize(arm, pose, amplitudes=(amplitude,))
+    truth, nominal = linearize(arm, pose, amplitudes=(amplitude,)), linearize(load_arm(variant), pose, amplitudes=())
     assert truth.specimen == arm.specimen
     assert truth.small_signal_error[amplitude] < error
+    if form == "linear":
+        assert small_signal_error(sliding(arm), nominal.model, nominal.angles, amplitude) > 0.01
     # The static gain is what it is because gravity pulls on the drooping arm otherwise than fed forward.
     assert truth.joint("shoulder_pitch").dc_gain != pytest.approx(1.0, abs=1e-5)
-
-
-def test_the_truth_of_a_nominal_arm_is_not_that_of_a_specimen() -> None:
-    arm, nominal = load_arm(specimen=deviating(3)), linearize(load_arm(), amplitudes=())
-    assert small_signal_error(sliding(arm), nominal.model, nominal.angles, 1e-4) > 0.01
-
-
-def test_what_is_loaded_anew_is_the_same_arm() -> None:
-    arm = load_arm(specimen=deviating(1))
-    assert sliding(arm).specimen == arm.specimen
-    np.testing.assert_array_equal(arm.unpowered.body_mass, arm.model.body_mass)
-    np.testing.assert_array_equal(arm.unpowered.body_iquat, arm.model.body_iquat)
-    assert (arm.unpowered.body_mass[1:] != load_arm().model.body_mass[1:]).all()
 
 
 def test_noise_of_the_resolvers_is_that_of_the_specimen_in_log_and_truth(experiment) -> None:

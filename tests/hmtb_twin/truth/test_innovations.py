@@ -1,7 +1,7 @@
 """The true noise model: against spectra, against the Kalman recursion, against records of the twin."""
 
 from dataclasses import replace
-from functools import cache
+from itertools import product
 
 import numpy as np
 import pytest
@@ -9,7 +9,9 @@ from scipy.stats import binom
 
 import sysid
 from hmtb_twin import IDEAL, JOINTS, Plant, Truth, TwinError, linearize, load_arm, simulate
-from hmtb_twin.truth.innovations import Disturbances, innovations_form
+from hmtb_twin.bus.recorder import read_resolvers
+from hmtb_twin.parameters.values import RECORDER
+from hmtb_twin.truth.innovations import innovations_form
 from sysid import IOData, StateSpace
 
 LEVEL = 0.005
@@ -20,7 +22,7 @@ ELBOW = "elbow_pitch"
 
 @pytest.fixture(scope="module")
 def noisy() -> Truth:
-    return linearize(load_arm(plant=NOISY))
+    return linearize(load_arm(plant=NOISY), amplitudes=())
 
 
 @pytest.fixture(scope="module")
@@ -32,10 +34,9 @@ def records(experiment, noisy) -> list[IOData]:
     return [IOData((log.commanded - noisy.angles)[:, 1:], (log.measured - noisy.angles)[:, 1:], log.dt) for log in logs]
 
 
-def test_one_state_has_the_closed_form():
-    a, q, r = 0.9, 0.3, 2.0
-    model = StateSpace([[a]], [[1.0]], [[1.0]], [[0.0]], None, 0.02)
-    form = innovations_form(model, np.array([[np.sqrt(q)]]), np.array([[r]]))
+@pytest.mark.parametrize(("a", "q", "r"), [(0.9, 0.3, 2.0), (1.5, 1.0, 1.0)])
+def test_one_state_stable_or_growing_has_the_closed_form(a, q, r):
+    form = innovations_form(StateSpace([[a]], [[1.0]], [[1.0]], [[0.0]], None, 0.02), np.sqrt([[q]]), np.array([[r]]))
     # p^2 + p (r (1 - a^2) - q) - q r = 0
     half = 0.5 * (q - r * (1 - a * a))
     p = half + np.sqrt(half * half + q * r)
@@ -43,38 +44,33 @@ def test_one_state_has_the_closed_form():
     assert form.innovation_covariance[0, 0] == pytest.approx(p + r, rel=1e-12)
 
 
-@pytest.mark.parametrize("level", [1e-8, 1e-5, 1e-4, 1e-2, 1.0])
+def assert_spectrum(form: StateSpace, driven: np.ndarray, R: np.ndarray, f: np.ndarray) -> None:
+    """Check that the noise of an innovations form has the spectrum of drives and resolvers."""
+    shaped = form.noise_response(f)
+    spectrum = shaped @ form.innovation_covariance @ shaped.conj().swapaxes(1, 2)
+    expected = driven @ driven.conj().swapaxes(1, 2) + R
+    powers = np.einsum("fii->fi", expected).real
+    assert (np.abs(spectrum - expected) / np.sqrt(np.einsum("fi,fj->fij", powers, powers))).max() < 1e-9
+
+
 @pytest.mark.parametrize(
     ("variant", "actuator"),
     [("nominal", "linear"), ("nominal", "orifice"), ("flight", "linear"), ("published", "linear")],
 )
-def test_every_level_of_noise_has_its_noise_model(variant, actuator, level):
+def test_every_level_of_noise_has_its_noise_model(variant, actuator):
     plant = Plant(actuator=actuator, friction="viscous", process_noise=1.0)
-    if actuator == "orifice":
-        pytest.importorskip("numba")
-    path, disturbances = unit_noise(variant, plant)
-    f = np.geomspace(0.01, 24.9, 40)
-    unit = replace(path, B=disturbances.drives).frequency_response(f)
-    for outputs in (range(7), [3], [5, 1]):
-        R = disturbances.resolvers[np.ix_(outputs, outputs)]
+    truth, f = linearize(load_arm(variant, plant=plant), amplitudes=()), np.geomspace(0.01, 24.9, 40)
+    path, drives = replace(truth.model, K=None), truth.disturbances.drives
+    unit = replace(path, B=drives).frequency_response(f)
+    for level, outputs in product((1e-8, 1e-5, 1e-4, 1e-2, 1.0), (range(7), [3], [5, 1])):
+        R = truth.disturbances.resolvers[np.ix_(outputs, outputs)]
         some = StateSpace(path.A, path.B, path.C[outputs], path.D[outputs], None, path.dt)
-        form = innovations_form(some, level * disturbances.drives, R)
-        shaped = form.noise_response(f)
-        found = shaped @ form.innovation_covariance @ shaped.conj().swapaxes(1, 2)
-        driven = level * unit[:, outputs]
-        wanted = driven @ driven.conj().swapaxes(1, 2) + R
-        scale = np.sqrt(np.einsum("fi,fj->fij", *(2 * [np.einsum("fii->fi", wanted).real])))
-        assert (np.abs(found - wanted) / scale).max() < 1e-9
+        form = innovations_form(some, level * drives, R)
+        assert_spectrum(form, level * unit[:, outputs], R, f)
         # Little noise moves the gain by its variance, but for the square of it: no digits of K are lost in R.
         if level == 1e-8:
-            twice = innovations_form(some, 2.0 * level * disturbances.drives, R)
+            twice = innovations_form(some, 2.0 * level * drives, R)
             np.testing.assert_allclose(twice.K, 4.0 * form.K, atol=1e-4 * np.abs(form.K).max())
-
-
-@cache
-def unit_noise(variant: str, plant: Plant) -> tuple[StateSpace, Disturbances]:
-    truth = linearize(load_arm(variant, plant=plant), amplitudes=())
-    return replace(truth.model, K=None), truth.disturbances
 
 
 def test_gain_is_where_the_kalman_recursion_goes(noisy):
@@ -90,16 +86,10 @@ def test_gain_is_where_the_kalman_recursion_goes(noisy):
 
 @pytest.mark.parametrize("measured", [JOINTS, (ELBOW,), ("wrist_roll", "shoulder_yaw")])
 def test_spectrum_of_the_noise_is_kept(noisy, measured):
-    outputs = [JOINTS.index(name) for name in measured]
+    outputs, f = [JOINTS.index(name) for name in measured], np.geomspace(0.01, 24.9, 60)
     form = noisy.subset(JOINTS, measured)
-    f = np.geomspace(0.01, 24.9, 60)
     driven = replace(noisy.model, B=noisy.disturbances.drives).frequency_response(f)[:, outputs]
-    R = noisy.disturbances.resolvers[np.ix_(outputs, outputs)]
-    wanted = driven @ driven.conj().swapaxes(1, 2) + R
-    shaped = form.noise_response(f)
-    found = shaped @ form.innovation_covariance @ shaped.conj().swapaxes(1, 2)
-    scale = np.sqrt(np.einsum("fi,fj->fij", *(2 * [np.einsum("fii->fi", wanted).real])))
-    assert (np.abs(found - wanted) / scale).max() < 1e-9
+    assert_spectrum(form, driven, noisy.disturbances.resolvers[np.ix_(outputs, outputs)], f)
     assert np.abs(np.linalg.eigvals(form.A - form.K @ form.C)).max() < 1.0
 
 
@@ -122,8 +112,8 @@ def test_minimal_model_of_a_joint_keeps_its_noise(noisy):
         assert joint.model.innovation_covariance == whole.innovation_covariance
 
 
-def test_noise_leaves_the_path_of_the_commands_alone(noisy, truth):
-    quiet = linearize(load_arm(plant=replace(NOISY, process_noise=0.0)))
+def test_noise_leaves_the_path_of_the_commands_alone(noisy):
+    quiet = linearize(load_arm(plant=replace(NOISY, process_noise=0.0)), amplitudes=())
     for matrix in ("A", "B", "C"):
         np.testing.assert_array_equal(getattr(quiet.model, matrix), getattr(noisy.model, matrix))
     for name in MOVING:
@@ -132,6 +122,7 @@ def test_noise_leaves_the_path_of_the_commands_alone(noisy, truth):
     np.testing.assert_array_equal(quiet.model.innovation_covariance, noisy.disturbances.resolvers)
 
 
+@pytest.mark.slow
 def test_residuals_of_the_true_predictor_are_white_at_the_nominal_rate(noisy, records):
     model = noisy.subset(MOVING, MOVING)
     p = np.array([sysid.resid(model, record).whiteness_p for record in records])
@@ -159,6 +150,7 @@ def test_innovation_covariance_is_that_of_the_records(noisy, records):
     assert (np.diag(S) > 1.3 * np.diag(noisy.disturbances.resolvers)[1:]).all()
 
 
+@pytest.mark.slow
 @pytest.mark.filterwarnings("ignore::sysid.SysidWarning")
 def test_no_estimator_predicts_fresh_records_better(experiment, noisy):
     chain = replace(IDEAL, friction=True, resolver=True)
@@ -184,9 +176,6 @@ def test_no_estimator_predicts_fresh_records_better(experiment, noisy):
 
 def test_rounding_counts_as_uniform_noise():
     """The variance of rounding behind the resolver's own noise is step^2/12 to 1e-3, whatever the angle."""
-    from hmtb_twin.bus.recorder import read_resolvers
-    from hmtb_twin.parameters.values import RECORDER
-
     rng = np.random.default_rng(0)
     for fraction in (0.0, 0.25, 0.5):
         angle = fraction * RECORDER.resolver_step
@@ -203,24 +192,9 @@ def test_subsets_name_their_channels_in_the_sequence_given(noisy):
     np.testing.assert_array_equal(form.B, noisy.model.B[:, [3, 5]])
 
 
-@pytest.mark.parametrize("names", [(), ("elbow_pitch", "elbow_pitch"), "elbow_pitch"])
-def test_subsets_are_of_one_or_more_different_joints(noisy, names):
-    with pytest.raises(TwinError, match="one or more joints, each once"):
-        noisy.subset(names, ("elbow_pitch",))
-    with pytest.raises(TwinError, match="one or more joints, each once"):
-        noisy.subset(("elbow_pitch",), names)
-
-
 def test_noise_without_a_predictor_is_refused():
     unstable = StateSpace([[1.5]], [[1.0]], [[0.0]], [[0.0]], None, 0.02)
     with pytest.raises(TwinError, match="Riccati"):
         innovations_form(unstable, np.array([[1.0]]), np.array([[1.0]]))
     with pytest.raises(TwinError, match="not positive definite"):
         innovations_form(unstable, np.array([[1.0]]), np.array([[0.0]]))
-
-
-def test_seen_growth_has_a_predictor():
-    form = innovations_form(StateSpace([[1.5]], [[1.0]], [[1.0]], [[0.0]], None, 0.02), np.eye(1), np.eye(1))
-    # p = a^2 p r / (p + r) + q
-    p = 0.5 * (2.25 + np.sqrt(2.25**2 + 4.0))
-    assert form.innovation_covariance[0, 0] == pytest.approx(p + 1.0, rel=1e-12)

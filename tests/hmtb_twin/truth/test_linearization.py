@@ -10,9 +10,21 @@ from hmtb_twin.truth.linearization import CLEARANCE, linear, simulated, small_si
 from hmtb_twin.truth.linearization import STEP_DIFFERENCES as STEP
 
 
-def test_bandwidth_is_near_one_hertz(truth):
+def test_joints_have_their_bandwidths_gains_and_published_delays(truth):
     for name in STUDIED_JOINTS:
         assert 0.9 <= truth.joint(name).bandwidth_hz <= 1.3
+    assert [truth.joint(name).delay_samples for name in STUDIED_JOINTS] == [2, 1, 2]
+    assert [truth.joint(name).dc_gain for name in JOINTS[1:]] == pytest.approx(6 * [1.0], abs=1e-6)
+    assert np.isnan(truth.joint("shoulder_roll").bandwidth_hz)
+    f = np.geomspace(0.01, 24.9, 200)
+    for name in JOINTS[1:]:
+        # The minimal model of a joint keeps its response.
+        whole, small = truth.channel(name, name), truth.joint(name).model
+        assert np.abs(whole.frequency_response(f) - small.frequency_response(f)).max() < 1e-7
+    elbow = truth.joint("elbow_pitch").bandwidth_hz
+    smooth, bare = (linearize(arm, amplitudes=()) for arm in (load_arm(friction=False), load_arm(payload="none")))
+    assert smooth.joint("elbow_pitch").bandwidth_hz == pytest.approx(elbow, rel=1e-9)
+    assert bare.joint("elbow_pitch").bandwidth_hz != pytest.approx(elbow, rel=1e-3)
 
 
 def test_dominant_poles_are_real_and_where_they_were_wanted(truth):
@@ -25,15 +37,6 @@ def test_dominant_poles_are_real_and_where_they_were_wanted(truth):
         assert len(slow) >= 1
         assert ((fast >= -44.0) & (fast <= -20.0)).all()
         assert len(fast) == 1
-
-
-def test_gain_at_rest_is_one(truth):
-    for name in JOINTS[1:]:
-        assert truth.joint(name).dc_gain == pytest.approx(1.0, abs=1e-6)
-
-
-def test_delays_are_those_of_the_published_models(truth):
-    assert [truth.joint(name).delay_samples for name in STUDIED_JOINTS] == [2, 1, 2]
 
 
 @pytest.mark.parametrize(("variant", "payload"), [("nominal", "rpcm"), ("nominal", "mdm"), ("published", "rpcm")])
@@ -56,22 +59,6 @@ def test_whole_map_predicts_all_joints_at_once(truth):
     assert np.linalg.norm(difference[:, 1:]) < 2e-6 * np.linalg.norm(response[:, 1:])
 
 
-def test_minimal_joint_model_keeps_the_response(truth):
-    f = np.geomspace(0.01, 24.9, 200)
-    for name in JOINTS[1:]:
-        whole = truth.channel(name, name).frequency_response(f)[:, 0, 0]
-        small = truth.joint(name).model.frequency_response(f)[:, 0, 0]
-        assert np.abs(whole - small).max() < 1e-7
-
-
-def test_friction_and_payload_of_the_arm(truth):
-    assert linearize(load_arm(friction=False)).joint("elbow_pitch").bandwidth_hz == pytest.approx(
-        truth.joint("elbow_pitch").bandwidth_hz, rel=1e-9
-    )
-    bare = linearize(load_arm(payload="none"))
-    assert bare.joint("elbow_pitch").bandwidth_hz != pytest.approx(truth.joint("elbow_pitch").bandwidth_hz, rel=1e-3)
-
-
 def test_truth_cannot_be_changed(truth):
     with pytest.raises(ValueError, match="read-only"):
         truth.angles[0] = 1.0
@@ -79,46 +66,29 @@ def test_truth_cannot_be_changed(truth):
         truth.small_signal_error[1e-3] = 0.0
 
 
-def test_unknown_joint(truth):
-    with pytest.raises(TwinError, match=r"'ankle'.*elbow_pitch"):
-        truth.joint("ankle")
-
-
-def test_indexed_joint_has_no_bandwidth(truth):
-    assert np.isnan(truth.joint("shoulder_roll").bandwidth_hz)
-
-
-def turned(joint, angle):
-    pose = np.array(POSES[OPERATING_POSE])
-    pose[JOINTS.index(joint)] = angle
-    return pose
-
-
 @pytest.mark.parametrize(
-    ("pose", "expected"),
+    ("changes", "expected"),
     [
-        (np.array([0.0, 9.0, 0.0, 1.0, 0.0, 0.0, 0.0]), r"shoulder_yaw = 515.662 deg given, .* -90 and 90 deg"),
-        (np.zeros(7), r"elbow_pitch = 0 deg given, expected between 0 and 150 deg, .* off the stops"),
-        (turned("elbow_pitch", MOTIONS["elbow_pitch"].upper), r"elbow_pitch = 150 deg given"),
-        (turned("wrist_yaw", MOTIONS["wrist_yaw"].lower + 0.9 * CLEARANCE), r"wrist_yaw = -89.9\d* deg given"),
-        (turned("shoulder_roll", 0.1), r"shoulder_roll = 5.72958 deg given, expected 0 deg, where its pin"),
+        ({"shoulder_yaw": 9.0}, r"shoulder_yaw = 515.662 deg given, .* -90 and 90 deg"),
+        ({"elbow_pitch": 0.0}, r"elbow_pitch = 0 deg given, expected between 0 and 150 deg, .* off the stops"),
+        ({"elbow_pitch": MOTIONS["elbow_pitch"].upper}, r"elbow_pitch = 150 deg given"),
+        ({"wrist_yaw": MOTIONS["wrist_yaw"].lower + 0.9 * CLEARANCE}, r"wrist_yaw = -89.9\d* deg given"),
+        ({"shoulder_roll": 0.1}, r"shoulder_roll = 5.72958 deg given, expected 0 deg, where its pin"),
+        ({"elbow_pitch": 1.001 * CLEARANCE}, None),
     ],
 )
-def test_poses_out_of_range_or_on_a_stop_are_refused(pose, expected):
-    with pytest.raises(TwinError, match=expected):
-        linearize(load_arm(), pose, amplitudes=())
-
-
-def test_nearest_pose_to_a_stop_is_clear_of_it():
-    assert CLEARANCE >= 10 * STEP
-    pose = turned("elbow_pitch", 1.001 * CLEARANCE)
-    amplitude = 0.1 * CLEARANCE
-    assert linearize(load_arm(), pose, amplitudes=(amplitude,)).small_signal_error[amplitude] < 1e-5
-
-
-def test_the_pin_is_where_the_poses_are(arm):
+def test_poses_out_of_range_or_on_a_stop_are_refused(arm, changes, expected):
+    pose, amplitude = np.array([changes.get(j, at) for j, at in zip(JOINTS, POSES[OPERATING_POSE], strict=True)]), 1e-3
     pin = arm.model.equality("shoulder_roll_index").data[0]
     assert {angles[0] for angles in POSES.values()} == {pin} == {0.0}
+    if expected is None:
+        # The nearest pose to a stop is clear of it.
+        assert CLEARANCE >= 10 * STEP
+        amplitude = 0.1 * CLEARANCE
+        assert linearize(arm, pose, amplitudes=(amplitude,)).small_signal_error[amplitude] < 1e-5
+    else:
+        with pytest.raises(TwinError, match=expected):
+            linearize(arm, pose, amplitudes=())
 
 
 @pytest.mark.parametrize("pose", [["a"] * 7, [1j] * 7, {}, None, [0.0] * 6, [np.nan] * 7, 5, [True] * 7, [[1, 2], [3]]])
@@ -128,9 +98,12 @@ def test_a_pose_is_seven_finite_numbers(pose):
 
 
 @pytest.mark.parametrize("amplitude", [0.0, -1e-3, float("nan"), float("inf"), 1e3, True, None, "1e-3", 1e-3j])
-def test_amplitudes_are_small_positive_numbers(arm, amplitude):
+def test_amplitudes_are_a_sequence_of_small_positive_numbers(arm, amplitude):
     with pytest.raises(TwinError, match=r"expected above 0 and up to 6\.283 rad"):
         linearize(arm, amplitudes=(amplitude,))
+    if amplitude in (-1e-3, None, "1e-3"):
+        with pytest.raises(TwinError, match=r"amplitudes = .* given, expected a sequence of numbers in rad"):
+            linearize(arm, amplitudes=amplitude)
 
 
 def test_comparison_that_diverges_shows(arm, truth, monkeypatch):
@@ -164,7 +137,19 @@ def test_unstable_arm_has_a_linear_model_but_no_joint_truths(truth, monkeypatch)
     assert truth.spectral_radius < 1.0
 
 
-@pytest.mark.parametrize("amplitudes", [1e-3, "1", None])
-def test_amplitudes_come_in_a_sequence(arm, amplitudes):
-    with pytest.raises(TwinError, match=r"amplitudes = .* given, expected a sequence of numbers in rad"):
-        linearize(arm, amplitudes=amplitudes)
+@pytest.mark.parametrize("names", [5, None, {}, "elbow_pitch", (), ("elbow_pitch", "elbow_pitch"), {"elbow_pitch"}])
+def test_a_subset_takes_joints_each_once(truth, names):
+    for arguments in ((names, JOINTS), (JOINTS, names)):
+        with pytest.raises(TwinError, match="expected one or more joints, each once"):
+            truth.subset(*arguments)
+
+
+@pytest.mark.parametrize("name", [5, None, ["elbow_pitch"], np.array(["elbow_pitch", "ankle"]), "ankle"])
+def test_unknown_names_are_answered_with_what_there_is(truth, name):
+    for ask in (truth.joint, lambda one: truth.channel("elbow_pitch", one)):
+        with pytest.raises(TwinError, match=r"unknown joint .*, available: .*elbow_pitch"):
+            ask(name)
+    with pytest.raises(TwinError, match=r"unknown variant .*, available: nominal"):
+        load_arm(variant=name)
+    with pytest.raises(TwinError, match=r"unknown payload .*, available: .*rpcm"):
+        load_arm(payload=name)
