@@ -18,9 +18,6 @@ from sysid import IOData
 SINGLE_JOINT = tuple(range(1, 9))
 """Numbers of the single-joint tests [Morris1996, table 1]."""
 
-SEVERAL_JOINTS = tuple(range(1, 14))
-"""Numbers of the tests of several joints [Morris1996, table 2]."""
-
 RPCM = "rpcm"
 """Name of the exchange of the replacement unit."""
 

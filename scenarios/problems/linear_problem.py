@@ -54,11 +54,6 @@ class LinearProblem(Locked):
         """See `comparison_frequencies` (nf,), Hz."""
         return comparison_frequencies(self.truth)
 
-    @property
-    def samples(self) -> int:
-        """Length of a record."""
-        return len(self.reference) - BURN_IN
-
     def draw(self, seed: int) -> IOData:
         """One record: the noise depends on the seed."""
         signals = self.respond(self.reference, self._noise(seed))

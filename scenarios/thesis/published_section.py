@@ -11,7 +11,8 @@ import sysid
 from hmtb_twin import STUDIED_JOINTS
 from hmtb_twin.parameters.drives import Friction
 from hmtb_twin.parameters.values import BUS, HAND_CONTROLLER, MOTIONS, SERVOS
-from scenarios.experiments.campaign import RPCM, SEVERAL_JOINTS
+from scenarios.experiments.campaign import RPCM
+from scenarios.experiments.registry import names as tests
 from scenarios.files.errors import MissingRecordError
 from scenarios.identification.recovered_bandwidth import near_1_hz
 from scenarios.report.figure_style import short
@@ -200,7 +201,7 @@ def printed_row(study: Comparison, printed: PublishedModel, records: dict[str, I
 def several_records(study: Comparison, names: Sequence[str] | None = None) -> dict[str, IOData]:
     """Records of the studied joints together, those that there are: table 2, then the exchange."""
     found: dict[str, IOData] = {}
-    for name in names or (*(f"mimo-{number}" for number in SEVERAL_JOINTS), RPCM):
+    for name in names or (*tests("table2"), RPCM):
         try:
             found[name] = study.campaign.several(name)
         except MissingRecordError:

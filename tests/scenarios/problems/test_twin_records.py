@@ -63,7 +63,6 @@ def test_a_file_is_taken_only_for_what_it_was_made_from(fresh, tmp_path, monkeyp
     assert file.stem != record_key(name, trial.seed(7))
     monkeypatch.undo()
     record_key.cache_clear()
-    monkeypatch.setenv(FOLDER, str(tmp_path))
     fresh()
     monkeypatch.setenv(FOLDER, str(tmp_path))
     file.write_bytes(file.read_bytes()[:100])
