@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import mujoco
 import numpy as np
+import pinocchio as pin
 import pytest
 
 from hmtb_twin import IDEAL, JOINTS, STUDIED_JOINTS, Chain, JointLog, Status, linearize, load_arm, simulate
@@ -19,6 +20,8 @@ WAVES = {
     rate: Excitation("chirp", {"f_start": 0.0, "f_end": 3.0, "amplitude": 9.5 if rate else 3.0}) for rate in (0, 1)
 }
 STEP = 20.0 / 4096
+LIMITS = [(MOTIONS[joint].lower, MOTIONS[joint].upper, 0.02 * MOTIONS[joint].velocity_limit) for joint in JOINTS]
+LOWER, UPPER, MOST = np.array(LIMITS).T.copy()
 
 # --- The command, from the counts. ---
 
@@ -54,48 +57,33 @@ def stick(counts: float) -> float:
 
 @pytest.mark.parametrize("mode", ["single_joint", "single_joint_rate"])
 def test_single_joint_commands_follow_from_the_counts_to_the_bit(mode: str, logs: dict[str, JointLog]) -> None:
-    """In plain numbers, joint by joint, from what the documentation says."""
+    """In plain numbers, from what the documentation says."""
     log, pose, limited = logs[mode], load_arm().pose(POSE), 0
-    for number, joint in enumerate(JOINTS):
-        motion, start = MOTIONS[joint], float(pose[JOINTS.index(joint)])
-        most, command = motion.velocity_limit * 0.02, start
-        for tick, counts in enumerate(log.counts.tolist()):
-            if joint in MODES[mode]:
-                axis = MODES[mode].index(joint)
-                asked = GAINS[mode][axis] * stick(counts[axis])
-                change = start + asked - command if mode == "single_joint" else asked * 0.02
-                limited += abs(change) > most
-                command += min(max(change, -most), most)
-                command = min(max(command, motion.lower), motion.upper)
-            assert log.commanded[tick, number] == command, (joint, tick)
+    command, volts = pose, np.zeros(len(JOINTS))
+    for tick, counts in enumerate(log.counts.tolist()):
+        for joint, gain, count in zip(MODES[mode], GAINS[mode], counts, strict=True):
+            volts[JOINTS.index(joint)] = gain * stick(count)
+        change = pose + volts - command if mode == "single_joint" else volts * 0.02
+        limited += np.count_nonzero(np.abs(change) > MOST)
+        command = np.clip(command + np.clip(change, -MOST, MOST), LOWER, UPPER)
+        np.testing.assert_array_equal(log.commanded[tick], command, err_msg=str(tick))
     assert limited > 10
     assert ((log.status & Status.VELOCITY_LIMITED) != 0).any()
 
 
 @pytest.mark.parametrize("mode", ["cartesian", "cartesian_rate"])
 def test_cartesian_commands_follow_from_the_counts_to_the_bit(mode: str, logs: dict[str, JointLog]) -> None:
-    import pinocchio as pin
-
-    log, arm = logs[mode], load_arm()
-    follow = ResolvedRate(
-        arm.controller,
-        lower=np.array([MOTIONS[joint].lower for joint in JOINTS]),
-        upper=np.array([MOTIONS[joint].upper for joint in JOINTS]),
-        step=np.array([MOTIONS[joint].velocity_limit for joint in JOINTS]) * 0.02,
-        locked=INDEXED_JOINTS,
-    ).follow
+    log, arm, limited = logs[mode], load_arm(), 0
+    follow = ResolvedRate(arm.controller, lower=LOWER, upper=UPPER, step=MOST, locked=INDEXED_JOINTS).follow
     command = arm.pose(POSE)
     place, turned = arm.controller.tool_pose(command)
-    limited = 0
     for tick, counts in enumerate(log.counts.tolist()):
         moved = [gain * stick(value) for gain, value in zip(GAINS[mode], counts, strict=True)]
         if mode == "cartesian":
             step = follow(command, place + turned @ np.array(moved), turned)
         else:
             x, z, pitch = (0.02 * value for value in moved)
-            wanted = place + turned @ np.array([x, 0.0, z]), turned
-            if pitch:
-                wanted = wanted[0], turned @ pin.exp3(np.array([0.0, pitch, 0.0]))
+            wanted = place + turned @ np.array([x, 0.0, z]), turned @ pin.exp3(np.array([0.0, pitch, 0.0]))
             step = follow(command, *wanted)
             kept = not (step.velocity_limited or step.joint_limited or step.singular)
             place, turned = wanted if kept else arm.controller.tool_pose(step.angles)

@@ -25,7 +25,7 @@ class Run:
 
     def __init__(self, arm, start, step=STEP):
         self.arm, self.rate, self.step = arm, controller(arm, step), step
-        self.angles = np.array(start)
+        self.start = self.angles = np.array(start)
         self.position, self.rotation = arm.controller.tool_pose(self.angles)
 
     def toward(self, offset=(0.0, 0.0, 0.0), turn=(0.0, 0.0, 0.0), ticks=1):
@@ -56,6 +56,11 @@ class Run:
                 assert np.linalg.norm(pin.log3(now.T @ rotation)) < TURN
             flags.append((tick.velocity_limited, tick.joint_limited, tick.singular))
         return np.array(flags)
+
+    def check_return(self, ticks):
+        """Check that the arm comes back to where it started."""
+        self.toward(ticks=ticks)
+        assert self.angles == pytest.approx(self.start, abs=1e-12)
 
     def tool(self):
         return self.arm.controller.tool_pose(self.angles)
@@ -117,8 +122,7 @@ def test_arm_driven_as_far_as_it_goes_comes_back(arm, pose, axis, side):
     nearest = run.gap(offset)
     run.toward(offset, ticks=300)
     assert run.gap(offset) <= nearest + 1e-9
-    run.toward(ticks=500)
-    assert run.angles == pytest.approx(np.array(POSES[pose]), abs=1e-12)
+    run.check_return(ticks=500)
 
 
 def test_elbow_straightens_without_fast_joints_and_bends_again(arm):
@@ -132,8 +136,7 @@ def test_elbow_straightens_without_fast_joints_and_bends_again(arm):
     run.toward(offset)
     assert np.abs(run.angles - before).max() < 1e-4
     # From a straight elbow straight back, where the tool has no gradient to follow.
-    run.toward(ticks=500)
-    assert run.angles == pytest.approx(np.array(POSES["rpcm_holster_out_approach"]), abs=1e-12)
+    run.check_return(ticks=500)
 
 
 def test_straight_arm_bends_to_come_nearer(arm):
@@ -152,8 +155,7 @@ def test_wrist_centre_stops_short_of_the_yaw_axis_and_returns(arm):
     _, _, shoulder, elbow, pitch, _, _ = run.angles
     assert kinematics.radius(shoulder, elbow, shoulder - elbow + pitch) == pytest.approx(CLEARANCE, abs=1e-3)
     assert flags[-1, 2]
-    run.toward(ticks=600)
-    assert run.angles == pytest.approx(start, abs=1e-12)
+    run.check_return(ticks=600)
 
 
 def test_joint_at_the_end_of_its_range_lets_the_others_go_on(arm):
@@ -171,8 +173,7 @@ def test_joint_at_the_end_of_its_range_lets_the_others_go_on(arm):
     gap = run.rotation.T @ (run.tool()[0] - run.position) - offset
     assert np.linalg.norm(gap) > 1e-3
     assert np.abs(free.T @ jacobian[:3].T @ gap).max() < 1e-3 * np.linalg.norm(gap)
-    run.toward(ticks=300)
-    assert run.angles == pytest.approx(start, abs=1e-12)
+    run.check_return(ticks=300)
 
 
 def test_tool_turns_about_its_own_place(arm):
@@ -183,8 +184,7 @@ def test_tool_turns_about_its_own_place(arm):
         assert flags[0, 0]
         assert not flags[-1].any()
         assert run.gap((0, 0, 0)) < 1e-12
-        run.toward(ticks=80)
-        assert run.angles == pytest.approx(np.array(start), abs=1e-12)
+        run.check_return(ticks=80)
 
 
 def test_turn_that_a_range_forbids_stops_and_the_tool_still_moves(arm):
@@ -198,8 +198,7 @@ def test_turn_that_a_range_forbids_stops_and_the_tool_still_moves(arm):
     place, rotation = run.tool()
     assert np.linalg.norm(pin.log3(stopped.T @ rotation)) < 0.05
     assert (run.rotation.T @ (place - run.position))[1] > 0.04
-    run.toward(ticks=300)
-    assert run.angles == pytest.approx(start, abs=1e-12)
+    run.check_return(ticks=300)
 
 
 def test_without_velocity_limits_one_tick_suffices(arm):
@@ -212,8 +211,7 @@ def test_without_velocity_limits_one_tick_suffices(arm):
     nearest = run.gap((2.0, 0.0, 0.0))
     run.toward((2.0, 0.0, 0.0), ticks=50)
     assert run.gap((2.0, 0.0, 0.0)) == pytest.approx(nearest, abs=1e-3)
-    run.toward(ticks=2)
-    assert run.angles == pytest.approx(np.array(POSES["rpcm_holster_out_approach"]), abs=1e-12)
+    run.check_return(ticks=2)
 
 
 def test_random_poses_and_pushes_stay_within_every_limit(arm):

@@ -28,13 +28,9 @@ def test_books_of_a_binary_test_balance(friction):
     assert oil.throughput[JOINTS.index("elbow_pitch")] > 10.0
     assert oil.closure < OIL
     assert energy.closure < ENERGY
-    for name in ("throttled", "leaked", "dragged", "rubbed"):
-        assert getattr(energy, name) > 0.0 or (name, friction) in {
-            ("dragged", "none"),
-            ("rubbed", "none"),
-            ("rubbed", "viscous"),
-        }
-    assert energy.rubbed == pytest.approx(0.0, abs=1e-9) or friction in ("coulomb", "lugre")
+    assert min(energy.throttled, energy.leaked) > 0.0
+    assert energy.dragged > 0.0 or friction == "none"
+    assert energy.rubbed > 0.0 if friction in ("coulomb", "lugre") else energy.rubbed == pytest.approx(0.0, abs=1e-9)
     # The pin and the stops give nothing: what they take is the softness of a constraint.
     assert abs(energy.constrained) < ENERGY * energy.supplied
 

@@ -1,6 +1,7 @@
 import gc
 from dataclasses import replace
 from itertools import product
+from types import SimpleNamespace
 from weakref import ref
 
 import numpy as np
@@ -27,6 +28,15 @@ def batches(monkeypatch):
     return made
 
 
+def assert_same_alone(mixed, batches, rows):
+    """Check the rows of the batches of a simulation on two threads, and each log against that of a run alone."""
+    together = simulate(mixed, threads=2)
+    assert sorted(batches) == rows
+    for one, log in zip(mixed, together, strict=True):
+        assert equal(simulate([one], threads=1)[0], log), one.name
+    return together
+
+
 def test_different_arms_side_by_side_log_what_each_logs_alone(experiment, batches):
     arms = product(("nominal", "published"), (True, False), ("rpcm", "none", "mdm"))
     mixed = [
@@ -45,11 +55,8 @@ def test_different_arms_side_by_side_log_what_each_logs_alone(experiment, batche
         experiment(name="noisy", plant=Plant(friction_level=1.5, process_noise=0.02), duration=1.0),
         experiment(name="heavy", specimen=Specimen(payload_mass=1.2, resolver_noise=2.0), duration=1.0),
     ]
-    together = simulate(mixed, threads=2)
     # With the unit or without, with bristles or without: all else is numbers.
-    assert sorted(batches) == [2, 2, 4, 6]
-    for one, log in zip(mixed, together, strict=True):
-        assert equal(simulate([one], threads=1)[0], log), one.name
+    assert_same_alone(mixed, batches, [2, 2, 4, 6])
 
 
 def test_other_steps_and_other_valves_stand_in_batches_of_their_own(experiment, batches):
@@ -59,51 +66,32 @@ def test_other_steps_and_other_valves_stand_in_batches_of_their_own(experiment, 
         experiment(name="worn", plant=Plant(actuator="orifice", friction_level=1.5), duration=0.4),
         experiment(duration=0.5),
     ]
-    together = simulate(mixed)
-    assert sorted(batches) == [1, 1, 2]
+    together = assert_same_alone(mixed, batches, [1, 1, 2])
     assert together.steps == 25 * 160 + (25 + 20) * 20 + 25 * 40
-    assert all(equal(simulate([one])[0], log) for one, log in zip(mixed, together, strict=True))
 
 
 @pytest.mark.parametrize("worksite", [False, True])
 def test_each_arm_loses_its_own_power_and_is_given_it_back(experiment, worksite, batches):
+    kind = experiment(duration=1.5, amplitude=3.0, worksite=worksite)
     mixed = [
-        experiment(
-            name=f"level-{level}",
-            plant=Plant(friction_level=level, process_noise=0.01),
-            shutdown=shutdown,
-            duration=1.5,
-            amplitude=3.0,
-            worksite=worksite,
-        )
+        replace(kind, name=f"level-{level}", plant=Plant(friction_level=level, process_noise=0.01), shutdown=shutdown)
         for level, shutdown in ((0.5, (0.4,)), (1.0, (0.4, 0.8)), (1.5, (0.6, 1.0, 1.2)), (2.0, ()))
     ]
-    together = simulate(mixed, threads=2)
-    assert batches == [4]
-    assert all(equal(simulate([one], threads=1)[0], log) for one, log in zip(mixed, together, strict=True))
+    assert_same_alone(mixed, batches, [4])
 
 
 def test_units_are_taken_and_let_go_by_arms_of_their_own(experiment, batches):
-    class Opening:
-        def __init__(self, tick):
-            self.tick = tick
-
-        def move(self, view):
-            return Motion(np.full(1, 0.5), grip=round(50 * view.time) != self.tick)
-
     class Handled(experiment):
         def operator(self):
-            return Opening(10 * self.seed)
+            return SimpleNamespace(move=lambda view: Motion(np.full(1, 0.5), round(50 * view.time) != 10 * self.seed))
 
     mixed = [
         Handled(name=f"arm-{i}", seed=i, worksite=True, duration=1.0, specimen=specimen)
         for i, specimen in enumerate((Specimen(), Specimen(payload_mass=1.2), Specimen(payload_mass=0.8)), start=1)
     ]
-    together = simulate(mixed, threads=2)
-    assert batches == [3]
+    together = assert_same_alone(mixed, batches, [3])
     # Held again before it has fallen out of reach, each where it then is.
     assert [np.flatnonzero((log.status & Status.UNIT_HELD) == 0).tolist() for log in together] == [[10], [20], [30]]
-    assert all(equal(simulate([one], threads=1)[0], log) for one, log in zip(mixed, together, strict=True))
 
 
 def test_each_arm_is_loaded_once_and_gone_after(experiment, monkeypatch):
@@ -117,12 +105,8 @@ def test_each_arm_is_loaded_once_and_gone_after(experiment, monkeypatch):
     monkeypatch.setattr("hmtb_twin.run.simulation.load_arm", counted)
     # Levels that no other test asks for: what it loads may still be held by it.
     levels = 2 * [1.07, 1.11, 1.22]
-    logs = simulate(
-        [
-            experiment(name=str(i), plant=Plant(friction_level=level), duration=0.2, shutdown=(0.1,))
-            for i, level in enumerate(levels)
-        ]
-    )
+    kind = experiment(duration=0.2, shutdown=(0.1,))
+    logs = simulate([replace(kind, name=str(i), plant=Plant(friction_level=x)) for i, x in enumerate(levels)])
     assert [level for level, *_ in loaded] == [1.07, 1.11, 1.22]
     # `load_arm` itself remembers a bounded number of arms.
     _load.cache_clear()
