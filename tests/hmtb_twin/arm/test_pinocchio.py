@@ -31,10 +31,8 @@ def agree(model: mujoco.MjModel, peer: "pin.Model") -> None:
         mujoco.mj_fwdPosition(model, data)
         mujoco.mj_fwdVelocity(model, data)
         mass = np.empty((n, n))
-        for i, unit in enumerate(np.eye(n)):
-            column = np.empty(n)
-            mujoco.mj_mulM(model, data, column, unit)
-            mass[:, i] = column
+        for row, unit in zip(mass, np.eye(n), strict=True):
+            mujoco.mj_mulM(model, data, row, unit)
         upper = np.triu(pin.crba(peer, scratch, q))
         close(mass, upper + np.triu(upper, 1).T)
         close(data.qfrc_bias, pin.nonLinearEffects(peer, scratch, q, v))

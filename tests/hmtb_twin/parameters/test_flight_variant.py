@@ -20,21 +20,17 @@ def flight() -> Arm:
     return load_arm("flight")
 
 
-def test_kinematics_are_the_ground_arms(flight, arm):
+def test_links_are_the_ground_arms_but_lighter_in_plant_and_controller(flight, arm):
     np.testing.assert_array_equal(flight.model.body_pos, arm.model.body_pos)
     np.testing.assert_array_equal(flight.model.site_pos, arm.model.site_pos)
-    assert all(FLIGHT_LINKS[name].length == link.length for name, link in LINKS.items())
-
-
-def test_links_are_lighter_in_plant_and_controller(flight, arm):
     assert flight.model.body_mass.sum() < 0.6 * arm.model.body_mass.sum()
     for name, link in FLIGHT_LINKS.items():
         body = flight.model.body(BODIES[name])
+        assert link.length == LINKS[name].length
         assert body.mass[0] == link.mass
         assert sorted(body.inertia) == pytest.approx(sorted((link.axial_inertia, *(2 * [link.transverse_inertia]))))
     # The controller's inertia matrix is the plant's, rotors included.
-    data = flight.rest(flight.pose("home"))
-    plants = np.empty((7, 7))
+    data, plants = flight.rest(flight.pose("home")), np.empty((7, 7))
     mujoco.mj_fullM(flight.model, data, plants)
     np.testing.assert_allclose(flight.controller.inertia_matrix(flight.pose("home")), plants, atol=1e-12)
 

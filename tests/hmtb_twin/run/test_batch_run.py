@@ -77,7 +77,9 @@ def test_each_arm_loses_its_own_power_and_is_given_it_back(experiment, worksite,
         replace(kind, name=f"level-{level}", plant=Plant(friction_level=level, process_noise=0.01), shutdown=shutdown)
         for level, shutdown in ((0.5, (0.4,)), (1.0, (0.4, 0.8)), (1.5, (0.6, 1.0, 1.2)), (2.0, ()))
     ]
-    assert_same_alone(mixed, batches, [4])
+    together = assert_same_alone(mixed, batches, [4])
+    # Without a second time the power stays off to the end.
+    assert (together[0].status[20:] & Status.SHUT_DOWN).all()
 
 
 def test_units_are_taken_and_let_go_by_arms_of_their_own(experiment, batches):
@@ -147,6 +149,8 @@ def test_what_cannot_be_run_fails_by_itself_where_asked(experiment, monkeypatch)
     ):
         with pytest.raises(error):
             simulate([good, one], progress=lambda *counts: ticks.append(counts))
+    with pytest.raises(OverloadError, match=r"^weak: at 6 MPa the drives .* \(rpcm_holster_out_approach\)$"):
+        simulate([good, weak], progress=lambda *counts: ticks.append(counts))
     assert ticks == []
 
 

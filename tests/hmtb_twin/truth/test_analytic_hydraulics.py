@@ -14,7 +14,7 @@ import numpy as np
 import pytest
 from scipy.linalg import expm
 
-from hmtb_twin import JOINTS, Arm, Plant, TwinError, load_arm
+from hmtb_twin import JOINTS, Plant, TwinError, load_arm
 from hmtb_twin.parameters.drives import Actuator
 from hmtb_twin.parameters.values import OPERATING_POSE
 from hmtb_twin.truth.analytic_hydraulics import LinearHydraulics, linear_hydraulics
@@ -64,12 +64,9 @@ class Bench:
 
 
 def bench(name: str, plant: Plant = CONDITIONS["nominal"], *, valve: bool = True, refined: int = 1) -> Bench:
+    """The bench of one joint, with the servo's gains at zero."""
     arm = load_arm(plant=plant, friction=False)
-    return held(arm, arm.model if valve else arm.unpowered, name, valve=valve, refined=refined)
-
-
-def held(arm: Arm, compiled: mujoco.MjModel, name: str, *, valve: bool = True, refined: int = 1) -> Bench:
-    joint, model = JOINTS.index(name), copy(compiled)
+    joint, model = JOINTS.index(name), copy(arm.model if valve else arm.unpowered)
     model.opt.gravity[:] = 0.0
     model.opt.timestep /= refined
     model.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_EQUALITY | mujoco.mjtDisableBit.mjDSBL_LIMIT
@@ -122,6 +119,12 @@ def example(**changes: float) -> LinearHydraulics:
     return LinearHydraulics(**{**numbers, "largest_flow": 90.0, **changes})
 
 
+@pytest.mark.parametrize("changes", [{"inertia": 0.0}, {"compliance": -0.1}, {"displacement": np.nan}])
+def test_without_inertia_there_is_no_resonance(changes):
+    with pytest.raises(TwinError, match=f"{next(iter(changes))} = .* expected above 0"):
+        example(**changes)
+
+
 def test_formulas_are_those_of_the_state_equations():
     for theory in (example(), example(flow_pressure_gain=40.0)):
         joint = np.array([-theory.drag, theory.displacement]) / theory.inertia
@@ -161,12 +164,6 @@ def test_servo_poles_are_those_that_the_gains_were_placed_for():
         theory, servo = linear_hydraulics(arm.actuators[name], seen), arm.servos[name]
         poles = theory.servo_poles(*arm.gains[name])
         np.testing.assert_allclose(poles[:2], [servo.slow_pole, servo.fast_pole], rtol=1e-6)
-
-
-def test_without_inertia_there_is_no_resonance():
-    for changes in ({"inertia": 0.0}, {"compliance": -0.1}, {"displacement": np.nan}):
-        with pytest.raises(TwinError, match=f"{next(iter(changes))} = .* expected above 0"):
-            example(**changes)
 
 
 @pytest.mark.parametrize("conditions", CONDITIONS)
@@ -273,7 +270,7 @@ def test_fast_shaft_behind_a_closed_valve_needs_a_finer_step():
 def test_servo_of_the_held_joint(name):
     arm = load_arm(friction=False)
     for refined, dominant in ((1, 2e-3), (8, 3e-4)):
-        machine = held(arm, arm.model, name, refined=refined)
+        machine = bench(name, refined=refined)
         poles = linearized(machine, gains=arm.model.actuator_gainprm[machine.joint])
         expected = machine.theory.servo_poles(*arm.gains[name])
         assert poles.real.max() == pytest.approx(expected[0].real, rel=dominant)

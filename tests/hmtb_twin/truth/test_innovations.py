@@ -126,13 +126,10 @@ def test_noise_leaves_the_path_of_the_commands_alone(noisy):
 def test_residuals_of_the_true_predictor_are_white_at_the_nominal_rate(noisy, records):
     model = noisy.subset(MOVING, MOVING)
     p = np.array([sysid.resid(model, record).whiteness_p for record in records])
-    alone = noisy.subset(MOVING, (ELBOW,))
     # The other commands are known, so that only noise is left of the coupling.
-    q = [
-        sysid.resid(alone, replace(record, y=record.y[:, [2]], output_names=None, output_units=None))
-        for record in records
-    ]
-    for values in (p.ravel(), np.concatenate([test.whiteness_p for test in q])):
+    elbows = [replace(record, y=record.y[:, [2]], output_names=None, output_units=None) for record in records]
+    alone = noisy.subset(MOVING, (ELBOW,))
+    for values in (p.ravel(), np.concatenate([sysid.resid(alone, record).whiteness_p for record in elbows])):
         rejected = int((values < 0.05).sum())
         assert binom.sf(rejected - 1, len(values), 0.05) > 1e-3
     # The test has power: a predictor without noise model fails it.

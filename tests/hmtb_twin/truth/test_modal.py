@@ -38,15 +38,10 @@ def test_poles_zeros_gain_and_delay_are_the_response(truths):
     for name in JOINTS[1:]:
         joint = truth.joint(name)
         assert len(joint.poles) - len(joint.zeros) == joint.delay_samples
+        assert len(joint.shares) == len(joint.poles)
+        assert len(joint.dominant_poles) >= 1
+        assert (joint.dominant_poles.real < 0.0).all()
         ratio = np.prod(z - joint.zeros, axis=1) / np.prod(z - joint.poles, axis=1)
         gain = joint.dc_gain * np.prod(1.0 - joint.poles) / np.prod(1.0 - joint.zeros)
         response = truth.channel(name, name).frequency_response(FREQUENCIES)[:, 0, 0]
         np.testing.assert_allclose(gain * ratio, response, rtol=1e-5)
-
-
-def test_shares_of_slow_poles_belong_to_the_joint(truths):
-    for name in JOINTS[1:]:
-        joint = truths[0].joint(name)
-        assert len(joint.shares) == len(joint.poles)
-        assert len(joint.dominant_poles) >= 1
-        assert (joint.dominant_poles.real < 0.0).all()
