@@ -55,7 +55,7 @@ def order_effects(data: IOData, nk: int) -> tuple[OrderEffect, ...]:
     Raises:
         ScenarioError: There is none of any.
     """
-    found: list[OrderEffect] = []
+    effects: list[OrderEffect] = []
     refused: list[str] = []
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", SysidWarning)
@@ -67,7 +67,7 @@ def order_effects(data: IOData, nk: int) -> tuple[OrderEffect, ...]:
                 refused.append(f"{nb}, {nf}, {nk}: {error}")
                 continue
             ci95 = (float(band.ci95[0][0, 0]), float(band.ci95[1][0, 0]))
-            found.append(
+            effects.append(
                 OrderEffect(
                     (nb, nf, nk),
                     float(band.hz[0, 0]),
@@ -77,9 +77,9 @@ def order_effects(data: IOData, nk: int) -> tuple[OrderEffect, ...]:
                     float(np.std(estimate.residuals)),
                 )
             )
-    if not found:
+    if not effects:
         raise ScenarioError(f"{data.name} gives no output-error model of any order: {'; '.join(refused)}")
-    return tuple(found)
+    return tuple(effects)
 
 
 def spread(effects: Sequence[OrderEffect]) -> tuple[float, float]:
@@ -198,14 +198,14 @@ def attribute(
         What was found, and the conditions whose experiment failed or gave no model.
     """
     sources = {AS_IT_IS: (campaign, name), SMOOTH: (smooth, name), GENTLE: (smooth, f"{name}-small")}
-    found: list[Attribution] = []
+    attributions: list[Attribution] = []
     missing: dict[str, str] = {}
     for condition, (source, record) in sources.items():
         try:
-            found.append(_recovered(condition, prepared(source.log(record), joint), true_hz, orders))
+            attributions.append(_recovered(condition, prepared(source.log(record), joint), true_hz, orders))
         except (MissingRecordError, SysidError) as error:
             missing[condition] = str(error)
-    return Attributions(tuple(found), MappingProxyType(missing))
+    return Attributions(tuple(attributions), MappingProxyType(missing))
 
 
 def _recovered(condition: str, data: IOData, true_hz: float, orders: Sequence[int]) -> Attribution:

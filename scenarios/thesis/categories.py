@@ -62,10 +62,10 @@ class Category:
     @property
     def ahead(self) -> str:
         """Who is ahead on the twin by all measures, or that it depends on the measure."""
-        found = {entry.ahead for entry in self.measures}
-        if len(found) == 1:
-            return found.pop()
-        return "depends on the measure" if found else "not tried"
+        leaders = {entry.ahead for entry in self.measures}
+        if len(leaders) == 1:
+            return leaders.pop()
+        return "depends on the measure" if leaders else "not tried"
 
 
 def categories(study: Comparison) -> tuple[Category, ...]:
@@ -118,12 +118,12 @@ def _better(own: float, okid: float, more: bool, margin: float = 0.0) -> str:
 def _bandwidth(study: Comparison) -> tuple[Measure, ...]:
     truth = {joint: entry.truth.bandwidth_hz for joint, entry in study.joints.items()}
 
-    def off(entry: ThreeJointModel) -> float:
+    def bandwidth_error(entry: ThreeJointModel) -> float:
         return float(
             np.mean([abs(100 * (block.bandwidth()[0, 0] / truth[joint] - 1)) for joint, block in entry.blocks.items()])
         )
 
-    measures = [_measure("bandwidth off the truth, mean over the joints, %", study, off, more=False)]
+    measures = [_measure("bandwidth off the truth, mean over the joints, %", study, bandwidth_error, more=False)]
     fast = [name for name in FAST[1] if name in study.multivariable.records]
     if fast:
         measures += [
@@ -140,16 +140,16 @@ def _bandwidth(study: Comparison) -> tuple[Measure, ...]:
 
 
 def _stability(study: Comparison) -> tuple[Measure, ...]:
-    found = _measure("largest modulus of a pole", study, lambda entry: entry.largest_pole, more=False, digits=3)
+    measure = _measure("largest modulus of a pole", study, lambda entry: entry.largest_pole, more=False, digits=3)
 
     def verdict(own: str, okid: str) -> str:
-        stable = [found.values[name] < 1.0 for name in (own, okid)]
+        stable = [measure.values[name] < 1.0 for name in (own, okid)]
         return DRAW if stable[0] == stable[1] else ("SysID" if stable[0] else "OKID")
 
     return (
         Measure(
-            f"{found.what} (truth {_slowest(study):.3f})",
-            found.values,
+            f"{measure.what} (truth {_slowest(study):.3f})",
+            measure.values,
             verdict("SysID model", "OKID model"),
             verdict("printed SysID model", "printed OKID model"),
             3,
@@ -219,27 +219,27 @@ def _parsimony(study: Comparison) -> tuple[Measure, ...]:
 def _aic(data: IOData, study: Comparison, joint: str, okid: bool) -> float:
     """N log V + 2 d of the one-step errors [Ljung1999, sec. 16.4]; d = 3 n + 1 for OKID's A, B, D and K in n states."""
     entry = study.joints[joint]
-    found = entry.models["okid"].estimate if okid else entry.chosen.estimate
-    count = 3 * found.model.order + 1 if okid else len(found.parameters)
-    errors = residuals(found, data)
+    model = entry.models["okid"].estimate if okid else entry.chosen.estimate
+    count = 3 * model.model.order + 1 if okid else len(model.parameters)
+    errors = residuals(model, data)
     return float(len(errors) * np.log(np.mean(errors**2)) + 2 * count)
 
 
 def _mean_fit(entry: ThreeJointModel, way: Way) -> float:
-    found = [fits.mean(way) for name, fits in entry.fits.items() if not plays_identified_sequence(name)]
-    return float(np.mean(found)) if found else float("nan")
+    means = [fits.mean(way) for name, fits in entry.fits.items() if not plays_identified_sequence(name)]
+    return float(np.mean(means)) if means else float("nan")
 
 
 def _robustness(study: Comparison) -> tuple[Measure, ...]:
     """Share of spoilt records whose model has the bandwidth of that from the record as it is."""
-    found = study.robustness
+    results = study.robustness
     measures = []
     for disturbance in ("bias", "outliers"):
         counts = {}
         for name, okid in (("SysID model", False), ("OKID model", True)):
             mine = [
                 entry
-                for entry in found.outcomes
+                for entry in results.outcomes
                 if entry.chosen and (entry.method == "okid") == okid and entry.treatment == AS_IT_IS[0]
             ]
             plain = {e.joint: e.bandwidth_hz for e in mine if e.disturbance == "bias" and e.degree == 0.0}

@@ -84,7 +84,7 @@ def chapter_3(study: Comparison, gallery: Gallery) -> dict[str, object]:
         "waveforms": waveforms,
         "joints": data,
         "analyses": analyses,
-        "numbered": _numbered(study),
+        "numbered": _waveforms_by_number(study),
         "single": _single(study),
         "several": _several(study),
         "true": [half_power_hz(entry.truth.model) for entry in study.joints.values()],
@@ -100,12 +100,12 @@ def _records(study: Comparison, entry: JointResult, gallery: Gallery) -> dict[st
             name=f"tests-{mark}",
         )
     ]
-    said = {
+    captions = {
         SINES: ("sines", "the two sines at 2.5 and 10 Hz", 0.8),
         PRBS: ("prbs", "the PRBS of 1 V", 2.0),
         PULSE: ("pulse", "the bipolar ramping pulse", 2.0),
     }
-    for number, (key, what, length) in said.items():
+    for number, (key, what, length) in captions.items():
         if number in entry.data:
             pictures.append(
                 gallery.add(
@@ -122,14 +122,15 @@ def _records(study: Comparison, entry: JointResult, gallery: Gallery) -> dict[st
 
 def _analyses(study: Comparison, entry: JointResult, gallery: Gallery) -> dict[str, object]:
     name, mark, figures = short(entry.joint), entry.joint.replace("_", "-"), THESIS[entry.joint]
-    found = study.nonparametric[entry.joint]
+    estimates = study.nonparametric[entry.joint]
     pictures: list[Picture] = []
-    if SINES in found.spectra:
+    if SINES in estimates.spectra:
         pictures.append(
             gallery.add(
-                draw.transfer_function(entry, found),
+                draw.transfer_function(entry, estimates),
                 f"{name}: the transfer function as the thesis estimates it, cross over input spectrum of the two "
-                f"sines, Hamming window, lag {found.lags[SINES]}. Only below the arrowheads has the input more power "
+                f"sines, Hamming window, lag {estimates.lags[SINES]}. Only below the arrowheads has the input more "
+                f"power "
                 "than the window leaks: its phase is drawn there alone, and gaps are where the windowed input spectrum "
                 "is negative. A Parzen window of the same lag leaks less. Beside them the lines on which repetition "
                 "tells the gain to a fifth, the excited lines of the PRBS, and the truth.",
@@ -139,7 +140,7 @@ def _analyses(study: Comparison, entry: JointResult, gallery: Gallery) -> dict[s
         )
     pictures.append(
         gallery.add(
-            draw.correlation(study, entry, found),
+            draw.correlation(study, entry, estimates),
             f"{name}: correlations of the PRBS test, each divided by the sizes of its signals. Left as recorded, right "
             "with both signals filtered so that the command is white. Below: where output and white input begin to "
             "correlate, and the pulse response that follows.",
@@ -151,10 +152,10 @@ def _analyses(study: Comparison, entry: JointResult, gallery: Gallery) -> dict[s
         (PULSE, "pulse spectra", "the bipolar ramping pulse"),
         (SINES, "sines spectra", "the two sines at 2.5 and 10 Hz"),
     ):
-        if number in found.spectra:
+        if number in estimates.spectra:
             pictures.append(
                 gallery.add(
-                    draw.four_spectra(study, entry, found, number),
+                    draw.four_spectra(study, entry, estimates, number),
                     f"{name}, {what}: two-sided spectra of disturbance, output and input and between both, by the "
                     "thesis' Hamming window (gaps: negative) and by repetition. Circles: what the truth answers to the "
                     "input on its lines. Black: what is measured beyond that answer, noise at the floor, friction on "
@@ -175,7 +176,7 @@ def _analyses(study: Comparison, entry: JointResult, gallery: Gallery) -> dict[s
     return {"result": entry, "figures": pictures}
 
 
-def _numbered(study: Comparison) -> list[tuple[int, str]]:
+def _waveforms_by_number(study: Comparison) -> list[tuple[int, str]]:
     """Numbers of the tests with what is played in them."""
     joint, entry = next(iter(study.joints.items()))
     return [(number, load(single_joint_test(number, joint)).description.split(": ", 1)[1]) for number in entry.data]
@@ -186,10 +187,13 @@ def _single(study: Comparison) -> list[Row]:
     return [
         Row(
             str(number),
-            said,
-            tuple(found.tests.get(single_joint_test(number, joint)) for joint, found in study.nonparametric.items()),
+            text,
+            tuple(
+                estimates.tests.get(single_joint_test(number, joint))
+                for joint, estimates in study.nonparametric.items()
+            ),
         )
-        for number, said in _numbered(study)
+        for number, text in _waveforms_by_number(study)
     ]
 
 
@@ -199,7 +203,7 @@ def _several(study: Comparison) -> list[Row]:
         Row(
             name.removeprefix("mimo-").replace("-independent", ", independent"),
             load(name).description.split(": ", 1)[1],
-            tuple(found.tests.get(name) for found in study.nonparametric.values()),
+            tuple(estimates.tests.get(name) for estimates in study.nonparametric.values()),
         )
         for name in study.campaign.logs
         if name.startswith("mimo-")

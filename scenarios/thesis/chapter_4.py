@@ -150,9 +150,9 @@ def residual_sequences(entry: JointResult, methods: Sequence[str]) -> Figure:
     grid = figure.subplots(len(methods), 1, sharex=True, sharey=True, squeeze=False)[:, 0]
     for axes, method in zip(grid, methods, strict=True):
         model = entry.models[method]
-        left = model.residual_test.residuals[:, 0]
-        envelope(axes, left, model.estimate.model.dt, PALETTE[method], scale=MRAD)
-        spread = MRAD * float(np.std(left))
+        residuals = model.residual_test.residuals[:, 0]
+        envelope(axes, residuals, model.estimate.model.dt, PALETTE[method], scale=MRAD)
+        spread = MRAD * float(np.std(residuals))
         axes.set_title(f"{model.label}: standard deviation {spread:.3g} mrad", loc="left", fontsize=8)
     figure.supylabel("residual / mrad", fontsize=9)
     grid[-1].set_xlabel("time / s", fontsize=8)
@@ -215,7 +215,7 @@ def chapter_4(study: Comparison, gallery: Gallery) -> dict[str, object]:
 
 
 def _joint(study: Comparison, joint: str, gallery: Gallery) -> dict[str, object]:
-    entry, sets, found = study.joints[joint], study.data_sets[joint], study.searches.get(joint)
+    entry, sets, searches = study.joints[joint], study.data_sets[joint], study.searches.get(joint)
     arx = sets.find(single_joint_test(study.estimation_test, joint), "arx")
     name, mark = short(joint), joint.replace("_", "-")
     armax, oe = ([_figure(joint, number) for number in range(first, first + 5)] for first in (0, 5))
@@ -287,7 +287,7 @@ def _joint(study: Comparison, joint: str, gallery: Gallery) -> dict[str, object]
         "coefficients": coefficients(entry),
         "sets": sets,
         "shown": {record: draw_sets.shown(record, sets) for record in sets.excited},
-        "apart": {method: _apart(sets, method) for method in draw_sets.METHODS},
+        "apart": {method: _distances(sets, method) for method in draw_sets.METHODS},
         "bandwidths": gallery.add(
             draw_sets.bandwidths(entry, sets),
             f"{name}: bandwidth from every data set by every structure, with 95 % intervals; arrows: beyond the axis. "
@@ -300,24 +300,24 @@ def _joint(study: Comparison, joint: str, gallery: Gallery) -> dict[str, object]
             "small-signal truth: how far the data sets agree, structure by structure.",
             name=f"data-sets-gain-{mark}",
         ),
-        "search": found,
-        "searches": _searches(found, name, mark, gallery) if found else (),
-        "criteria": {name: found.arx.best(name) for name in ("aic", "bic", "mdl", "validation")} if found else {},
+        "search": searches,
+        "searches": _searches(searches, name, mark, gallery) if searches else (),
+        "criteria": {name: searches.arx.best(name) for name in ("aic", "bic", "mdl", "validation")} if searches else {},
         "more_poles": study.prediction_errors[joint].more_poles,
     }
 
 
-def _searches(found: Searches, name: str, mark: str, gallery: Gallery) -> tuple[Picture, ...]:
+def _searches(searches: Searches, name: str, mark: str, gallery: Gallery) -> tuple[Picture, ...]:
     return (
         gallery.add(
-            draw_sets.searches(found),
+            draw_sets.searches(searches),
             f"{name}: the search for orders, upwards from one pole. Above, how the models follow the tests of other "
             "waveforms in simulation (what lies far below is left out); below, how many of 25 lags of the residuals' "
             "autocorrelation lie outside the 99 % bounds (white: none or one). Ring: chosen; star: the thesis' orders.",
             name=f"order-search-{mark}",
         ),
         gallery.add(
-            draw_sets.arx_orders(found),
+            draw_sets.arx_orders(searches),
             f"{name}: criteria of every ARX structure over its number of parameters; validation on the tests of "
             "other waveforms.",
             name=f"order-criteria-{mark}",
@@ -330,7 +330,7 @@ def _figure(joint: str, number: int) -> str:
     return f"{letter}{first + number}"
 
 
-def _apart(sets: DataSets, method: str) -> dict[str, float]:
+def _distances(sets: DataSets, method: str) -> dict[str, float]:
     models = sets.singles(method, enough=True)
     pairs = distances(models)
     return {

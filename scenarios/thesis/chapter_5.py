@@ -11,7 +11,7 @@ from scenarios.report.figure_style import FREQUENCIES, MRAD, WIDTH, dc_bode, dre
 from scenarios.report.figures import Gallery
 from scenarios.thesis import chapter_5 as draw
 from scenarios.thesis.comparison import Comparison, JointResult
-from scenarios.thesis.observer_analysis import LIVE, JointObserver, P, described
+from scenarios.thesis.observer_analysis import LIVE, JointObserver, P, hankel_share
 from scenarios.thesis.tally import p_value
 from scenarios.truth.published import PERCENT_DESCRIBED, PublishedModel
 from sysid import IOData, ModelFit, StateSpace
@@ -98,7 +98,7 @@ def hankel(entry: JointObserver) -> Figure:
     values = np.asarray(entry.estimate.diagnostics["hankel_singular_values"], dtype=float)
     for share in entry.shares:
         axes.annotate(
-            f"{described(entry.estimate, share.order):.4f} %",
+            f"{hankel_share(entry.estimate, share.order):.4f} %",
             (share.order, values[share.order - 1] / values[0]),
             xytext=(6, 5),
             textcoords="offset points",
@@ -118,7 +118,7 @@ def hankel(entry: JointObserver) -> Figure:
 def state_space_bode(entry: JointResult) -> Figure:
     """The OKID model beside the truth and the printed OKID model."""
     model = entry.models["okid"]
-    printed = next(one for one in entry.published if one.method == "okid")
+    printed = next(row for row in entry.published if row.method == "okid")
     return dc_bode(
         [
             Curve("truth", model_response(entry.truth.model), PALETTE["truth"]),
@@ -134,7 +134,7 @@ def predicted(data: IOData, fit: ModelFit, what: str, *, length: float) -> Figur
         Trace(f"one step ahead: {fit.one_step[0]:.2f} %", fit.predicted[:, 0], PALETTE["okid"]),
         Trace(f"simulated: {fit.simulation[0]:.2f} %", fit.simulated[:, 0], SIMULATED),
     ]
-    return _piece(data, traces, what, length)
+    return _output_window(data, traces, what, length)
 
 
 def printed_outputs(data: IOData, fits: dict[PublishedModel, ModelFit], what: str, *, length: float) -> Figure:
@@ -143,10 +143,10 @@ def printed_outputs(data: IOData, fits: dict[PublishedModel, ModelFit], what: st
         Trace(f"{printed.label}: {fit.simulation[0]:.1f} %", fit.simulated[:, 0], PALETTE[printed.method])
         for printed, fit in fits.items()
     ]
-    return _piece(data, traces, what, length)
+    return _output_window(data, traces, what, length)
 
 
-def _piece(data: IOData, traces: list[Trace], what: str, length: float) -> Figure:
+def _output_window(data: IOData, traces: list[Trace], what: str, length: float) -> Figure:
     start = min(20.0, max(len(data) * data.dt - length, 0.0))
     figure = output_comparison(data, traces, start=start, length=length, scale=MRAD, unit="mrad", size=(WIDTH, 4.4))
     figure.axes[0].set_title(what, loc="left", fontsize=9)
@@ -184,7 +184,7 @@ def chapter_5(study: Comparison, gallery: Gallery) -> dict[str, object]:
     Returns:
         What the template shows.
     """
-    found = study.observers
+    observers = study.observers
     return {
         "p": P,
         "live": 100 * LIVE,
@@ -192,21 +192,23 @@ def chapter_5(study: Comparison, gallery: Gallery) -> dict[str, object]:
         "joints": [
             {
                 "result": entry,
-                "observer": found.joints[joint],
-                "whiteness": p_value(found.joints[joint].test.whiteness_p[0]),
-                "realisation": realisation(entry, found.joints[joint]),
+                "observer": observers.joints[joint],
+                "whiteness": p_value(observers.joints[joint].test.whiteness_p[0]),
+                "realisation": realisation(entry, observers.joints[joint]),
                 "figures": _figures(study, joint, gallery),
-                "records": [{"row": row, "white": p_value(row.whiteness_p)} for row in found.records.get(joint, ())],
+                "records": [
+                    {"row": row, "white": p_value(row.whiteness_p)} for row in observers.records.get(joint, ())
+                ],
             }
             for joint, entry in study.joints.items()
         ],
-        "several": found.several,
+        "several": observers.several,
     }
 
 
 def realisation(entry: JointResult, observer: JointObserver) -> tuple[Quantity, ...]:
     """The model of the study beside the printed one: matrices, and what does not depend on coordinates."""
-    printed = next(one for one in entry.published if one.method == "okid")
+    printed = next(model for model in entry.published if model.method == "okid")
     ours = observer.estimate.model
     pairs = [
         ("A", _matrix(ours.A), _matrix(printed.model.A), True),
@@ -222,7 +224,7 @@ def realisation(entry: JointResult, observer: JointObserver) -> tuple[Quantity, 
         ("bandwidth, Hz", f"{float(ours.bandwidth()[0, 0]):.3f}", f"{printed.bandwidth_hz:.3f}", False),
         (
             "described by two states, %",
-            f"{described(observer.estimate, ours.order):.4f}",
+            f"{hankel_share(observer.estimate, ours.order):.4f}",
             f"{PERCENT_DESCRIBED[entry.joint]:.4f}",
             False,
         ),
@@ -239,7 +241,7 @@ def _figures(study: Comparison, joint: str, gallery: Gallery) -> list[object]:
     )
     letter, first = FIRST[joint]
     system, own = observer.live
-    drawn: list[object] = [
+    figures: list[object] = [
         gallery.add(
             draw.markov_parameters(observer),
             f"{name}: above the Markov parameters of the observer, {P} of the command and {P} of the measurement; the "
@@ -250,7 +252,7 @@ def _figures(study: Comparison, joint: str, gallery: Gallery) -> list[object]:
         )
     ]
     if observer.errors:
-        drawn.append(
+        figures.append(
             gallery.add(
                 draw.errors(observer),
                 f"{name}: what observers with p Markov parameters leave of the output, standard deviation over that of "
@@ -260,7 +262,7 @@ def _figures(study: Comparison, joint: str, gallery: Gallery) -> list[object]:
                 thesis=(f"{letter}{first + 1}",),
             )
         )
-    drawn += [
+    figures += [
         gallery.add(
             draw.hankel(observer),
             f"{name}: Hankel singular values of the system’s Markov parameters. There are {P}, because {P} observer "
@@ -284,7 +286,7 @@ def _figures(study: Comparison, joint: str, gallery: Gallery) -> list[object]:
         ),
     ]
     if observer.chirp is not None:
-        drawn.append(
+        figures.append(
             gallery.add(
                 draw.predicted(entry.data[8], observer.chirp, f"{name}, chirp from 5 to 10 Hz", length=2.0),
                 f"{name}: cross-validation on the 5–10 Hz chirp, one sweep.",
@@ -292,7 +294,7 @@ def _figures(study: Comparison, joint: str, gallery: Gallery) -> list[object]:
                 thesis=(f"{letter}{first + 5}",),
             )
         )
-    return drawn
+    return figures
 
 
 def _observer_poles(printed: PublishedModel) -> np.ndarray:
@@ -310,10 +312,10 @@ def _matrix(values: np.ndarray) -> str:
 
 
 def _roots(roots: Sequence[complex] | np.ndarray) -> str:
-    shown = []
+    parts = []
     for value in np.asarray(roots, dtype=complex):
         if abs(value.imag) < 5e-4:
-            shown.append(f"{value.real:.3f}")
+            parts.append(f"{value.real:.3f}")
         elif value.imag > 0:
-            shown.append(f"{value.real:.3f} ± {value.imag:.3f}j")
-    return ", ".join(shown) or "none"
+            parts.append(f"{value.real:.3f} ± {value.imag:.3f}j")
+    return ", ".join(parts) or "none"

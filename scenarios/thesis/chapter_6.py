@@ -38,36 +38,38 @@ def chapter_6(study: Comparison, gallery: Gallery) -> dict[str, object]:
     Returns:
         What the template shows.
     """
-    found = study.multivariable
+    arm_models = study.multivariable
     models = _models(study, gallery)
     return {
         "joints": STUDIED_JOINTS,
-        "models": [{"model": entry, "bandwidths": _bandwidths(entry)} for entry in found.models],
+        "models": [{"model": entry, "bandwidths": _bandwidths(entry)} for entry in arm_models.models],
         "figures": models,
-        "full": found.full,
-        "true_coupling": off_diagonal(found.truth, band=EXCITED),
+        "full": arm_models.full,
+        "true_coupling": off_diagonal(arm_models.truth, band=EXCITED),
         "pushes": [
             {
                 "hz": hz,
-                "share": {joint: 100 * part for joint, part in pushed_by_others(found.truth, band=(hz, hz)).items()},
+                "share": {
+                    joint: 100 * part for joint, part in pushed_by_others(arm_models.truth, band=(hz, hz)).items()
+                },
             }
             for hz in PUSHED
         ],
-        "exchange": _exchange(study, gallery) if RPCM in found.records else {},
-        "chirp": _chirp(study, gallery) if FAST_CHIRP in found.records else [],
-        "reach": _reach(study) if FAST_CHIRP in found.records else {},
-        "same": [name for name in found.records if plays_identified_sequence(name)],
-        "records": found.records,
-        "fits": _every_fit(study, gallery) if found.records else None,
+        "exchange": _exchange(study, gallery) if RPCM in arm_models.records else {},
+        "chirp": _chirp(study, gallery) if FAST_CHIRP in arm_models.records else [],
+        "reach": _chirp_fits(study) if FAST_CHIRP in arm_models.records else {},
+        "same": [name for name in arm_models.records if plays_identified_sequence(name)],
+        "records": arm_models.records,
+        "fits": _every_fit(study, gallery) if arm_models.records else None,
         "categories": categories(study),
     }
 
 
-def _reach(study: Comparison) -> dict[str, list[float]]:
+def _chirp_fits(study: Comparison) -> dict[str, list[float]]:
     """By joint, what the truth without coupling, with it, and the true angles follow of the fast chirp, percent."""
-    found = study.multivariable
+    models = study.multivariable
     return {
-        joint: [found.reference(kind, FAST_CHIRP)[joint] for kind in (DIAGONAL, COUPLED, NOISELESS)]
+        joint: [models.reference(kind, FAST_CHIRP)[joint] for kind in (DIAGONAL, COUPLED, NOISELESS)]
         for joint in STUDIED_JOINTS
     }
 
@@ -115,14 +117,14 @@ def _bandwidths(entry: ThreeJointModel) -> list[float]:
 
 
 def _exchange(study: Comparison, gallery: Gallery) -> dict[str, object]:
-    found = study.multivariable.exchange
-    away: Mapping[str, float] = {} if found is None else found.departure
+    exchange = study.multivariable.exchange
+    away: Mapping[str, float] = {} if exchange is None else exchange.departure
     return {
         "away": {joint: float(np.degrees(value)) for joint, value in away.items()},
-        "loaded": 0.0 if found is None else 100 * found.loaded,
+        "loaded": 0.0 if exchange is None else 100 * exchange.loaded,
         "phases": [
             {"phase": entry, "swing": {joint: float(np.degrees(value)) for joint, value in entry.swing.items()}}
-            for entry in (() if found is None else found.phases)
+            for entry in (() if exchange is None else exchange.phases)
         ],
         "kinds": [entry.name for entry in study.multivariable.pair()],
         "figures": [

@@ -65,8 +65,8 @@ class ModelResult:
 
     def held_out(self, estimation_test: int) -> tuple[Fit, ...]:
         """Fits to the tests that the model has not seen: neither its own nor one that plays the same sequence."""
-        seen = tests_of_same_sequence(estimation_test)
-        return tuple(fit for number, fit in self.fits.items() if number not in seen)
+        same_sequence = tests_of_same_sequence(estimation_test)
+        return tuple(fit for number, fit in self.fits.items() if number not in same_sequence)
 
 
 @dataclass(frozen=True, eq=False)

@@ -37,13 +37,13 @@ def biased(data: IOData, degree: float, _: np.random.Generator) -> IOData:
     return replace(data, y=data.y + degree * np.std(data.y))
 
 
-def drifting(data: IOData, degree: float, _: np.random.Generator) -> IOData:
+def add_drift(data: IOData, degree: float, _: np.random.Generator) -> IOData:
     """Let the output rise evenly from zero, by so many of its standard deviations until the last sample."""
     ramp = np.linspace(0.0, 1.0, len(data))[:, None]
     return replace(data, y=data.y + degree * np.std(data.y) * ramp)
 
 
-def swaying(data: IOData, degree: float, _: np.random.Generator) -> IOData:
+def add_slow_sine(data: IOData, degree: float, _: np.random.Generator) -> IOData:
     """Add a slow sine to the output, its amplitude in standard deviations of the output."""
     sine = np.sin(2 * np.pi * SLOW_SINE * data.dt * np.arange(len(data)))[:, None]
     return replace(data, y=data.y + degree * np.std(data.y) * sine)
@@ -66,18 +66,18 @@ def _outliers(data: IOData, percent: float, size: float, rng: np.random.Generato
 
 def held_dropouts(data: IOData, degree: float, rng: np.random.Generator) -> IOData:
     """Lose a share of the output's samples, percent, in bursts; the last one before a burst stands in."""
-    part, lost = _lossy(data, degree, rng)
+    part, lost = _lose_bursts(data, degree, rng)
     latest = np.maximum.accumulate(np.where(lost, 0, np.arange(len(part))))
     return replace(part, y=part.y[latest])
 
 
 def marked_dropouts(data: IOData, degree: float, rng: np.random.Generator) -> IOData:
     """Lose the same samples and say so: what was lost is marked as missing."""
-    part, lost = _lossy(data, degree, rng)
+    part, lost = _lose_bursts(data, degree, rng)
     return replace(part, y=np.where(lost[:, None], np.nan, part.y), missing=True) if lost.any() else part
 
 
-def _lossy(data: IOData, percent: float, rng: np.random.Generator) -> tuple[IOData, np.ndarray]:
+def _lose_bursts(data: IOData, percent: float, rng: np.random.Generator) -> tuple[IOData, np.ndarray]:
     """A part of the record and which of its samples are lost; the first one never is."""
     part = _part(data, LOSSY, rng)
     bursts = round(percent / 100 * len(part) / BURST)
@@ -178,7 +178,7 @@ DISTURBANCES: Mapping[str, Disturbance] = MappingProxyType(
                 "even rise of the output over the record",
                 "standard deviations",
                 (0.2, 0.5, 2.0),
-                drifting,
+                add_drift,
                 tuple(TREATMENTS),
             ),
             Disturbance(
@@ -186,7 +186,7 @@ DISTURBANCES: Mapping[str, Disturbance] = MappingProxyType(
                 "slow sine, 60 s long, added to the output",
                 "standard deviations",
                 (0.1, 0.3, 1.0),
-                swaying,
+                add_slow_sine,
                 tuple(TREATMENTS),
             ),
             Disturbance(

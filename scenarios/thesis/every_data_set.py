@@ -118,7 +118,7 @@ class DataSetModel:
     @property
     def others(self) -> Mapping[str, Follow]:
         """Fit to unseen records: neither its own nor one that plays the same sequence."""
-        return {name: fit for name, fit in self.fits.items() if not _seen(self.record, name)}
+        return {name: fit for name, fit in self.fits.items() if not _same_sequence(self.record, name)}
 
     @property
     def others_simulation(self) -> float:
@@ -196,8 +196,8 @@ def every_data_set(
     """
     known = known or {}
     single = [single_joint_test(number, joint) for number in SINGLE_JOINT]
-    asked = [*single, *(names("mimo") if thorough else ()), *([RPCM] if thorough else ())]
-    data = {name: prepared(campaign.logs[name], joint) for name in asked if name in campaign.logs}
+    records = [*single, *(names("mimo") if thorough else ()), *([RPCM] if thorough else ())]
+    data = {name: prepared(campaign.logs[name], joint) for name in records if name in campaign.logs}
     judges = {name: data[name] for name in single if name in data}
     minutes = {name: record[: round(MINUTE / record.dt)] for name, record in judges.items()} if thorough else {}
     compared = {record for record, _ in known}
@@ -219,13 +219,13 @@ def every_data_set(
                 )
             except SysidError as error:
                 refused.append(Refusal(name, structure, str(error)))
-    missing = {name: campaign.failed.get(name, "it was not played") for name in asked if name not in data}
+    missing = {name: campaign.failed.get(name, "it was not played") for name in records if name not in data}
     return DataSets(
         joint, tuple(judges), MappingProxyType(excited), tuple(models), tuple(refused), MappingProxyType(missing)
     )
 
 
-def _seen(record: str, other: str) -> bool:
+def _same_sequence(record: str, other: str) -> bool:
     """Whether a model of one record knows the other."""
     return record == other or (plays_identified_sequence(record) and plays_identified_sequence(other))
 
@@ -250,33 +250,33 @@ def _identified(
     with warnings.catch_warnings():
         # They stand in the record.
         warnings.simplefilter("ignore", SysidWarning)
-        found = known or estimate(record, structure.estimator, structure.orders)[0]
-        band = found.bandwidth()
-        test = sysid.resid(found, record)
-        fits = {other: _follow(found, data) for other, data in judges.items()}
+        model = known or estimate(record, structure.estimator, structure.orders)[0]
+        band = model.bandwidth()
+        test = sysid.resid(model, record)
+        fits = {other: _follow(model, data) for other, data in judges.items()}
     needed = excitation_needed(structure)
     return DataSetModel(
         record=name,
         structure=structure,
-        model=found.model,
+        model=model.model,
         needed=needed,
         enough=excited.command >= needed,
         bandwidth_hz=float(band.hz[0, 0]),
         ci95=(float(band.ci95[0][0, 0]), float(band.ci95[1][0, 0])),
-        half_power_hz=half_power_hz(found.model),
-        dc_gain=float(found.dc_gain()[0, 0]),
-        poles=tuple(complex(pole) for pole in found.poles()),
+        half_power_hz=half_power_hz(model.model),
+        dc_gain=float(model.dc_gain()[0, 0]),
+        poles=tuple(complex(pole) for pole in model.poles()),
         whiteness_p=float(test.whiteness_p[0]),
         independence_p=float(test.independence_p[0, 0]),
         fits=MappingProxyType(fits),
-        warnings=tuple(found.diagnostics["warnings"]),
+        warnings=tuple(model.diagnostics["warnings"]),
     )
 
 
-def _follow(found: Estimate, data: IOData) -> Follow:
+def _follow(model: Estimate, data: IOData) -> Follow:
     # What an unstable model simulates grows beyond all numbers; its fit is minus infinity then.
     with np.errstate(over="ignore", invalid="ignore"):
-        (score,) = sysid.compare(found, data)
+        (score,) = sysid.compare(model, data)
     return Follow(float(score.simulation[0]), float(score.one_step[0]))
 
 

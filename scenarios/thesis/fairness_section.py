@@ -78,53 +78,57 @@ def conclusions(fairness: Fairness) -> tuple[Conclusion, ...]:
     """
     own = fairness.estimation_test
     arms = [arm for arm in fairness.arms if len(arm.joints) == len(STUDIED_JOINTS)]
-    asked: list[tuple[str, Callable[[ArmFairness], Answer | None]]] = [
-        ("Joints whose identified models are, for the most part, near 1 Hz", _near),
+    questions: list[tuple[str, Callable[[ArmFairness], Answer | None]]] = [
+        ("Joints whose identified models are, for the most part, near 1 Hz", _near_1_hz),
         ("Whether most 95 % intervals hold the truth", _held),
         ("Whether every identified model is stable", _stable),
     ]
     for way, words in WAYS.items():
         question = f"SysID or OKID better on single-joint tests not seen, {words}"
-        asked.append((question, partial(_single, own=own, way=way)))
+        questions.append((question, partial(_single, own=own, way=way)))
         for record, name in RECORDS.items():
             question = f"SysID or OKID better on the {name}, {words}"
-            asked.append((question, partial(_several, record=record, way=way)))
-    return tuple(Conclusion(question, {arm.condition: answer(arm) for arm in arms}) for question, answer in asked)
+            questions.append((question, partial(_several, record=record, way=way)))
+    return tuple(Conclusion(question, {arm.condition: answer(arm) for arm in arms}) for question, answer in questions)
 
 
-def said(found: tuple[Conclusion, ...]) -> str:
+def changes_text(conclusions: tuple[Conclusion, ...]) -> str:
     """Describe the conclusions that change between arms; empty without two arms to compare."""
-    if not found or max(sum(answer is not None for answer in entry.answers.values()) for entry in found) < 2:
+    if (
+        not conclusions
+        or max(sum(answer is not None for answer in entry.answers.values()) for entry in conclusions) < 2
+    ):
         return ""
-    changed = [entry for entry in found if entry.changes()]
-    rubbed = sum(entry.changes(friction=True) for entry in found)
-    other = sum(entry.changes(friction=False) for entry in found)
+    changed = [entry for entry in conclusions if entry.changes()]
+    rubbed = sum(entry.changes(friction=True) for entry in conclusions)
+    other = sum(entry.changes(friction=False) for entry in conclusions)
     ways = " and ".join(
-        f"{sum(entry.changes() for entry in found if entry.question.endswith(words))} of "
-        f"{sum(entry.question.endswith(words) for entry in found)} {words}"
+        f"{sum(entry.changes() for entry in conclusions if entry.question.endswith(words))} of "
+        f"{sum(entry.question.endswith(words) for entry in conclusions)} {words}"
         for words in WAYS.values()
     )
     return (
-        f"Of {len(found)} conclusions {len(changed)} change between the arms: friction alone changes {rubbed}, the arm "
+        f"Of {len(conclusions)} conclusions {len(changed)} change between the arms: friction alone changes {rubbed}, "
+        f"the arm "
         f"alone {other}. Of the comparisons of SysID with OKID {ways} change. Fits closer than {MARGIN:g} points are "
         "called equal."
     )
 
 
-def _near(arm: ArmFairness) -> Answer:
-    found = {}
+def _near_1_hz(arm: ArmFairness) -> Answer:
+    answers = {}
     for joint, models in arm.joints.items():
         hz = [entry.bandwidth_hz for entry in models if not entry.printed]
-        found[joint] = 2 * sum(near_1_hz(value) for value in hz) > len(hz)
+        answers[joint] = 2 * sum(near_1_hz(value) for value in hz) > len(hz)
     every = arm.identified()
     near = sum(near_1_hz(entry.bandwidth_hz) for entry in every)
-    return Answer(_listed(joint for joint, yes in found.items() if yes), f"{near} of {len(every)} models")
+    return Answer(_list_text(joint for joint, yes in answers.items() if yes), f"{near} of {len(every)} models")
 
 
 def _held(arm: ArmFairness) -> Answer:
     every = arm.identified()
-    held = sum(bool(entry.covers) for entry in every)
-    return Answer("yes" if 2 * held > len(every) else "no", f"{held} of {len(every)}")
+    covered = sum(bool(entry.covers) for entry in every)
+    return Answer("yes" if 2 * covered > len(every) else "no", f"{covered} of {len(every)}")
 
 
 def _stable(arm: ArmFairness) -> Answer:
@@ -165,12 +169,12 @@ def _winners(pairs: dict[str, tuple[BothFits, BothFits]], way: str) -> Answer:
         by_winner.setdefault(winner, []).append(joint)
         gaps.append(f"{gap:+.1f}".replace("-", "−"))
     words = "; ".join(
-        f"{winner}: {_listed(by_winner[winner])}" for winner in ("OKID", "SysID", "equal") if winner in by_winner
+        f"{winner}: {_list_text(by_winner[winner])}" for winner in ("OKID", "SysID", "equal") if winner in by_winner
     )
     return Answer(words, f"OKID {', '.join(gaps)} points")
 
 
-def _listed(joints: Iterable[str]) -> str:
+def _list_text(joints: Iterable[str]) -> str:
     names = [_name(joint) for joint in joints]
     return ", ".join(names) if names else "none"
 
@@ -281,16 +285,16 @@ def fairness_section(study: Comparison, gallery: Gallery) -> dict[str, object]:
     fairness = study.fairness
     if fairness is None or not any(arm.joints for arm in fairness.arms):
         return {"arms": ()}
-    found = conclusions(fairness)
+    entries = conclusions(fairness)
     return {
         "arms": [(str(arm.condition), arm.truth_hz) for arm in fairness.arms],
         "joints": _joints(fairness),
-        "three": _three(fairness),
+        "three": _three_joint_rows(fairness),
         "conclusions": [
             (entry.question, [entry.answers.get(arm.condition) for arm in fairness.arms], entry.changes())
-            for entry in found
+            for entry in entries
         ],
-        "said": said(found),
+        "said": changes_text(entries),
         "estimation_test": fairness.estimation_test,
         "figure": gallery.add(
             dumbbells(fairness),
@@ -349,7 +353,7 @@ def _band(model: FairModel) -> str:
     return text if model.ci95 is None else f"{text} ({model.ci95[0]:.3f} – {model.ci95[1]:.3f})"
 
 
-def _three(fairness: Fairness) -> list[tuple[str, list[tuple[str, list[str]]]]]:
+def _three_joint_rows(fairness: Fairness) -> list[tuple[str, list[tuple[str, list[str]]]]]:
     """By record: a row for each three-joint model, a cell for each arm with the mean over the joints."""
     groups = []
     for record, name in RECORDS.items():

@@ -79,8 +79,8 @@ class FairModel:
         Args:
             own: Number of the estimation test; one that plays the same sequence is left out with it, for every model.
         """
-        seen = tests_of_same_sequence(own)
-        others = [fit for number, fit in self.fits.items() if number not in seen]
+        same_sequence = tests_of_same_sequence(own)
+        others = [fit for number, fit in self.fits.items() if number not in same_sequence]
         if not others:
             return None
         return BothFits(median(fit.simulation for fit in others), median(fit.one_step for fit in others))
@@ -172,23 +172,23 @@ def _arm(campaign: Campaign, own: int) -> ArmFairness:
 def _joint(joint: str, data: Mapping[int, IOData], own: int, campaign: Campaign) -> tuple[FairModel, ...]:
     sufficient = next(entry for entry in STRUCTURES[joint] if entry.method == "oe_high")
     true = campaign.truth.joint(joint).bandwidth_hz
-    found = []
+    models = []
     for structure in (*every_structure(joint), sufficient):
         heading = (structure.method, structure.label, structure.chosen, False)
         try:
             model, _ = estimate(data[own], structure.estimator, structure.orders)
             band = model.bandwidth()
         except SysidError as error:
-            found.append(FairModel(*heading, None, float("nan"), None, False, {}, str(error)))
+            models.append(FairModel(*heading, None, float("nan"), None, False, {}, str(error)))
             continue
         ends = (float(band.ci95[0][0, 0]), float(band.ci95[1][0, 0]))
         hz, covers = float(band.hz[0, 0]), bool(band.covers(true)[0, 0])
-        found.append(FairModel(*heading, model.model, hz, ends, covers, _fits(model.model, data)))
+        models.append(FairModel(*heading, model.model, hz, ends, covers, _fits(model.model, data)))
     for printed in published(joint):
         heading = (printed.method, f"printed {printed.label}", printed.chosen, True)
         fits = _fits(printed.model, data)
-        found.append(FairModel(*heading, printed.model, printed.bandwidth_hz, None, None, fits))
-    return tuple(found)
+        models.append(FairModel(*heading, printed.model, printed.bandwidth_hz, None, None, fits))
+    return tuple(models)
 
 
 def _fits(model: StateSpace, data: Mapping[int, IOData]) -> dict[int, BothFits]:
@@ -207,7 +207,7 @@ def _three_joints(joints: Mapping[str, tuple[FairModel, ...]], campaign: Campaig
         name: {joint: IOData(record.u[:, k], record.y[:, k], record.dt) for k, joint in enumerate(STUDIED_JOINTS)}
         for name, record in data.items()
     }
-    found = []
+    rows = []
     for printed in (False, True):
         fits: dict[str, dict[str, dict[str, BothFits]]] = {}
         for name, okid in (("SysID", False), ("OKID", True)):
@@ -227,8 +227,8 @@ def _three_joints(joints: Mapping[str, tuple[FairModel, ...]], campaign: Campaig
                 }
                 for record in alone
             }
-        found += [ThreeJointFits(name, printed, known) for name, known in fits.items()]
-    return tuple(found)
+        rows += [ThreeJointFits(name, printed, known) for name, known in fits.items()]
+    return tuple(rows)
 
 
 def _chosen(models: Sequence[FairModel], *, printed: bool, okid: bool) -> FairModel:

@@ -133,7 +133,7 @@ class MappedKind:
         return () if self.kind.instead else tuple(number for number, ours in self.pictures.items() if not ours)
 
 
-def mapped(counterparts: Mapping[str, Sequence[Picture]]) -> tuple[MappedKind, ...]:
+def map_figures(counterparts: Mapping[str, Sequence[Picture]]) -> tuple[MappedKind, ...]:
     """Lay the figures of the report beside those of the thesis.
 
     Args:

@@ -14,7 +14,7 @@ from scenarios.experiments.waveform import POINTS
 from scenarios.report.figure_style import MRAD, WIDTH, dress, model_response, well_known
 from scenarios.thesis.comparison import Comparison, JointResult
 from scenarios.thesis.envelope import envelope
-from scenarios.thesis.nonparametric import PRBS, SINES, Nonparametric, PeriodSpectra, excited
+from scenarios.thesis.nonparametric import PRBS, SINES, Nonparametric, PeriodSpectra, excited_lines
 from sysid import FrequencyResponse
 from sysid.plots import BOUND, INK, PALETTE, Style
 
@@ -42,8 +42,8 @@ def tests(study: Comparison, entry: JointResult) -> Figure:
         time = np.arange(count) / SAMPLE_RATE
         axes.step(time, MRAD * data.u[:count, 0], where="post", color=COMMAND.colour, lw=1.1, label="commanded")
         axes.plot(time, MRAD * data.y[:count, 0], color=ANSWER.colour, lw=1.4, label="measured")
-        said = load(f"siso-{number}-{entry.joint}").description.split(": ", 1)[1]
-        axes.set_title(f"{number}: {said}", loc="left", fontsize=7.5)
+        description = load(f"siso-{number}-{entry.joint}").description.split(": ", 1)[1]
+        axes.set_title(f"{number}: {description}", loc="left", fontsize=7.5)
     dress(grid)
     for axes in grid[-2:]:
         axes.set_xlabel("time / s", fontsize=8)
@@ -111,10 +111,10 @@ def _levels(axes: Axes, values: np.ndarray, style: Style, limit: float) -> None:
     steps = np.abs(np.diff(periods, axis=1, prepend=np.roll(periods, 1, axis=0)[:, -1:])).max(axis=0)
     free = steps < 0.99 * limit
     spread = np.where(free, periods.std(axis=0), -1.0) if free.any() else periods.std(axis=0)
-    shown = periods[:, int(np.argmax(spread))]
-    axes.plot(np.arange(3, count + 1), shown, ls="none", marker="_", ms=6, mew=1.4, color=style.colour)
+    period = periods[:, int(np.argmax(spread))]
+    axes.plot(np.arange(3, count + 1), period, ls="none", marker="_", ms=6, mew=1.4, color=style.colour)
     axes.set_xlabel("period")
-    gaps = np.diff(np.unique(np.round(shown, 6)))
+    gaps = np.diff(np.unique(np.round(period, 6)))
     if len(gaps):
         axes.annotate(
             f"least step {gaps.min():.3f} mrad", (0.98, 0.97), xycoords="axes fraction", ha="right", va="top",
@@ -123,22 +123,22 @@ def _levels(axes: Axes, values: np.ndarray, style: Style, limit: float) -> None:
         axes.margins(y=0.25)
 
 
-def transfer_function(entry: JointResult, found: Nonparametric) -> Figure:
+def transfer_function(entry: JointResult, estimates: Nonparametric) -> Figure:
     """The ratio of cross and input spectrum from two sines, where it is known, and the truth."""
-    spectrum = found.spectra[SINES]
-    powered = excited(spectrum)
+    spectrum = estimates.spectra[SINES]
+    powered = excited_lines(spectrum)
     true = model_response(entry.truth.model)
     tones = FrequencyResponse(spectrum.frequencies[powered], spectrum.response[powered], spectrum.dt, "spa")
-    strong = _strong(well_known(entry.spa), found.repeated[PRBS])
+    strong = _strong(well_known(entry.spa), estimates.repeated[PRBS])
     figure = Figure(figsize=(WIDTH, 5.6), layout="constrained")
     gain, phase = figure.subplots(2, 1, sharex=True, height_ratios=[1.35, 1.0])
     dress((gain, phase))
     _level(gain, spectrum, WINDOW, "two sines, Hamming window")
-    if found.positive is not None:
-        _level(gain, found.positive, OTHER_WINDOW, "Parzen window")
+    if estimates.positive is not None:
+        _level(gain, estimates.positive, OTHER_WINDOW, "Parzen window")
     points = (
         (true, TRUE, "truth"),
-        (found.repeated[SINES].told(), Style(REPEATED.colour, "", 1.0, "^"), "told by repetition"),
+        (estimates.repeated[SINES].reliable_response(), Style(REPEATED.colour, "", 1.0, "^"), "told by repetition"),
         (strong, Style(ANSWER.colour, "", 1.0, "."), "strong PRBS lines"),
     )
     for response, style, label in points:
@@ -174,26 +174,26 @@ def _strong(response: FrequencyResponse, lines: PeriodSpectra) -> FrequencyRespo
     """A response where the input has at least a tenth of the power that its middle line has."""
     power = np.interp(response.frequencies, lines.frequencies, lines.input)
     band = lines.frequencies <= FASTEST_DRAWN
-    kept = power >= WEAK * np.median(lines.input[band])
-    return FrequencyResponse(response.frequencies[kept], response.response[kept], response.dt, response.method)
+    mask = power >= WEAK * np.median(lines.input[band])
+    return FrequencyResponse(response.frequencies[mask], response.response[mask], response.dt, response.method)
 
 
 def _level(axes: Axes, response: FrequencyResponse, style: Style, label: str) -> None:
     f, value = response.frequencies, response.magnitude[:, 0, 0]
-    kept = f <= FASTEST_DRAWN
-    level = 20 * np.log10(np.where(value[kept] > 0.0, value[kept], np.nan))
+    mask = f <= FASTEST_DRAWN
+    level = 20 * np.log10(np.where(value[mask] > 0.0, value[mask], np.nan))
     marker = "" if style.line else style.marker
-    axes.plot(f[kept], level, color=style.colour, ls=style.line, lw=style.width, marker=marker, ms=5, label=label)
+    axes.plot(f[mask], level, color=style.colour, ls=style.line, lw=style.width, marker=marker, ms=5, label=label)
 
 
 def _turn(axes: Axes, response: FrequencyResponse, style: Style, entry: JointResult) -> None:
-    kept = response.frequencies <= FASTEST_DRAWN
-    f, marker = response.frequencies[kept], "" if style.line else style.marker
-    degrees = _turned(f, response.response[kept, 0, 0], entry)
+    mask = response.frequencies <= FASTEST_DRAWN
+    f, marker = response.frequencies[mask], "" if style.line else style.marker
+    degrees = _unwrapped_phase(f, response.response[mask, 0, 0], entry)
     axes.plot(f, degrees, color=style.colour, ls=style.line, lw=style.width, marker=marker, ms=5)
 
 
-def _turned(f: np.ndarray, response: np.ndarray, entry: JointResult) -> np.ndarray:
+def _unwrapped_phase(f: np.ndarray, response: np.ndarray, entry: JointResult) -> np.ndarray:
     """Phase in degrees on the turn of the true one."""
     dense = np.linspace(0.05, 25.0, 500)
     true = np.unwrap(np.angle(entry.truth.model.frequency_response(dense)[:, 0, 0]))
@@ -202,12 +202,12 @@ def _turned(f: np.ndarray, response: np.ndarray, entry: JointResult) -> np.ndarr
     return np.asarray(np.degrees(angle - 2 * np.pi * np.round((angle - beside) / (2 * np.pi))))
 
 
-def correlation(study: Comparison, entry: JointResult, found: Nonparametric) -> Figure:
+def correlation(study: Comparison, entry: JointResult, estimates: Nonparametric) -> Figure:
     """Correlations of the PRBS test, as recorded and with the input made white, and the pulse response from them."""
     figure = Figure(figsize=(WIDTH, 6.6), layout="constrained")
     grid = figure.subplots(4, 2, height_ratios=[1.0, 1.0, 1.0, 1.2])
     dress(grid.ravel())
-    whole = {"left": found.covariances, "right": found.whitened}
+    whole = {"left": estimates.covariances, "right": estimates.whitened}
     for column, (function, title) in enumerate(zip(whole.values(), ("as recorded", "input made white"), strict=True)):
         r, lags = function.normalised, function.lags
         for row, (i, j) in enumerate(((0, 0), (1, 1), (0, 1))):
@@ -219,12 +219,12 @@ def correlation(study: Comparison, entry: JointResult, found: Nonparametric) -> 
     for row, text in enumerate(("output", "input", "input to output")):
         grid[row, 0].set_ylabel(f"{text}\ncorrelation", fontsize=8)
     near, pulse = grid[3]
-    white = found.whitened
+    white = estimates.whitened
     part = (white.lags >= -5) & (white.lags <= 25)
     near.vlines(white.lags[part], 0.0, white.normalised[part, 0, 1], color=ANSWER.colour, lw=1.3)
-    bound = float(found.delay.bound[0, 0])
+    bound = float(estimates.delay.bound[0, 0])
     near.axhspan(-bound, bound, color=BOUND.colour, alpha=0.25, lw=0)
-    first = int(found.delay.correlation[0, 0])
+    first = int(estimates.delay.correlation[0, 0])
     near.axvline(first, color=REPEATED.colour, ls="--", lw=1.0)
     near.annotate(
         f"first beyond chance: {first}", (first + 0.6, -0.06), fontsize=SMALL, color=REPEATED.colour, va="top"
@@ -234,11 +234,11 @@ def correlation(study: Comparison, entry: JointResult, found: Nonparametric) -> 
     near.set_title("input to output, made white, magnified", loc="left", fontsize=SMALL)
     near.set_xlabel("lag / samples", fontsize=8)
     near.set_ylabel("correlation", fontsize=8)
-    lags = found.pulse.lags
+    lags = estimates.pulse.lags
     pulse.plot(lags, entry.truth.model.markov(len(lags))[:, 0, 0], color=TRUE.colour, lw=TRUE.width, label="truth")
     pulse.plot(
         lags,
-        found.pulse.response[:, 0, 0],
+        estimates.pulse.response[:, 0, 0],
         color=REPEATED.colour,
         ls="none",
         marker="^",
@@ -251,22 +251,22 @@ def correlation(study: Comparison, entry: JointResult, found: Nonparametric) -> 
     return figure
 
 
-def four_spectra(study: Comparison, entry: JointResult, found: Nonparametric, test: int) -> Figure:
+def four_spectra(study: Comparison, entry: JointResult, estimates: Nonparametric, test: int) -> Figure:
     """Disturbance, output, input and cross spectrum of a test: windowed, by repetition, and what is true."""
-    spectrum, again = found.spectra[test], found.repeated[test]
+    spectrum, again = estimates.spectra[test], estimates.repeated[test]
     figure = Figure(figsize=(WIDTH, 5.2), layout="constrained")
     grid = figure.subplots(2, 2, sharex=True, sharey=True)
     dress(grid.ravel())
     scale = MRAD**2
     true = np.abs(entry.truth.model.frequency_response(again.frequencies)[:, 0, 0])
     lines = again.repeating > 0.5
-    drawn: Sequence[tuple[str, np.ndarray | None, np.ndarray, np.ndarray | None]] = (
+    panels: Sequence[tuple[str, np.ndarray | None, np.ndarray, np.ndarray | None]] = (
         ("disturbance", spectrum.noise_spectrum, again.disturbance, None),
         ("output", spectrum.output_spectrum, again.output, true**2 * again.input),
         ("input", spectrum.input_spectrum, again.input, None),
         ("cross, magnitude", spectrum.cross_spectrum, np.abs(again.cross), true * again.input),
     )
-    for axes, (title, windowed, repeated, expected) in zip(grid.ravel(), drawn, strict=True):
+    for axes, (title, windowed, repeated, expected) in zip(grid.ravel(), panels, strict=True):
         if windowed is not None:
             density = np.abs(windowed[:, 0, 0]) if title.startswith("cross") else windowed[:, 0, 0].real
             axes.plot(
@@ -285,8 +285,10 @@ def four_spectra(study: Comparison, entry: JointResult, found: Nonparametric, te
                 mfc="none", label="true answer to the input",
             )  # fmt: skip
         # A line on which the input is silent to rounding is none.
-        seen = np.where(repeated > 1e-15 * repeated.max(), scale * repeated, np.nan)
-        axes.plot(again.frequencies, seen, color=REPEATED.colour, ls="none", marker="^", ms=2.8, label="by repetition")
+        visible = np.where(repeated > 1e-15 * repeated.max(), scale * repeated, np.nan)
+        axes.plot(
+            again.frequencies, visible, color=REPEATED.colour, ls="none", marker="^", ms=2.8, label="by repetition"
+        )
         axes.set_title(title, loc="left", fontsize=8.5)
         axes.set(xscale="log", yscale="log", xlim=(0.1, 25.0))
     true_noise = _known_disturbance(study, entry, test)
@@ -310,18 +312,18 @@ def _known_disturbance(study: Comparison, entry: JointResult, test: int) -> np.n
     log = study.logs[data.name]
     column = JOINTS.index(entry.joint)
     expected = sysid.simulate(entry.truth.model, log.commanded[:, column] - log.commanded[0, column])[:, 0]
-    left = (log.measured[:, column] - expected)[len(expected) - len(data) :]
-    count = len(left) // POINTS
-    lines = np.fft.rfft(left[: count * POINTS].reshape(count, POINTS))[:, 1 : POINTS // 2]
+    residual = (log.measured[:, column] - expected)[len(expected) - len(data) :]
+    count = len(residual) // POINTS
+    lines = np.fft.rfft(residual[: count * POINTS].reshape(count, POINTS))[:, 1 : POINTS // 2]
     return np.asarray(data.dt / POINTS * np.mean(np.abs(lines) ** 2, axis=0))
 
 
 def data_spectra(study: Comparison, entry: JointResult) -> Figure:
     """Input, output and disturbance spectrum of the estimation data [Morris1996, fig. 27 to 29]."""
-    found = study.nonparametric[entry.joint].repeated[PRBS]
+    spectra = study.nonparametric[entry.joint].repeated[PRBS]
     traces = [
-        sysid.plots.Trace("input", found.input, COMMAND),
-        sysid.plots.Trace("output", found.output, ANSWER),
-        sysid.plots.Trace("disturbance", found.disturbance, REPEATED),
+        sysid.plots.Trace("input", spectra.input, COMMAND),
+        sysid.plots.Trace("output", spectra.output, ANSWER),
+        sysid.plots.Trace("disturbance", spectra.disturbance, REPEATED),
     ]
-    return sysid.plots.spectra(found.frequencies, traces, unit="rad", limits_hz=(0.4, 25.0), size=(WIDTH, 3.6))
+    return sysid.plots.spectra(spectra.frequencies, traces, unit="rad", limits_hz=(0.4, 25.0), size=(WIDTH, 3.6))

@@ -130,7 +130,7 @@ def root_maps(study: Comparison) -> Figure:
             label = "as printed" if printed else "from the twin"
             _roots(axes, entry.model, LOOKS[entry.name].colour, size, label)
             beyond = [value for value in entry.model.zeros() if max(abs(value.real), abs(value.imag)) > REACH]
-            below += f"\n\nzeros outside, {label}:\n{_listed(beyond)}"
+            below += f"\n\nzeros outside, {label}:\n{_root_text(beyond)}"
         axes.set(xlim=(-REACH, REACH), ylim=(-REACH, REACH), aspect="equal")
         axes.set_title(f"{kind} model", loc="left", fontsize=9, pad=22)
         axes.legend(
@@ -148,27 +148,27 @@ def _roots(axes: Axes, model: StateSpace, colour: str, size: float, label: str) 
     axes.plot(zeros.real, zeros.imag, "o", color=colour, ms=size, mew=1.2, mfc="none")
 
 
-def _listed(roots: Iterable[complex]) -> str:
+def _root_text(roots: Iterable[complex]) -> str:
     """Roots, one of a conjugate pair standing for both, three a line."""
-    shown = []
+    parts = []
     for value in roots:
         if abs(value.imag) < ROUNDING:
-            shown.append(f"{value.real:.1f}")
+            parts.append(f"{value.real:.1f}")
         elif value.imag > 0:
-            shown.append(f"{value.real:.1f} ± {value.imag:.1f}j")
-    lines = [", ".join(shown[k : k + 3]) for k in range(0, len(shown), 3)]
+            parts.append(f"{value.real:.1f} ± {value.imag:.1f}j")
+    lines = [", ".join(parts[k : k + 3]) for k in range(0, len(parts), 3)]
     return "\n".join(lines).replace("-", "−") or "none"
 
 
 def coupled(study: Comparison) -> Figure:
     """Gain of the true three-joint response, channel by channel, beside models with and without coupling."""
     names = list(study.joints)
-    found = study.multivariable
+    models = study.multivariable
     lines = [
-        ("truth", found.truth, PALETTE["truth"], False),
-        ("OKID model", found.pair()[1].model, LOOKS["OKID model"], True),
+        ("truth", models.truth, PALETTE["truth"], False),
+        ("OKID model", models.pair()[1].model, LOOKS["OKID model"], True),
     ]
-    for entry in found.full:
+    for entry in models.full:
         if entry.method == FULL_OKID:
             apart = entry.record == INDEPENDENT
             label = f"all nine, {'a waveform each' if apart else 'shared waveform'}"
@@ -180,8 +180,10 @@ def coupled(study: Comparison) -> Figure:
         gain = np.abs(model.frequency_response(FREQUENCIES))
         for i, j in np.ndindex(grid.shape):
             if i == j or not diagonal:
-                shown = np.maximum(gain[:, i, j], 1e-9)
-                grid[i, j].loglog(FREQUENCIES, shown, color=style.colour, ls=style.line, lw=style.width, label=label)
+                magnitude = np.maximum(gain[:, i, j], 1e-9)
+                grid[i, j].loglog(
+                    FREQUENCIES, magnitude, color=style.colour, ls=style.line, lw=style.width, label=label
+                )
     for i, j in np.ndindex(grid.shape):
         grid[i, j].set_ylim(1e-4, 5.0)
         if i == 0:

@@ -110,12 +110,12 @@ def responses(entry: JointResult, sets: DataSets) -> Figure:
     return figure
 
 
-def searches(found: Searches) -> Figure:
+def searches(results: Searches) -> Figure:
     """The course of the searches: fit to other data sets, and lags outside the bounds of whiteness, over the poles."""
     figure = Figure(figsize=(WIDTH, 4.6), layout="constrained")
     upper, lower = figure.subplots(2, 1, sharex=True)
-    for offset, search in ((-0.08, found.armax), (0.08, found.oe)):
-        _course(upper, lower, search, offset)
+    for offset, search in ((-0.08, results.armax), (0.08, results.oe)):
+        _plot_search(upper, lower, search, offset)
     upper.set_ylabel("fit to other data\nsets, median / %", fontsize=8)
     lower.set_ylabel("of 25 lags\noutside the bounds", fontsize=8)
     lower.set_ylim(-1.0, 26.0)
@@ -126,15 +126,18 @@ def searches(found: Searches) -> Figure:
     return figure
 
 
-def _course(upper: Axes, lower: Axes, search: Search, offset: float) -> None:
+def _plot_search(upper: Axes, lower: Axes, search: Search, offset: float) -> None:
     style = PALETTE[search.method]
     name = search.method.upper()
-    tried = [entry for entry in search.iterations if np.isfinite(entry.held_out)]
-    best = max(entry.held_out for entry in tried)
+    iterations = [entry for entry in search.iterations if np.isfinite(entry.held_out)]
+    best = max(entry.held_out for entry in iterations)
     # A search begins far below where it ends: what matters is near the top.
     floor = best - 12.0
-    for axes, values in ((upper, [entry.held_out for entry in tried]), (lower, [entry.outside for entry in tried])):
-        x = np.array([entry.poles + offset for entry in tried])
+    for axes, values in (
+        (upper, [entry.held_out for entry in iterations]),
+        (lower, [entry.outside for entry in iterations]),
+    ):
+        x = np.array([entry.poles + offset for entry in iterations])
         axes.plot(x, values, ls="none", marker=style.marker, ms=4, color=style.colour, alpha=0.6, label=name)
     chosen = search.chosen
     for axes, value in ((upper, chosen.held_out), (lower, chosen.outside)):
@@ -149,7 +152,7 @@ def _course(upper: Axes, lower: Axes, search: Search, offset: float) -> None:
             color=style.colour,
             label=f"chosen: {chosen.poles} poles, {chosen.zeros} zeros, delay {chosen.delay}",
         )
-    own = [search.own] if search.own in tried else []
+    own = [search.own] if search.own in iterations else []
     for axes, values in ((upper, [entry.held_out for entry in own]), (lower, [entry.outside for entry in own])):
         axes.plot(
             [entry.poles + offset for entry in own],
@@ -163,9 +166,9 @@ def _course(upper: Axes, lower: Axes, search: Search, offset: float) -> None:
             label=f"{name} of the thesis",
         )
     bottom, top = upper.get_ylim()
-    upper.set_ylim(max(bottom, floor) if tried else bottom, max(top, best + 0.6))
+    upper.set_ylim(max(bottom, floor) if iterations else bottom, max(top, best + 0.6))
 
 
-def arx_orders(found: Searches) -> Figure:
+def arx_orders(results: Searches) -> Figure:
     """Criteria of every ARX structure over its number of parameters."""
-    return structures(found.arx, size=(WIDTH, 4.0))
+    return structures(results.arx, size=(WIDTH, 4.0))

@@ -136,8 +136,8 @@ def arm_picture() -> tuple[str, str]:
     try:
         return photograph(render(load_arm(), width=1200, height=750)), ""
     except TwinError as error:
-        said = str(error)
-        return "", said[:1].upper() + said[1:]
+        message = str(error)
+        return "", message[:1].upper() + message[1:]
 
 
 def exchange(study: Comparison, phases: Sequence[str] = PHASES) -> tuple[tuple[Moment, ...], str]:
@@ -156,12 +156,12 @@ def exchange(study: Comparison, phases: Sequence[str] = PHASES) -> tuple[tuple[M
     outcome = rpcm_outcome(log)
     times = {name: sum(outcome.phases[name]) / 2 for name in phases if name in outcome.phases}
     try:
-        return _drawn(log, times), str(outcome)
+        return _moments(log, times), str(outcome)
     except TwinError:
         return (), str(outcome)
 
 
-def _drawn(log: JointLog, times: dict[str, float]) -> tuple[Moment, ...]:
+def _moments(log: JointLog, times: dict[str, float]) -> tuple[Moment, ...]:
     if log.unit_pose is None:
         return ()
     moments = []

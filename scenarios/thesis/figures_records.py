@@ -72,7 +72,7 @@ def whole_outputs(study: Comparison, name: str) -> Figure:
             _band(lower, data.y[:, i] - fit.simulated[:, i], data.dt, style, MRAD)
         upper.set_ylabel("angle / °", fontsize=8)
         lower.set_ylabel("missed / mrad", fontsize=8)
-        upper.set_title(f"{short(joint)}: {_said(fits, i, 'simulation')}", loc="left", fontsize=8)
+        upper.set_title(f"{short(joint)}: {_fit_text(fits, i, 'simulation')}", loc="left", fontsize=8)
     panels[-1].set_xlabel("time / s", fontsize=8)
     dress(panels)
     figure.legend(*panels[0].get_legend_handles_labels(), loc="outside upper left", ncols=3, frameon=False, fontsize=8)
@@ -93,7 +93,7 @@ def part_outputs(study: Comparison, name: str, *, start: float, length: float) -
                 values = fit.simulated if way == "simulation" else fit.predicted
                 style = LOOKS[entry.name]
                 axes.plot(time, MRAD * values[part, i], color=style.colour, ls=style.line, lw=1.0, label=entry.name)
-            axes.set_title(_said(fits, i, way), loc="left", fontsize=7.5)
+            axes.set_title(_fit_text(fits, i, way), loc="left", fontsize=7.5)
         grid[i, 0].set_ylabel(f"{short(joint)} / mrad", fontsize=8)
     for axes, way in zip(grid[-1], WAYS, strict=True):
         axes.set_xlabel(f"time / s, {_TITLES[way]}", fontsize=8)
@@ -133,8 +133,8 @@ def correlations(study: Comparison, name: str, *, inputs: Sequence[str]) -> Figu
         for i, joint in enumerate(STUDIED_JOINTS):
             axes = grid[i, column]
             _stems(axes, test.lags[1:], test.autocorrelation[1:, i, i], test.whiteness_bound, style)
-            said = f"{short(joint)}: {test.outside_whiteness[i]} of {last} lags outside"
-            axes.set_title(said, loc="left", fontsize=7.5)
+            label = f"{short(joint)}: {test.outside_whiteness[i]} of {last} lags outside"
+            axes.set_title(label, loc="left", fontsize=7.5)
         for row, joint in enumerate(inputs, start=3):
             axes, j = grid[row, column], STUDIED_JOINTS.index(joint)
             bound = float(test.independence_bound[0, j])
@@ -177,9 +177,9 @@ def _fits(study: Comparison, name: str) -> tuple[IOData, list[tuple[ThreeJointMo
     return data, list(zip(pair, sysid.compare([entry.model for entry in pair], data), strict=True))
 
 
-def _said(fits: Sequence[tuple[ThreeJointModel, ModelFit]], i: int, way: Way) -> str:
-    read = [(fit.simulation if way == "simulation" else fit.one_step)[i] for _, fit in fits]
-    return ", ".join(f"{entry.kind} {value:.1f} %" for (entry, _), value in zip(fits, read, strict=True))
+def _fit_text(fits: Sequence[tuple[ThreeJointModel, ModelFit]], i: int, way: Way) -> str:
+    values = [(fit.simulation if way == "simulation" else fit.one_step)[i] for _, fit in fits]
+    return ", ".join(f"{entry.kind} {value:.1f} %" for (entry, _), value in zip(fits, values, strict=True))
 
 
 def _thin(style: Style) -> Style:
@@ -199,16 +199,16 @@ def _samples(data: IOData, start: float, length: float | None) -> slice:
 
 def _phases(study: Comparison, panels: Sequence[Axes]) -> None:
     """Shade every other phase of the exchange, number all above the first panel and name them below the last."""
-    found = study.multivariable.exchange
-    if found is None:
+    exchange = study.multivariable.exchange
+    if exchange is None:
         return
-    for number, phase in enumerate(found.phases, start=1):
+    for number, phase in enumerate(exchange.phases, start=1):
         begin = max(phase.start, SETTLING)
         if number % 2:
             for axes in panels:
                 axes.axvspan(begin, phase.end, color=_BAND, lw=0, zorder=0)
         at = (0.5 * (begin + phase.end), 1.02)
         panels[0].annotate(str(number), at, xycoords=("data", "axes fraction"), fontsize=8, ha="center")
-    names = [f"{number} {phase.name}" for number, phase in enumerate(found.phases, start=1)]
+    names = [f"{number} {phase.name}" for number, phase in enumerate(exchange.phases, start=1)]
     lines = [", ".join(names[k : k + 5]) for k in range(0, len(names), 5)]
     panels[-1].set_xlabel("\n".join(("time / s", *lines)), fontsize=8)

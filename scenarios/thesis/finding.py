@@ -195,7 +195,7 @@ class Finding:
     why: str
 
 
-def decided(key: str, verdict: Verdict, value: float | Mapping[str, float], unit: str, why: str) -> Finding:
+def decided_finding(key: str, verdict: Verdict, value: float | Mapping[str, float], unit: str, why: str) -> Finding:
     """A finding on the claim of that key.
 
     Args:
@@ -212,9 +212,9 @@ def decided(key: str, verdict: Verdict, value: float | Mapping[str, float], unit
     return Finding(key, claim.text, claim.where, verdict, value, unit, claim.thesis, why)
 
 
-def undecided(key: str, why: str) -> Finding:
+def undecided_finding(key: str, why: str) -> Finding:
     """Return a finding that cannot be decided, and the reason."""
-    return decided(key, "cannot be told", {}, "", why)
+    return decided_finding(key, "cannot be told", {}, "", why)
 
 
 def verdict(passed: int, total: int) -> Verdict:

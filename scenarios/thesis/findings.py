@@ -12,7 +12,7 @@ from scenarios.thesis import findings_fits as fits
 from scenarios.thesis import findings_robustness as robustness
 from scenarios.thesis import findings_spectra as spectra
 from scenarios.thesis.comparison import Comparison
-from scenarios.thesis.finding import CLAIMS, Finding, undecided
+from scenarios.thesis.finding import CLAIMS, Finding, undecided_finding
 from sysid import SysidError
 
 FINDINGS: Mapping[str, Callable[[Comparison], Finding]] = MappingProxyType(
@@ -57,16 +57,16 @@ def findings(study: Comparison) -> tuple[Finding, ...]:
     Returns:
         All 26 in order; one whose record is missing, or refused by an estimator, cannot be told and says why.
     """
-    return tuple(_tried(key, study) for key in CLAIMS)
+    return tuple(_decide(key, study) for key in CLAIMS)
 
 
-def _tried(key: str, study: Comparison) -> Finding:
+def _decide(key: str, study: Comparison) -> Finding:
     if key not in FINDINGS:
-        return undecided(key, "no analysis of the study decides it")
+        return undecided_finding(key, "no analysis of the study decides it")
     try:
         return FINDINGS[key](study)
     except MissingRecordError as error:
-        return undecided(key, str(error))
+        return undecided_finding(key, str(error))
     except SysidError as error:
         # Records may be such that an estimator refuses them; whatever else goes wrong is a fault of the study.
-        return undecided(key, f"an estimator refuses its record: {error}")
+        return undecided_finding(key, f"an estimator refuses its record: {error}")

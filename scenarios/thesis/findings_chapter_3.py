@@ -13,10 +13,10 @@ import sysid
 from hmtb_twin import JOINTS
 from scenarios.experiments.waveform import POINTS
 from scenarios.thesis.comparison import Comparison, JointResult
-from scenarios.thesis.finding import Finding, decided, verdict
+from scenarios.thesis.finding import Finding, decided_finding, verdict
 from scenarios.thesis.findings_spectra import FASTEST, spectrum_of
-from scenarios.thesis.nonparametric import GRID, SINES, excited, half_power
-from scenarios.thesis.verdicts import by_reading
+from scenarios.thesis.nonparametric import GRID, SINES, excited_lines, half_power
+from scenarios.thesis.verdicts import verdict_by_reading
 from scenarios.truth.published import BREAK_FREQUENCY
 from sysid import FrequencyResponse
 from sysid.frequency import CovarianceFunction
@@ -50,26 +50,26 @@ SHORT = {TONES: "two sines", LINES: "PRBS lines"}
 """The same in names of numbers."""
 
 
-def _tried(study: Comparison, joint: str) -> dict[str, FrequencyResponse]:
+def _estimates(study: Comparison, joint: str) -> dict[str, FrequencyResponse]:
     """The thesis' own estimate up to 10 Hz, where it is a number, and the lines that the PRBS excites."""
     spectrum = spectrum_of(study, SINES, joint)
     lines = study.joints[joint].spa
     return {TONES: _up_to(spectrum, FASTEST), LINES: _up_to(lines, FASTEST)}
 
 
-def _up_to(found: FrequencyResponse, hz: float) -> FrequencyResponse:
-    kept = np.isfinite(found.response[:, 0, 0]) & (found.frequencies <= hz + 1e-9)
+def _up_to(response: FrequencyResponse, hz: float) -> FrequencyResponse:
+    mask = np.isfinite(response.response[:, 0, 0]) & (response.frequencies <= hz + 1e-9)
     return replace(
-        FrequencyResponse(found.frequencies[kept], found.response[kept], found.dt, found.method),
-        input_spectrum=None if found.input_spectrum is None else found.input_spectrum[kept],
+        FrequencyResponse(response.frequencies[mask], response.response[mask], response.dt, response.method),
+        input_spectrum=None if response.input_spectrum is None else response.input_spectrum[mask],
     )
 
 
-def _true(entry: JointResult) -> FrequencyResponse:
+def _true_response(entry: JointResult) -> FrequencyResponse:
     return FrequencyResponse(GRID, entry.truth.model.frequency_response(GRID), entry.truth.model.dt, "model")
 
 
-def _listed(values: list[float], form: str) -> str:
+def _list_text(values: list[float], form: str) -> str:
     return ", ".join(format(value, form) if np.isfinite(value) else "nothing" for value in values)
 
 
@@ -81,61 +81,64 @@ def gain_and_cutoff(study: Comparison) -> Finding:
     other: list[float] = []
     again: list[float] = []
     for joint in study.joints:
-        for way, found in _tried(study, joint).items():
-            top, at = float(found.magnitude.max()), 2 * np.pi * gain_crossing(found, HALF_POWER)
+        for way, response in _estimates(study, joint).items():
+            top, at = float(response.magnitude.max()), 2 * np.pi * gain_crossing(response, HALF_POWER)
             passed[way] += (top < 1.0) + bool(abs(at / BREAK_FREQUENCY[joint] - 1) <= NEAR)
             if np.isfinite(at):
                 cutoff[f"{joint}, {SHORT[way]}"] = at
             largest[way].append(top)
-        told = half_power(study.nonparametric[joint].repeated[SINES].told())
-        again.append(float("nan") if told is None else 2 * np.pi * told)
+        crossing = half_power(study.nonparametric[joint].repeated[SINES].reliable_response())
+        again.append(float("nan") if crossing is None else 2 * np.pi * crossing)
         positive = study.nonparametric[joint].positive
         if positive is not None:
             other.append(2 * np.pi * gain_crossing(_up_to(positive, FASTEST), HALF_POWER))
-    true = [2 * np.pi * gain_crossing(_true(entry), HALF_POWER) for entry in study.joints.values()]
-    decision, said = by_reading({way: (count, 2 * len(study.joints)) for way, count in passed.items()})
-    return decided(
+    true = [2 * np.pi * gain_crossing(_true_response(entry), HALF_POWER) for entry in study.joints.values()]
+    decision, text = verdict_by_reading({way: (count, 2 * len(study.joints)) for way, count in passed.items()})
+    return decided_finding(
         "F1",
         decision,
         cutoff,
         "rad/s, where the gain first falls below 0.707; two parts for each joint: the gain below one up to "
         f"{FASTEST:g} Hz, the cutoff within {100 * NEAR:.0f} %",
-        f"{said}. The arm itself falls below 0.707 at {_listed(true, '.2f')} rad/s, by construction: its servo poles "
-        f"were placed after the published models. The largest gains are {_listed(largest[TONES], '.2f')} by the two "
-        f"sines and {_listed(largest[LINES], '.2f')} on the lines: two sines have no power between the tones, and the "
+        f"{text}. The arm itself falls below 0.707 at {_list_text(true, '.2f')} rad/s, by construction: its servo "
+        f"poles "
+        f"were placed after the published models. The largest gains are {_list_text(largest[TONES], '.2f')} by the two "
+        f"sines and {_list_text(largest[LINES], '.2f')} on the lines: two sines have no power between the tones, and "
+        f"the "
         "Hamming window leaks theirs. The same lag with a Parzen window, whose side lobes are lower, lets the noise of "
-        f"the wires through, which excites too, and finds {_listed(other, '.1f')} rad/s; comparing the record's "
-        f"periods finds {_listed(again, '.1f')}",
+        f"the wires through, which excites too, and finds {_list_text(other, '.1f')} rad/s; comparing the record's "
+        f"periods finds {_list_text(again, '.1f')}",
     )
 
 
 def slope(study: Comparison) -> Finding:
     """F2: a second-order slope between the break and 10 rad/s, resonances and disturbances above."""
-    found: dict[str, float] = {}
+    slopes: dict[str, float] = {}
     passed = {TONES: 0, LINES: 0}
     seen, weak = ({way: [0] * len(study.joints) for way in passed} for _ in range(2))
     for number, joint in enumerate(study.joints):
-        for way, response in _tried(study, joint).items():
+        for way, response in _estimates(study, joint).items():
             steep, peaks = _slope(response), _resonances(response)
-            seen[way][number], weak[way][number] = len(peaks), int((~excited(response)[peaks]).sum())
+            seen[way][number], weak[way][number] = len(peaks), int((~excited_lines(response)[peaks]).sum())
             passed[way] += bool(steep <= STEEP) + (len(peaks) > 0)
             if np.isfinite(steep):
-                found[f"{joint}, {SHORT[way]}"] = steep
-    true = [_slope(_true(entry)) for entry in study.joints.values()]
-    none = sum(len(_resonances(_up_to(_true(entry), FASTEST))) for entry in study.joints.values())
+                slopes[f"{joint}, {SHORT[way]}"] = steep
+    true = [_slope(_true_response(entry)) for entry in study.joints.values()]
+    none = sum(len(_resonances(_up_to(_true_response(entry), FASTEST))) for entry in study.joints.values())
     said_of = "; ".join(
         f"{SHORT[way]} {', '.join(map(str, counts))} by joint"
         + (f" ({sum(weak[way])} of {sum(counts)} where the input is weak: below side lobes)" if sum(counts) else "")
         for way, counts in seen.items()
     )
-    decision, said = by_reading({way: (count, 2 * len(study.joints)) for way, count in passed.items()})
-    return decided(
+    decision, text = verdict_by_reading({way: (count, 2 * len(study.joints)) for way, count in passed.items()})
+    return decided_finding(
         "F2",
         decision,
-        found,
+        slopes,
         f"dB per decade between the cutoff and {SLOPE_TO:g} rad/s ({STEEP:g} or steeper counts); tried too: any peak "
         f"of more than {RESONANCE:g} dB above, up to {FASTEST:g} Hz; two parts for each joint",
-        f"{said}. The true slope there is {_listed(true, '.0f')} dB per decade, since so close above its break even a "
+        f"{text}. The true slope there is {_list_text(true, '.0f')} dB per decade, since so close above its break even "
+        f"a "
         f"second-order servo has not reached -40, and the truth has {none} resonances. Peaks seen: {said_of}",
     )
 
@@ -159,17 +162,17 @@ def _resonances(response: FrequencyResponse) -> np.ndarray:
 
 def delay(study: Comparison) -> Finding:
     """F3: two to five samples of delay on the pitches."""
-    found, peaks = {}, {}
+    delays, peaks = {}, {}
     for joint, result in study.nonparametric.items():
-        found[joint] = float(result.delay.correlation[0, 0])
+        delays[joint] = float(result.delay.correlation[0, 0])
         peaks[joint] = int(np.argmax(result.delay.correlations[:, 0, 0]))
-    inside = sum(2 <= found[joint] <= 5 for joint in CLAIMED_DELAY)
+    inside = sum(2 <= delays[joint] <= 5 for joint in CLAIMED_DELAY)
     true = ", ".join(str(entry.truth.delay_samples) for entry in study.joints.values())
-    low, high = min(found[joint] for joint in CLAIMED_DELAY), max(peaks[joint] for joint in CLAIMED_DELAY)
-    return decided(
+    low, high = min(delays[joint] for joint in CLAIMED_DELAY), max(peaks[joint] for joint in CLAIMED_DELAY)
+    return decided_finding(
         "F3",
         verdict(inside, len(CLAIMED_DELAY)),
-        found,
+        delays,
         "samples, the first lag at which output and whitened input of the PRBS test correlate at 99 %; the thesis "
         "tells a delay of the pitches, and the verdict rests on them",
         f"so by construction: the twin's own delays are {true} samples, one for the hold and one on the bus where the "
@@ -181,7 +184,7 @@ def delay(study: Comparison) -> Finding:
 
 def prbs_looks_white(study: Comparison) -> Finding:
     """F4: the PRBS looks white with periodic side peaks."""
-    found: dict[str, float] = {}
+    values: dict[str, float] = {}
     plain, filtered = "as recorded", "made white, as the toolbox of the thesis does before it correlates"
     passed = {plain: 0, filtered: 0}
     for joint, result in study.nonparametric.items():
@@ -191,20 +194,20 @@ def prbs_looks_white(study: Comparison) -> Finding:
         ):
             r = _input_correlation(function)
             spread, peak = float(np.sqrt(np.mean(r[1 : POINTS // 2 + 1] ** 2))), float(r[POINTS])
-            found[f"{joint}, {short}"] = spread
-            found[f"{joint}, {short}, side peak"] = peak
+            values[f"{joint}, {short}"] = spread
+            values[f"{joint}, {short}, side peak"] = peak
             passed[way] += (spread <= WHITE) + (peak > WHITE) + (peak <= SMALL)
-    decision, said = by_reading({way: (count, 3 * len(study.nonparametric)) for way, count in passed.items()})
+    decision, text = verdict_by_reading({way: (count, 3 * len(study.nonparametric)) for way, count in passed.items()})
     limited = max(entry.slewing[study.estimation_test] for entry in study.joints.values())
-    peaks = [value for name, value in found.items() if name.endswith("side peak")]
-    return decided(
+    peaks = [value for name, value in values.items() if name.endswith("side peak")]
+    return decided_finding(
         "F4",
         decision,
-        found,
+        values,
         f"correlation coefficients of the command; three parts for each joint: their root mean square at lags 1 to "
         f"{POINTS // 2} up to {WHITE:g} (white), the one at lag {POINTS} above it (a periodic side peak) and up to "
         f"{SMALL:g} (a small one)",
-        f"{said}. The command moves at its velocity limit in up to {100 * limited:.0f} % of the samples, and ramps "
+        f"{text}. The command moves at its velocity limit in up to {100 * limited:.0f} % of the samples, and ramps "
         "between the bits take its whiteness; filtered before it is correlated, which the thesis does not mention, it "
         f"has it again. Side peaks {POINTS} samples later are {min(peaks):.2f} to {max(peaks):.2f} of the centre, "
         "because a file repeats exactly; up to which lag the thesis' graph goes its text does not say, and smaller "
@@ -219,30 +222,30 @@ def _input_correlation(function: CovarianceFunction) -> np.ndarray:
 
 def measurement_against_process(study: Comparison) -> Finding:
     """F7: measurement disturbances exceed process disturbances; here both are known."""
-    found, sizes = {}, []
+    values, sizes = {}, []
     whole, other = "all that is not linear", "what does not repeat"
     for joint, entry in study.joints.items():
         measurement, departure, random = disturbances(study, entry)
-        found[f"{joint}, {whole}"] = measurement / departure
-        found[f"{joint}, {other}"] = measurement / random
+        values[f"{joint}, {whole}"] = measurement / departure
+        values[f"{joint}, {other}"] = measurement / random
         sizes.append(1000 * np.array([measurement, departure, random]))
     low, high = np.min(sizes, axis=0), np.max(sizes, axis=0)
-    said = [f"{a:.3f} to {b:.3f} mrad" for a, b in zip(low, high, strict=True)]
-    decision, told = by_reading(
+    ranges = [f"{a:.3f} to {b:.3f} mrad" for a, b in zip(low, high, strict=True)]
+    decision, text = verdict_by_reading(
         {
-            f"if process disturbance is {way}": (sum(found[f"{j}, {way}"] > 1.0 for j in study.joints), len(sizes))
+            f"if process disturbance is {way}": (sum(values[f"{j}, {way}"] > 1.0 for j in study.joints), len(sizes))
             for way in (whole, other)
         }
     )
-    return decided(
+    return decided_finding(
         "F7",
         decision,
-        found,
+        values,
         "measurement over process disturbance, root mean square, PRBS test: above one counts, joint by joint",
-        f"{told}. On the twin all are known. Resolver noise and rounding are {said[0]}. The true angle departs from "
-        f"the linear answer by {said[1]}: seal friction and what else is not linear. "
+        f"{text}. On the twin all are known. Resolver noise and rounding are {ranges[0]}. The true angle departs from "
+        f"the linear answer by {ranges[1]}: seal friction and what else is not linear. "
         f"What it does differently from one period to the next, beyond its answer to the noise on the command, "
-        f"is {said[2]}. A spectrum shows their sum only, and cannot tell where a disturbance enters",
+        f"is {ranges[2]}. A spectrum shows their sum only, and cannot tell where a disturbance enters",
     )
 
 
@@ -262,12 +265,12 @@ def disturbances(study: Comparison, entry: JointResult) -> tuple[float, float, f
     angle, measured = log.true_angles[:, column], log.measured[:, column]
     # The resolver reading reaches the bus up to a few ticks late; that delay belongs to the dynamics, not to the noise.
     late = min(range(4), key=lambda k: float(np.std(measured[k:] - angle[: len(angle) - k])))
-    seen = np.concatenate([np.full(late, angle[0]), angle[: len(angle) - late]])
+    delayed = np.concatenate([np.full(late, angle[0]), angle[: len(angle) - late]])
     expected = sysid.simulate(entry.truth.model, log.commanded[:, column] - log.commanded[0, column])[:, 0]
     start = len(log.commanded) - len(entry.data[study.estimation_test])
-    departure = (seen - expected)[start:]
+    departure = (delayed - expected)[start:]
     periods = departure[: len(departure) // POINTS * POINTS].reshape(-1, POINTS)
     other = periods - periods.mean(axis=0)
     # One mean was taken off for every sample of the period.
     random = np.sqrt(np.sum(other**2) / ((len(periods) - 1) * POINTS))
-    return float(np.std((measured - seen)[start:])), float(np.std(departure)), float(random)
+    return float(np.std((measured - delayed)[start:])), float(np.std(departure)), float(random)

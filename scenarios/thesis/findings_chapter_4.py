@@ -10,10 +10,10 @@ from scenarios.experiments.campaign import single_joint_test
 from scenarios.files.errors import MissingRecordError
 from scenarios.thesis.comparison import Comparison, ModelResult
 from scenarios.thesis.every_data_set import DataSetModel, DataSets, distances
-from scenarios.thesis.finding import Finding, decided, verdict
+from scenarios.thesis.finding import Finding, decided_finding, verdict
 from scenarios.thesis.prediction_errors import EDGE
 from scenarios.thesis.tally import p_value
-from scenarios.thesis.verdicts import MARGIN, ahead, held_out_one_step, said, tied
+from scenarios.thesis.verdicts import MARGIN, ahead, comparison_word, held_out_one_step, tied
 from scenarios.truth.published import YAW_ARMAX
 from sysid import StateSpace
 
@@ -38,24 +38,24 @@ class Flexibility:
     unstable: tuple[str, ...]
     tests: int
 
-    def lead(self, one: str, other: str) -> float:
+    def lead(self, method: str, other: str) -> float:
         """By how much one method fits better than another, percentage points.
 
         An unstable model is worse than any stable one; two unstable ones are level.
         """
-        if one in self.unstable or other in self.unstable:
-            apart = (other in self.unstable) - (one in self.unstable)
+        if method in self.unstable or other in self.unstable:
+            apart = (other in self.unstable) - (method in self.unstable)
             return float("inf") * apart if apart else 0.0
-        return self.fits[one] - self.fits[other]
+        return self.fits[method] - self.fits[other]
 
-    def best(self, one: str, other: str) -> bool:
+    def best(self, method: str, other: str) -> bool:
         """Whether one of two methods is ahead of the other by more than a tie."""
-        return ahead(self.lead(one, other))
+        return ahead(self.lead(method, other))
 
-    def words(self, one: str, other: str) -> str:
+    def words(self, method: str, other: str) -> str:
         """Compare one method with another, and say whether a dismissed method is better."""
-        apart = self.lead(one, other)
-        gone = [name for name in (one, other) if name in self.unstable]
+        apart = self.lead(method, other)
+        gone = [name for name in (method, other) if name in self.unstable]
         if gone:
             text = (
                 f"the {' and the '.join(f'{name} model' for name in gone)} from the estimation test "
@@ -63,20 +63,20 @@ class Flexibility:
             )
         elif tied(apart):
             text = (
-                f"{one} and {other} are tied on the {self.tests} tests not seen: {apart:+.2f} points, less than "
+                f"{method} and {other} are tied on the {self.tests} tests not seen: {apart:+.2f} points, less than "
                 f"{MARGIN:g}"
             )
         else:
-            text = f"{one} follows the {self.tests} tests not seen {abs(apart):.2f} points "
+            text = f"{method} follows the {self.tests} tests not seen {abs(apart):.2f} points "
             text += f"{'better' if apart > 0 else 'worse'} than {other}"
         above = {
-            name.upper(): self.lead(name.upper(), one)
+            name.upper(): self.lead(name.upper(), method)
             for name in DISMISSED
-            if name.upper() in self.fits and one in self.fits and self.lead(name.upper(), one) > 0
+            if name.upper() in self.fits and method in self.fits and self.lead(name.upper(), method) > 0
         }
         if above:
-            listed = " and ".join(f"{name} by {lead:.3f} points ({said(lead)})" for name, lead in above.items())
-            text += f". Above it lie, of the methods that the thesis had dismissed, {listed}"
+            leads = [f"{name} by {lead:.3f} points ({comparison_word(lead)})" for name, lead in above.items()]
+            text += f". Above it lie, of the methods that the thesis had dismissed, {' and '.join(leads)}"
         return text
 
 
@@ -121,13 +121,13 @@ def consistency(study: Comparison) -> Finding:
         unstable = {method: sum(not m.stable for m in entry.singles(method, enough=True)) for method in spread}
         worst = max(spread[method] for method in COMPARED)
         for method in DISMISSED:
-            told = unstable[method] > 0 or spread[method] >= FURTHER * worst
-            passed += told and not any(unstable[kept] for kept in COMPARED)
+            inconsistent = unstable[method] > 0 or spread[method] >= FURTHER * worst
+            passed += inconsistent and not any(unstable[other] for other in COMPARED)
         value |= {f"{joint.replace('_', ' ')} {method.upper()}": number for method, number in spread.items()}
-        said = [f"{count} {method.upper()}" for method, count in unstable.items() if count]
-        notes.append(f"{joint.replace('_', ' ')} {' and '.join(said) or 'none'}")
+        parts = [f"{count} {method.upper()}" for method, count in unstable.items() if count]
+        notes.append(f"{joint.replace('_', ' ')} {' and '.join(parts) or 'none'}")
     total = len(DISMISSED) * len(study.data_sets)
-    return decided(
+    return decided_finding(
         "F8",
         verdict(passed, total),
         value,
@@ -162,7 +162,7 @@ def yaw_armax(study: Comparison) -> Finding:
     parts = [bool(test.white[0]), bool(test.independent[0, 0]), distance <= printed]
     smooth = _smooth(study, "shoulder_yaw", "armax")
     small = "" if all(parts[:2]) else ": what is left is small, but so many samples show it"
-    return decided(
+    return decided_finding(
         "F9",
         verdict(sum(parts), len(parts)),
         {
@@ -183,16 +183,16 @@ def yaw_armax(study: Comparison) -> Finding:
 def yaw_oe(study: Comparison) -> Finding:
     """F10: the yaw OE has residuals that are not white, and more poles turn unstable."""
     test = study.joints["shoulder_yaw"].models["oe"].residual_test
-    tried = study.prediction_errors["shoulder_yaw"].more_poles
+    models = study.prediction_errors["shoulder_yaw"].more_poles
     poles = int(np.max(study.joints["shoulder_yaw"].models["oe"].estimate.orders["nf"]))
-    own = [entry for entry in tried if entry.orders[1] == poles]
-    more = [entry for entry in tried if entry.orders[1] > poles]
+    own = [entry for entry in models if entry.orders[1] == poles]
+    more = [entry for entry in models if entry.orders[1] > poles]
     gone = [entry for entry in more if entry.unstable]
     parts = [not bool(test.white[0]), 2 * len(gone) > len(more) and not any(entry.unstable for entry in own)]
     named = ", ".join(
         f"{nb} zero(s) and {nf} poles" for nb, nf in ((entry.orders[0] - 1, entry.orders[1]) for entry in gone)
     )
-    return decided(
+    return decided_finding(
         "F10",
         verdict(sum(parts), len(parts)),
         {
@@ -221,7 +221,7 @@ def shoulder_oe(study: Comparison) -> Finding:
     independent, p = bool(model.residual_test.independent[0, 0]), float(model.residual_test.independence_p[0, 0])
     smooth = _smooth(study, "shoulder_pitch", "oe")
     without = f" (without friction {p_value(smooth.independence_p)})" if smooth else ""
-    return decided(
+    return decided_finding(
         "F11",
         verdict(int(fits.best("OE", "ARMAX")) + int(independent), 2),
         {**fits.fits, "independence p": p},
@@ -241,7 +241,7 @@ def elbow_armax(study: Comparison) -> Finding:
     colour = {name: _colour(models[name]) for name in COMPARED}
     ahead = {name: held_out_one_step(study, models[name]) for name in COMPARED}
     whiter = colour["armax"] < colour["oe"]
-    return decided(
+    return decided_finding(
         "F12",
         verdict(int(fits.best("ARMAX", "OE")) + int(whiter), 2),
         {**fits.fits, **{f"{name.upper()} autocorrelation": number for name, number in colour.items()}},
@@ -265,12 +265,12 @@ def stable(study: Comparison) -> Finding:
         name: max(float(np.abs(m.estimate.model.poles()).max()) for m in entry.models.values())
         for name, entry in study.joints.items()
     }
-    shown, beyond, aside = "ARMAX, OE and OKID", "ARMAX, OE and OKID, too little excitation", "ARX and IV4"
-    groups: dict[str, list[DataSetModel]] = {shown: [], beyond: [], aside: []}
+    compared, beyond, aside = "ARMAX, OE and OKID", "ARMAX, OE and OKID, too little excitation", "ARX and IV4"
+    groups: dict[str, list[DataSetModel]] = {compared: [], beyond: [], aside: []}
     for entry in study.data_sets.values():
         for model in entry.singles():
             file = entry.excited[model.record].file or 0
-            enough = beyond if file < model.needed else shown
+            enough = beyond if file < model.needed else compared
             groups[aside if model.structure.method in DISMISSED else enough].append(model)
     unstable = {name: [model for model in models if not model.stable] for name, models in groups.items()}
     counts = {
@@ -278,12 +278,12 @@ def stable(study: Comparison) -> Finding:
         for name in groups
         for what, models in (("unstable ", unstable), ("of ", groups))
     }
-    parts = [*(value < 1 for value in radius.values()), not unstable[shown]]
+    parts = [*(value < 1 for value in radius.values()), not unstable[compared]]
     named = {
         name: ", ".join(f"{model.structure.method.upper()} from {model.record}" for model in models) or "none"
         for name, models in unstable.items()
     }
-    return decided(
+    return decided_finding(
         "F13",
         verdict(sum(parts), len(parts)),
         radius | counts,
@@ -291,7 +291,8 @@ def stable(study: Comparison) -> Finding:
         "models from every single-joint data set whose waveform file excites as much as they need, as the thesis "
         "counts orders of persistent excitation. Beside the verdict: models from files that excite too little, where "
         "what the velocity limit adds has to do, and ARX and IV4, which the thesis does not show",
-        f"unstable ARMAX, OE and OKID: {named[shown]}; of those from too little excitation: {named[beyond]}. OE keeps "
+        f"unstable ARMAX, OE and OKID: {named[compared]}; of those from too little excitation: {named[beyond]}. OE "
+        f"keeps "
         "its F stable by construction; the A of ARX, ARMAX and IV4 is left free, and a pole and a zero outside the "
         "circle that all but cancel cost a one-step criterion nothing, so stability is to be looked at, as the thesis "
         "does",

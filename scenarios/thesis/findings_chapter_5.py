@@ -8,8 +8,8 @@ from scenarios.experiments.campaign import single_joint_test
 from scenarios.experiments.log_review import settled
 from scenarios.files.errors import MissingRecordError
 from scenarios.thesis.comparison import Comparison, ModelResult
-from scenarios.thesis.finding import Finding, decided, verdict
-from scenarios.thesis.observer_analysis import ORDER, P, described, observer
+from scenarios.thesis.finding import Finding, decided_finding, verdict
+from scenarios.thesis.observer_analysis import ORDER, P, hankel_share, observer
 from scenarios.thesis.verdicts import held_out
 from scenarios.truth.published import PERCENT_DESCRIBED
 from sysid import IOData
@@ -38,21 +38,22 @@ OFFSET = 0.1
 def percent_described(study: Comparison) -> Finding:
     """F14: order 2 describes 96 to 99.9 percent in OKID's own measure."""
     entries = study.observers.joints
-    found = {name: described(entry.estimate, ORDER) for name, entry in entries.items()}
-    parts = [found[name] >= PERCENT_DESCRIBED[name] - SLACK for name in found]
-    plain = ", ".join(f"{described(entry.estimate, ORDER, power=1):.1f}" for entry in entries.values())
-    single = ", ".join(f"{described(entry.estimate, 1):.1f}" for entry in entries.values())
+    shares = {name: hankel_share(entry.estimate, ORDER) for name, entry in entries.items()}
+    parts = [shares[name] >= PERCENT_DESCRIBED[name] - SLACK for name in shares]
+    plain = ", ".join(f"{hankel_share(entry.estimate, ORDER, power=1):.1f}" for entry in entries.values())
+    single = ", ".join(f"{hankel_share(entry.estimate, 1):.1f}" for entry in entries.values())
     fits = ", ".join(_held_out(study, entry.models["okid"]) for entry in study.joints.values())
-    left = ", ".join(
-        f"{100 - value:.2g} (printed {100 - PERCENT_DESCRIBED[name]:.2g})" for name, value in found.items()
+    remainders = ", ".join(
+        f"{100 - value:.2g} (printed {100 - PERCENT_DESCRIBED[name]:.2g})" for name, value in shares.items()
     )
-    return decided(
+    return decided_finding(
         "F14",
         verdict(sum(parts), len(parts)),
-        found,
+        shares,
         "percent of the squared Hankel singular values that two states hold; read as: at least so much, and passed "
         f"from {SLACK:g} points below the printed share on",
-        f"what two states do not describe is {left} % of them. The measure is lenient: with p = {P} there are no more "
+        f"what two states do not describe is {remainders} % of them. The measure is lenient: with p = {P} there are no "
+        f"more "
         f"than {P} singular values, and squaring hides the small ones; one state alone holds {single} %, two hold "
         f"{plain} % of the values unsquared, and models of two states fit the tests of other waveforms by {fits} % "
         "(median, in simulation)",
@@ -74,17 +75,17 @@ def without_detrending(study: Comparison) -> Finding:
     """
     without_mean = study.campaign.single(study.estimation_test, "shoulder_yaw")
     with_mean = settled(study.campaign.log(single_joint_test(study.estimation_test, "shoulder_yaw")), "shoulder_yaw")
-    wanted = described(observer(without_mean), ORDER)
-    needed = _order_for(with_mean, wanted)
+    reference = hankel_share(observer(without_mean), ORDER)
+    needed = _order_for(with_mean, reference)
     best = _one_step(without_mean, ORDER)
     ratio = _one_step(with_mean, THESIS_ORDER) / best
     parameters = {
-        "with": max(_enough(with_mean), THESIS_ORDER),
-        "without": max(_enough(without_mean), ORDER),
+        "with": max(_markov_parameters_needed(with_mean), THESIS_ORDER),
+        "without": max(_markov_parameters_needed(without_mean), ORDER),
     }
     parts = [needed >= THESIS_ORDER, ratio >= POOR, parameters["with"] < parameters["without"]]
     biased = replace(with_mean, y=with_mean.y + OFFSET)
-    bias_needs, bias_ratio = _order_for(biased, wanted), _one_step(biased, THESIS_ORDER) / best
+    bias_needs, bias_ratio = _order_for(biased, reference), _one_step(biased, THESIS_ORDER) / best
     reached = [
         what
         for what, does in (("the order", bias_needs >= THESIS_ORDER), ("the residuals", bias_ratio >= POOR))
@@ -92,7 +93,7 @@ def without_detrending(study: Comparison) -> Finding:
     ]
     gain = float(study.joints["shoulder_yaw"].truth.model.dc_gain()[0, 0])
     spare = abs(float(with_mean.y.mean() - gain * with_mean.u.mean()))
-    return decided(
+    return decided_finding(
         "F15",
         verdict(sum(parts), len(parts)),
         {
@@ -119,8 +120,8 @@ def without_detrending(study: Comparison) -> Finding:
 
 def _order_for(data: IOData, percent: float) -> int:
     """Smallest order that describes so much; one more than can be realised if none does."""
-    found = observer(data, P)
-    return next((n for n in range(1, P + 1) if described(found, n) >= percent - SAME), P + 1)
+    estimate = observer(data, P)
+    return next((n for n in range(1, P + 1) if hankel_share(estimate, n) >= percent - SAME), P + 1)
 
 
 def _ordinal(order: int) -> str:
@@ -131,7 +132,7 @@ def _one_step(data: IOData, order: int) -> float:
     return float(np.sqrt(np.mean(observer(data, order).residuals ** 2)))
 
 
-def _enough(data: IOData) -> int:
+def _markov_parameters_needed(data: IOData) -> int:
     """Smallest number of observer Markov parameters with an error near that of `MOST`."""
     errors = [float(np.sqrt(observer(data, 1, p).noise_variance[0, 0])) for p in range(1, MOST + 1)]
     return next(p for p, error in enumerate(errors, start=1) if error <= ENOUGH * errors[-1])

@@ -7,12 +7,12 @@ import numpy as np
 from hmtb_twin import JOINTS
 from scenarios.experiments.campaign import RPCM
 from scenarios.thesis.comparison import Comparison
-from scenarios.thesis.finding import Finding, decided, verdict
+from scenarios.thesis.finding import Finding, decided_finding, verdict
 from scenarios.thesis.multi_input import EXCITED, FULL_OKID, INDEPENDENT, pushed_by_others
 from scenarios.thesis.multivariable import WAYS, Multivariable, ThreeJointModel
 from scenarios.thesis.record_fits import held_out_fit, held_out_records, ties, within_reach
 from scenarios.thesis.reference_fits import COUPLED, DIAGONAL
-from scenarios.thesis.verdicts import both_ways, readings
+from scenarios.thesis.verdicts import verdict_by_way, verdict_of_readings
 
 AGREE_DB, AGREE_DEGREES = 3.0, 30.0
 """Two Bode plots agree where gain and phase differ by no more: what the eye sees on axes of decades and quadrants."""
@@ -57,7 +57,7 @@ def real_poles(study: Comparison) -> Finding:
         for entry in study.multivariable.pair(printed=True)
     )
     direct = max(float(np.abs(block.D).max()) for block in okid.blocks.values())
-    return decided(
+    return decided_finding(
         "F16",
         verdict(sum(parts), len(parts)),
         {
@@ -92,11 +92,11 @@ def complex_roots(roots: np.ndarray) -> int:
 
 def bode_agrees(study: Comparison) -> Finding:
     """F17: the Bode plots of the two three-joint models agree."""
-    apart = {joint: bode_apart(study.multivariable, joint) for joint in study.joints}
-    printed = {joint: bode_apart(study.multivariable, joint, printed=True) for joint in study.joints}
+    apart = {joint: bode_differences(study.multivariable, joint) for joint in study.joints}
+    printed = {joint: bode_differences(study.multivariable, joint, printed=True) for joint in study.joints}
     so = sum(gain < AGREE_DB and phase < AGREE_DEGREES for gain, phase in printed.values())
     own, okid = study.multivariable.pair()
-    return decided(
+    return decided_finding(
         "F17",
         verdict(sum(gain < AGREE_DB and phase < AGREE_DEGREES for gain, phase in apart.values()), len(apart)),
         {
@@ -106,24 +106,26 @@ def bode_agrees(study: Comparison) -> Finding:
         f"dB and degrees, largest difference of gain and phase from {BODE_BAND[0]:g} to {BODE_BAND[1]:g} Hz",
         f"less than {AGREE_DB:g} dB and {AGREE_DEGREES:g} degrees is taken as agreement, joint by joint: wide limits, "
         f"for "
-        f"what the thesis itself calls comparable. Its printed pair differs by {_apart(printed)}, which passes on "
+        f"what the thesis itself calls comparable. Its printed pair differs by {_differences_text(printed)}, which "
+        f"passes on "
         f"{so} of "
         f"{len(printed)} joints. Both of the twin's come from one record and both are near the truth (diagonal error "
         f"{100 * own.diagonal_error:.1f} and {100 * okid.diagonal_error:.1f} %)",
     )
 
 
-def _apart(found: Mapping[str, tuple[float, float]]) -> str:
+def _differences_text(distances: Mapping[str, tuple[float, float]]) -> str:
     return ", ".join(
-        f"{gain:.1f} dB and {phase:.0f} degrees on {joint.replace('_', ' ')}" for joint, (gain, phase) in found.items()
+        f"{gain:.1f} dB and {phase:.0f} degrees on {joint.replace('_', ' ')}"
+        for joint, (gain, phase) in distances.items()
     )
 
 
-def bode_apart(found: Multivariable, joint: str, *, printed: bool = False) -> tuple[float, float]:
+def bode_differences(models: Multivariable, joint: str, *, printed: bool = False) -> tuple[float, float]:
     """Largest difference of gain, dB, and of phase, degrees, between the SysID and the OKID model of a joint."""
     f = np.geomspace(*BODE_BAND, 100)
-    one, other = (entry.blocks[joint].frequency_response(f)[:, 0, 0] for entry in found.pair(printed=printed))
-    ratio = one / other
+    first, second = (entry.blocks[joint].frequency_response(f)[:, 0, 0] for entry in models.pair(printed=printed))
+    ratio = first / second
     return float(20 * np.abs(np.log10(np.abs(ratio))).max()), float(np.abs(np.degrees(np.angle(ratio))).max())
 
 
@@ -137,18 +139,20 @@ def parsimony(study: Comparison) -> Finding:
         for way in WAYS
     }
     own, okid = study.multivariable.pair()
-    decision, said = both_ways({way: sum(v > -POINT for v in apart[way].values()) for way in WAYS}, len(study.joints))
+    decision, text = verdict_by_way(
+        {way: sum(v > -POINT for v in apart[way].values()) for way in WAYS}, len(study.joints)
+    )
     value = {f"{joint}, {way.replace('_', ' ')}": points for way in WAYS for joint, points in apart[way].items()}
     single, several = held_out_records(study, next(iter(study.joints)))
     names = tuple(several)
-    return decided(
+    return decided_finding(
         "F24",
         decision,
         value,
         "percentage points, median fit of OKID less that of the SysID model over all records of other waveforms than "
         "the binary sequence that both were identified from",
         f"the orders are {_orders(okid)} against {_orders(own)}; they are imposed, what the twin decides is whether "
-        f"fewer states cost fit, {POINT:g} point allowed, joint by joint; {ties(value)}. {said[0].upper()}{said[1:]}. "
+        f"fewer states cost fit, {POINT:g} point allowed, joint by joint; {ties(value)}. {text[0].upper()}{text[1:]}. "
         f"For yaw those are {len(tuple(single))} single-joint tests and {len(names)} records of several joints"
         f"{f'. {within_reach(study, names)}' if names else ''}",
     )
@@ -171,20 +175,22 @@ def coupling(study: Comparison) -> Finding:
     }
     first, *_, last = share.values()
     moved = {joint: _others_move(study, joint) for joint in study.joints}
-    by_band = verdict(sum(max(found.values()) < LITTLE for found in share.values()), len(share))
+    by_band = verdict(sum(max(by_joint.values()) < LITTLE for by_joint in share.values()), len(share))
     by_data = verdict(sum(value < LITTLE for value in moved.values()), len(moved))
-    decision, said = readings({"as a response, band by band": by_band, "as motion in the PRBS tests": by_data})
-    return decided(
+    decision, text = verdict_of_readings(
+        {"as a response, band by band": by_band, "as motion in the PRBS tests": by_data}
+    )
+    return decided_finding(
         "F26",
         decision,
         {
-            **{f"{joint}, {name}": value for name, found in share.items() for joint, value in found.items()},
+            **{f"{joint}, {name}": value for name, by_joint in share.items() for joint, value in by_joint.items()},
             **{f"motion with {joint}": value for joint, value in moved.items()},
         },
         "percent: gains from the other joints' commands to a joint over the gain from its own, all added up, largest "
         "in "
         "the band; largest motion of another studied joint over that of the one excited alone, PRBS test",
-        f"below {LITTLE:g} % everywhere is taken as little. {said[0].upper()}{said[1:]}. The lowest bandwidth is "
+        f"below {LITTLE:g} % everywhere is taken as little. {text[0].upper()}{text[1:]}. The lowest bandwidth is "
         f"{lowest:.2f} Hz: up to it the other commands have at most {max(first.values()):.0f} % of what the own one "
         f"has, "
         f"from {HIGH[0]:g} to {HIGH[1]:g} Hz {max(last.values()):.0f} %{_exchange(study)}"
@@ -206,20 +212,20 @@ def _exchange(study: Comparison) -> str:
 
 def _identified(study: Comparison) -> str:
     """Describe the models of all nine responses, with independent waveforms and with a shared one."""
-    said = ""
+    text = ""
     for entry in study.multivariable.full:
         if entry.method == FULL_OKID:
             apart = entry.record == INDEPENDENT
-            said += (
+            text += (
                 f". {entry.method}, from {'a waveform for each axis' if apart else 'one shared waveform'} (condition "
                 f"{entry.condition:.0f} between the commands) finds up to "
                 f"{100 * max(pushed_by_others(entry.model, band=EXCITED).values()):.0f} % between {EXCITED[0]:g} and "
                 f"{EXCITED[1]:g} Hz"
             )
-    if said:
+    if text:
         true = 100 * max(pushed_by_others(study.multivariable.truth, band=EXCITED).values())
-        said += f"; the truth has {true:.0f} %"
-    return said
+        text += f"; the truth has {true:.0f} %"
+    return text
 
 
 def _others_move(study: Comparison, joint: str) -> float:

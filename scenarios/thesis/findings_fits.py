@@ -11,11 +11,11 @@ from hmtb_twin import STUDIED_JOINTS
 from scenarios.experiments.campaign import RPCM, single_joint_test
 from scenarios.identification.recovered_bandwidth import ABOUT_1_HZ
 from scenarios.thesis.comparison import Comparison
-from scenarios.thesis.finding import Finding, decided, verdict
+from scenarios.thesis.finding import Finding, decided_finding, verdict
 from scenarios.thesis.multi_input import EXCITED, FULL_OKID, INDEPENDENT
 from scenarios.thesis.multivariable import FAST_CHIRP, LAGS, LEVEL, WAYS, Kind, ThreeJointModel, Way
-from scenarios.thesis.record_fits import followed, shortfall, ties, within_reach
-from scenarios.thesis.verdicts import MARGIN, WORDS, ahead, both_ways, without_noise_model
+from scenarios.thesis.record_fits import fits_to_records, shortfall, ties, within_reach
+from scenarios.thesis.verdicts import MARGIN, WORDS, ahead, verdict_by_way, without_noise_model
 from sysid import ResidualTest, SysidWarning
 from sysid.models import block_diagonal
 
@@ -57,16 +57,16 @@ def exchange_fit(study: Comparison) -> Finding:
     passed = {
         way: sum(ahead(v) for v in lead[way].values()) + _by_far_worst(own.fit(RPCM).of(way), SHOULDER) for way in WAYS
     }
-    decision, said = both_ways(passed, len(STUDIED_JOINTS) + 1)
-    return decided(
+    decision, text = verdict_by_way(passed, len(STUDIED_JOINTS) + 1)
+    return decided_finding(
         "F18",
         decision,
-        _named(lead),
+        _values_by_name(lead),
         "percentage points, fit of OKID less that of SysID to the exchange of the replacement unit",
         f"four parts, each by {MARGIN:g} points at least: OKID ahead on each joint, SysID worst on shoulder pitch "
         f"(worst is {_words(worst['simulation'])} in simulation, {_words(worst['one_step'])} one step ahead); "
-        f"{ties(_named(lead))}. {said[0].upper()}{said[1:]}; {without_noise_model(own)}. "
-        f"{within_reach(study, (RPCM,))}. {_departure(study)} The printed models: {_printed(study, RPCM)}",
+        f"{ties(_values_by_name(lead))}. {text[0].upper()}{text[1:]}; {without_noise_model(own)}. "
+        f"{within_reach(study, (RPCM,))}. {_pose_departure(study)} The printed models: {_printed(study, RPCM)}",
     )
 
 
@@ -86,7 +86,7 @@ def exchange_residuals(study: Comparison) -> Finding:
         *(first > 0 and second <= FAIRLY_WHITE for first, second in zip(early, late, strict=True)),
     ]
     first = [float(np.abs(np.diag(np.asarray(test.autocorrelation)[1])).min()) for test in tests]
-    return decided(
+    return decided_finding(
         "F19",
         verdict(sum(parts), len(parts)),
         {
@@ -123,25 +123,26 @@ def fast_chirp(study: Comparison) -> Finding:
     slight = at(1.0)
     shares = ", ".join(f"{100 * value**2:.0f}" for value, _ in peaks.values())
     passed = {way: sum(ahead(v) for v in lead[way].values()) + slight for way in WAYS}
-    decision, said = both_ways(passed, len(STUDIED_JOINTS) + len(peaks))
+    decision, text = verdict_by_way(passed, len(STUDIED_JOINTS) + len(peaks))
     alike = min(abs(float(np.corrcoef(data.u[:, 0], data.u[:, j])[0, 1])) for j in (1, 2))
     unmoved = data.u.copy()
     unmoved[:, 0] = 0.0
     coupled = 100 * float(np.std(sysid.simulate(study.multivariable.truth, unmoved)[:, 0]) / np.std(data.y[:, 0]))
-    return decided(
+    return decided_finding(
         "F20",
         decision,
-        {**_named(lead), **{f"yaw residual, {name}": value for name, (value, _) in peaks.items()}},
+        {**_values_by_name(lead), **{f"yaw residual, {name}": value for name, (value, _) in peaks.items()}},
         "percentage points, fit of OKID less that of SysID; largest correlation of yaw's residual with a pitch input",
         f"six parts: OKID ahead on each joint by {MARGIN:g} points at least; each of the thesis' three couplings "
         f"outside "
         f"the 99 % bounds, yet no more than {100 * SLIGHT:g} % of the residual's variance (they have {shares} %, and "
         f"that "
         f"limit is a choice: at half of it {at(0.5)} of {len(peaks)} would pass, at twice {at(2.0)}); "
-        f"{ties(_named(lead))}. {said[0].upper()}{said[1:]}. {within_reach(study, (FAST_CHIRP,))}. The axes share a "
+        f"{ties(_values_by_name(lead))}. {text[0].upper()}{text[1:]}. {within_reach(study, (FAST_CHIRP,))}. The axes "
+        f"share a "
         f"waveform, so the commands are alike (correlation {alike:.3f} at least) and such a correlation may as well be "
         f"with yaw's own input: in truth the pitch commands make {coupled:.1f} % of yaw's motion "
-        f"there{_told_apart(study)}. The printed models: {_printed(study, FAST_CHIRP)}",
+        f"there{_full_model_coupling(study)}. The printed models: {_printed(study, FAST_CHIRP)}",
     )
 
 
@@ -153,13 +154,13 @@ def slow_data(study: Comparison) -> Finding:
     beside = [record for record in (HALF_SLOW,) if record in study.multivariable.records]
     yaw = {way: {record: -_lead(own, okid, record, way)[YAW] for record in (*SLOW, *beside)} for way in WAYS}
     best = {way: {record: _hybrid_lead(study, record, way) for record in (*SLOW, *beside)} for way in WAYS}
-    passed = {way: sum(ahead(found[way][record]) for found in (yaw, best) for record in SLOW) for way in WAYS}
-    decision, said = both_ways(passed, 2 * len(SLOW))
+    passed = {way: sum(ahead(fits[way][record]) for fits in (yaw, best) for record in SLOW) for way in WAYS}
+    decision, text = verdict_by_way(passed, 2 * len(SLOW))
     value = {
-        **{f"yaw, {name}": points for name, points in _named(yaw).items()},
-        **{f"hybrid, {name}": points for name, points in _named(best).items()},
+        **{f"yaw, {name}": points for name, points in _values_by_name(yaw).items()},
+        **{f"hybrid, {name}": points for name, points in _values_by_name(best).items()},
     }
-    return decided(
+    return decided_finding(
         "F21",
         decision,
         value,
@@ -168,7 +169,7 @@ def slow_data(study: Comparison) -> Finding:
         f"two parts on {' and '.join(SLOW)}, the only sweep that stays below the bandwidth, each by {MARGIN:g} points "
         f"at "
         f"least: SysID ahead on yaw, the hybrid ahead of both; {ties(value)}. {HALF_SLOW} goes up to 5 Hz and counts "
-        f"among the data with 3 to 5 Hz content (F22). {said[0].upper()}{said[1:]}; {without_noise_model(own)}. "
+        f"among the data with 3 to 5 Hz content (F22). {text[0].upper()}{text[1:]}; {without_noise_model(own)}. "
         f"{within_reach(study, SLOW)}. Below 0.5 Hz, where no model was excited, their gains on yaw are {_gains(own)} "
         f"(SysID) and {_gains(okid)} (OKID), truth {study.joints[YAW].truth.dc_gain:.2f} at 0 Hz",
     )
@@ -179,7 +180,7 @@ def follows_5_hz(study: Comparison) -> Finding:
     low, high = ABOUT_1_HZ
     worst = {
         way: {
-            joint: min(value for kind in KINDS for value in followed(study, kind, joint, MIDDLE, way).values())
+            joint: min(value for kind in KINDS for value in fits_to_records(study, kind, joint, MIDDLE, way).values())
             for joint in study.joints
         }
         for way in WAYS
@@ -188,44 +189,47 @@ def follows_5_hz(study: Comparison) -> Finding:
         joint: (entry.chosen.bandwidth_hz, entry.models["okid"].bandwidth_hz) for joint, entry in study.joints.items()
     }
     near = sum(all(low <= hz <= high for hz in pair) for pair in bands.values())
-    decision, said = both_ways({way: sum(value > FOLLOWS for value in worst[way].values()) for way in WAYS}, len(bands))
-    shown = ", ".join(f"{a:.2f} and {b:.2f}" for a, b in bands.values())
-    return decided(
+    decision, text = verdict_by_way(
+        {way: sum(value > FOLLOWS for value in worst[way].values()) for way in WAYS}, len(bands)
+    )
+    listing = ", ".join(f"{a:.2f} and {b:.2f}" for a, b in bands.values())
+    return decided_finding(
         "F22",
         decision,
-        _named(worst),
+        _values_by_name(worst),
         "percent, worst fit of both models to the records with content at 3 to 5 Hz and none above",
         f"three parts: both models of a joint above {FOLLOWS:g} % on every one of those records. "
-        f"{said[0].upper()}{said[1:]}. Worst in simulation: {_worst_shares(study)}. Beside, not in the verdict: the "
+        f"{text[0].upper()}{text[1:]}. Worst in simulation: {_worst_shares(study)}. Beside, not in the verdict: the "
         f"cutoffs are "
-        f"{shown} Hz for SysID and OKID, on {near} of {len(bands)} joints both about 1 Hz ({low:g} to {high:g}), by "
+        f"{listing} Hz for SysID and OKID, on {near} of {len(bands)} joints both about 1 Hz ({low:g} to {high:g}), by "
         "construction, since servo poles were placed after the published models",
     )
 
 
 def above_5_hz(study: Comparison) -> Finding:
     """F23: above 5 Hz OKID is slightly better."""
-    found = {
+    fits = {
         way: {
             joint: median(
-                followed(study, "OKID", joint, FAST, way)[name] - value
-                for name, value in followed(study, "SysID", joint, FAST, way).items()
+                fits_to_records(study, "OKID", joint, FAST, way)[name] - value
+                for name, value in fits_to_records(study, "SysID", joint, FAST, way).items()
             )
             for joint in study.joints
         }
         for way in WAYS
     }
-    decision, said = both_ways(
-        {way: sum(ahead(v) and v <= SLIGHTLY for v in found[way].values()) for way in WAYS}, len(study.joints)
+    decision, text = verdict_by_way(
+        {way: sum(ahead(v) and v <= SLIGHTLY for v in fits[way].values()) for way in WAYS}, len(study.joints)
     )
     own, _ = study.multivariable.pair()
-    return decided(
+    return decided_finding(
         "F23",
         decision,
-        _named(found),
+        _values_by_name(fits),
         "percentage points, fit of OKID less that of SysID, median over the records with content above 5 Hz",
-        f"slightly better is taken as {MARGIN:g} to {SLIGHTLY:g} points, joint by joint; {ties(_named(found))}. "
-        f"{said[0].upper()}{said[1:]}; {without_noise_model(own)}. {within_reach(study, FAST[1])}",
+        f"slightly better is taken as {MARGIN:g} to {SLIGHTLY:g} points, joint by joint; "
+        f"{ties(_values_by_name(fits))}. "
+        f"{text[0].upper()}{text[1:]}; {without_noise_model(own)}. {within_reach(study, FAST[1])}",
     )
 
 
@@ -266,17 +270,17 @@ def _hybrid_lead(study: Comparison, record: str, way: Way) -> float:
 
 def _worst_shares(study: Comparison) -> str:
     """By joint, the model and record that are followed least in simulation, and what takes what of the fit."""
-    said = []
+    parts = []
     for joint in study.joints:
         fits = {
             (kind, name): value
             for kind in KINDS
-            for name, value in followed(study, kind, joint, MIDDLE, "simulation").items()
+            for name, value in fits_to_records(study, kind, joint, MIDDLE, "simulation").items()
         }
         (kind, name), value = min(fits.items(), key=lambda entry: entry[1])
         missing = shortfall(study, joint, name, value)
-        said.append(f"{_words(joint)} of {kind} on {name} {value:.0f} %, where points of fit go to {missing}")
-    return "; ".join(said)
+        parts.append(f"{_words(joint)} of {kind} on {name} {value:.0f} %, where points of fit go to {missing}")
+    return "; ".join(parts)
 
 
 def _without_friction(study: Comparison) -> str:
@@ -290,10 +294,10 @@ def _without_friction(study: Comparison) -> str:
         for joint, entry in study.joints.items():
             method = "okid" if okid else entry.chosen.method
             name = single_joint_test(study.estimation_test, joint)
-            found = study.prediction_errors[joint].frictionless.find(name, method)
-            if found is None:
+            model = study.prediction_errors[joint].frictionless.find(name, method)
+            if model is None:
                 return ""
-            blocks.append(found.model)
+            blocks.append(model.model)
         with warnings.catch_warnings():
             warnings.simplefilter("ignore", SysidWarning)
             test = sysid.resid(block_diagonal(blocks), smooth.several(RPCM), lags=LAGS, level=LEVEL)
@@ -306,8 +310,8 @@ def _without_friction(study: Comparison) -> str:
     )
 
 
-def _named(found: Mapping[Way, Mapping[str, float]]) -> dict[str, float]:
-    return {f"{name}, {way.replace('_', ' ')}": value for way in WAYS for name, value in found[way].items()}
+def _values_by_name(values: Mapping[Way, Mapping[str, float]]) -> dict[str, float]:
+    return {f"{name}, {way.replace('_', ' ')}": value for way in WAYS for name, value in values[way].items()}
 
 
 def _printed(study: Comparison, record: str) -> str:
@@ -317,23 +321,23 @@ def _printed(study: Comparison, record: str) -> str:
     return f"OKID is ahead on {' and on '.join(counts)}"
 
 
-def _departure(study: Comparison) -> str:
-    found = study.multivariable.exchange
-    if found is None:
+def _pose_departure(study: Comparison) -> str:
+    exchange = study.multivariable.exchange
+    if exchange is None:
         return ""
-    away = {joint: np.degrees(found.departure[joint]) for joint in STUDIED_JOINTS}
+    away = {joint: np.degrees(exchange.departure[joint]) for joint in STUDIED_JOINTS}
     return (
         f"The arm goes up to {max(away.values()):.0f} degrees from the operating point and carries the unit "
-        f"{100 * found.loaded:.0f} % of the time."
+        f"{100 * exchange.loaded:.0f} % of the time."
     )
 
 
-def _told_apart(study: Comparison) -> str:
+def _full_model_coupling(study: Comparison) -> str:
     """Describe the response from the pitches to yaw of a model of all nine, where every axis has its own waveform."""
-    found = [e for e in study.multivariable.full if (e.record, e.method) == (INDEPENDENT, FULL_OKID)]
-    if not found:
+    models = [e for e in study.multivariable.full if (e.record, e.method) == (INDEPENDENT, FULL_OKID)]
+    if not models:
         return ""
-    rows = found[0].model.frequency_response(np.geomspace(*EXCITED, 200))[:, 0]
+    rows = models[0].model.frequency_response(np.geomspace(*EXCITED, 200))[:, 0]
     share = 100 * float(np.linalg.norm(rows[:, 1:]) / np.linalg.norm(rows))
     return f"; identified where every axis has a waveform of its own, they have {share:.1f} % of yaw's response"
 

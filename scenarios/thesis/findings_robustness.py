@@ -6,7 +6,7 @@ from statistics import median
 from scenarios.files.errors import MissingRecordError
 from scenarios.thesis.comparison import Comparison
 from scenarios.thesis.disturbances import DISTURBANCES, OUTLIER_SIZE
-from scenarios.thesis.finding import Finding, decided, verdict
+from scenarios.thesis.finding import Finding, decided_finding, verdict
 from scenarios.thesis.robustness import CORE, sysid_method
 from scenarios.thesis.robustness_outcome import (
     COMPARABLE,
@@ -49,19 +49,20 @@ def statements(study: Comparison) -> tuple[Statement, ...]:
     """Try the four statements on every joint that has the records."""
     joints = tuple(study.robustness.judged_by)
     own, okid = _methods(joints).values()
-    found = []
+    entries = []
     for kind, what in (("bias", "a constant left in the output"), ("outliers", "outliers")):
-        kept = sum(_comparable(study, kind, joint) for joint in joints)
+        comparable = sum(_comparable(study, kind, joint) for joint in joints)
         worse = sum(
-            _moved(study, kind, joint, okid[joint]) > _moved(study, kind, joint, own[joint]) for joint in joints
+            _median_shift(study, kind, joint, okid[joint]) > _median_shift(study, kind, joint, own[joint])
+            for joint in joints
         )
         degrees = ", ".join(f"{degree:g}" for degree in CORE[kind] if degree)
         unit = DISTURBANCES[kind].unit
-        found += [
+        entries += [
             Statement(
                 f"{kind}: joints with SysID comparable",
                 f"SysID models stay comparable with {what} ({degrees} {unit})",
-                kept,
+                comparable,
                 len(joints),
             ),
             Statement(
@@ -71,7 +72,7 @@ def statements(study: Comparison) -> tuple[Statement, ...]:
                 len(joints),
             ),
         ]
-    return tuple(found)
+    return tuple(entries)
 
 
 def _methods(joints: tuple[str, ...]) -> dict[str, dict[str, str]]:
@@ -99,16 +100,16 @@ def bias_and_outliers(study: Comparison) -> Finding:
     value: dict[str, float] = {}
     for kind in CORE:
         for name, methods in _methods(joints).items():
-            value[f"{kind}: {name}"] = median(_moved(study, kind, joint, methods[joint]) for joint in joints)
-    tried = statements(study)
-    value |= {entry.key: float(entry.joints) for entry in tried}
+            value[f"{kind}: {name}"] = median(_median_shift(study, kind, joint, methods[joint]) for joint in joints)
+    entries = statements(study)
+    value |= {entry.key: float(entry.joints) for entry in entries}
     orders = {(entry.joint, entry.method, entry.record): entry.needed for entry in study.robustness.orders}
     for method in ("SysID", "OKID"):
         value[f"orders that detrending saves: {method}"] = float(
             max(orders[joint, method, CONSTANT] - orders[joint, method, DETRENDED] for joint in joints)
         )
-    return decided(
-        "F25", verdict(sum(entry.holds for entry in tried), len(tried)), value, _unit(), _why(study, joints, value)
+    return decided_finding(
+        "F25", verdict(sum(entry.holds for entry in entries), len(entries)), value, _unit(), _why(study, joints, value)
     )
 
 
@@ -136,13 +137,13 @@ def _why(study: Comparison, joints: tuple[str, ...], value: dict[str, float]) ->
     share = min(CORE["outliers"])
     fits = {}
     for name in methods:
-        known = [
+        values = [
             entry.fit
             for joint in joints
             for entry in _draws(study, "outliers", joint, methods[name][joint])
             if entry.degree == share and entry.failure != "refused"
         ]
-        fits[name] = f"{median(known):.1f} %" if known else "not known"
+        fits[name] = f"{median(values):.1f} %" if values else "not known"
     percent, points = COMPARABLE
     return (
         f"four statements, each to hold on most of {all_of} joints: SysID stays comparable (bandwidth within "
@@ -161,11 +162,11 @@ def _why(study: Comparison, joints: tuple[str, ...], value: dict[str, float]) ->
 
 def _draws(study: Comparison, kind: str, joint: str, method: str) -> list[RobustnessOutcome]:
     """Joints, methods and disturbances that finding F25 rests on."""
-    found = study.robustness.of(kind, joint, method)
-    return [entry for degree in CORE[kind] if degree for entry in found[degree]]
+    outcomes = study.robustness.of(kind, joint, method)
+    return [entry for degree in CORE[kind] if degree for entry in outcomes[degree]]
 
 
-def _moved(study: Comparison, kind: str, joint: str, method: str) -> float:
+def _median_shift(study: Comparison, kind: str, joint: str, method: str) -> float:
     reference = clean(study.robustness, joint, method)
     return median(shift(entry, reference) for entry in _draws(study, kind, joint, method))
 
@@ -173,6 +174,6 @@ def _moved(study: Comparison, kind: str, joint: str, method: str) -> float:
 def _comparable(study: Comparison, kind: str, joint: str) -> bool:
     """Whether the SysID model stays comparable at every degree."""
     method = sysid_method(joint)
-    found = study.robustness.of(kind, joint, method)
+    outcomes = study.robustness.of(kind, joint, method)
     reference = clean(study.robustness, joint, method)
-    return all(comparable(found[degree], reference) for degree in CORE[kind] if degree)
+    return all(comparable(outcomes[degree], reference) for degree in CORE[kind] if degree)

@@ -7,9 +7,9 @@ import numpy as np
 
 from scenarios.experiments.campaign import single_joint_test
 from scenarios.thesis.comparison import Comparison
-from scenarios.thesis.finding import Finding, decided
-from scenarios.thesis.nonparametric import PULSE, SINES, excited
-from scenarios.thesis.verdicts import by_reading
+from scenarios.thesis.finding import Finding, decided_finding
+from scenarios.thesis.nonparametric import PULSE, SINES, excited_lines
+from scenarios.thesis.verdicts import verdict_by_reading
 from sysid import FrequencyResponse
 
 FASTEST = 10.0
@@ -47,22 +47,22 @@ def pulse_spectra(study: Comparison) -> Finding:
         f = spectrum.frequencies
         # The window widens a line by its resolution; those at 1 and at 5 Hz count whole.
         inside = (f >= 1.0 - reach) & (f <= 5.0 + reach)
-        for way, kept in _kept(spectrum).items():
-            low[f"{joint}, {NAMED[way]}"] = below = _share(f <= AROUND_1_HZ, kept * _power(spectrum.noise_spectrum))
-            shares = [_share(inside, kept * _power(s)) for s in (spectrum.input_spectrum, spectrum.output_spectrum)]
+        for way, mask in _frequency_masks(spectrum).items():
+            low[f"{joint}, {NAMED[way]}"] = below = _share(f <= AROUND_1_HZ, mask * _power(spectrum.noise_spectrum))
+            shares = [_share(inside, mask * _power(s)) for s in (spectrum.input_spectrum, spectrum.output_spectrum)]
             bands[way] += shares
             passed[way] += sum(value > 50 for value in (below, *shares))
         again = result.repeated[PULSE]
         repeated.append(_share(again.frequencies <= AROUND_1_HZ, again.disturbance))
-        powered.append(100 * float(excited(spectrum).mean()))
-    decision, said = by_reading({way: (count, 3 * len(study.nonparametric)) for way, count in passed.items()})
-    return decided(
+        powered.append(100 * float(excited_lines(spectrum).mean()))
+    decision, text = verdict_by_reading({way: (count, 3 * len(study.nonparametric)) for way, count in passed.items()})
+    return decided_finding(
         "F5",
         decision,
         low,
         f"percent of the disturbance power up to {AROUND_1_HZ:g} Hz (above 50: concentrated there); above 50 is asked "
         "for from 1 to 5 Hz too, of input and output: three parts for each joint",
-        f"{said}. From 1 to 5 Hz lie {_span(bands[WHOLE])} % of input and output over all frequencies, "
+        f"{text}. From 1 to 5 Hz lie {_span(bands[WHOLE])} % of input and output over all frequencies, "
         f"{_span(bands[POWERED])} % where the input has power. "
         + _leaks(powered)
         + f"Told apart by repetition instead, {_span(repeated)} % of the disturbance lies up "
@@ -72,40 +72,40 @@ def pulse_spectra(study: Comparison) -> Finding:
 
 def sinusoid_disturbance(study: Comparison) -> Finding:
     """F6: with two sines up to 10 Hz the disturbance lies orders below the output."""
-    found: dict[str, float] = {}
+    values: dict[str, float] = {}
     passed = {WHOLE: 0, POWERED: 0}
     repeated, pulses, powered = [], [], []
-    wanted = {"shoulder_yaw": 2.0, "shoulder_pitch": 1.0, "elbow_pitch": 1.0}
+    expected = {"shoulder_yaw": 2.0, "shoulder_pitch": 1.0, "elbow_pitch": 1.0}
     for joint, result in study.nonparametric.items():
         spectrum = spectrum_of(study, SINES, joint)
         # The line at 10 Hz counts whole.
         near = spectrum.frequencies <= FASTEST + result.resolution_hz(SINES)
-        for way, kept in _kept(spectrum).items():
-            orders = found[f"{joint}, {NAMED[way]}"] = _orders(spectrum, near & kept)
-            passed[way] += orders >= wanted[joint]
-        powered.append(100 * float(excited(spectrum)[near].mean()))
+        for way, mask in _frequency_masks(spectrum).items():
+            orders = values[f"{joint}, {NAMED[way]}"] = _orders(spectrum, near & mask)
+            passed[way] += orders >= expected[joint]
+        powered.append(100 * float(excited_lines(spectrum)[near].mean()))
         again = result.repeated[SINES]
         lines = again.frequencies <= FASTEST + result.resolution_hz(SINES)
         repeated.append(float(np.log10(again.output[lines].sum() / again.disturbance[lines].sum())))
         if PULSE in result.spectra:
             pulse = result.spectra[PULSE]
             pulses.append(_orders(pulse, pulse.frequencies <= FASTEST + result.resolution_hz(PULSE)))
-    decision, said = by_reading({way: (count, len(wanted)) for way, count in passed.items()})
-    return decided(
+    decision, text = verdict_by_reading({way: (count, len(expected)) for way, count in passed.items()})
+    return decided_finding(
         "F6",
         decision,
-        found,
+        values,
         f"orders of magnitude between the powers of output and disturbance up to {FASTEST:g} Hz: at least 2 (yaw), 1 "
         "(pitches)",
-        f"{said}. " + _leaks(powered) + "Told apart by repetition from period to period the disturbance lies "
+        f"{text}. " + _leaks(powered) + "Told apart by repetition from period to period the disturbance lies "
         f"{_span(repeated, '.1f')} orders below the output"
         + (f"; with the ramping pulse the estimator gives {_span(pulses, '.1f')} {WHOLE}" if pulses else ""),
     )
 
 
-def _kept(spectrum: FrequencyResponse) -> dict[str, np.ndarray]:
+def _frequency_masks(spectrum: FrequencyResponse) -> dict[str, np.ndarray]:
     """The frequencies that each reading of a claim on spectra takes in."""
-    return {WHOLE: np.ones(len(spectrum.frequencies), dtype=bool), POWERED: excited(spectrum)}
+    return {WHOLE: np.ones(len(spectrum.frequencies), dtype=bool), POWERED: excited_lines(spectrum)}
 
 
 def _leaks(powered: list[float]) -> str:
@@ -123,8 +123,8 @@ def _span(values: list[float], form: str = ".0f") -> str:
     return low if low == high else f"{low} to {high}"
 
 
-def _orders(spectrum: FrequencyResponse, kept: np.ndarray) -> float:
-    return float(np.log10(_power(spectrum.output_spectrum)[kept].sum() / _power(spectrum.noise_spectrum)[kept].sum()))
+def _orders(spectrum: FrequencyResponse, mask: np.ndarray) -> float:
+    return float(np.log10(_power(spectrum.output_spectrum)[mask].sum() / _power(spectrum.noise_spectrum)[mask].sum()))
 
 
 def _share(inside: np.ndarray, density: np.ndarray) -> float:

@@ -51,14 +51,14 @@ def chance(findings: Sequence[Finding], tally: Tally | None, seed: int | None = 
     """
     if tally is None:
         return None
-    tried = [(entry, tally.frequency(entry.key)) for entry in findings]
+    pairs = [(entry, tally.frequency(entry.key)) for entry in findings]
     return Chance(
         source_text(tally, seed),
         "from the smallest to the largest of all seeds" if tally.all_seeds else "where 95 % of the seeds lie",
         answer_text(tally),
         {entry.key: frequency_text(entry, tally) for entry in findings},
-        tuple(entry.key for entry, found in tried if found.counts and found.shaky(entry.verdict)),
-        tuple(entry.key for entry, found in tried if found.counts and found.against(entry.verdict)),
+        tuple(entry.key for entry, frequency in pairs if frequency.counts and frequency.depends_on_seed(entry.verdict)),
+        tuple(entry.key for entry, frequency in pairs if frequency.counts and frequency.against(entry.verdict)),
         {entry.key: tally.spread(entry.key) for entry in findings},
         coverage_rows(tally),
     )
@@ -74,13 +74,13 @@ def frequency_text(finding: Finding, tally: Tally) -> str:
     Returns:
         One line; nothing where no seed has tried the finding.
     """
-    found = tally.frequency(finding.key)
-    if not found.counts:
+    frequency = tally.frequency(finding.key)
+    if not frequency.counts:
         return ""
-    if found.shaky(finding.verdict):
-        parts = ", ".join(f"{found.counts[entry]} {entry}" for entry in ORDER if entry in found.counts)
-        return f"depends on the seed: of {found.seeds} seeds {parts}"
-    return f"{found.counts[finding.verdict]} of {found.seeds} seeds"
+    if frequency.depends_on_seed(finding.verdict):
+        parts = ", ".join(f"{frequency.counts[entry]} {entry}" for entry in ORDER if entry in frequency.counts)
+        return f"depends on the seed: of {frequency.seeds} seeds {parts}"
+    return f"{frequency.counts[finding.verdict]} of {frequency.seeds} seeds"
 
 
 def answer_text(tally: Tally) -> str:
@@ -92,23 +92,23 @@ def answer_text(tally: Tally) -> str:
     seeds = len(tally.outcomes)
     every, some, none = [], [], []
     for joint, rows in coverage_rows(tally):
-        for method, found in rows:
+        for method, coverage in rows:
             name = f"{joint.replace('_', ' ')} {METHODS[method]}"
-            if found.near == seeds:
+            if coverage.near == seeds:
                 every.append(name)
-            elif found.near:
-                some.append(f"{name} with {found.near}")
+            elif coverage.near:
+                some.append(f"{name} with {coverage.near}")
             else:
                 none.append(name)
-    models = [found for _, rows in coverage_rows(tally) for _, found in rows]
+    models = [coverage for _, rows in coverage_rows(tally) for _, coverage in rows]
     parts = [f"{len(every)} of {len(models)} models are near 1 Hz with every seed"]
     parts += [f"{', '.join(some)}"] if some else []
     parts += [f"with none {', '.join(none)}"] if none else []
-    held = [found.covers for found in models]
+    covered = [coverage.covers for coverage in models]
     intervals = (
-        f"{sum(held)} of their {seeds * len(models)} intervals hold the truth, by model between {min(held)} and "
-        f"{max(held)} of {seeds}"
-        if any(held)
+        f"{sum(covered)} of their {seeds * len(models)} intervals hold the truth, by model between {min(covered)} and "
+        f"{max(covered)} of {seeds}"
+        if any(covered)
         else f"None of their {seeds * len(models)} intervals holds the truth"
     )
     return f"Over {seeds} seeds {'; '.join(parts)}. {intervals}."
@@ -126,7 +126,7 @@ def source_text(tally: Tally, seed: int | None = None) -> str:
     failed = "".join(f" Seed {seed} came to no conclusion: {why.rstrip('.')}." for seed, why in tally.failed.items())
     if not tally.recorded:
         return f"Frequencies and ranges are of {seeds} on the same arm{length}, run for this report.{failed}"
-    made = tally.versions
+    versions = tally.versions
     own = (
         f"; seed {seed}, which is that of this run, is one of them"
         if seed is not None and any(entry.seed == seed for entry in tally.outcomes)
@@ -134,7 +134,7 @@ def source_text(tally: Tally, seed: int | None = None) -> str:
     )
     return (
         f"Frequencies and ranges are of {seeds} on the same arm{length}{own}. They were recorded earlier, with "
-        f"hmtb-twin {made.get('hmtb-twin', '?')} and MuJoCo {made.get('mujoco', '?')}. "
+        f"hmtb-twin {versions.get('hmtb-twin', '?')} and MuJoCo {versions.get('mujoco', '?')}. "
         f"hmtb thesis --seeds {len(tally.outcomes)} makes them anew.{failed}"
     )
 
@@ -165,13 +165,13 @@ def finding_record(finding: Finding, tally: Tally | None) -> dict[str, object]:
         `frequency` with the number of seeds, the verdicts and whether that of this run depends on the seed; `range`
         of each number.
     """
-    if tally is None or not (found := tally.frequency(finding.key)).counts:
+    if tally is None or not (frequency := tally.frequency(finding.key)).counts:
         return {}
     return {
         "frequency": {
-            "seeds": found.seeds,
-            "verdicts": dict(found.counts),
-            "depends_on_seed": found.shaky(finding.verdict),
+            "seeds": frequency.seeds,
+            "verdicts": dict(frequency.counts),
+            "depends_on_seed": frequency.depends_on_seed(finding.verdict),
         },
         "range": {name: _range(entry) for name, entry in tally.spread(finding.key).items()},
     }
@@ -206,5 +206,5 @@ def seeds_record(tally: Tally) -> dict[str, object]:
     }
 
 
-def _range(found: Spread) -> dict[str, object]:
-    return {name: value for name, value in asdict(found).items() if name != "shares"}
+def _range(spread: Spread) -> dict[str, object]:
+    return {name: value for name, value in asdict(spread).items() if name != "shares"}

@@ -72,7 +72,7 @@ def tally(
                     progress(seed, number, step, done, whole)
 
             try:
-                conclusions = _one(seed, duration, threads, report)
+                conclusions = _run_seed(seed, duration, threads, report)
             except (ScenarioError, TwinError, SysidError) as error:
                 failed[seed] = str(error)
                 continue
@@ -84,7 +84,7 @@ def tally(
     return Tally(tuple(outcomes), failed)
 
 
-def _one(
+def _run_seed(
     seed: int, duration: float | None, threads: int | None, report: Callable[[str, int, int], None]
 ) -> SeedOutcome:
     """Run one seed from excitation to conclusions; its records are released on return."""
@@ -113,11 +113,11 @@ def recorded() -> Tally:
     return read_tally(text, recorded=True)
 
 
-def contradictions(found: SeedOutcome, reference: Tally) -> tuple[str, ...]:
+def contradictions(outcome: SeedOutcome, reference: Tally) -> tuple[str, ...]:
     """List the contradictions between a study of one of the seeds and the tally.
 
     Args:
-        found: What the study concluded.
+        outcome: What the study draw_conclusions.
         reference: The tally; it holds the same seed.
 
     Returns:
@@ -127,24 +127,24 @@ def contradictions(found: SeedOutcome, reference: Tally) -> tuple[str, ...]:
     Raises:
         ScenarioError: The tally does not hold the seed.
     """
-    return tuple(_contradictions(found, reference))
+    return tuple(_contradictions(outcome, reference))
 
 
-def _contradictions(found: SeedOutcome, reference: Tally) -> Iterator[str]:
-    before = reference.of(found.seed if found.seed is not None else -1)
-    for key in sorted({*before.verdicts, *found.verdicts}, key=lambda name: int(name[1:])):
-        verdicts = before.verdicts.get(key, "not recorded"), found.verdicts.get(key, "not tried")
+def _contradictions(outcome: SeedOutcome, reference: Tally) -> Iterator[str]:
+    before = reference.of(outcome.seed if outcome.seed is not None else -1)
+    for key in sorted({*before.verdicts, *outcome.verdicts}, key=lambda name: int(name[1:])):
+        verdicts = before.verdicts.get(key, "not recorded"), outcome.verdicts.get(key, "not tried")
         if verdicts[0] != verdicts[1]:
-            yield f"{key}: {verdicts[1]}, recorded of seed {found.seed}: {verdicts[0]}"
-    yield from _outside(_numbers(found), [_numbers(entry) for entry in reference.outcomes])
+            yield f"{key}: {verdicts[1]}, recorded of seed {outcome.seed}: {verdicts[0]}"
+    yield from _outside(_numbers(outcome), [_numbers(entry) for entry in reference.outcomes])
 
 
-def _numbers(found: SeedOutcome) -> dict[str, float]:
+def _numbers(outcome: SeedOutcome) -> dict[str, float]:
     """Every number of an outcome by a name of its own."""
-    of_findings = {f"{key} {name}": value for key, part in found.numbers.items() for name, value in part.items()}
+    of_findings = {f"{key} {name}": value for key, part in outcome.numbers.items() for name, value in part.items()}
     of_methods = {
         f"bandwidth of {joint}, {method}, {what}": value
-        for joint, methods in found.recovered.items()
+        for joint, methods in outcome.recovered.items()
         for method, entry in methods.items()
         for what, value in (
             ("Hz", entry.hz),
@@ -153,22 +153,22 @@ def _numbers(found: SeedOutcome) -> dict[str, float]:
             ("0.707 at", entry.half_power_hz),
         )
     }
-    true = {f"bandwidth of {joint}, truth": value for joint, value in found.true_hz.items()}
+    true = {f"bandwidth of {joint}, truth": value for joint, value in outcome.true_hz.items()}
     return {**of_findings, **of_methods, **true}
 
 
-def _outside(found: dict[str, float], reference: list[dict[str, float]]) -> Iterator[str]:
+def _outside(numbers: dict[str, float], reference: list[dict[str, float]]) -> Iterator[str]:
     names = dict.fromkeys(name for entry in reference for name in entry)
-    for name in {**names, **found}:
+    for name in {**names, **numbers}:
         values = [entry[name] for entry in reference if name in entry]
-        if name not in found:
+        if name not in numbers:
             if len(values) == len(reference):
                 yield f"{name}: not there, but with every seed recorded"
         elif not values:
-            yield f"{name}: {found[name]:.6g}, not recorded"
+            yield f"{name}: {numbers[name]:.6g}, not recorded"
         else:
             low, high = min(values), max(values)
             room = ROUNDING * (high - low) + DIGITS * max(abs(low), abs(high))
             # The first comparison is for what is infinite with some seed, as the end of an interval may be.
-            if found[name] not in values and not low - room <= found[name] <= high + room:
-                yield f"{name}: {found[name]:.6g}, recorded {low:.6g} to {high:.6g}"
+            if numbers[name] not in values and not low - room <= numbers[name] <= high + room:
+                yield f"{name}: {numbers[name]:.6g}, recorded {low:.6g} to {high:.6g}"

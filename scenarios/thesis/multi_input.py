@@ -48,10 +48,10 @@ def relative_error(
         The ratio.
     """
     f = np.geomspace(*band, 200)
-    found, true = model.frequency_response(f), truth.frequency_response(f)
+    estimated, true = model.frequency_response(f), truth.frequency_response(f)
     if diagonal:
-        found, true = (np.diagonal(response, axis1=1, axis2=2) for response in (found, true))
-    return float(np.linalg.norm(found - true) / np.linalg.norm(true))
+        estimated, true = (np.diagonal(response, axis1=1, axis2=2) for response in (estimated, true))
+    return float(np.linalg.norm(estimated - true) / np.linalg.norm(true))
 
 
 def off_diagonal(model: StateSpace, *, band: tuple[float, float] = BAND) -> float:
@@ -138,13 +138,13 @@ def full_models(name: str, campaign: Campaign, truth: StateSpace) -> tuple[FullM
     data, log = campaign.several(name), campaign.log(name)
     inputs = joint_inputs(log.commanded[round(SETTLING / log.dt) :], STUDIED_JOINTS)
     condition = float("inf") if inputs is None else inputs.condition
-    found = []
+    models = []
     for method, identify in METHODS.items():
         try:
             model = identify(data)
         except SysidError:
             continue
-        found.append(
+        models.append(
             FullModel(
                 name,
                 condition,
@@ -155,7 +155,7 @@ def full_models(name: str, campaign: Campaign, truth: StateSpace) -> tuple[FullM
                 off_diagonal(model, band=EXCITED),
             )
         )
-    return tuple(found)
+    return tuple(models)
 
 
 def _arx(data: IOData) -> StateSpace:

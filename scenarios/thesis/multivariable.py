@@ -87,7 +87,7 @@ def exchange(campaign: Campaign, models: Mapping[str, StateSpace]) -> Exchange:
     log, data = campaign.log(RPCM), campaign.several(RPCM)
     fits = dict(zip(models, sysid.compare(models, data), strict=True))
     skipped = len(log) - len(data)
-    held = (log.status[skipped:] & Status.UNIT_HELD) > 0
+    mask = (log.status[skipped:] & Status.UNIT_HELD) > 0
     phases = []
     for name, (start, end) in rpcm_outcome(log).phases.items():
         part = slice(max(round(start / log.dt) - skipped, 0), round(end / log.dt) - skipped)
@@ -98,13 +98,13 @@ def exchange(campaign: Campaign, models: Mapping[str, StateSpace]) -> Exchange:
                 name,
                 start,
                 end,
-                float(held[part].mean()),
+                float(mask[part].mean()),
                 _by_joint(0.5 * np.ptp(data.y[part], axis=0)),
                 {key: _by_joint(_rms(data.y[part] - fit.simulated[part])) for key, fit in fits.items()},
                 {key: _by_joint(_rms(data.y[part] - fit.predicted[part])) for key, fit in fits.items()},
             )
         )
-    return Exchange(_departure(log, campaign), float(held.mean()), tuple(phases))
+    return Exchange(_departure(log, campaign), float(mask.mean()), tuple(phases))
 
 
 def _departure(log: JointLog, campaign: Campaign) -> dict[str, float]:
@@ -208,7 +208,7 @@ class ThreeJointModel:
         Raises:
             MissingRecordError: There is no such record.
         """
-        return _there(self.fits, record)
+        return _result_of(self.fits, record)
 
     def residual_test(self, record: str) -> ResidualTest:
         """The test of its residuals on a record.
@@ -220,7 +220,7 @@ class ThreeJointModel:
             raise MissingRecordError(
                 f"the residuals of the {self.name} on {record} cannot be tested: they are not finite"
             )
-        return _there(self.residual_tests, record)
+        return _result_of(self.residual_tests, record)
 
 
 @dataclass(frozen=True, eq=False)
@@ -251,7 +251,7 @@ class Multivariable:
         Raises:
             MissingRecordError: There is no such record.
         """
-        return _there(next(entry.fits for entry in self.references if entry.name == name), record)
+        return _result_of(next(entry.fits for entry in self.references if entry.name == name), record)
 
     def model(self, kind: Kind, *, printed: bool = False) -> ThreeJointModel:
         """One of the models."""
@@ -292,9 +292,9 @@ def multivariable(own: Mapping[str, StateSpace], okid: Mapping[str, StateSpace],
         for as_printed, (first, second) in sources.items():
             fits = [_fits(blocks, data) for blocks in (first, second)]
             models += [
-                _laid_beside("SysID", as_printed, first, fits[0], truth, data),
-                _laid_beside("OKID", as_printed, second, fits[1], truth, data),
-                _laid_beside("hybrid", as_printed, _mixed(first, second), _mixed_fits(*fits), truth, data),
+                _compared_model("SysID", as_printed, first, fits[0], truth, data),
+                _compared_model("OKID", as_printed, second, fits[1], truth, data),
+                _compared_model("hybrid", as_printed, _mixed(first, second), _mixed_fits(*fits), truth, data),
             ]
         full = tuple(
             model for name in (SHARED, INDEPENDENT) if name in data for model in full_models(name, campaign, truth)
@@ -304,7 +304,7 @@ def multivariable(own: Mapping[str, StateSpace], okid: Mapping[str, StateSpace],
     return Multivariable(tuple(models), tuple(data), full, truth, off_diagonal(truth), phases, references)
 
 
-def _laid_beside(
+def _compared_model(
     kind: Kind,
     printed: bool,
     blocks: Mapping[str, StateSpace],
@@ -328,27 +328,27 @@ def _laid_beside(
 
 def _residual_tests(model: StateSpace, data: Mapping[str, IOData]) -> dict[str, ResidualTest]:
     """Return the residual tests that exist: an unstable predictor leaves residuals too large for any test."""
-    found = {}
+    tests = {}
     for name in TESTED:
         if name in data:
             with suppress(SysidError):
-                found[name] = sysid.resid(model, data[name], lags=LAGS, level=LEVEL)
-    return found
+                tests[name] = sysid.resid(model, data[name], lags=LAGS, level=LEVEL)
+    return tests
 
 
 def _fits(blocks: Mapping[str, StateSpace], data: Mapping[str, IOData]) -> dict[str, JointFits]:
     """Fits to every record: a block-diagonal model follows each joint as that joint's block does."""
-    found = {}
+    fits = {}
     for name, record in data.items():
         scores = {
             joint: sysid.compare(blocks[joint], IOData(record.u[:, i], record.y[:, i], record.dt))[0]
             for i, joint in enumerate(STUDIED_JOINTS)
         }
-        found[name] = JointFits(
+        fits[name] = JointFits(
             {joint: float(score.simulation[0]) for joint, score in scores.items()},
             {joint: float(score.one_step[0]) for joint, score in scores.items()},
         )
-    return found
+    return fits
 
 
 def _mixed(own: Mapping[str, T], okid: Mapping[str, T]) -> dict[str, T]:
@@ -361,7 +361,7 @@ def _mixed_fits(own: Mapping[str, JointFits], okid: Mapping[str, JointFits]) -> 
     return {name: JointFits(*(_mixed(own[name].of(way), okid[name].of(way)) for way in WAYS)) for name in own}
 
 
-def _there(found: Mapping[str, T], record: str) -> T:
-    if record not in found:
+def _result_of(results: Mapping[str, T], record: str) -> T:
+    if record not in results:
         raise MissingRecordError(f"there is no record of {record}: it failed, or was not played")
-    return found[record]
+    return results[record]

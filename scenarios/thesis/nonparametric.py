@@ -61,22 +61,22 @@ class PeriodSpectra:
         """Power of the disturbance over that of the output."""
         return float(self.disturbance.sum() / self.output.sum())
 
-    def told(self) -> FrequencyResponse:
+    def reliable_response(self) -> FrequencyResponse:
         """Response with its covariance where the gain is known to a fifth.
 
         A line that the waveform does not excite is told too if the noise of the wires does.
         """
-        kept = self.input > np.finfo(float).eps ** 2 * self.input.max(initial=0.0)
+        mask = self.input > np.finfo(float).eps ** 2 * self.input.max(initial=0.0)
         response = np.zeros(len(self.input), dtype=complex)
-        response[kept] = self.cross[kept] / self.input[kept]
+        response[mask] = self.cross[mask] / self.input[mask]
         variance = np.zeros(len(self.input))
         # Of the real part, and of the imaginary part; the disturbance is smooth over half a spacing.
-        variance[kept] = 0.5 * self.disturbance[kept] / (self.periods * self.input[kept])
-        kept &= np.sqrt(2.0 * variance) < TOLD * np.abs(response)
-        covariance = variance[kept, None, None, None, None] * np.eye(2)
+        variance[mask] = 0.5 * self.disturbance[mask] / (self.periods * self.input[mask])
+        mask &= np.sqrt(2.0 * variance) < TOLD * np.abs(response)
+        covariance = variance[mask, None, None, None, None] * np.eye(2)
         return FrequencyResponse(
-            self.frequencies[kept],
-            response[kept, None, None],
+            self.frequencies[mask],
+            response[mask, None, None],
             self.dt,
             "etfe",
             covariance=covariance,
@@ -113,18 +113,21 @@ def period_spectra(data: IOData, period: int = POINTS) -> PeriodSpectra:
     lines = np.arange(1, period // 2)
     near = together * lines[:, None] + np.arange(-(together // 2), together // 2 + 1)
     scale = data.dt / length
-    entered, left = scale * power[near].mean(axis=1), scale * np.mean(np.abs(y) ** 2, axis=0)[near].mean(axis=1)
+    input_power, output_power = (
+        scale * power[near].mean(axis=1),
+        scale * np.mean(np.abs(y) ** 2, axis=0)[near].mean(axis=1),
+    )
     noise = scale * disturbance[near].mean(axis=1)
     same = scale * np.abs(np.mean(u, axis=0)[together * lines]) ** 2 / together
     return PeriodSpectra(
         frequencies=lines / (period * data.dt),
-        input=entered,
-        output=left,
+        input=input_power,
+        output=output_power,
         disturbance=noise,
         cross=scale * cross[near].mean(axis=1),
         periods=count * together,
         degrees_of_freedom=2 * (count - 1) * together,
-        repeating=np.divide(same, entered, out=np.zeros(len(lines)), where=entered > 0.0),
+        repeating=np.divide(same, input_power, out=np.zeros(len(lines)), where=input_power > 0.0),
         dt=data.dt,
     )
 
@@ -248,24 +251,24 @@ def _white(data: IOData) -> IOData:
     return replace(data, u=u, y=y)[WHITENING:]
 
 
-def excited(found: FrequencyResponse) -> np.ndarray:
+def excited_lines(response: FrequencyResponse) -> np.ndarray:
     """Return whether the input has more power than the window leaks from its strongest line (nf,)."""
-    if found.input_spectrum is None:
-        raise MissingRecordError(f"the response by {found.method} has no input spectrum")
-    power = found.input_spectrum[:, 0, 0].real
+    if response.input_spectrum is None:
+        raise MissingRecordError(f"the response by {response.method} has no input spectrum")
+    power = response.input_spectrum[:, 0, 0].real
     return np.asarray(power > SIDE_LOBES * power.max())
 
 
-def half_power(told: FrequencyResponse) -> float | None:
+def half_power(response: FrequencyResponse) -> float | None:
     """Return where the gain on known lines falls below 0.707, interpolated on logarithmic axes.
 
     Args:
-        told: Response on the lines that are known, one input and one output.
+        response: Response on the lines that are known, one input and one output.
 
     Returns:
         Frequency, Hz; None where the lines do not bracket it within an octave.
     """
-    f, gain = told.frequencies, told.magnitude[:, 0, 0]
+    f, gain = response.frequencies, response.magnitude[:, 0, 0]
     below = np.flatnonzero(gain < HALF_POWER)
     if not len(below) or below[0] == 0:
         return None
@@ -282,13 +285,13 @@ def period_of(name: str) -> int:
 
 def _summaries(joint: str, campaign: Campaign) -> dict[str, RecordSummary]:
     """All records that move the joint and repeat: its own tests and those of several joints."""
-    found = {}
+    summaries = {}
     for name in campaign.logs:
         own = name.startswith("siso-")
         if name == RPCM or (own and not name.endswith(f"-{joint}")):
             continue
-        found[name] = summary(campaign.several(name, [joint]), period_of(name))
-    return found
+        summaries[name] = summary(campaign.several(name, [joint]), period_of(name))
+    return summaries
 
 
 def summary(data: IOData, period: int = POINTS) -> RecordSummary:
@@ -302,7 +305,7 @@ def summary(data: IOData, period: int = POINTS) -> RecordSummary:
         The row.
     """
     spectra = period_spectra(data, period)
-    told = spectra.told()
+    response = spectra.reliable_response()
     # Circular over the whole periods: the lag by which the output follows, up to one period.
     whole = len(data) // period * period
     mean_u, mean_y = (x[:whole, 0].reshape(-1, period).mean(axis=0) for x in (data.u, data.y))
@@ -311,8 +314,8 @@ def summary(data: IOData, period: int = POINTS) -> RecordSummary:
     # A tone comes as close again every cycle: the first of those that chance alone tells apart.
     nearest = int(np.argmax(peaks & (correlation > 0.99 * correlation.max())))
     return RecordSummary(
-        told=len(told.frequencies),
-        half_power_hz=half_power(told),
+        told=len(response.frequencies),
+        half_power_hz=half_power(response),
         peak_lag=nearest,
         disturbance_percent=100.0 * spectra.disturbance_share,
     )

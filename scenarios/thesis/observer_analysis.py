@@ -190,7 +190,7 @@ def observers(campaign: Campaign, estimates: Mapping[str, Estimate], number: int
     with warnings.catch_warnings():
         # They stand in the estimates' diagnostics.
         warnings.simplefilter("ignore", SysidWarning)
-        joints = {joint: _joint(campaign, joint, found, number, thorough) for joint, found in estimates.items()}
+        joints = {joint: _joint(campaign, joint, estimate, number, thorough) for joint, estimate in estimates.items()}
         if not thorough:
             return Observers(joints, {}, ())
         records = {joint: _records(campaign.singles(joint), number) for joint in estimates}
@@ -226,9 +226,9 @@ def observer(data: IOData, order: int = ORDER, p: int = P) -> Estimate:
         return sysid.okid(data, order, p=p)
 
 
-def described(found: Estimate, order: int, power: int = 2) -> float:
+def hankel_share(estimate: Estimate, order: int, power: int = 2) -> float:
     """Percent of the Hankel singular values, squared as the thesis takes them, that some states hold."""
-    values = np.asarray(found.diagnostics["hankel_singular_values"], dtype=float) ** power
+    values = np.asarray(estimate.diagnostics["hankel_singular_values"], dtype=float) ** power
     return float(100.0 * values[:order].sum() / values.sum())
 
 
@@ -238,37 +238,41 @@ def live(markov: NDArray[np.float64]) -> int:
     return int(np.flatnonzero(size > LIVE * size.max())[-1]) + 1
 
 
-def _joint(campaign: Campaign, joint: str, found: Estimate, number: int, thorough: bool) -> JointObserver:
+def _joint(campaign: Campaign, joint: str, estimate: Estimate, number: int, thorough: bool) -> JointObserver:
     own = campaign.single(number, joint)
     chirp = campaign.single(CHIRP, joint) if single_joint_test(CHIRP, joint) in campaign.logs else None
-    system = np.asarray(found.diagnostics["system_markov"])
-    parts = [np.asarray(found.diagnostics[f"observer_markov_{name}"]) for name in "uy"]
+    system = np.asarray(estimate.diagnostics["system_markov"])
+    parts = [np.asarray(estimate.diagnostics[f"observer_markov_{name}"]) for name in "uy"]
     return JointObserver(
-        estimate=found,
-        test=sysid.resid(found, own),
+        estimate=estimate,
+        test=sysid.resid(estimate, own),
         true_markov=campaign.truth.joint(joint).model.markov(len(system))[:, 0, 0],
         live=(live(system), live(np.concatenate(parts, axis=2))),
         shares=tuple(_share(own, order) for order in range(1, P + 1)),
         errors=observer_errors(own) if thorough else (),
-        own=sysid.compare({"OKID": found}, own)[0],
-        chirp=None if chirp is None else sysid.compare({"OKID": found}, chirp)[0],
+        own=sysid.compare({"OKID": estimate}, own)[0],
+        chirp=None if chirp is None else sysid.compare({"OKID": estimate}, chirp)[0],
     )
 
 
 def _share(data: IOData, order: int) -> Share:
-    found = observer(data, order)
-    (fit,) = sysid.compare({"OKID": found}, data)
+    estimate = observer(data, order)
+    (fit,) = sysid.compare({"OKID": estimate}, data)
     return Share(
-        order, described(found, order), described(found, order, 1), float(fit.simulation[0]), float(fit.one_step[0])
+        order,
+        hankel_share(estimate, order),
+        hankel_share(estimate, order, 1),
+        float(fit.simulation[0]),
+        float(fit.one_step[0]),
     )
 
 
 def _smoothed(data: IOData, p: int) -> float:
     """Standard deviation of what p samples of input and output on both sides leave of a sample."""
     around = np.lib.stride_tricks.sliding_window_view(np.hstack((data.u, data.y)), 2 * p + 1, axis=0)
-    kept = np.delete(around.reshape(len(around), -1), around.shape[2] + p, axis=1)
+    columns = np.delete(around.reshape(len(around), -1), around.shape[2] + p, axis=1)
     target = data.y[p : len(data) - p, 0]
-    return float(np.std(target - kept @ np.linalg.lstsq(kept, target, rcond=None)[0]))
+    return float(np.std(target - columns @ np.linalg.lstsq(columns, target, rcond=None)[0]))
 
 
 def _records(data: Mapping[int, IOData], number: int) -> tuple[RecordObserver, ...]:
@@ -276,18 +280,18 @@ def _records(data: Mapping[int, IOData], number: int) -> tuple[RecordObserver, .
 
 
 def _record(test: int, record: IOData, prbs: IOData) -> RecordObserver:
-    found = observer(record)
-    own, other = (sysid.compare({"OKID": found}, one)[0] for one in (record, prbs))
+    estimate = observer(record)
+    own, other = (sysid.compare({"OKID": estimate}, one)[0] for one in (record, prbs))
     return RecordObserver(
         test=test,
-        estimate=found,
-        squared=described(found, ORDER),
-        unsquared=described(found, ORDER, 1),
-        bandwidth_hz=float(found.model.bandwidth()[0, 0]),
+        estimate=estimate,
+        squared=hankel_share(estimate, ORDER),
+        unsquared=hankel_share(estimate, ORDER, 1),
+        bandwidth_hz=float(estimate.model.bandwidth()[0, 0]),
         simulation=float(own.simulation[0]),
         one_step=float(own.one_step[0]),
         prbs=float(other.simulation[0]),
-        whiteness_p=float(sysid.resid(found, record).whiteness_p[0]),
+        whiteness_p=float(sysid.resid(estimate, record).whiteness_p[0]),
     )
 
 
@@ -299,26 +303,26 @@ def _several(campaign: Campaign) -> tuple[SeveralObserver, ...]:
             data[name] = campaign.several(name)
         except MissingRecordError:
             continue
-    return tuple(_three(name, data, campaign.truth) for name in data)
+    return tuple(_three_joint_observer(name, data, campaign.truth) for name in data)
 
 
-def _three(name: str, data: Mapping[str, IOData], truth: Truth) -> SeveralObserver:
+def _three_joint_observer(name: str, data: Mapping[str, IOData], truth: Truth) -> SeveralObserver:
     own, states = data[name], ORDER * len(STUDIED_JOINTS)
-    found = observer(own, states)
-    fit = sysid.compare({"OKID": found}, own)[0]
-    others = [sysid.compare({"OKID": found}, record)[0].simulation for key, record in data.items() if key != name]
+    estimate = observer(own, states)
+    fit = sysid.compare({"OKID": estimate}, own)[0]
+    others = [sysid.compare({"OKID": estimate}, record)[0].simulation for key, record in data.items() if key != name]
     # Of the frequencies that the PRBS file holds, those that the arm answers.
     f = np.geomspace(0.5, 10.0, 200)
     columns = [list(truth.model.input_names or ()).index(f"{joint} commanded") for joint in STUDIED_JOINTS]
     true = truth.model.frequency_response(f)[:, columns][:, :, columns]
-    wrong = found.model.frequency_response(f) - true
+    wrong = estimate.model.frequency_response(f) - true
     on = np.eye(len(columns), dtype=bool)
     return SeveralObserver(
         name=name,
-        estimate=found,
-        condition=float(np.asarray(found.diagnostics["condition"])),
-        squared=described(found, states),
-        unsquared=described(found, states, 1),
+        estimate=estimate,
+        condition=float(np.asarray(estimate.diagnostics["condition"])),
+        squared=hankel_share(estimate, states),
+        unsquared=hankel_share(estimate, states, 1),
         own=fit.simulation,
         own_one_step=fit.one_step,
         other=others[0] if others else np.full(len(columns), np.nan),

@@ -159,7 +159,7 @@ def search(method: str, data: IOData, others: Sequence[IOData], thesis: tuple[in
     Raises:
         SysidError: Nothing could be identified.
     """
-    tried: list[Iteration] = []
+    iterations: list[Iteration] = []
     best: list[Iteration] = []
     delays: tuple[int, ...] = DELAYS
     for poles in POLES:
@@ -168,29 +168,29 @@ def search(method: str, data: IOData, others: Sequence[IOData], thesis: tuple[in
             for zeros in range(max(poles - 1 - FEWER_ZEROS, 0), poles)
             for delay in delays
         ]
-        tried += step
+        iterations += step
         best.append(max(step, key=lambda entry: (entry.passes, entry.held_out)))
         if poles >= DELAYS_UP_TO:
-            delays = (max(tried, key=lambda entry: entry.held_out).delay,)
+            delays = (max(iterations, key=lambda entry: entry.held_out).delay,)
         if len(best) > 1 and best[-2].passes and best[-1].held_out < best[-2].held_out + IMPROVES:
-            return Search(method, tuple(tried), best[-2], True, thesis)
+            return Search(method, tuple(iterations), best[-2], True, thesis)
     if best[-1].passes:
-        return Search(method, tuple(tried), best[-1], True, thesis)
-    top = max(entry.held_out for entry in tried)
+        return Search(method, tuple(iterations), best[-1], True, thesis)
+    top = max(entry.held_out for entry in iterations)
     if not np.isfinite(top):
-        raise SysidError(f"no {method} structure could be identified: {tried[0].reason}")
-    near = [entry for entry in tried if entry.held_out >= top - IMPROVES]
-    return Search(method, tuple(tried), min(near, key=lambda entry: entry.poles + entry.zeros), False, thesis)
+        raise SysidError(f"no {method} structure could be identified: {iterations[0].reason}")
+    near = [entry for entry in iterations if entry.held_out >= top - IMPROVES]
+    return Search(method, tuple(iterations), min(near, key=lambda entry: entry.poles + entry.zeros), False, thesis)
 
 
 def _iteration(method: str, poles: int, zeros: int, delay: int, data: IOData, others: Sequence[IOData]) -> Iteration:
     orders = (poles, zeros + 1, poles, delay) if method == "armax" else (zeros + 1, poles, delay)
     try:
-        found, _ = estimate(data, method, orders)
-        test = sysid.resid(found, data)
+        model, _ = estimate(data, method, orders)
+        test = sysid.resid(model, data)
     except SysidError as error:
         return Iteration(orders, poles, zeros, delay, reason=str(error))
-    radius = float(np.abs(found.poles()).max())
+    radius = float(np.abs(model.poles()).max())
     white, independent = bool(test.white[0]), bool(test.independent[0, 0])
     return Iteration(
         orders,
@@ -202,10 +202,10 @@ def _iteration(method: str, poles: int, zeros: int, delay: int, data: IOData, ot
         independence_p=float(test.independence_p[0, 0]),
         outside=int(test.outside_whiteness[0]),
         # What an unstable model simulates grows beyond all numbers.
-        held_out=median(_fit(found, other) for other in others) if radius < 1.0 else -np.inf,
+        held_out=median(_fit(model, other) for other in others) if radius < 1.0 else -np.inf,
         passes=radius < 1.0 and independent and (white or method == "oe"),
     )
 
 
-def _fit(found: sysid.Estimate, other: IOData) -> float:
-    return float(sysid.validation.fit_percent(other.y, sysid.predict(found, other, steps=None))[0])
+def _fit(model: sysid.Estimate, other: IOData) -> float:
+    return float(sysid.validation.fit_percent(other.y, sysid.predict(model, other, steps=None))[0])

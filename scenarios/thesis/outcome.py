@@ -63,7 +63,7 @@ class SeedOutcome:
             "seed": self.seed,
             "duration": self.duration,
             "findings": {
-                key: {"verdict": verdict, "value": {name: _written(x) for name, x in self.numbers[key].items()}}
+                key: {"verdict": verdict, "value": {name: _json_number(x) for name, x in self.numbers[key].items()}}
                 for key, verdict in self.verdicts.items()
             },
             "bandwidth": {
@@ -71,10 +71,10 @@ class SeedOutcome:
                     "true_hz": self.true_hz[joint],
                     "recovered": {
                         method: {
-                            "hz": _written(entry.hz),
-                            "ci95": [_written(end) for end in entry.ci95],
+                            "hz": _json_number(entry.hz),
+                            "ci95": [_json_number(end) for end in entry.ci95],
                             "covers": entry.covers,
-                            "half_power_hz": _written(entry.half_power_hz),
+                            "half_power_hz": _json_number(entry.half_power_hz),
                         }
                         for method, entry in methods.items()
                     },
@@ -149,12 +149,12 @@ def outcome_from(record: Mapping[str, Any]) -> SeedOutcome:
         recovered={
             joint: {
                 method: MethodBandwidth(
-                    float(found["hz"]),
-                    (float(found["ci95"][0]), float(found["ci95"][1])),
-                    found["covers"],
-                    float(found["half_power_hz"]),
+                    float(recovery["hz"]),
+                    (float(recovery["ci95"][0]), float(recovery["ci95"][1])),
+                    recovery["covers"],
+                    float(recovery["half_power_hz"]),
                 )
-                for method, found in entry["recovered"].items()
+                for method, recovery in entry["recovered"].items()
             }
             for joint, entry in record["bandwidth"].items()
         },
@@ -164,5 +164,5 @@ def outcome_from(record: Mapping[str, Any]) -> SeedOutcome:
     )
 
 
-def _written(value: float) -> float | str:
+def _json_number(value: float) -> float | str:
     return value if math.isfinite(value) else str(value)

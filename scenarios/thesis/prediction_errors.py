@@ -67,14 +67,14 @@ def more_poles(data: IOData, nk: int) -> tuple[MorePoles, ...]:
     Returns:
         One record for each of `ORDERS`.
     """
-    found = []
+    models = []
     with warnings.catch_warnings():
         # The edge of stability is what is looked for.
         warnings.simplefilter("ignore", SysidWarning)
         for nb, nf in ORDERS:
             radius = float(np.abs(sysid.oe(data, nb, nf, nk).poles()).max())
-            found.append(MorePoles((nb, nf, nk), radius, *_repeated_least_squares(data, nb, nf, nk)))
-    return tuple(found)
+            models.append(MorePoles((nb, nf, nk), radius, *_repeated_least_squares(data, nb, nf, nk)))
+    return tuple(models)
 
 
 def _repeated_least_squares(data: IOData, nb: int, nf: int, nk: int) -> tuple[float, int, bool]:
@@ -140,14 +140,14 @@ def prediction_errors(
         The analyses.
     """
     test = single_joint_test(own, joint)
-    asked = {entry.method: entry for entry in every_structure(joint)}
+    structures = {entry.method: entry for entry in every_structure(joint)}
     return PredictionErrors(
         data_sets=every_data_set(
-            joint, main, known={(test, method): found for method, found in known.items()}, thorough=thorough
+            joint, main, known={(test, method): model for method, model in known.items()}, thorough=thorough
         ),
         frictionless=every_data_set(joint, smooth),
-        more_poles=more_poles(data[own], asked["oe"].orders[2]) if joint == LARGE else (),
-        searches=search_orders(joint, data, own, {name: asked[name].orders for name in ("armax", "oe")})
+        more_poles=more_poles(data[own], structures["oe"].orders[2]) if joint == LARGE else (),
+        searches=search_orders(joint, data, own, {name: structures[name].orders for name in ("armax", "oe")})
         if thorough
         else None,
     )

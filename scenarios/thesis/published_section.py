@@ -84,14 +84,14 @@ def assumed_values() -> tuple[AssumedValue, ...]:
 def assumed_values_of(findings: Sequence[Finding]) -> dict[str, tuple[AssumedValue, ...]]:
     """Return the assumed values that affect each finding; findings without one are left out."""
     known = assumed_values()
-    found = {entry.key: tuple(part for part in known if entry.key in part.findings) for entry in findings}
-    return {key: parts for key, parts in found.items() if parts}
+    values = {entry.key: tuple(part for part in known if entry.key in part.findings) for entry in findings}
+    return {key: parts for key, parts in values.items() if parts}
 
 
 def _span(values: Iterable[float]) -> str:
     """The value, or the ends of their range from the smallest amount on."""
-    shown = [f"{value:g}".replace("-", "−") for value in sorted(set(values), key=abs)]
-    return shown[0] if len(shown) == 1 else f"{shown[0]} to {shown[-1]}"
+    texts = [f"{value:g}".replace("-", "−") for value in sorted(set(values), key=abs)]
+    return texts[0] if len(texts) == 1 else f"{texts[0]} to {texts[-1]}"
 
 
 SHOWN = (5, 4)
@@ -146,7 +146,7 @@ def published_section(study: Comparison, gallery: Gallery) -> dict[str, object]:
     rows = [printed_row(study, entry, records) for entry in (*PUBLISHED, YAW_ARMAX_BOTH)]
     rows.sort(key=lambda row: (STUDIED_JOINTS.index(row.printed.joint), row.printed.method))
     # Second prints of one model lie on each other; the first is drawn.
-    drawn = [row.printed for row in rows if row.printed not in (YAW_ARMAX_STATE_SPACE, YAW_ARMAX_BOTH)]
+    printed_rows = [row.printed for row in rows if row.printed not in (YAW_ARMAX_STATE_SPACE, YAW_ARMAX_BOTH)]
     return {
         "rows": rows,
         "records": list(records),
@@ -158,7 +158,7 @@ def published_section(study: Comparison, gallery: Gallery) -> dict[str, object]:
                     study.joints[joint].data[number],
                     {
                         printed: sysid.compare(printed.model, study.joints[joint].data[number])[0]
-                        for printed in drawn
+                        for printed in printed_rows
                         if printed.joint == joint
                     },
                     f"{short(joint)}, test {number}",
@@ -200,13 +200,13 @@ def printed_row(study: Comparison, printed: PublishedModel, records: dict[str, I
 
 def several_records(study: Comparison, names: Sequence[str] | None = None) -> dict[str, IOData]:
     """Records of the studied joints together, those that there are: table 2, then the exchange."""
-    found: dict[str, IOData] = {}
+    records: dict[str, IOData] = {}
     for name in names or (*tests("table2"), RPCM):
         try:
-            found[name] = study.campaign.several(name)
+            records[name] = study.campaign.several(name)
         except MissingRecordError:
             continue
-    return found
+    return records
 
 
 def _fit(printed: PublishedModel, data: IOData) -> PrintedFit:

@@ -15,7 +15,7 @@ Records = tuple[Iterable[int], Iterable[str]]
 """Numbers of single-joint tests, and names of records of several joints."""
 
 
-def followed(study: Comparison, kind: Kind, joint: str, records: Records, way: Way) -> dict[str, float]:
+def fits_to_records(study: Comparison, kind: Kind, joint: str, records: Records, way: Way) -> dict[str, float]:
     """Fits of a model's joint to single-joint tests and records of several joints, all of them.
 
     Args:
@@ -32,15 +32,15 @@ def followed(study: Comparison, kind: Kind, joint: str, records: Records, way: W
         MissingRecordError: One of the records is missing: fits to others would be an answer to another question.
     """
     single, several = _single(study, kind, joint), study.multivariable.model(kind)
-    found = {}
+    fits = {}
     for number in records[0]:
         if number not in single.fits:
             name = single_joint_test(number, joint)
             study.campaign.log(name)
             raise MissingRecordError(f"the models of {joint} were not laid beside {name}")
         fit = single.fits[number]
-        found[f"siso-{number}"] = fit.simulation if way == "simulation" else fit.one_step
-    return found | {name: several.fit(name).of(way)[joint] for name in records[1]}
+        fits[f"siso-{number}"] = fit.simulation if way == "simulation" else fit.one_step
+    return fits | {name: several.fit(name).of(way)[joint] for name in records[1]}
 
 
 def held_out_records(study: Comparison, joint: str) -> Records:
@@ -67,7 +67,7 @@ def held_out_fit(study: Comparison, kind: Kind, joint: str, way: Way) -> float:
     Raises:
         MissingRecordError: No such record is left.
     """
-    fits = followed(study, kind, joint, held_out_records(study, joint), way)
+    fits = fits_to_records(study, kind, joint, held_out_records(study, joint), way)
     if not fits:
         raise MissingRecordError(f"no record of {joint} is left that the models were not identified from")
     return median(fits.values())
@@ -96,8 +96,8 @@ def within_reach(study: Comparison, records: Iterable[str]) -> str:
     differ = max(abs(b - a) for a, b in zip(own, okid, strict=True))
     where = f"On {names[0]}" if len(names) == 1 else "In the median of the records of several joints"
     return (
-        f"{where} the linear truth itself follows {_listed(alone)} % (yaw, shoulder pitch, elbow pitch) without its "
-        f"coupling and {_listed(whole)} % with it: coupling, which neither model has, costs up to {max(lost):.1f} "
+        f"{where} the linear truth itself follows {_list_text(alone)} % (yaw, shoulder pitch, elbow pitch) without its "
+        f"coupling and {_list_text(whole)} % with it: coupling, which neither model has, costs up to {max(lost):.1f} "
         f"points, "
         f"while the two models differ by up to {differ:.1f} in simulation"
     )
@@ -116,27 +116,27 @@ def shortfall(study: Comparison, joint: str, record: str, fit: float) -> str:
         record: `siso-1` to `siso-8`, or a record of several joints.
         fit: The model's fit, percent.
     """
-    shares = shares_missing(study, joint, record, fit)
-    listed = ", ".join(f"{what} {_listed((points,))}" for what, points in shares.items())
+    shares = missing_fit_shares(study, joint, record, fit)
+    listed = ", ".join(f"{what} {_list_text((points,))}" for what, points in shares.items())
     return f"{listed}, most of it {max(shares, key=lambda what: shares[what])}"
 
 
-def shares_missing(study: Comparison, joint: str, record: str, fit: float) -> dict[str, float]:
+def missing_fit_shares(study: Comparison, joint: str, record: str, fit: float) -> dict[str, float]:
     """The shares that `shortfall` tells, percentage points; they add up to 100 less the fit."""
     name = f"{record}-{joint}" if record.startswith("siso") else record
-    found = {entry.name: entry.fits for entry in study.multivariable.references}
-    if name not in found[DIAGONAL]:
+    fits = {entry.name: entry.fits for entry in study.multivariable.references}
+    if name not in fits[DIAGONAL]:
         truth = study.multivariable.truth
-        found = {entry.name: entry.fits for entry in reference_fits(study.campaign, (name,), truth)}
-    steps = [fit, *(found[kind][name][joint] for kind in (DIAGONAL, COUPLED, NOISELESS)), 100.0]
+        fits = {entry.name: entry.fits for entry in reference_fits(study.campaign, (name,), truth)}
+    steps = [fit, *(fits[kind][name][joint] for kind in (DIAGONAL, COUPLED, NOISELESS)), 100.0]
     names = ("the model's own error", "coupling", "all that is not linear", "the noise of reading")
     return {what: high - low for what, low, high in zip(names, steps, steps[1:], strict=False)}
 
 
 def ties(differences: Mapping[str, float]) -> str:
     """In words: which differences of fits are ties; nothing where none is."""
-    found = [name for name, value in differences.items() if tied(value)]
-    return f"tied: {'; '.join(name.replace('_', ' ') for name in found)}" if found else "nothing is tied"
+    joints = [name for name, value in differences.items() if tied(value)]
+    return f"tied: {'; '.join(name.replace('_', ' ') for name in joints)}" if joints else "nothing is tied"
 
 
 def _single(study: Comparison, kind: Kind, joint: str) -> ModelResult:
@@ -144,5 +144,5 @@ def _single(study: Comparison, kind: Kind, joint: str) -> ModelResult:
     return entry.models["okid"] if kind == "OKID" else entry.chosen
 
 
-def _listed(values: Iterable[float]) -> str:
+def _list_text(values: Iterable[float]) -> str:
     return "/".join(f"{round(value, 1) + 0.0:.1f}".replace("-", "−") for value in values)

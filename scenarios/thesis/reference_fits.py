@@ -50,9 +50,10 @@ def reference_fits(campaign: Campaign, records: Sequence[str], truth: StateSpace
         MissingRecordError: One of the records is missing.
     """
     pulses = impulse_response(truth)
-    found = {name: _followed(campaign, name, pulses) for name in records}
+    responses = {name: _fits_of_record(campaign, name, pulses) for name in records}
     return tuple(
-        Reference(kind, {name: fits[kind] for name, fits in found.items()}) for kind in (DIAGONAL, COUPLED, NOISELESS)
+        Reference(kind, {name: fits[kind] for name, fits in responses.items()})
+        for kind in (DIAGONAL, COUPLED, NOISELESS)
     )
 
 
@@ -75,7 +76,7 @@ def impulse_response(truth: StateSpace) -> np.ndarray:
     return np.stack(columns, axis=2)
 
 
-def _followed(campaign: Campaign, name: str, pulses: np.ndarray) -> dict[str, dict[str, float]]:
+def _fits_of_record(campaign: Campaign, name: str, pulses: np.ndarray) -> dict[str, dict[str, float]]:
     """Simulated from the start of the log, where the arm stands: no initial state is to be guessed."""
     log, data = campaign.log(name), campaign.several(name)
     whole = log.iodata(STUDIED_JOINTS)
@@ -95,6 +96,6 @@ def _noiseless(log: JointLog, y: np.ndarray) -> dict[str, float]:
     return {joint: max(fits[joint] for fits in late) for joint in STUDIED_JOINTS}
 
 
-def _fits(y: np.ndarray, found: np.ndarray) -> dict[str, float]:
-    fits = sysid.validation.fit_percent(y, found - found.mean(axis=0))
+def _fits(y: np.ndarray, response: np.ndarray) -> dict[str, float]:
+    fits = sysid.validation.fit_percent(y, response - response.mean(axis=0))
     return dict(zip(STUDIED_JOINTS, map(float, fits), strict=True))

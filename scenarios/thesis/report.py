@@ -27,14 +27,14 @@ from scenarios.thesis.chapter_5 import chapter_5
 from scenarios.thesis.chapter_6 import chapter_6
 from scenarios.thesis.comparison import Comparison
 from scenarios.thesis.fairness_section import fairness_section
-from scenarios.thesis.figure_map import mapped
+from scenarios.thesis.figure_map import map_figures
 from scenarios.thesis.figures_overview import arm_picture, bandwidths, exchange, true_responses
 from scenarios.thesis.finding import Finding
 from scenarios.thesis.frequencies import ORDER, chance, frequency_text
 from scenarios.thesis.published_section import assumed_values, assumed_values_of, published_section
 from scenarios.thesis.results import answers, departures, friction_in_words, headline
 from scenarios.thesis.robustness_section import robustness
-from scenarios.thesis.tally import Tally, limits, parts, plain, root
+from scenarios.thesis.tally import Tally, limits, parts, root, value_text
 from sysid.models.bandwidth import half_power_hz
 
 
@@ -94,8 +94,8 @@ def shortcomings(study: Comparison, findings: Sequence[Finding], tally: Tally | 
         The lists.
     """
 
-    def with_verdict(wanted: str) -> tuple[Finding, ...]:
-        return tuple(entry for entry in findings if entry.verdict == wanted)
+    def with_verdict(verdict: str) -> tuple[Finding, ...]:
+        return tuple(entry for entry in findings if entry.verdict == verdict)
 
     misses = []
     for name, entry in study.joints.items():
@@ -111,7 +111,7 @@ def shortcomings(study: Comparison, findings: Sequence[Finding], tally: Tally | 
         refuted=with_verdict("not reproduced"),
         partly=with_verdict("partly"),
         open=with_verdict("cannot be told"),
-        turned=() if tally is None else tuple(_turned(findings, tally)),
+        turned=() if tally is None else tuple(_changed_verdicts(findings, tally)),
         misses=tuple(sorted(misses, key=lambda miss: -abs(miss.away))),
         intervals=len(models),
         far=tuple((name, m.label, m.bandwidth_hz) for name, m in models if not near_1_hz(m.bandwidth_hz)),
@@ -120,10 +120,10 @@ def shortcomings(study: Comparison, findings: Sequence[Finding], tally: Tally | 
     )
 
 
-def _turned(findings: Sequence[Finding], tally: Tally) -> Iterator[tuple[Finding, str]]:
+def _changed_verdicts(findings: Sequence[Finding], tally: Tally) -> Iterator[tuple[Finding, str]]:
     for entry in findings:
-        found = tally.frequency(entry.key)
-        if found.counts and found.against(entry.verdict):
+        frequency = tally.frequency(entry.key)
+        if frequency.counts and frequency.against(entry.verdict):
             yield entry, frequency_text(entry, tally)
 
 
@@ -148,20 +148,20 @@ def context(study: Comparison, findings: Sequence[Finding], gallery: Gallery, ta
         study: The study.
         findings: Its findings, decided.
         gallery: Takes the figures.
-        tally: What many seeds concluded, if anything is to be said of chance.
+        tally: What many seeds draw_conclusions, if anything is to be said of chance.
 
     Returns:
         By name.
     """
     arm, no_arm = arm_picture()
     moments, outcome = exchange(study)
-    drawn = {name: section(study, gallery) for name, section in SECTIONS}
-    counterparts = mapped(gallery.counterparts())
+    sections = {name: section(study, gallery) for name, section in SECTIONS}
+    counterparts = map_figures(gallery.counterparts())
     expected = [number for entry in counterparts if not entry.kind.instead for number in entry.kind.numbers]
     parameters = _parameters()
     counts = Counter(entry.verdict for entry in findings)
     return {
-        **drawn,
+        **sections,
         "study": study,
         "findings": findings,
         "verdicts": [(name, counts[name]) for name in ORDER if counts[name]],
@@ -173,7 +173,7 @@ def context(study: Comparison, findings: Sequence[Finding], gallery: Gallery, ta
         "lowest": EXCITED_FROM,
         "points": POINTS,
         "settling": SETTLING,
-        "reproduce": _reproduce(study),
+        "reproduce": _reproduction_commands(study),
         "departures": departures(study),
         "coverage": tuple(zip(CONDITIONS, COVERAGE, strict=True)),
         "friction": friction_in_words(study),
@@ -226,7 +226,7 @@ def _extent(study: Comparison) -> dict[str, float]:
     }
 
 
-def _reproduce(study: Comparison) -> dict[str, str]:
+def _reproduction_commands(study: Comparison) -> dict[str, str]:
     """Commands that give the report, and one row of the table of bandwidths, again."""
     structure = STRUCTURES["shoulder_yaw"][0]
     name = f"siso-{study.estimation_test}-shoulder_yaw"
@@ -247,7 +247,7 @@ def _parameters() -> list[dict[str, str]]:
         {
             "owner": line.owner.replace("_", " "),
             "parameter": line.parameter.replace("_", " "),
-            "value": plain(line.value),
+            "value": value_text(line.value),
             "unit": line.unit,
             "tag": line.tag,
             "source": line.source,
@@ -272,7 +272,7 @@ def write_report(
         study: The study.
         findings: The decided findings.
         path: The HTML file.
-        tally: What many seeds concluded; without it the report says nothing of chance.
+        tally: What many seeds draw_conclusions; without it the report says nothing of chance.
         figures: Folder for every figure as SVG and PNG too, which must exist; none are written if None.
         drawn: Called with the number of figures drawn after each.
 
@@ -287,20 +287,20 @@ def write_report(
         raise ScenarioError(f"cannot write the report {str(path)!r}: there is no folder {str(path.parent)!r}")
     begin = perf_counter()
     with matplotlib.rc_context(SETTINGS):
-        shown = context(study, findings, Gallery(figures, drawn), tally)
-    shown["study"] = replace(study, cost=study.cost.later(perf_counter() - begin, report=True))
+        values = context(study, findings, Gallery(figures, drawn), tally)
+    values["study"] = replace(study, cost=study.cost.later(perf_counter() - begin, report=True))
     try:
-        write_whole(path, html(shown))
+        write_whole(path, html(values))
     except OSError as error:
         raise ScenarioError(f"cannot write the report {str(path)!r}: {error.strerror}") from error
     return path
 
 
-def html(shown: Mapping[str, object]) -> str:
+def html(values: Mapping[str, object]) -> str:
     """The page as text.
 
     Args:
-        shown: Variables of the templates, see `context`.
+        values: Variables of the templates, see `context`.
     """
     page = Page(
         {
@@ -314,6 +314,6 @@ def html(shown: Mapping[str, object]) -> str:
         }
     )
     # On paper the answer comes first and then the contents, which are known once all sections are rendered.
-    answer = page.render("answer.html.j2", shown)
-    body = page.render("body.html.j2", shown)
-    return page.render("report.html.j2", {**shown, "answer": answer, "body": body})
+    answer = page.render("answer.html.j2", values)
+    body = page.render("body.html.j2", values)
+    return page.render("report.html.j2", {**values, "answer": answer, "body": body})

@@ -24,7 +24,7 @@ def multivariable_record(study: Comparison) -> dict[str, object]:
     Returns:
         `three_joint_models`, `references` (what the truth itself follows), `full_models` and `categories` by name.
     """
-    found = study.multivariable
+    models = study.multivariable
     return {
         "three_joint_models": {
             entry.name: {
@@ -34,10 +34,10 @@ def multivariable_record(study: Comparison) -> dict[str, object]:
                 "relative_error_diagonal": entry.diagonal_error,
                 "fits": {name: {way: dict(fits.of(way)) for way in WAYS} for name, fits in entry.fits.items()},
             }
-            for entry in found.models
+            for entry in models.models
         },
         "references": {
-            entry.name: {name: dict(fits) for name, fits in entry.fits.items()} for entry in found.references
+            entry.name: {name: dict(fits) for name, fits in entry.fits.items()} for entry in models.references
         },
         "full_models": [
             {
@@ -48,7 +48,7 @@ def multivariable_record(study: Comparison) -> dict[str, object]:
                 "relative_error_diagonal": entry.diagonal_error,
                 "off_diagonal": entry.coupling,
             }
-            for entry in found.full
+            for entry in models.full
         ],
         "categories": {
             entry.name: {
@@ -73,7 +73,7 @@ def results(
         study: The study.
         findings: The decided findings.
         report: Where the report was written.
-        tally: What many seeds concluded.
+        tally: What many seeds draw_conclusions.
 
     Returns:
         Plain mappings, numbers and texts.
@@ -169,7 +169,7 @@ def results(
     }
 
 
-def stands(study: Comparison) -> bool:
+def finding_stands(study: Comparison) -> bool:
     """Whether every recovered bandwidth is about 1 Hz."""
     return all(near_1_hz(model.bandwidth_hz) for entry in study.joints.values() for model in entry.models.values())
 
@@ -179,7 +179,7 @@ def departures(study: Comparison) -> dict[str, float]:
 
     Conditions of which nothing is known on any joint are left out.
     """
-    found: dict[str, float] = {}
+    values: dict[str, float] = {}
     for condition in CONDITIONS:
         parts = {name: entry.find(condition) for name, entry in study.attribution.items()}
         away = [
@@ -188,8 +188,8 @@ def departures(study: Comparison) -> dict[str, float]:
             if part is not None
         ]
         if away:
-            found[condition] = max(away)
-    return found
+            values[condition] = max(away)
+    return values
 
 
 def friction_effect(study: Comparison) -> tuple[float, float] | None:
@@ -231,11 +231,11 @@ def headline(study: Comparison) -> str:
     if study.duration is not None:
         return f"Records of {study.duration:g} s: a look, not a result"
     near = sum(near_1_hz(model.bandwidth_hz) for model in models)
-    held = sum(model.covers for model in models)
+    covered = sum(model.covers for model in models)
     low, high = ABOUT_1_HZ
     return (
         f"Near 1 Hz ({low:g} to {high:g} Hz): {near} of {len(models)} models. "
-        f"Interval holds the truth: {held} of {len(models)}"
+        f"Interval holds the truth: {covered} of {len(models)}"
     )
 
 
@@ -259,8 +259,8 @@ def answers(study: Comparison) -> tuple[str, ...]:
     orders = [part for effects in study.orders.values() for part in effects]
     first = (
         f"about 1 Hz, read as {low:g} to {high:g} Hz: "
-        + ("the finding stands on the twin" if stands(study) else "the finding does not stand for every method")
-        + f". The true bandwidths are {_listed(entry.truth.bandwidth_hz for entry in entries)} Hz (yaw, shoulder "
+        + ("the finding stands on the twin" if finding_stands(study) else "the finding does not stand for every method")
+        + f". The true bandwidths are {_list_text(entry.truth.bandwidth_hz for entry in entries)} Hz (yaw, shoulder "
         f"pitch, elbow pitch); the thesis' structures recover {_range(model.bandwidth_hz for model in own)} Hz and "
         f"output-error models of higher order {_range(model.bandwidth_hz for model in rich)} Hz. Of "
         f"{len(orders)} output-error orders laid beside them {sum(near_1_hz(part.bandwidth_hz) for part in orders)} "
@@ -282,10 +282,10 @@ def answers(study: Comparison) -> tuple[str, ...]:
     return f"First, {first}", f"Second, {second}", f"Third, {third}"
 
 
-def _listed(values: Iterable[float]) -> str:
+def _list_text(values: Iterable[float]) -> str:
     return ", ".join(f"{value:.2f}" for value in values)
 
 
 def _range(values: Iterable[float]) -> str:
-    shown = list(values)
-    return f"{min(shown):.2f} to {max(shown):.2f}"
+    numbers = list(values)
+    return f"{min(numbers):.2f} to {max(numbers):.2f}"

@@ -104,7 +104,7 @@ class _Trial:
     seed: int
 
     def outcomes(self, disturbance: Disturbance, structures: Sequence[Structure]) -> list[RobustnessOutcome]:
-        found = []
+        outcomes = []
         clean = self.data if disturbance.whole else self.data[:PART].detrend()
         for treatment in disturbance.treatments:
             for degree in disturbance.degrees:
@@ -117,15 +117,15 @@ class _Trial:
                         if not structure.chosen and (draw or treatment != AS_IT_IS[0]):
                             continue
                         place = (disturbance.key, treatment, degree, draw)
-                        found.append(self._outcome(structure, spoilt, *place))
-        return found
+                        outcomes.append(self._outcome(structure, spoilt, *place))
+        return outcomes
 
     def _draws(self, disturbance: Disturbance, degree: float) -> int:
         """No draw of parts longer than the record, and one of the record as a whole."""
         if disturbance.key != "length":
             return disturbance.draws
-        asked, whole = round(degree / self.data.dt), len(self.data)
-        return disturbance.draws if asked < whole else int(asked == whole)
+        length, whole = round(degree / self.data.dt), len(self.data)
+        return disturbance.draws if length < whole else int(length == whole)
 
     def _chance(self, disturbance: Disturbance, degree: float, draw: int) -> np.random.Generator:
         """The same for every structure and treatment, whatever else is tried."""
@@ -143,19 +143,19 @@ class _Trial:
         failure: Failure = ""
         covers = False
         try:
-            found, _ = estimate(spoilt, structure.estimator, structure.orders)
+            model, _ = estimate(spoilt, structure.estimator, structure.orders)
         except SysidError:
             failure = "refused"
         else:
-            band = found.bandwidth()
-            if not found.model.is_stable():
+            band = model.bandwidth()
+            if not model.model.is_stable():
                 failure = "unstable"
             elif np.isnan(band.hz[0, 0]):
                 failure = "no bandwidth"
             else:
                 hz, covers = float(band.hz[0, 0]), bool(band.covers(self.truth.bandwidth_hz)[0, 0])
-            slowest = float(np.abs(found.poles()).max(initial=0.0))
-            fit, level = simulated_fit(found, self.judges), half_power_hz(found.model)
+            slowest = float(np.abs(model.poles()).max(initial=0.0))
+            fit, level = simulated_fit(model, self.judges), half_power_hz(model.model)
         return RobustnessOutcome(
             joint=self.truth.name,
             method=structure.method,

@@ -86,12 +86,12 @@ def orders_needed(joint: str, campaign: Campaign, data: IOData, judges: Sequence
         WITH_MEANS: settled(campaign.log(data.name), joint)[:PART],
         CONSTANT: biased(part, BIAS, np.random.default_rng(0)),
     }
-    found = []
+    orders = []
     for method in METHODS:
         for name, record in records.items():
             fits = {n: _fit(method, record, n, nk, judges) for n in ORDERS[method]}
-            found.append(OrderNeeded(joint, method, name, fits, needed(fits)))
-    return tuple(found)
+            orders.append(OrderNeeded(joint, method, name, fits, needed(fits)))
+    return tuple(orders)
 
 
 def needed(fits: Mapping[int, float]) -> int:
@@ -104,20 +104,20 @@ def _fit(method: str, record: IOData, n: int, nk: int, judges: Sequence[IOData])
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", SysidWarning)
         try:
-            found = METHODS[method](record, n, nk)
+            model = METHODS[method](record, n, nk)
         except SysidError:
             return float("-inf")
-        return simulated_fit(found, judges) if found.model.is_stable() else float("-inf")
+        return simulated_fit(model, judges) if model.model.is_stable() else float("-inf")
 
 
-def simulated_fit(found: Estimate, judges: Sequence[IOData]) -> float:
+def simulated_fit(model: Estimate, judges: Sequence[IOData]) -> float:
     """Median fit in simulation of one output, percent; minus infinity where the model grows beyond all numbers."""
-    return median(_simulated(found, judge) for judge in judges)
+    return median(_simulated(model, judge) for judge in judges)
 
 
-def _simulated(found: Estimate, judge: IOData) -> float:
+def _simulated(model: Estimate, judge: IOData) -> float:
     with np.errstate(all="ignore"):
-        simulated = np.nan_to_num(predict(found, judge, steps=None), nan=np.inf, posinf=np.inf, neginf=-np.inf)
+        simulated = np.nan_to_num(predict(model, judge, steps=None), nan=np.inf, posinf=np.inf, neginf=-np.inf)
     return float(fit_percent(judge.y, simulated)[0])
 
 
@@ -202,7 +202,7 @@ class Robustness:
         self, disturbance: str, joint: str, method: str, treatment: str = AS_IT_IS[0]
     ) -> dict[float, tuple[RobustnessOutcome, ...]]:
         """Draws by degree, of one disturbance, joint, method and treatment."""
-        found: dict[float, tuple[RobustnessOutcome, ...]] = {}
+        draws: dict[float, tuple[RobustnessOutcome, ...]] = {}
         for entry in self.outcomes:
             if (entry.disturbance, entry.joint, entry.method, entry.treatment) == (
                 disturbance,
@@ -210,8 +210,8 @@ class Robustness:
                 method,
                 treatment,
             ):
-                found[entry.degree] = (*found.get(entry.degree, ()), entry)
-        return found
+                draws[entry.degree] = (*draws.get(entry.degree, ()), entry)
+        return draws
 
     def curve(self, disturbance: str, joint: str, method: str, treatment: str = AS_IT_IS[0]) -> tuple[Summary, ...]:
         """Medians and spreads by degree; see `of`."""
@@ -269,9 +269,9 @@ class Tolerance:
     everything: bool
 
 
-def clean(found: Robustness, joint: str, method: str) -> RobustnessOutcome:
+def clean(robustness: Robustness, joint: str, method: str) -> RobustnessOutcome:
     """The model from the record as it is."""
-    return found.of("bias", joint, method)[0.0][0]
+    return robustness.of("bias", joint, method)[0.0][0]
 
 
 def shift(entry: RobustnessOutcome, reference: RobustnessOutcome) -> float:
@@ -291,12 +291,12 @@ def comparable(entries: tuple[RobustnessOutcome, ...], reference: RobustnessOutc
 
 
 def tolerance(
-    found: Robustness, disturbance: str, joint: str, method: str, treatment: str = AS_IT_IS[0]
+    robustness: Robustness, disturbance: str, joint: str, method: str, treatment: str = AS_IT_IS[0]
 ) -> Tolerance | None:
     """Find how much is tolerated.
 
     Args:
-        found: The experiment.
+        robustness: The experiment.
         disturbance: Key of the disturbance.
         joint: The joint.
         method: The method.
@@ -306,13 +306,13 @@ def tolerance(
         The tolerance; None where it was not tried.
     """
     kind = DISTURBANCES[disturbance]
-    draws = found.of(disturbance, joint, method, treatment)
-    tried = sorted((d for d in draws if d or kind.decibel), reverse=kind.falling)
-    if not tried:
+    draws = robustness.of(disturbance, joint, method, treatment)
+    levels = sorted((d for d in draws if d or kind.decibel), reverse=kind.falling)
+    if not levels:
         return None
-    reference = clean(found, joint, method)
+    reference = clean(robustness, joint, method)
     last = None
-    for degree in tried:
+    for degree in levels:
         if not comparable(draws[degree], reference):
             return Tolerance(last, False)
         last = degree

@@ -56,29 +56,29 @@ ERROR = "bandwidth over truth − 1 / %"
 REST = "100 − fit in simulation / %"
 
 
-def errors_and_detrending(found: Robustness) -> Figure:
+def errors_and_detrending(robustness: Robustness) -> Figure:
     """Draw the effect of constants and trends on the bandwidth, with and without detrending."""
-    return _grid(found, CROSSED, _chosen, tuple(LINES), _error, ERROR)
+    return _grid(robustness, CROSSED, _chosen, tuple(LINES), _error, ERROR)
 
 
-def fits_and_detrending(found: Robustness) -> Figure:
+def fits_and_detrending(robustness: Robustness) -> Figure:
     """Draw their effect on the fit in simulation to a clean record of another test."""
-    return _grid(found, CROSSED, _chosen, tuple(LINES), _rest, REST)
+    return _grid(robustness, CROSSED, _chosen, tuple(LINES), _fit_error, REST)
 
 
-def errors(found: Robustness) -> Figure:
+def errors(robustness: Robustness) -> Figure:
     """Draw the effect of every other disturbance on the bandwidth."""
-    return _grid(found, ALONE, _chosen, AS_IT_IS, _error, ERROR)
+    return _grid(robustness, ALONE, _chosen, AS_IT_IS, _error, ERROR)
 
 
-def fits(found: Robustness) -> Figure:
+def fits(robustness: Robustness) -> Figure:
     """Draw its effect on the fit."""
-    return _grid(found, ALONE, _chosen, AS_IT_IS, _rest, REST)
+    return _grid(robustness, ALONE, _chosen, AS_IT_IS, _fit_error, REST)
 
 
-def fits_of_structures(found: Robustness) -> Figure:
+def fits_of_structures(robustness: Robustness) -> Figure:
     """Fits of the structures that the thesis did not choose, beside those that it chose."""
-    return _grid(found, COMPARED, _all, AS_IT_IS, _rest, REST)
+    return _grid(robustness, COMPARED, _all, AS_IT_IS, _fit_error, REST)
 
 
 def _chosen(joint: str) -> dict[str, tuple[str, Style]]:
@@ -93,30 +93,32 @@ def _error(point: Summary) -> tuple[float, float, float]:
     return point.error
 
 
-def _rest(point: Summary) -> tuple[float, float, float]:
+def _fit_error(point: Summary) -> tuple[float, float, float]:
     middle, low, high = point.fit
     return 100 - middle, 100 - high, 100 - low
 
 
 def _grid(
-    found: Robustness,
+    robustness: Robustness,
     kinds: Sequence[str],
     looks: Callable[[str], dict[str, tuple[str, Style]]],
     treatments: Sequence[str],
     measure: Measure,
     label: str,
 ) -> Figure:
-    joints = list(found.judged_by)
+    joints = list(robustness.judged_by)
     figure = Figure(figsize=(WIDTH, 0.9 + 1.28 * len(kinds)), layout="constrained")
     panels = figure.subplots(len(kinds), len(joints), sharey=True, squeeze=False)
     for row, kind in zip(panels, kinds, strict=True):
         for axes, joint in zip(row, joints, strict=True):
             for method, style in looks(joint).values():
-                _clean(axes, found, joint, method, style, measure)
+                _clean(axes, robustness, joint, method, style, measure)
                 for treatment in treatments:
                     line = LINES[treatment] if len(treatments) > 1 else "-"
                     points = [
-                        p for p in found.curve(kind, joint, method, treatment) if p.degree or DISTURBANCES[kind].decibel
+                        p
+                        for p in robustness.curve(kind, joint, method, treatment)
+                        if p.degree or DISTURBANCES[kind].decibel
                     ]
                     _curve(axes, points, style, line, measure)
             _axes(axes, kind, measure)
@@ -133,9 +135,9 @@ def _grid(
     return figure
 
 
-def _clean(axes: Axes, found: Robustness, joint: str, method: str, style: Style, measure: Measure) -> None:
+def _clean(axes: Axes, robustness: Robustness, joint: str, method: str, style: Style, measure: Measure) -> None:
     """The record as it is, as a thin line across."""
-    clean = [p for p in found.curve("bias", joint, method) if p.degree == 0.0]
+    clean = [p for p in robustness.curve("bias", joint, method) if p.degree == 0.0]
     if clean:
         axes.axhline(measure(clean[0])[0], color=style.colour, lw=0.6, ls=(0, (1, 2)))
 
@@ -170,16 +172,16 @@ def _curve(axes: Axes, points: Sequence[Summary], style: Style, line: str, measu
 
 def _axes(axes: Axes, kind: str, measure: Measure) -> None:
     disturbance = DISTURBANCES[kind]
-    shown = [degree for degree in disturbance.degrees if degree or disturbance.decibel]
+    levels = [degree for degree in disturbance.degrees if degree or disturbance.decibel]
     if disturbance.decibel:
-        reach = 0.05 * (max(shown) - min(shown))
-        axes.set_xlim(min(shown) - reach, max(shown) + reach)
+        reach = 0.05 * (max(levels) - min(levels))
+        axes.set_xlim(min(levels) - reach, max(levels) + reach)
     else:
         # Of a short record not every degree is there: the axis is that of the disturbance, not of what was found.
-        reach = (max(shown) / min(shown)) ** 0.05
-        axes.set_xlim(min(shown) / reach, max(shown) * reach)
+        reach = (max(levels) / min(levels)) ** 0.05
+        axes.set_xlim(min(levels) / reach, max(levels) * reach)
         axes.set_xscale("log")
-    axes.set_xticks(shown, [f"{degree:g}" for degree in shown])
+    axes.set_xticks(levels, [f"{degree:g}" for degree in levels])
     axes.minorticks_off()
     if disturbance.falling:
         axes.invert_xaxis()
@@ -226,55 +228,55 @@ def robustness(study: Comparison, gallery: Gallery) -> dict[str, object]:
     Returns:
         What the template shows.
     """
-    found = study.robustness
-    shown: dict[str, object] = {
-        "joints": tuple(found.judged_by),
-        "judged_by": sorted({number for numbers in found.judged_by.values() for number in numbers}),
+    results = study.robustness
+    section: dict[str, object] = {
+        "joints": tuple(results.judged_by),
+        "judged_by": sorted({number for numbers in results.judged_by.values() for number in numbers}),
         "seconds": PART / SAMPLE_RATE,
         "comparable": COMPARABLE,
         "order_margin": ORDER_MARGIN,
         "tolerances": _tolerances(study),
-        "orders": found.orders,
-        "statements": statements(study) if found.judged_by else (),
+        "orders": results.orders,
+        "statements": statements(study) if results.judged_by else (),
         "coverage": _coverage(study),
         "figures": (),
         "thorough": _thorough(study),
     }
-    if not shown["thorough"]:
-        return shown
-    shown["figures"] = (
+    if not section["thorough"]:
+        return section
+    section["figures"] = (
         gallery.add(
-            draw.errors_and_detrending(found),
+            draw.errors_and_detrending(results),
             "Constants and trends left in the output, and taken out again: error of the bandwidth. Full lines: nothing "
             "removed; dashed: mean removed; dotted: straight line removed. " + READING + FAILED,
             name="robustness-trends-bandwidth",
         ),
         gallery.add(
-            draw.fits_and_detrending(found),
+            draw.fits_and_detrending(results),
             "The same records: what the models leave unexplained in simulation of clean records of other waveforms. "
             + READING,
             name="robustness-trends-fit",
         ),
         gallery.add(
-            draw.errors(found),
+            draw.errors(results),
             "Outliers, lost samples, length of the record and added noise: error of the bandwidth. " + READING + FAILED,
             name="robustness-bandwidth",
         ),
         gallery.add(
-            draw.fits(found),
+            draw.fits(results),
             "The same records: what the models leave unexplained in simulation of clean records of other waveforms. "
             + READING,
             name="robustness-fit",
         ),
         gallery.add(
-            draw.fits_of_structures(found),
+            draw.fits_of_structures(results),
             "Other structures beside the thesis' own: fits in simulation of clean records of other tests. ARX, like "
             "OKID, has the spoilt output among its regressors; OE has none of it. What the thesis did not choose "
             "is tried on one draw.",
             name="robustness-structures",
         ),
     )
-    return shown
+    return section
 
 
 def _thorough(study: Comparison) -> bool:
@@ -283,25 +285,27 @@ def _thorough(study: Comparison) -> bool:
 
 def _tolerances(study: Comparison) -> list[tuple[str, str, list[tuple[str, str]]]]:
     """By disturbance and treatment: unit, and for each joint what SysID and OKID tolerate, in words."""
-    found, rows = study.robustness, []
-    tried = {(entry.disturbance, entry.treatment) for entry in found.outcomes}
+    results, rows = study.robustness, []
+    treatments = {(entry.disturbance, entry.treatment) for entry in results.outcomes}
     for key, disturbance in DISTURBANCES.items():
         for treatment in TREATMENTS:
-            if (key, treatment) not in tried:
+            if (key, treatment) not in treatments:
                 continue
             label = disturbance.label if disturbance.treatments == AS_IT_IS else f"{disturbance.label}; {treatment}"
             cells = [
                 (
-                    _said(tolerance(found, key, joint, sysid_method(joint), treatment), disturbance.falling),
-                    _said(tolerance(found, key, joint, "okid", treatment), disturbance.falling),
+                    _tolerance_text(
+                        tolerance(results, key, joint, sysid_method(joint), treatment), disturbance.falling
+                    ),
+                    _tolerance_text(tolerance(results, key, joint, "okid", treatment), disturbance.falling),
                 )
-                for joint in found.judged_by
+                for joint in results.judged_by
             ]
             rows.append((label, disturbance.unit, cells))
     return rows
 
 
-def _said(known: Tolerance | None, falling: bool) -> str:
+def _tolerance_text(known: Tolerance | None, falling: bool) -> str:
     if known is None:
         return "–"
     if known.degree is None:

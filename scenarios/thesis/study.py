@@ -72,7 +72,7 @@ def run_study(
         duration: Length of every record instead of 240 s, s.
         conditions: The arms that are laid side by side, each once: first the one that the study is about, with
             friction. What explains its intervals is played on the same arm without friction, whether or not given.
-        thorough: See `concluded`.
+        thorough: See `draw_conclusions`.
         threads: Threads of the simulation.
         progress: Told of every step.
 
@@ -87,7 +87,7 @@ def run_study(
     _check(conditions, duration)
     report = progress or (lambda step, done, total: None)
     campaigns = _campaigns(conditions, seed, duration, threads, report)
-    study = concluded(campaigns, thorough=thorough, progress=report)
+    study = draw_conclusions(campaigns, thorough=thorough, progress=report)
     return replace(study, cost=replace(study.cost, total_s=perf_counter() - begin))
 
 
@@ -163,7 +163,9 @@ def _ticks(tests: Sequence[str], duration: float | None) -> int:
     return sum(round(campaign_scenario(name, duration=duration).duration * SAMPLE_RATE) for name in tests)
 
 
-def concluded(campaigns: Sequence[Campaign], *, thorough: bool = True, progress: Progress | None = None) -> Comparison:
+def draw_conclusions(
+    campaigns: Sequence[Campaign], *, thorough: bool = True, progress: Progress | None = None
+) -> Comparison:
     """Draw the study's conclusions from records that are there.
 
     Args:
@@ -276,31 +278,31 @@ def _identify(structure: Structure, data: Mapping[int, IOData], truth: JointTrut
         # They stand in the estimate's diagnostics, from where the report takes them.
         warnings.simplefilter("ignore", SysidWarning)
         try:
-            found, _ = estimate(own, structure.estimator, structure.orders)
-            band = found.bandwidth()
-            test = sysid.resid(found, own)
+            model, _ = estimate(own, structure.estimator, structure.orders)
+            band = model.bandwidth()
+            test = sysid.resid(model, own)
         except SysidError as error:
             raise ScenarioError(
                 f"{own.name} gives no model {structure.label}, which the study is about: {error}"
             ) from error
-        fits = {number: _fit(found, record, number) for number, record in data.items()}
+        fits = {number: _fit(model, record, number) for number, record in data.items()}
     return ModelResult(
         method=structure.method,
         label=structure.label,
-        estimate=found,
+        estimate=model,
         chosen=structure.chosen,
         bandwidth_hz=float(band.hz[0, 0]),
         ci95=(float(band.ci95[0][0, 0]), float(band.ci95[1][0, 0])),
         covers=bool(band.covers(truth.bandwidth_hz)[0, 0]),
-        dc_gain=float(found.model.dc_gain()[0, 0]),
-        half_power_hz=half_power_hz(found.model),
+        dc_gain=float(model.model.dc_gain()[0, 0]),
+        half_power_hz=half_power_hz(model.model),
         fits=fits,
         residual_test=test,
     )
 
 
-def _fit(found: sysid.Estimate, record: IOData, number: int) -> Fit:
-    (score,) = sysid.compare(found, record)
+def _fit(model: sysid.Estimate, record: IOData, number: int) -> Fit:
+    (score,) = sysid.compare(model, record)
     return Fit(number, float(score.simulation[0]), float(score.one_step[0]))
 
 

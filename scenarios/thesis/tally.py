@@ -67,9 +67,9 @@ class Frequency:
     @property
     def depends(self) -> bool:
         """Whether the verdict depends on the seed: fewer than nine in ten share one."""
-        return self.shaky(self.usual)
+        return self.depends_on_seed(self.usual)
 
-    def shaky(self, verdict: Verdict) -> bool:
+    def depends_on_seed(self, verdict: Verdict) -> bool:
         """Whether a verdict depends on the seed: fewer than nine in ten seeds share it."""
         return self.counts.get(verdict, 0) < STEADY * self.seeds
 
@@ -175,13 +175,13 @@ class Tally:
             joint: Name of the joint.
             method: Key of the method.
         """
-        found = [entry.recovered[joint][method] for entry in self.outcomes]
+        recoveries = [entry.recovered[joint][method] for entry in self.outcomes]
         return BandwidthCoverage(
-            spread([entry.hz for entry in found]),
-            spread([entry.half_power_hz for entry in found]),
-            spread([entry.ci95[1] - entry.ci95[0] for entry in found]),
-            sum(entry.covers for entry in found),
-            sum(near_1_hz(entry.hz) for entry in found),
+            spread([entry.hz for entry in recoveries]),
+            spread([entry.half_power_hz for entry in recoveries]),
+            spread([entry.ci95[1] - entry.ci95[0] for entry in recoveries]),
+            sum(entry.covers for entry in recoveries),
+            sum(near_1_hz(entry.hz) for entry in recoveries),
         )
 
 
@@ -269,28 +269,28 @@ def parts(finding: Finding) -> list[tuple[str, str, str | None]]:
     """
     if not isinstance(finding.value, Mapping):
         return [("", measure(finding.value, finding), None)]
-    shown: list[tuple[str, str, str | None]] = []
+    parts: list[tuple[str, str, str | None]] = []
     for name, value in finding.value.items():
         text = measure(value, finding)
-        if shown and (name == "of" or name.startswith("of ")):
-            shown[-1] = (*shown[-1][:2], text)
+        if parts and (name == "of" or name.startswith("of ")):
+            parts[-1] = (*parts[-1][:2], text)
         else:
-            shown.append((name, text, None))
-    return shown
+            parts.append((name, text, None))
+    return parts
 
 
-def limits(found: Spread | None, finding: Finding) -> str:
+def limits(spread: Spread | None, finding: Finding) -> str:
     """Return the range of a finding's number over the seeds, in brackets; empty where it does not move.
 
     Args:
-        found: The number over the seeds, if they have it.
+        spread: The number over the seeds, if they have it.
         finding: The finding.
     """
-    if found is None or found.low == found.high or np.isnan(found.low):
+    if spread is None or spread.low == spread.high or np.isnan(spread.low):
         return ""
-    if found.shares:
-        return f"({', '.join(f'{measure(value, finding)} with {count}' for value, count in found.shares)} seeds)"
-    return f"({measure(found.low, finding)} – {measure(found.high, finding)})"
+    if spread.shares:
+        return f"({', '.join(f'{measure(value, finding)} with {count}' for value, count in spread.shares)} seeds)"
+    return f"({measure(spread.low, finding)} – {measure(spread.high, finding)})"
 
 
 def root(value: complex, digits: int = 3) -> str:
@@ -302,8 +302,8 @@ def root(value: complex, digits: int = 3) -> str:
     return minus(f"{value.real:.{digits}f}") + f" {sign} {abs(value.imag):.{digits}f}j"
 
 
-def plain(value: object) -> str:
+def value_text(value: object) -> str:
     """A parameter's value as text: several numbers with crosses between them."""
     if isinstance(value, tuple | list):
-        return " × ".join(plain(part) for part in value)
+        return " × ".join(value_text(part) for part in value)
     return f"{value:.5g}" if isinstance(value, float | int) else str(value)

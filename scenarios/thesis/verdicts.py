@@ -31,7 +31,7 @@ def tied(difference: float) -> bool:
     return abs(difference) < MARGIN
 
 
-def said(difference: float) -> str:
+def comparison_word(difference: float) -> str:
     """`ahead`, `tied` or `behind` in words.
 
     Args:
@@ -59,19 +59,19 @@ def held_out_one_step(study: Comparison, model: ModelResult) -> float:
 
 
 def _fits(study: Comparison, model: ModelResult) -> tuple[Fit, ...]:
-    found = model.held_out(study.estimation_test)
-    if not found:
+    fits = model.held_out(study.estimation_test)
+    if not fits:
         raise MissingRecordError(
             f"{model.label} has no test to be judged on: there is none beside test {study.estimation_test} and those "
             "of the same sequence"
         )
-    return found
+    return fits
 
 
 WORDS: Mapping[Way, str] = {"simulation": "in simulation", "one_step": "one step ahead"}
 
 
-def by_reading(passed: Mapping[str, tuple[int, int]]) -> tuple[Verdict, str]:
+def verdict_by_reading(passed: Mapping[str, tuple[int, int]]) -> tuple[Verdict, str]:
     """Judge a claim by each of its readings, and name the verdict of each.
 
     Args:
@@ -82,15 +82,15 @@ def by_reading(passed: Mapping[str, tuple[int, int]]) -> tuple[Verdict, str]:
     """
     verdicts = {reading: verdict(*counts) for reading, counts in passed.items()}
     text = ", ".join(
-        f"{verdicts[reading]} {reading} ({held} of {total} parts)" for reading, (held, total) in passed.items()
+        f"{verdicts[reading]} {reading} ({count} of {total} parts)" for reading, (count, total) in passed.items()
     )
     same = len(set(verdicts.values())) == 1
-    return _common(verdicts), f"{text}: " + (
+    return _common_verdict(verdicts), f"{text}: " + (
         "the same by every reading" if same else "the verdict depends on the reading"
     )
 
 
-def readings(verdicts: Mapping[str, Verdict]) -> tuple[Verdict, str]:
+def verdict_of_readings(verdicts: Mapping[str, Verdict]) -> tuple[Verdict, str]:
     """Return the common verdict of several readings, or `partly`, and a sentence.
 
     Args:
@@ -98,10 +98,10 @@ def readings(verdicts: Mapping[str, Verdict]) -> tuple[Verdict, str]:
     """
     text = ", ".join(f"{decision} {reading}" for reading, decision in verdicts.items())
     same = len(set(verdicts.values())) == 1
-    return _common(verdicts), f"{text}: the verdict {'does not depend' if same else 'depends'} on the reading"
+    return _common_verdict(verdicts), f"{text}: the verdict {'does not depend' if same else 'depends'} on the reading"
 
 
-def both_ways(passed: Mapping[Way, int], total: int) -> tuple[Verdict, str]:
+def verdict_by_way(passed: Mapping[Way, int], total: int) -> tuple[Verdict, str]:
     """Judge a claim on fits in simulation and one step ahead [Morris1996, ch. VI].
 
     The thesis does not say which of them its fits are. A model with K = 0 cannot predict: beside one that can it looks
@@ -117,12 +117,12 @@ def both_ways(passed: Mapping[Way, int], total: int) -> tuple[Verdict, str]:
     verdicts = {way: verdict(passed[way], total) for way in WAYS}
     counts = " and ".join(f"{passed[way]} of {total} parts hold {WORDS[way]}" for way in WAYS)
     if len(set(verdicts.values())) == 1:
-        return _common(verdicts), f"{counts}: the verdict does not depend on which of them the thesis means"
+        return _common_verdict(verdicts), f"{counts}: the verdict does not depend on which of them the thesis means"
     each = ", ".join(f"{verdicts[way]} {WORDS[way]}" for way in WAYS)
-    return _common(verdicts), f"{counts}: the verdict depends on which of them the thesis means, {each}"
+    return _common_verdict(verdicts), f"{counts}: the verdict depends on which of them the thesis means, {each}"
 
 
-def _common(verdicts: Mapping[Any, Verdict]) -> Verdict:
+def _common_verdict(verdicts: Mapping[Any, Verdict]) -> Verdict:
     return next(iter(verdicts.values())) if len(set(verdicts.values())) == 1 else "partly"
 
 

@@ -10,7 +10,7 @@ from scenarios.experiments.campaign import NOMINAL, Campaign, Condition
 from scenarios.identification.methods import estimate
 from scenarios.thesis import fairness_table
 from scenarios.thesis.comparison import Comparison
-from scenarios.thesis.fairness_section import conclusions, dumbbells, percent, said
+from scenarios.thesis.fairness_section import changes_text, conclusions, dumbbells, percent
 from scenarios.thesis.fairness_table import ArmFairness, BothFits, FairModel, Fairness, ThreeJointFits
 from sysid import IOData, SysidError
 
@@ -119,9 +119,9 @@ def test_conclusions_that_change_are_told_from_those_that_stay() -> None:
     ]
     assert unseen.changes() and unseen.changes(friction=True) and not unseen.changes(friction=False)
     assert set(found["SysID or OKID better on the slow chirp, 0 to 1 Hz, in simulation"].answers.values()) == {None}
-    assert "friction alone changes" in said(tuple(found.values()))
+    assert "friction alone changes" in changes_text(tuple(found.values()))
     alone = conclusions(Fairness(arms[:1], 5))
-    assert said(alone) == ""
+    assert changes_text(alone) == ""
 
 
 def test_fits_without_bound_are_printed_as_such(study: Comparison) -> None:

@@ -3,7 +3,7 @@
 import pytest
 
 from scenarios.report.figures import Picture
-from scenarios.thesis.figure_map import KINDS, mapped
+from scenarios.thesis.figure_map import KINDS, map_figures
 
 
 def test_all_figures_of_the_thesis_are_there_once() -> None:
@@ -19,7 +19,7 @@ def test_only_pictures_of_hardware_screens_and_diagrams_have_no_counterpart() ->
 
 def test_counterparts_are_laid_beside_the_figures_and_gaps_are_told() -> None:
     ours = Picture(7, "transfer-function", "<svg/>", "A transfer function.", ("22", "A2"), 1.2)
-    entries = {entry.kind.numbers: entry for entry in mapped({"22": (ours,), "A2": (ours,)})}
+    entries = {entry.kind.numbers: entry for entry in map_figures({"22": (ours,), "A2": (ours,)})}
     found = entries["22", "A2", "A17"]
     assert found.pictures == {"22": (ours,), "A2": (ours,), "A17": ()}
     assert found.missing == ("A17",)
@@ -28,4 +28,4 @@ def test_counterparts_are_laid_beside_the_figures_and_gaps_are_told() -> None:
 
 def test_a_figure_that_the_thesis_does_not_have_is_refused() -> None:
     with pytest.raises(ValueError, match=r"figures A64 of the thesis: expected 1 to 88 and A1 to A63"):
-        mapped({"A64": ()})
+        map_figures({"A64": ()})

@@ -11,7 +11,7 @@ from scenarios.identification.recovered_bandwidth import near_1_hz
 from scenarios.thesis.comparison import Comparison
 from scenarios.thesis.finding import CLAIMS, Finding, verdict
 from scenarios.thesis.findings import findings
-from scenarios.thesis.results import answer, headline, results, stands
+from scenarios.thesis.results import answer, finding_stands, headline, results
 from scenarios.thesis.tally import p_value
 from scenarios.truth.published import YAW_OE
 from sysid import FrequencyResponse, StateSpace, SysidError
@@ -97,7 +97,7 @@ def test_results_have_the_promised_keys(study: Comparison, tmp_path: object) -> 
 def test_answer_says_whether_1_hz_stands(study: Comparison) -> None:
     whole = replace(study, campaigns=(replace(study.campaign, duration=None), *study.campaigns[1:]))
     text = answer(whole)
-    assert ("the finding stands on the twin" in text) == stands(study)
+    assert ("the finding stands on the twin" in text) == finding_stands(study)
     assert "the yaw models have bandwidths of 0.12 to 0.47 Hz, and only OE (4.8) reaches 0.707 at 0.94 Hz" in text
     held = sum(model.covers for entry in study.joints.values() for model in entry.models.values())
     assert f"{held} of 12 intervals at 95 % hold the small-signal truth" in text

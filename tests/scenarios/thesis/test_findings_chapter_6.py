@@ -47,7 +47,7 @@ def test_responses_apart_are_measured_in_gain_and_phase(study: Comparison) -> No
     for other, gain, phase in ((half, 20 * np.log10(2.0), 0.0), (late, 0.0, 360 * 5.0 * block.dt)):
         changed = replace(okid, blocks={**okid.blocks, "elbow_pitch": other})
         models = tuple(changed if entry is okid else entry for entry in study.multivariable.models)
-        apart = findings.bode_apart(replace(study.multivariable, models=models), "elbow_pitch")
+        apart = findings.bode_differences(replace(study.multivariable, models=models), "elbow_pitch")
         assert apart == pytest.approx((gain, phase), abs=1e-6)
 
 

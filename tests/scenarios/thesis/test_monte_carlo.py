@@ -16,7 +16,7 @@ from scenarios.files.errors import ScenarioError
 from scenarios.jobs.journal import Journal
 from scenarios.thesis import monte_carlo
 from scenarios.thesis.comparison import Cost
-from scenarios.thesis.finding import CLAIMS, Finding, Verdict, decided
+from scenarios.thesis.finding import CLAIMS, Finding, Verdict, decided_finding
 from scenarios.thesis.frequencies import answer_text, chance, finding_record, frequency_text, seeds_record, source_text
 from scenarios.thesis.monte_carlo import contradictions, tally
 from scenarios.thesis.outcome import MethodBandwidth, SeedOutcome, numbers, outcome_from
@@ -54,7 +54,7 @@ def whole(seed: int) -> SeedOutcome:
 
 
 def finding(verdict: Verdict) -> Finding:
-    return decided("F1", verdict, {"shoulder_yaw": 1.0}, "Hz", "because")
+    return decided_finding("F1", verdict, {"shoulder_yaw": 1.0}, "Hz", "because")
 
 
 @pytest.fixture(scope="module")

@@ -11,7 +11,7 @@ from scenarios.thesis.nonparametric import (
     GRID,
     PULSE,
     SINES,
-    excited,
+    excited_lines,
     half_power,
     nonparametric,
     period_of,
@@ -35,11 +35,11 @@ def _record(tones: tuple[float, ...], noise: float = 1e-4, wires: float = 1e-3) 
 
 
 def test_the_gain_between_the_tones_is_told_by_the_noise_of_the_wires() -> None:
-    told = period_spectra(_record((2.5, 10.0), wires=0.03)).told()
+    told = period_spectra(_record((2.5, 10.0), wires=0.03)).reliable_response()
     assert len(told.frequencies) > 20
     true = np.abs(SERVO.frequency_response(told.frequencies)[:, 0, 0])
     np.testing.assert_allclose(told.magnitude[:, 0, 0], true, rtol=0.2)
-    silent = period_spectra(_record((2.5, 10.0), wires=0.0)).told()
+    silent = period_spectra(_record((2.5, 10.0), wires=0.0)).reliable_response()
     np.testing.assert_allclose(silent.frequencies, [2.5, 10.0])
 
 
@@ -59,7 +59,7 @@ def test_intervals_of_the_told_gain_hold_the_truth_as_often_as_they_say() -> Non
     held = []
     for _ in range(20):
         y = simulate(SERVO, u)[:, 0] + 0.3 * rng.standard_normal(6000)
-        told = period_spectra(IOData(u, y, 0.02)[200:]).told()
+        told = period_spectra(IOData(u, y, 0.02)[200:]).reliable_response()
         low, high = told.magnitude_ci95()
         true = np.abs(SERVO.frequency_response(told.frequencies)[:, 0, 0])
         held.append(np.mean((low[:, 0, 0] < true) & (true < high[:, 0, 0])))
@@ -70,7 +70,7 @@ def test_power_is_where_the_tones_are(study: Comparison) -> None:
     tones = 2.5 * np.arange(1, 11)  # the velocity limit adds multiples to the two
     for found in study.nonparametric.values():
         near = np.min(np.abs(GRID[:, None] - tones), axis=1) <= 1.5 * found.resolution_hz(SINES)
-        power = excited(found.spectra[SINES])
+        power = excited_lines(found.spectra[SINES])
         assert power[np.isclose(GRID, 2.5) | np.isclose(GRID, 10.0)].all()
         assert power[~near].mean() < 0.02, "elsewhere there is only leakage"
 

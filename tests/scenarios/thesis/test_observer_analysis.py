@@ -6,7 +6,7 @@ import pytest
 from hmtb_twin import STUDIED_JOINTS
 from scenarios.experiments.campaign import SINGLE_JOINT
 from scenarios.thesis.comparison import Comparison
-from scenarios.thesis.observer_analysis import ORDER, SEVERAL, P, described, live, observer, observer_errors
+from scenarios.thesis.observer_analysis import ORDER, SEVERAL, P, hankel_share, live, observer, observer_errors
 from sysid import IOData, StateSpace, simulate
 
 SYSTEM = StateSpace([[1.5, -0.7], [1.0, 0.0]], [[1.0], [0.0]], [[0.1, 0.05]], [[0.0]], None, 0.02)
@@ -20,9 +20,9 @@ def record(noise: float, samples: int = 4000, level: float = 0.0) -> IOData:
 
 def test_two_states_describe_a_system_of_two_states() -> None:
     found = observer(record(1e-6))
-    assert described(found, 2) == pytest.approx(100.0, abs=1e-6)
-    assert described(found, 1) < 99.0
-    assert described(found, 1, power=1) < described(found, 1) < described(found, 2)
+    assert hankel_share(found, 2) == pytest.approx(100.0, abs=1e-6)
+    assert hankel_share(found, 1) < 99.0
+    assert hankel_share(found, 1, power=1) < hankel_share(found, 1) < hankel_share(found, 2)
 
 
 def test_errors_fall_to_the_noise_and_smoothing_is_no_worse() -> None:

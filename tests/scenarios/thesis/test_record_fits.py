@@ -7,8 +7,15 @@ import pytest
 from scenarios.files.errors import MissingRecordError
 from scenarios.thesis.comparison import Comparison
 from scenarios.thesis.multivariable import WAYS
-from scenarios.thesis.record_fits import followed, held_out_fit, held_out_records, shares_missing, ties, within_reach
-from scenarios.thesis.verdicts import MARGIN, ahead, said, tied
+from scenarios.thesis.record_fits import (
+    fits_to_records,
+    held_out_fit,
+    held_out_records,
+    missing_fit_shares,
+    ties,
+    within_reach,
+)
+from scenarios.thesis.verdicts import MARGIN, ahead, comparison_word, tied
 
 YAW = "shoulder_yaw"
 
@@ -51,19 +58,19 @@ def test_a_missing_single_joint_test_is_not_passed_over(study: Comparison) -> No
         study, joints={**study.joints, YAW: replace(entry, models=models)}, campaigns=(main, *study.campaigns[1:])
     )
     with pytest.raises(MissingRecordError, match="siso-2-shoulder_yaw: the physics diverged"):
-        followed(poor, "OKID", YAW, ((1, 2), ()), "simulation")
-    assert list(followed(poor, "OKID", YAW, ((1,), ("mimo-1",)), "simulation")) == ["siso-1", "mimo-1"]
+        fits_to_records(poor, "OKID", YAW, ((1, 2), ()), "simulation")
+    assert list(fits_to_records(poor, "OKID", YAW, ((1,), ("mimo-1",)), "simulation")) == ["siso-1", "mimo-1"]
 
 
 @pytest.mark.parametrize("record", ["mimo-1", "siso-3"])
 def test_the_shares_of_what_is_missing_add_up(study: Comparison, record: str) -> None:
     for joint in study.joints:
-        shares = shares_missing(study, joint, record, 60.0)
+        shares = missing_fit_shares(study, joint, record, 60.0)
         assert sum(shares.values()) == pytest.approx(40.0)
         assert shares["the noise of reading"] > 0.0
         if record.startswith("siso"):
             assert shares["coupling"] == pytest.approx(0.0, abs=0.1), "only this joint is commanded"
-    assert shares_missing(study, "shoulder_pitch", "mimo-1", 60.0)["coupling"] > 10.0
+    assert missing_fit_shares(study, "shoulder_pitch", "mimo-1", 60.0)["coupling"] > 10.0
 
 
 def test_ties_are_named() -> None:
@@ -72,9 +79,9 @@ def test_ties_are_named() -> None:
 
 
 def test_what_coupling_costs_is_said_beside_what_models_differ_by(study: Comparison) -> None:
-    said = within_reach(study, ("mimo-12",))
-    assert said.startswith("On mimo-12 the linear truth itself follows")
-    assert "coupling, which neither model has, costs up to" in said
+    comparison_word = within_reach(study, ("mimo-12",))
+    assert comparison_word.startswith("On mimo-12 the linear truth itself follows")
+    assert "coupling, which neither model has, costs up to" in comparison_word
     assert "In the median" in within_reach(study, ("mimo-12", "mimo-13"))
 
 
@@ -83,6 +90,6 @@ def test_what_coupling_costs_is_said_beside_what_models_differ_by(study: Compari
     [(0.006, "tied"), (-0.19, "tied"), (0.21, "ahead"), (-0.21, "behind"), (MARGIN, "ahead"), (-MARGIN, "behind")],
 )
 def test_a_small_difference_is_a_tie(difference: float, word: str) -> None:
-    assert said(difference) == word
+    assert comparison_word(difference) == word
     assert tied(difference) == (word == "tied")
     assert ahead(difference) == (word == "ahead")

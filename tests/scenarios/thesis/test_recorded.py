@@ -13,7 +13,7 @@ from scenarios.experiments.campaign import campaign_scenario
 from scenarios.experiments.log_review import prepared
 from scenarios.experiments.model_structures import STRUCTURES
 from scenarios.identification.methods import estimate
-from scenarios.thesis.finding import CLAIMS, decided
+from scenarios.thesis.finding import CLAIMS, decided_finding
 from scenarios.thesis.frequencies import frequency_text, source_text
 from scenarios.thesis.monte_carlo import contradictions, recorded, tally
 from scenarios.thesis.outcome import MethodBandwidth
@@ -101,7 +101,7 @@ def test_whole_records_of_seeds_from_one_on_came_to_an_end() -> None:
 def test_another_seed_concludes_the_same_or_the_report_says_that_it_depends(key: str) -> None:
     found = recorded().frequency(key)
     assert found.seeds == len(recorded().outcomes)
-    said = frequency_text(decided(key, found.usual, 1.0, "", ""), recorded())
+    said = frequency_text(decided_finding(key, found.usual, 1.0, "", ""), recorded())
     if found.counts[found.usual] >= 0.9 * found.seeds:
         assert said.startswith(f"{found.counts[found.usual]} of {found.seeds} seeds")
     else:

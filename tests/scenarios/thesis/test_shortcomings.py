@@ -3,17 +3,17 @@
 from dataclasses import replace
 
 from scenarios.thesis.comparison import Comparison
-from scenarios.thesis.finding import Verdict, decided
+from scenarios.thesis.finding import Verdict, decided_finding
 from scenarios.thesis.monte_carlo import recorded
 from scenarios.thesis.report import shortcomings
 
 
 def test_findings_fall_into_their_lists(study: Comparison) -> None:
     entries = [
-        decided("F1", "reproduced", 1.0, "Hz", "so"),
-        decided("F2", "partly", 1.0, "Hz", "so"),
-        decided("F3", "not reproduced", 1.0, "Hz", "so"),
-        decided("F4", "cannot be told", {}, "", "so"),
+        decided_finding("F1", "reproduced", 1.0, "Hz", "so"),
+        decided_finding("F2", "partly", 1.0, "Hz", "so"),
+        decided_finding("F3", "not reproduced", 1.0, "Hz", "so"),
+        decided_finding("F4", "cannot be told", {}, "", "so"),
     ]
     found = shortcomings(replace(study, joints={}), entries)
     assert [entry.key for entry in found.refuted] == ["F3"]
@@ -42,7 +42,10 @@ def test_printed_models_far_from_1_hz_are_listed(study: Comparison) -> None:
 def test_verdicts_that_most_seeds_contradict_are_listed(study: Comparison) -> None:
     bare, many = replace(study, joints={}), recorded()
     other: Verdict = "partly" if many.frequency("F15").usual != "partly" else "reproduced"
-    entries = [decided("F14", many.frequency("F14").usual, 1.0, "", "so"), decided("F15", other, 1.0, "", "so")]
+    entries = [
+        decided_finding("F14", many.frequency("F14").usual, 1.0, "", "so"),
+        decided_finding("F15", other, 1.0, "", "so"),
+    ]
     turned = shortcomings(bare, entries, many).turned
     assert [entry.key for entry, _ in turned] == ["F15"]
     assert turned[0][1].startswith("depends on the seed: of ")

@@ -33,7 +33,7 @@ from scenarios.thesis.comparison import Comparison
 from scenarios.thesis.multi_input import FULL_OKID, INDEPENDENT, full_models, relative_error, three_joint_truth
 from scenarios.thesis.multi_input import METHODS as METHODS_OF_SEVERAL
 from scenarios.thesis.nonparametric import period_spectra
-from scenarios.thesis.study import ESTIMATION_TEST, concluded, plan, run_study, study_joint
+from scenarios.thesis.study import ESTIMATION_TEST, draw_conclusions, plan, run_study, study_joint
 from sysid import Estimate, IOData, StateSpace, SysidError
 
 METHODS = {"armax", "oe", "okid", "oe_high"}
@@ -223,7 +223,7 @@ def test_conclusions_are_drawn_of_an_arm_and_the_same_without_friction() -> None
     rough, smooth, other = (Campaign(arm, truth, {}, {}) for arm in (NOMINAL, SMOOTH, PUBLISHED))
     for given in ((), (rough,), (rough, other), (smooth, rough), (smooth, smooth)):
         with pytest.raises(ScenarioError, match="expected campaigns of an arm with friction"):
-            concluded(given)
+            draw_conclusions(given)
 
 
 def test_a_record_without_a_model_that_the_study_is_about_is_named(

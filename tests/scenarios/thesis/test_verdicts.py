@@ -3,7 +3,7 @@
 import pytest
 
 from scenarios.thesis.comparison import Comparison
-from scenarios.thesis.verdicts import both_ways, by_reading, readings, without_noise_model
+from scenarios.thesis.verdicts import verdict_by_reading, verdict_by_way, verdict_of_readings, without_noise_model
 
 
 @pytest.mark.parametrize(
@@ -21,7 +21,7 @@ from scenarios.thesis.verdicts import both_ways, by_reading, readings, without_n
     ],
 )
 def test_a_verdict_on_fits_is_given_both_ways(simulation: int, one_step: int, decision: str, text: str) -> None:
-    verdict, said = both_ways({"simulation": simulation, "one_step": one_step}, 3)
+    verdict, said = verdict_by_way({"simulation": simulation, "one_step": one_step}, 3)
     assert verdict == decision
     assert text in said
 
@@ -33,20 +33,22 @@ def test_joints_that_cannot_predict_are_named(study: Comparison) -> None:
 
 
 def test_readings_that_disagree_are_partly_and_each_is_named() -> None:
-    assert readings({"as one thing": "reproduced", "as another": "not reproduced"}) == (
+    assert verdict_of_readings({"as one thing": "reproduced", "as another": "not reproduced"}) == (
         "partly",
         "reproduced as one thing, not reproduced as another: the verdict depends on the reading",
     )
-    assert readings({"as one thing": "not reproduced", "as another": "not reproduced"})[0] == "not reproduced"
-    decision, said = by_reading({"one way": (3, 3), "another way": (0, 3)})
+    assert (
+        verdict_of_readings({"as one thing": "not reproduced", "as another": "not reproduced"})[0] == "not reproduced"
+    )
+    decision, said = verdict_by_reading({"one way": (3, 3), "another way": (0, 3)})
     assert decision == "partly"
     assert "reproduced one way (3 of 3 parts), not reproduced another way (0 of 3 parts)" in said
     assert "depends on the reading" in said
 
 
 def test_readings_that_agree_give_their_verdict() -> None:
-    decision, said = by_reading({"one way": (3, 3), "another way": (2, 2)})
+    decision, said = verdict_by_reading({"one way": (3, 3), "another way": (2, 2)})
     assert decision == "reproduced"
     assert said.endswith("reproduced another way (2 of 2 parts): the same by every reading")
-    assert by_reading({"one way": (0, 3), "another way": (0, 3)})[0] == "not reproduced"
-    assert by_reading({"one way": (1, 3), "another way": (2, 3)})[0] == "partly"
+    assert verdict_by_reading({"one way": (0, 3), "another way": (0, 3)})[0] == "not reproduced"
+    assert verdict_by_reading({"one way": (1, 3), "another way": (2, 3)})[0] == "partly"
