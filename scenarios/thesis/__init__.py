@@ -1,4 +1,4 @@
-"""The thesis, finding by finding: its campaign, its analyses, its findings and the report [Morris1996]."""
+"""Study of the thesis: campaign, analyses, findings and report [Morris1996]."""
 
 from importlib import import_module
 from typing import TYPE_CHECKING

@@ -23,7 +23,7 @@ ORDERS = ((2, 2), (3, 3), (3, 4), (4, 3), (5, 3), (4, 4), (5, 4))
 
 @dataclass(frozen=True)
 class OrderEffect:
-    """One order on the estimation data.
+    """Model of one order, identified from the estimation data.
 
     Attributes:
         orders: nb, nf, nk.
@@ -115,7 +115,7 @@ class Attribution:
 
 @dataclass(frozen=True)
 class Attributions:
-    """One joint under every condition.
+    """Bandwidths of one joint under every condition.
 
     Attributes:
         parts: What was found, in the order of `CONDITIONS`.
@@ -137,7 +137,7 @@ SMOOTH = "seal friction off"
 GENTLE = "seal friction off, three tenths of the amplitude"
 
 CONDITIONS = (AS_IT_IS, SMOOTH, GENTLE)
-"""Conditions, each with one effect more switched off: friction, then what changes with the pose, the arm's geometry,
+"""Conditions, each switches off one more effect: friction, then what changes with the pose, the arm's geometry,
 inertia and gravity load; their share falls with the square of the amplitude. Noise and rounding stay on."""
 
 SMALL = 0.3
@@ -184,7 +184,7 @@ def _scaled(excitation: Excitation, factor: float) -> Excitation:
 def attribute(
     name: str, joint: str, campaign: Campaign, smooth: Campaign, true_hz: float, orders: Sequence[int]
 ) -> Attributions:
-    """Recover the bandwidth under every condition.
+    """Estimate the bandwidth under every condition.
 
     Args:
         name: Of the experiment that models are identified from.

@@ -15,7 +15,7 @@ from scenarios.thesis.verdicts import MARGIN, WORDS, ahead
 from sysid import IOData, residuals
 
 SAME = 0.1
-"""A spoilt record gives a comparable model if its bandwidth moves by no more than this part."""
+"""A disturbed record gives a comparable model if the bandwidth changes by no more than this fraction."""
 
 DRAW = "neither"
 """The better of two methods where both meet a requirement, or both do the same."""
@@ -47,7 +47,7 @@ class Measure:
 
 @dataclass(frozen=True)
 class Category:
-    """One of the seven.
+    """One of the seven categories.
 
     Attributes:
         name: As the thesis calls it.
@@ -61,7 +61,7 @@ class Category:
 
     @property
     def ahead(self) -> str:
-        """Who is ahead on the twin by all measures, or that it depends on the measure."""
+        """Method that is ahead on the twin by all measures, or a note that it depends on the measure."""
         leaders = {entry.ahead for entry in self.measures}
         if len(leaders) == 1:
             return leaders.pop()
@@ -69,7 +69,7 @@ class Category:
 
 
 def categories(study: Comparison) -> tuple[Category, ...]:
-    """Measure all seven.
+    """Compute the measures of all seven categories.
 
     Args:
         study: The study.
@@ -231,7 +231,7 @@ def _mean_fit(entry: ThreeJointModel, way: Way) -> float:
 
 
 def _robustness(study: Comparison) -> tuple[Measure, ...]:
-    """Share of spoilt records whose model has the bandwidth of that from the record as it is."""
+    """Share of disturbed records whose model keeps the bandwidth of the model from the undisturbed record."""
     results = study.robustness
     measures = []
     for disturbance in ("bias", "outliers"):
@@ -274,7 +274,7 @@ def _exchange(study: Comparison) -> tuple[Measure, ...]:
 
 
 def _several(study: Comparison) -> tuple[Measure, ...]:
-    """On how many unseen records each of a pair follows better, ties left out; the hybrid is not counted among them."""
+    """Number of held-out records on which each of two models fits better; ties and the hybrid model do not count."""
     records = [name for name in study.multivariable.records if name != RPCM and not plays_identified_sequence(name)]
     measures = []
     for way in WAYS:

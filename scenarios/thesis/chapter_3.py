@@ -1,4 +1,4 @@
-"""Chapters II and III in the report: waveforms, records, and what is seen in them without a model."""
+"""Report section on chapters II and III: waveforms, records and nonparametric estimates."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -45,7 +45,7 @@ THESIS: Mapping[str, Mapping[str, tuple[str, ...]]] = MappingProxyType(
         },
     }
 )
-"""Figures of the thesis by joint and what they show."""
+"""Numbers of the thesis figures by joint, with their content."""
 
 
 @dataclass(frozen=True)
@@ -177,13 +177,13 @@ def _analyses(study: Comparison, entry: JointResult, gallery: Gallery) -> dict[s
 
 
 def _waveforms_by_number(study: Comparison) -> list[tuple[int, str]]:
-    """Numbers of the tests with what is played in them."""
+    """Test numbers with the waveform each test plays."""
     joint, entry = next(iter(study.joints.items()))
     return [(number, load(single_joint_test(number, joint)).description.split(": ", 1)[1]) for number in entry.data]
 
 
 def _single(study: Comparison) -> list[Row]:
-    """Single-joint tests, a row each."""
+    """Table rows of the single-joint tests."""
     return [
         Row(
             str(number),
@@ -198,7 +198,7 @@ def _single(study: Comparison) -> list[Row]:
 
 
 def _several(study: Comparison) -> list[Row]:
-    """Tests of several joints, a row each."""
+    """Table rows of the tests of several joints."""
     return [
         Row(
             name.removeprefix("mimo-").replace("-independent", ", independent"),

@@ -56,7 +56,7 @@ def model_bode(entry: JointResult) -> Figure:
 
 
 def zoomed_bode(entry: JointResult) -> Figure:
-    """The gain from 0.1 to 3 Hz, and below it the gain over that of the truth, where the models part."""
+    """Gain from 0.1 to 3 Hz, and below it the ratio to the true gain, which shows how the models differ."""
     figure = bode(_identified(entry), relative_to_dc=True, mark_hz=1.0, limits_hz=ZOOM, size=(WIDTH, 6.0))
     upper, lower = figure.axes
     for line in (*lower.get_lines()[: len(upper.get_lines()) - 2], *lower.collections):
@@ -181,7 +181,7 @@ SAID = {
 
 @dataclass(frozen=True)
 class Coefficients:
-    """A model in the form of the thesis' prints.
+    """A model in the form in which the thesis prints its models.
 
     Attributes:
         label: Its name.

@@ -21,7 +21,7 @@ SHOWN = 36
 """System Markov parameters that are drawn: 0.7 s."""
 
 SIMULATED = Style("#d55e00", "--", 1.3, "^")
-"""The simulated output, where the predicted one has the method's own colour."""
+"""Colour of the simulated output; the predicted output has the colour of its method."""
 
 
 def markov_parameters(entry: JointObserver) -> Figure:
@@ -92,7 +92,7 @@ def errors(entry: JointObserver) -> Figure:
 
 
 def hankel(entry: JointObserver) -> Figure:
-    """Hankel singular values, with the share that so many of them hold."""
+    """Hankel singular values and their cumulative share."""
     figure = singular_values({"PRBS": entry.estimate}, limit=8, size=(WIDTH, 3.2))
     (axes,) = figure.axes
     values = np.asarray(entry.estimate.diagnostics["hankel_singular_values"], dtype=float)
@@ -207,7 +207,7 @@ def chapter_5(study: Comparison, gallery: Gallery) -> dict[str, object]:
 
 
 def realisation(entry: JointResult, observer: JointObserver) -> tuple[Quantity, ...]:
-    """The model of the study beside the printed one: matrices, and what does not depend on coordinates."""
+    """The identified and the printed model: matrices and coordinate-free quantities."""
     printed = next(model for model in entry.published if model.method == "okid")
     ours = observer.estimate.model
     pairs = [
@@ -307,7 +307,7 @@ def _markov(model: StateSpace) -> str:
 
 
 def _matrix(values: np.ndarray) -> str:
-    """Rows apart by semicolons, five digits as the thesis has."""
+    """Matrix as text: rows separated by semicolons, five digits as in the thesis."""
     return "; ".join(" ".join(f"{value:.5g}" for value in row) for row in np.atleast_2d(values))
 
 

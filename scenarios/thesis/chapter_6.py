@@ -1,4 +1,4 @@
-"""Chapter VI in the report: the three-joint models compared."""
+"""Report section on chapter VI: comparison of the three-joint models."""
 
 from collections.abc import Mapping
 
@@ -66,7 +66,7 @@ def chapter_6(study: Comparison, gallery: Gallery) -> dict[str, object]:
 
 
 def _chirp_fits(study: Comparison) -> dict[str, list[float]]:
-    """By joint, what the truth without coupling, with it, and the true angles follow of the fast chirp, percent."""
+    """Fits to the fast chirp by joint, percent: truth without coupling, truth with coupling, true angles."""
     models = study.multivariable
     return {
         joint: [models.reference(kind, FAST_CHIRP)[joint] for kind in (DIAGONAL, COUPLED, NOISELESS)]

@@ -35,7 +35,7 @@ class Fit:
 
 @dataclass(frozen=True, eq=False)
 class ModelResult:
-    """One identified model and how it fares.
+    """One identified model with its fits and residual tests.
 
     Attributes:
         method: Key of the method: `armax`, `oe`, `okid` with the thesis' orders, `oe_high` with a sufficient order.
@@ -64,7 +64,7 @@ class ModelResult:
     residual_test: ResidualTest
 
     def held_out(self, estimation_test: int) -> tuple[Fit, ...]:
-        """Fits to the tests that the model has not seen: neither its own nor one that plays the same sequence."""
+        """Fits to held-out tests: neither the model's own test nor one that plays the same sequence."""
         same_sequence = tests_of_same_sequence(estimation_test)
         return tuple(fit for number, fit in self.fits.items() if number not in same_sequence)
 
@@ -118,7 +118,7 @@ class Cost:
     report_s: float = 0.0
 
     def later(self, seconds: float, *, report: bool = False) -> "Cost":
-        """The cost with that of what came after: findings, or the report.
+        """Cost including the later steps: findings or report.
 
         Args:
             seconds: What it took, s.
@@ -128,13 +128,13 @@ class Cost:
 
     @property
     def times_physics(self) -> float:
-        """All of it over the physics alone; infinite where there was none."""
+        """Ratio of the total time to the time of the physics; infinite without simulation."""
         return self.total_s / self.physics_s if self.physics_s else float("inf")
 
 
 @dataclass(frozen=True, eq=False)
 class Comparison:
-    """The study's result: what the report draws.
+    """Results of the study, the input of the report.
 
     Attributes:
         campaigns: What was played: the arm that the study is about, whole, first; the same without friction; others.
@@ -183,7 +183,7 @@ class Comparison:
 
     @property
     def searches(self) -> Mapping[str, Searches]:
-        """Searches for orders by joint; empty where the study is not thorough."""
+        """Order searches by joint; empty unless the study is thorough."""
         return {joint: entry.searches for joint, entry in self.prediction_errors.items() if entry.searches}
 
     @property

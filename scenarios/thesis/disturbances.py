@@ -11,7 +11,7 @@ from scenarios.experiments.waveform import POINTS
 from sysid import IOData
 
 Spoil = Callable[[IOData, float, np.random.Generator], IOData]
-"""The record, the degree and what chance is drawn from; the record spoilt."""
+"""Arguments: record, degree, random generator. Returns the disturbed record."""
 
 OUTLIER_SIZE = 5.0
 """Size of outliers, up or down by chance, where their share is varied, standard deviations of the output."""
@@ -20,7 +20,7 @@ OUTLIER_SHARE = 1.0
 """Share of samples that are outliers where their size is varied, percent."""
 
 BURST = 5
-"""Samples that are lost in a row: a tenth of a second."""
+"""Length of a burst of lost samples: 0.1 s."""
 
 SLOW_SINE = 1 / 60
 """Frequency of the slow sine, Hz: far below everything that a waveform file excites."""
@@ -29,7 +29,7 @@ POLE = 0.9
 """Pole of the first-order filter that colours noise."""
 
 LOSSY = 1000
-"""Samples of the parts from which samples are lost, 20 s: what is not known of a long record takes long to bridge."""
+"""Length of the record parts with lost samples, 20 s: estimating lost samples of a long record takes long."""
 
 
 def biased(data: IOData, degree: float, _: np.random.Generator) -> IOData:
@@ -65,20 +65,20 @@ def _outliers(data: IOData, percent: float, size: float, rng: np.random.Generato
 
 
 def held_dropouts(data: IOData, degree: float, rng: np.random.Generator) -> IOData:
-    """Lose a share of the output's samples, percent, in bursts; the last one before a burst stands in."""
+    """Drop a share of the output samples, percent, in bursts; each burst holds the last sample before it."""
     part, lost = _lose_bursts(data, degree, rng)
     latest = np.maximum.accumulate(np.where(lost, 0, np.arange(len(part))))
     return replace(part, y=part.y[latest])
 
 
 def marked_dropouts(data: IOData, degree: float, rng: np.random.Generator) -> IOData:
-    """Lose the same samples and say so: what was lost is marked as missing."""
+    """Drop the same samples and mark them as missing."""
     part, lost = _lose_bursts(data, degree, rng)
     return replace(part, y=np.where(lost[:, None], np.nan, part.y), missing=True) if lost.any() else part
 
 
 def _lose_bursts(data: IOData, percent: float, rng: np.random.Generator) -> tuple[IOData, np.ndarray]:
-    """A part of the record and which of its samples are lost; the first one never is."""
+    """A part of the record and the mask of its lost samples; the first sample is never lost."""
     part = _part(data, LOSSY, rng)
     bursts = round(percent / 100 * len(part) / BURST)
     # Bursts do not overlap: every one has a slot of its own.
@@ -89,7 +89,7 @@ def _lose_bursts(data: IOData, percent: float, rng: np.random.Generator) -> tupl
 
 
 def shortened(data: IOData, degree: float, rng: np.random.Generator) -> IOData:
-    """A part of the record of so many seconds, without its own mean; all of it where it is no longer."""
+    """A part of the record of the given length, s, with its mean removed; the whole record if it is shorter."""
     return _part(data, round(degree / data.dt), rng)
 
 
@@ -131,7 +131,7 @@ AS_IT_IS = ("nothing removed",)
 
 @dataclass(frozen=True)
 class Disturbance:
-    """One way to spoil a record.
+    """One kind of disturbance of a record.
 
     Attributes:
         key: Name in results.
@@ -259,4 +259,4 @@ DISTURBANCES: Mapping[str, Disturbance] = MappingProxyType(
         )
     }
 )
-"""Every way to spoil a record, by key."""
+"""Every kind of disturbance, by key."""

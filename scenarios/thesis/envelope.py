@@ -1,4 +1,4 @@
-"""A whole record in a figure: what lies between the least and the greatest value of each column of ink."""
+"""Envelope of a long record for a figure: minimum and maximum of each column."""
 
 from itertools import pairwise
 
@@ -9,7 +9,7 @@ from scenarios.files.errors import ScenarioError
 from sysid.plots import Style
 
 COLUMNS = 600
-"""Columns of a long record: as many as the eye tells apart at the width of a page."""
+"""Columns of a long record: about the resolution of the eye at the width of a page."""
 
 
 def envelope(
@@ -24,7 +24,7 @@ def envelope(
     held: bool = False,
     count: int = COLUMNS,
 ) -> None:
-    """Draw a record over time: a long one as the band between least and greatest of each column, a short one as it is.
+    """Plot a record over time: a long one as the band between minimum and maximum of each column, a short one as it is.
 
     Missing samples (NaN) leave a gap where a column has no other.
 
@@ -58,7 +58,7 @@ def envelope(
 
 
 def columns(values: np.ndarray, dt: float, count: int = COLUMNS) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Least and greatest value of every column.
+    """Minimum and maximum of every column.
 
     A column takes the first sample of the next with it, so that neighbours meet as the line through the samples does.
 

@@ -1,4 +1,4 @@
-"""The thesis' structures identified from every data set, not from one: does each set tell the same?"""
+"""Models of the thesis' structures from every data set, to see whether the data sets agree."""
 
 import warnings
 from collections.abc import Mapping
@@ -28,7 +28,7 @@ AUDIBLE = 0.01
 """Least power of an exciting line, as a part of the strongest: 40 dB, where rounding and noise of the command begin."""
 
 LARGEST_ORDER = 50
-"""Largest order of excitation that is counted: it means "at least"."""
+"""Largest order of excitation that is counted; the value means "at least"."""
 
 MINUTE = 60.0
 """Length of other records that models are compared with where there are many, s: they repeat every two."""
@@ -143,7 +143,7 @@ class Refusal:
 
 @dataclass(frozen=True, eq=False)
 class DataSets:
-    """One joint, every record of it.
+    """Models of one joint from each of its records.
 
     Attributes:
         joint: Name of the joint.
@@ -226,7 +226,7 @@ def every_data_set(
 
 
 def _same_sequence(record: str, other: str) -> bool:
-    """Whether a model of one record knows the other."""
+    """Whether two records play the same sequence, so that neither can validate a model of the other."""
     return record == other or (plays_identified_sequence(record) and plays_identified_sequence(other))
 
 
@@ -281,7 +281,7 @@ def _follow(model: Estimate, data: IOData) -> Follow:
 
 
 def excitation_needed(structure: Structure) -> int:
-    """Order of excitation that the path from input to output needs: as many as it has parameters [Ljung1999, ch. 13].
+    """Order of excitation that the path from input to output needs: its number of parameters [Ljung1999, ch. 13].
 
     OKID estimates p + 1 coefficients of the input in one least squares, whatever order is realised from them.
     """

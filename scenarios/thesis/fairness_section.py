@@ -21,7 +21,7 @@ from scenarios.thesis.verdicts import MARGIN, tied
 from sysid.plots import INK, PALETTE, Style
 
 RECORDS = {"mimo-10": "slow chirp, 0 to 1 Hz", "mimo-12": "fast chirp, 5 to 10 Hz", RPCM: "exchange"}
-"""Records of three joints, for people."""
+"""Display names of the three-joint records."""
 
 WAYS = {"simulation": "in simulation", "one_step": "one step ahead"}
 
@@ -41,7 +41,7 @@ class Answer:
 
 @dataclass(frozen=True)
 class Conclusion:
-    """One question, answered on every arm.
+    """One question with its answer on every arm.
 
     Attributes:
         question: What is asked.
@@ -180,7 +180,7 @@ def _list_text(joints: Iterable[str]) -> str:
 
 
 def _name(joint: str) -> str:
-    """Short, as a table has little room."""
+    """Answer as short text for a table cell."""
     return {"shoulder_yaw": "yaw", "shoulder_pitch": "shoulder", "elbow_pitch": "elbow"}[joint]
 
 

@@ -117,7 +117,7 @@ KINDS: tuple[FigureKind, ...] = (
 
 @dataclass(frozen=True)
 class MappedKind:
-    """A kind of figure with its counterparts.
+    """A kind of thesis figure with its counterparts in the report.
 
     Attributes:
         kind: The kind.
@@ -129,12 +129,12 @@ class MappedKind:
 
     @property
     def missing(self) -> tuple[str, ...]:
-        """Figures of the thesis for which there should be a counterpart and is none."""
+        """Thesis figures whose expected counterpart is missing."""
         return () if self.kind.instead else tuple(number for number, ours in self.pictures.items() if not ours)
 
 
 def map_figures(counterparts: Mapping[str, Sequence[Picture]]) -> tuple[MappedKind, ...]:
-    """Lay the figures of the report beside those of the thesis.
+    """Match the figures of the report with those of the thesis.
 
     Args:
         counterparts: Pictures by figure of the thesis, see `Gallery.counterparts`.

@@ -24,10 +24,10 @@ WINDOW, OTHER_WINDOW = Style(WINDOWED.colour, "-", 0.8), Style("#6b6b00", "-", 0
 SMALL = 7.5
 
 FASTEST_DRAWN = 12.5
-"""Half of Nyquist: what lies above the upper sine of 10 Hz says little, Hz."""
+"""Largest frequency drawn, Hz, half of Nyquist: above the upper sine of 10 Hz the record has little information."""
 
 WEAK = 0.1
-"""Lines of the PRBS with less than this part of its middle line's power say little of the arm."""
+"""Weak lines: the PRBS has less than this fraction of its middle line's power there."""
 
 LEVELS = 60
 """Periods whose samples at one instant are compared."""
@@ -53,7 +53,7 @@ def tests(study: Comparison, entry: JointResult) -> Figure:
 
 
 def record(log: JointLog, joint: str, *, length: float, start: float = 40.0) -> Figure:
-    """A test as it was recorded: whole, magnified, and so far magnified that the steps of the converters show.
+    """A test as recorded: whole, magnified, and magnified to the quantisation steps of the converters.
 
     Args:
         log: The log.
@@ -194,7 +194,7 @@ def _turn(axes: Axes, response: FrequencyResponse, style: Style, entry: JointRes
 
 
 def _unwrapped_phase(f: np.ndarray, response: np.ndarray, entry: JointResult) -> np.ndarray:
-    """Phase in degrees on the turn of the true one."""
+    """Phase in degrees, unwrapped onto the same turn as the true phase."""
     dense = np.linspace(0.05, 25.0, 500)
     true = np.unwrap(np.angle(entry.truth.model.frequency_response(dense)[:, 0, 0]))
     beside = np.interp(f, dense, true)
@@ -252,7 +252,7 @@ def correlation(study: Comparison, entry: JointResult, estimates: Nonparametric)
 
 
 def four_spectra(study: Comparison, entry: JointResult, estimates: Nonparametric, test: int) -> Figure:
-    """Disturbance, output, input and cross spectrum of a test: windowed, by repetition, and what is true."""
+    """Disturbance, output, input and cross spectrum of a test: windowed, from period averages, and true."""
     spectrum, again = estimates.spectra[test], estimates.repeated[test]
     figure = Figure(figsize=(WIDTH, 5.2), layout="constrained")
     grid = figure.subplots(2, 2, sharex=True, sharey=True)
@@ -284,7 +284,7 @@ def four_spectra(study: Comparison, entry: JointResult, estimates: Nonparametric
                 again.frequencies[lines], scale * expected[lines], color=TRUE.colour, ls="none", marker="o", ms=6.5,
                 mfc="none", label="true answer to the input",
             )  # fmt: skip
-        # A line on which the input is silent to rounding is none.
+        # Lines without input power beyond rounding are left out.
         visible = np.where(repeated > 1e-15 * repeated.max(), scale * repeated, np.nan)
         axes.plot(
             again.frequencies, visible, color=REPEATED.colour, ls="none", marker="^", ms=2.8, label="by repetition"
@@ -307,7 +307,7 @@ def four_spectra(study: Comparison, entry: JointResult, estimates: Nonparametric
 
 
 def _known_disturbance(study: Comparison, entry: JointResult, test: int) -> np.ndarray:
-    """Density on the lines of what is measured beyond the linear truth's answer to the command."""
+    """Density on the lines of the measurement minus the linear true response to the command."""
     data = entry.data[test]
     log = study.logs[data.name]
     column = JOINTS.index(entry.joint)

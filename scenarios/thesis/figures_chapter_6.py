@@ -149,7 +149,7 @@ def _roots(axes: Axes, model: StateSpace, colour: str, size: float, label: str) 
 
 
 def _root_text(roots: Iterable[complex]) -> str:
-    """Roots, one of a conjugate pair standing for both, three a line."""
+    """Roots as text, three a line; one root of a conjugate pair represents both."""
     parts = []
     for value in roots:
         if abs(value.imag) < ROUNDING:

@@ -64,7 +64,7 @@ def bandwidths(entry: JointResult, sets: DataSets) -> Figure:
 
 
 def shown(name: str, sets: DataSets) -> str:
-    """A record's name in short: single-joint tests by their number."""
+    """Short name of a record: single-joint tests by their number."""
     return f"test {name.split('-')[1]}" if name in sets.single else name
 
 
@@ -111,7 +111,7 @@ def responses(entry: JointResult, sets: DataSets) -> Figure:
 
 
 def searches(results: Searches) -> Figure:
-    """The course of the searches: fit to other data sets, and lags outside the bounds of whiteness, over the poles."""
+    """Order searches: fit to other data sets, and lags outside the whiteness bounds, over the number of poles."""
     figure = Figure(figsize=(WIDTH, 4.6), layout="constrained")
     upper, lower = figure.subplots(2, 1, sharex=True)
     for offset, search in ((-0.08, results.armax), (0.08, results.oe)):

@@ -74,7 +74,7 @@ def _legend() -> list[Line2D | Patch]:
 
 
 LINES = ("solid", (0, (6, 2)), (0, (1.5, 1.5)))
-"""One kind of line for each joint: colours stand for methods in this report."""
+"""Line style of each joint: colours are reserved for methods in this report."""
 
 
 def true_responses(study: Comparison) -> Figure:
@@ -132,7 +132,7 @@ class Moment:
 
 
 def arm_picture() -> tuple[str, str]:
-    """The picture of the arm as the address of an image, or nothing and what is missing to draw one."""
+    """Picture of the arm as a data URL; without one, an empty string and the reason."""
     try:
         return photograph(render(load_arm(), width=1200, height=750)), ""
     except TwinError as error:

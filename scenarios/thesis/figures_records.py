@@ -156,7 +156,7 @@ def _band(axes: Axes, values: np.ndarray, dt: float, style: Style, scale: float,
 
 
 def _limits(grid: np.ndarray) -> None:
-    """Room for what is drawn and for the bounds, the same up and down."""
+    """Symmetric axis limits that hold the curve and the bounds."""
     for row in grid:
         top = max(abs(limit) for axes in row for limit in axes.get_ylim())
         for axes in row:
@@ -164,7 +164,7 @@ def _limits(grid: np.ndarray) -> None:
 
 
 def _stems(axes: Axes, lags: np.ndarray, values: np.ndarray, bound: float, style: Style) -> None:
-    """All stems as one line with gaps, which keeps the figure light."""
+    """All stems as one line with gaps, which keeps the file of the figure small."""
     gap = np.full(len(lags), np.nan)
     x, y = np.column_stack((lags, lags, gap)), np.column_stack((np.zeros(len(lags)), values, gap))
     axes.axhspan(-bound, bound, color=GRID, alpha=0.6, lw=0)
@@ -192,7 +192,7 @@ def _part(data: IOData, start: float, length: float | None) -> IOData:
 
 
 def _samples(data: IOData, start: float, length: float | None) -> slice:
-    """Samples of a part; all that there is where the record is shorter."""
+    """Samples of a part; the whole record if it is shorter."""
     first = min(round(start / data.dt), max(len(data) - round((length or 0.0) / data.dt), 0))
     return slice(first, len(data) if length is None else min(first + round(length / data.dt), len(data)))
 

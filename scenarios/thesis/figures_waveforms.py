@@ -19,7 +19,7 @@ FILE, LINES = PALETTE["armax"], PALETTE["oe"]
 
 @dataclass(frozen=True)
 class WaveformFigure:
-    """A figure of the thesis and the files that answer it.
+    """A figure of the thesis and the waveform files that reproduce it.
 
     Attributes:
         files: By what is said above them.

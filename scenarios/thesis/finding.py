@@ -196,7 +196,7 @@ class Finding:
 
 
 def decided_finding(key: str, verdict: Verdict, value: float | Mapping[str, float], unit: str, why: str) -> Finding:
-    """A finding on the claim of that key.
+    """Build a finding on the claim with this key.
 
     Args:
         key: F1 to F26.
@@ -218,7 +218,7 @@ def undecided_finding(key: str, why: str) -> Finding:
 
 
 def verdict(passed: int, total: int) -> Verdict:
-    """All of the parts, some of them, or none."""
+    """Verdict from the number of parts that hold: all, some or none."""
     if passed == total:
         return "reproduced"
     return "partly" if passed else "not reproduced"

@@ -1,4 +1,4 @@
-"""The thesis' 26 findings, each tried on the twin [Morris1996]."""
+"""The thesis' 26 findings, each tested on the twin [Morris1996]."""
 
 from collections.abc import Callable, Mapping
 from types import MappingProxyType
@@ -49,7 +49,7 @@ FINDINGS: Mapping[str, Callable[[Comparison], Finding]] = MappingProxyType(
 
 
 def findings(study: Comparison) -> tuple[Finding, ...]:
-    """Try every finding of the thesis.
+    """Test every finding of the thesis.
 
     Args:
         study: The study's result.

@@ -23,7 +23,7 @@ from sysid.frequency import CovarianceFunction
 from sysid.models.bandwidth import HALF_POWER, gain_crossing
 
 NEAR = 0.2
-"""A frequency counts as the thesis' own within 20 percent."""
+"""A frequency reproduces the thesis' value within 20 percent."""
 
 SLOPE_TO = 10.0
 """End of the second-order slope according to the thesis, rad/s."""
@@ -41,17 +41,17 @@ SMALL = 0.5
 """A peak of the correlation one period later is small up to this part of the one at lag 0."""
 
 CLAIMED_DELAY = ("shoulder_pitch", "elbow_pitch")
-"""The joints of which the thesis tells a delay [Morris1996, sec. III.3]."""
+"""Joints for which the thesis states a delay [Morris1996, sec. III.3]."""
 
 TONES, LINES = "by the thesis' own estimate from two sines", "on the lines of the PRBS"
 """Readings of claims on the response."""
 
 SHORT = {TONES: "two sines", LINES: "PRBS lines"}
-"""The same in names of numbers."""
+"""Short names of the readings, used in keys of numbers."""
 
 
 def _estimates(study: Comparison, joint: str) -> dict[str, FrequencyResponse]:
-    """The thesis' own estimate up to 10 Hz, where it is a number, and the lines that the PRBS excites."""
+    """The thesis' estimate up to 10 Hz where it is finite, and the estimate on the lines that the PRBS excites."""
     spectrum = spectrum_of(study, SINES, joint)
     lines = study.joints[joint].spa
     return {TONES: _up_to(spectrum, FASTEST), LINES: _up_to(lines, FASTEST)}
@@ -250,14 +250,14 @@ def measurement_against_process(study: Comparison) -> Finding:
 
 
 def disturbances(study: Comparison, entry: JointResult) -> tuple[float, float, float]:
-    """Root mean squares of what is known of the disturbances of one joint in the PRBS test, rad.
+    """Root mean squares of the known disturbances of one joint in the PRBS test, rad.
 
     Args:
         study: The study.
         entry: The joint.
 
     Returns:
-        Of measurement noise and rounding; of what the true angle departs from the linear truth; of the part of that
+        Of measurement noise and rounding; of the true angle's deviation from the linear truth; of the part of that
         which is another in every period.
     """
     log = study.logs[entry.data[study.estimation_test].name]

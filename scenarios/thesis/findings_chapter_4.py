@@ -53,7 +53,7 @@ class Flexibility:
         return ahead(self.lead(method, other))
 
     def words(self, method: str, other: str) -> str:
-        """Compare one method with another, and say whether a dismissed method is better."""
+        """Comparison of two methods in words, with a note on dismissed methods that are better."""
         apart = self.lead(method, other)
         gone = [name for name in (method, other) if name in self.unstable]
         if gone:
@@ -81,7 +81,7 @@ class Flexibility:
 
 
 def flexibility(study: Comparison, joint: str) -> Flexibility:
-    """Lay the models of the estimation test beside the tests not seen.
+    """Compare the models of the estimation test with the held-out tests.
 
     Args:
         study: The study.

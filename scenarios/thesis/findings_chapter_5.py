@@ -15,10 +15,10 @@ from scenarios.truth.published import PERCENT_DESCRIBED
 from sysid import IOData
 
 SLACK = 0.5
-"""Percent below the printed share that is still counted as it."""
+"""Tolerance below the printed share, percentage points."""
 
 SAME = 0.01
-"""Percent by which two shares may differ and be called the same."""
+"""Largest difference of two equal shares, percentage points."""
 
 POOR = 2.0
 """Residuals that are this many times those with detrending are called extremely poor."""
@@ -32,7 +32,7 @@ THESIS_ORDER = 4
 """Order that the thesis needs without detrending [Morris1996, sec. V.2C]."""
 
 OFFSET = 0.1
-"""Constant added to the measurement to see what a bias of one channel alone would do, rad."""
+"""Constant added to the measurement to show the effect of a bias of one channel, rad."""
 
 
 def percent_described(study: Comparison) -> Finding:
@@ -61,7 +61,7 @@ def percent_described(study: Comparison) -> Finding:
 
 
 def _held_out(study: Comparison, model: ModelResult) -> str:
-    """The fit that stands beside the verdict, which does not rest on it."""
+    """Fit reported beside the verdict; the verdict does not depend on it."""
     try:
         return f"{held_out(study, model):.1f}"
     except MissingRecordError:
@@ -119,7 +119,7 @@ def without_detrending(study: Comparison) -> Finding:
 
 
 def _order_for(data: IOData, percent: float) -> int:
-    """Smallest order that describes so much; one more than can be realised if none does."""
+    """Smallest order with this share; one more than can be realised if no order reaches it."""
     estimate = observer(data, P)
     return next((n for n in range(1, P + 1) if hankel_share(estimate, n) >= percent - SAME), P + 1)
 

@@ -15,7 +15,7 @@ from scenarios.thesis.reference_fits import COUPLED, DIAGONAL
 from scenarios.thesis.verdicts import verdict_by_way, verdict_of_readings
 
 AGREE_DB, AGREE_DEGREES = 3.0, 30.0
-"""Two Bode plots agree where gain and phase differ by no more: what the eye sees on axes of decades and quadrants."""
+"""Two Bode plots agree where gain and phase differ by no more: visible on axes of decades and quadrants."""
 
 BODE_BAND = (0.1, 5.0)
 """Band in which they have to agree, Hz."""
@@ -24,13 +24,13 @@ POINT = 1.0
 """Largest loss of fit with fewer states, percentage points."""
 
 LITTLE = 10.0
-"""A coupling below it is little, percent."""
+"""A coupling below this share counts as little, percent."""
 
 FROM, MIDDLE, HIGH = 0.1, (3.0, 5.0), (5.0, 10.0)
 """Bands of the coupling, Hz: up to the lowest bandwidth of a joint, then the thesis' two bands."""
 
 FINITE = 1e3
-"""A transmission zero beyond this modulus is one at infinity, which rounding has brought back."""
+"""A transmission zero beyond this modulus counts as infinite: rounding makes it finite."""
 
 
 def real_poles(study: Comparison) -> Finding:
@@ -77,12 +77,12 @@ def real_poles(study: Comparison) -> Finding:
 
 
 def finite(zeros: np.ndarray) -> np.ndarray:
-    """Return the roots that are finite but for rounding."""
+    """Return the finite roots; very large ones are infinite roots that rounding made finite."""
     return np.asarray(zeros[np.abs(zeros) <= FINITE])
 
 
 ROUNDING = 1e-6
-"""An imaginary part below it is rounding."""
+"""A smaller imaginary part is rounding."""
 
 
 def complex_roots(roots: np.ndarray) -> int:
@@ -199,7 +199,7 @@ def coupling(study: Comparison) -> Finding:
 
 
 def _exchange(study: Comparison) -> str:
-    """Describe the effect of coupling in the record in which the thesis sees little."""
+    """Describe the effect of coupling in the record for which the thesis reports little coupling."""
     if RPCM not in study.multivariable.records:
         return ""
     alone, whole = (study.multivariable.reference(kind, RPCM) for kind in (DIAGONAL, COUPLED))

@@ -25,7 +25,7 @@ SLOW = ("mimo-10",)
 """Data of low frequency: the sweep that stays below the bandwidth, 0 to 1 Hz."""
 
 HALF_SLOW = "mimo-11"
-"""The sweep from 0 to 5 Hz: most of it is content that the thesis counts as 3 to 5 Hz, so it is only set beside."""
+"""The sweep from 0 to 5 Hz, reported beside the verdict only: most of its content counts as 3 to 5 Hz in the thesis."""
 
 MIDDLE = ((1, 2, 3), ("mimo-1", "mimo-2", "mimo-4", "mimo-5", "mimo-11"))
 """Single-joint tests and records of several joints with content at 3 to 5 Hz, and none above."""
@@ -34,10 +34,10 @@ FAST = ((4, 8), ("mimo-3", "mimo-6", "mimo-12", "mimo-13"))
 """Tests with content above 5 Hz."""
 
 FOLLOWS = 80.0
-"""A model follows a record that it fits better, percent."""
+"""A model follows a record if its fit is larger than this, percent."""
 
 SLIGHTLY = 10.0
-"""Slightly better means by no more, percentage points."""
+"""Slightly better means better by no more than this, percentage points."""
 
 FAIRLY_WHITE = 0.2
 """Fairly white: no more than this share of the lags outside the 99 % bounds."""
@@ -258,7 +258,7 @@ def _lead(own: ThreeJointModel, okid: ThreeJointModel, record: str, way: Way) ->
 
 
 def _by_far_worst(fits: Mapping[str, float], joint: str) -> bool:
-    """Whether every other joint is followed better by more than a tie."""
+    """Whether every other joint has a better fit by more than a tie."""
     return all(ahead(value - fits[joint]) for other, value in fits.items() if other != joint)
 
 
@@ -269,7 +269,7 @@ def _hybrid_lead(study: Comparison, record: str, way: Way) -> float:
 
 
 def _worst_shares(study: Comparison) -> str:
-    """By joint, the model and record that are followed least in simulation, and what takes what of the fit."""
+    """By joint, the model and record with the worst simulation fit, and the causes of the missing fit."""
     parts = []
     for joint in study.joints:
         fits = {

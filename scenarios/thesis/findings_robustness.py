@@ -1,4 +1,4 @@
-"""F25: what OKID and the prediction-error models make of a bias and of outliers in the record."""
+"""Finding F25: sensitivity of OKID and the prediction-error models to a bias and to outliers."""
 
 from dataclasses import dataclass
 from statistics import median
@@ -25,7 +25,7 @@ NEAR_ONE = 0.001
 
 @dataclass(frozen=True)
 class Statement:
-    """One of the four statements that finding F25 is made of.
+    """One of the four statements of finding F25.
 
     Attributes:
         key: Its name among the numbers of the finding.
@@ -46,7 +46,7 @@ class Statement:
 
 
 def statements(study: Comparison) -> tuple[Statement, ...]:
-    """Try the four statements on every joint that has the records."""
+    """Test the four statements on every joint that has the records."""
     joints = tuple(study.robustness.judged_by)
     own, okid = _methods(joints).values()
     entries = []

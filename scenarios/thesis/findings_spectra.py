@@ -16,10 +16,10 @@ FASTEST = 10.0
 """Upper end of the band that the thesis excites, Hz: the upper of the two sines."""
 
 WHOLE, POWERED = "over all frequencies, as the thesis plots them", "where the input has power"
-"""Readings of claims on spectra: a window's side lobes are all that it has where the input has none."""
+"""Readings of claims on spectra: without input power, a windowed estimate consists of side lobes."""
 
 NAMED = {WHOLE: "all frequencies", POWERED: "input's power"}
-"""The same in names of numbers."""
+"""Short names of the readings, used in keys of numbers."""
 
 AROUND_1_HZ = 1.5
 """Upper end of the band around and below 1 Hz."""
@@ -104,7 +104,7 @@ def sinusoid_disturbance(study: Comparison) -> Finding:
 
 
 def _frequency_masks(spectrum: FrequencyResponse) -> dict[str, np.ndarray]:
-    """The frequencies that each reading of a claim on spectra takes in."""
+    """Frequency masks of each reading of a claim on spectra."""
     return {WHOLE: np.ones(len(spectrum.frequencies), dtype=bool), POWERED: excited_lines(spectrum)}
 
 
@@ -118,7 +118,7 @@ def _leaks(powered: list[float]) -> str:
 
 
 def _span(values: list[float], form: str = ".0f") -> str:
-    """The smallest and the largest, or one number where they read the same."""
+    """Smallest and largest value as text, or one number where both print the same."""
     low, high = format(min(values), form), format(max(values), form)
     return low if low == high else f"{low} to {high}"
 
@@ -128,12 +128,12 @@ def _orders(spectrum: FrequencyResponse, mask: np.ndarray) -> float:
 
 
 def _share(inside: np.ndarray, density: np.ndarray) -> float:
-    """Percent of the power."""
+    """Share of the power inside a band, percent."""
     return float(100 * density[inside].sum() / density.sum())
 
 
 def _power(spectrum: np.ndarray | None) -> np.ndarray:
-    """Density of one channel; what a lag window leaves negative or undetermined counts as nothing."""
+    """Density of one channel; negative or undetermined values of a lag window count as zero."""
     if spectrum is None:
         raise ValueError("the spectral estimate has no such spectrum")
     density = spectrum[:, 0, 0].real

@@ -65,7 +65,7 @@ def chance(findings: Sequence[Finding], tally: Tally | None, seed: int | None = 
 
 
 def frequency_text(finding: Finding, tally: Tally) -> str:
-    """Say how often the verdict of a finding was reached, and whether it depends on the seed.
+    """Describe how often the seeds reached the verdict of a finding, and whether it depends on the seed.
 
     Args:
         finding: As this run decided it.
@@ -84,7 +84,7 @@ def frequency_text(finding: Finding, tally: Tally) -> str:
 
 
 def answer_text(tally: Tally) -> str:
-    """Say how often the answer holds: methods near 1 Hz with every seed, with some and with none, and the intervals.
+    """Describe how often the answer holds: methods near 1 Hz with every, some or no seed, and interval coverage.
 
     Args:
         tally: Many seeds.
@@ -149,7 +149,7 @@ def _seeds(tally: Tally) -> str:
 
 
 def coverage_rows(tally: Tally) -> list[tuple[str, list[tuple[str, BandwidthCoverage]]]]:
-    """By joint, what each method's bandwidth did over the seeds."""
+    """Distribution of each method's bandwidth over the seeds, by joint."""
     methods = {joint: list(tally.outcomes[0].recovered[joint]) for joint in STUDIED_JOINTS}
     return [(joint, [(method, tally.coverage(joint, method)) for method in methods[joint]]) for joint in STUDIED_JOINTS]
 

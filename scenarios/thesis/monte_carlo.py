@@ -22,7 +22,7 @@ from scenarios.thesis.tally import Tally, read_tally
 from sysid import SysidError
 
 Progress = Callable[[int, int, str, int, int], None]
-"""Called with the seed, the number of seeds before it, the step, the work done of it and the total."""
+"""Progress callback: seed, number of finished seeds, step, work done in the step, total work of the step."""
 
 JOURNAL = "seeds.sqlite"
 """Name of the file of finished seeds."""
@@ -100,10 +100,10 @@ FILE = "findings.json"
 """File among the package's data; tests/benchmarks/findings.py writes it."""
 
 ROUNDING = 0.01
-"""Rounding on another machine moves a number by less than this part of the range over the seeds."""
+"""Rounding on another machine changes a number by less than this fraction of the range over the seeds."""
 
 DIGITS = 1e-6
-"""Where the seeds agree, rounding moves a number by less than this part of itself."""
+"""Where the seeds agree, rounding changes a number by less than this fraction of its value."""
 
 
 @cache
@@ -140,7 +140,7 @@ def _contradictions(outcome: SeedOutcome, reference: Tally) -> Iterator[str]:
 
 
 def _numbers(outcome: SeedOutcome) -> dict[str, float]:
-    """Every number of an outcome by a name of its own."""
+    """Every number of an outcome by a unique name."""
     of_findings = {f"{key} {name}": value for key, part in outcome.numbers.items() for name, value in part.items()}
     of_methods = {
         f"bandwidth of {joint}, {method}, {what}": value
@@ -169,6 +169,6 @@ def _outside(numbers: dict[str, float], reference: list[dict[str, float]]) -> It
         else:
             low, high = min(values), max(values)
             room = ROUNDING * (high - low) + DIGITS * max(abs(low), abs(high))
-            # The first comparison is for what is infinite with some seed, as the end of an interval may be.
+            # The first comparison handles values that are infinite with some seed, such as ends of intervals.
             if numbers[name] not in values and not low - room <= numbers[name] <= high + room:
                 yield f"{name}: {numbers[name]:.6g}, recorded {low:.6g} to {high:.6g}"

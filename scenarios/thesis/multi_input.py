@@ -69,7 +69,7 @@ def off_diagonal(model: StateSpace, *, band: tuple[float, float] = BAND) -> floa
 
 
 def pushed_by_others(model: StateSpace, *, band: tuple[float, float]) -> dict[str, float]:
-    """Return how much the other commands move a joint, relative to its own: little where the response is diagonal.
+    """Return the motion of a joint due to the other commands, relative to that due to its own command.
 
     Args:
         model: Commands of the studied joints to their angles.
@@ -88,7 +88,7 @@ SHARED = "mimo-7"
 """The binary sequence of table 2, the same on every axis."""
 
 INDEPENDENT = "mimo-7-independent"
-"""Another sequence on every axis, which two analogue outputs could not play."""
+"""Another sequence on every axis; the two analogue outputs of the thesis could not play it."""
 
 EXCITED = (0.5, 10.0)
 """Band in which a 2 s file has power and the joints still respond, Hz."""
@@ -159,7 +159,7 @@ def full_models(name: str, campaign: Campaign, truth: StateSpace) -> tuple[FullM
 
 
 def _arx(data: IOData) -> StateSpace:
-    """One model of three inputs for each output, side by side."""
+    """One three-input model for each output, combined into one model."""
     models = [sysid.arx(IOData(data.u, data.y[:, i], data.dt), 5, 5, 1).model for i in range(data.ny)]
     return StateSpace(
         scipy.linalg.block_diag(*(model.A for model in models)),

@@ -69,7 +69,7 @@ class Exchange:
 
 
 def exchange(campaign: Campaign, models: Mapping[str, StateSpace]) -> Exchange:
-    """Take the exchange apart.
+    """Split the exchange into its phases.
 
     Within a phase the joints move little as a rule, so that a fit in percent would compare errors with next to nothing:
     errors are given in rad.
@@ -108,7 +108,7 @@ def exchange(campaign: Campaign, models: Mapping[str, StateSpace]) -> Exchange:
 
 
 def _departure(log: JointLog, campaign: Campaign) -> dict[str, float]:
-    """From the pose that the truth is linearised at."""
+    """Largest distance of each joint from the pose of the linearisation, rad."""
     away = np.abs(log.true_angles[round(SETTLING / log.dt) :] - campaign.truth.angles).max(axis=0)
     return dict(zip(JOINTS, map(float, away), strict=True))
 
@@ -159,11 +159,11 @@ class JointFits:
     one_step: Mapping[str, float]
 
     def of(self, way: Way) -> Mapping[str, float]:
-        """By joint, one way, percent."""
+        """Fits by joint, of one kind, percent."""
         return self.simulation if way == "simulation" else self.one_step
 
     def mean(self, way: Way) -> float:
-        """Mean over the joints, percent."""
+        """Mean fit over the joints, percent."""
         return float(np.mean(list(self.of(way).values())))
 
 
@@ -203,7 +203,7 @@ class ThreeJointModel:
         return bool(np.any(self.blocks[joint].gain))
 
     def fit(self, record: str) -> JointFits:
-        """Its fits to a record.
+        """Fits of the model to a record.
 
         Raises:
             MissingRecordError: There is no such record.
@@ -211,7 +211,7 @@ class ThreeJointModel:
         return _result_of(self.fits, record)
 
     def residual_test(self, record: str) -> ResidualTest:
-        """The test of its residuals on a record.
+        """Test of the model's residuals on a record.
 
         Raises:
             MissingRecordError: There is no such record, or the residuals grow beyond all numbers.
@@ -258,12 +258,12 @@ class Multivariable:
         return next(entry for entry in self.models if entry.kind == kind and entry.printed == printed)
 
     def pair(self, *, printed: bool = False) -> tuple[ThreeJointModel, ThreeJointModel]:
-        """The SysID and the OKID model."""
+        """The SysID and the OKID model, identified or printed."""
         return self.model("SysID", printed=printed), self.model("OKID", printed=printed)
 
 
 def multivariable(own: Mapping[str, StateSpace], okid: Mapping[str, StateSpace], campaign: Campaign) -> Multivariable:
-    """Put the joints' models together and lay them beside every record of several joints.
+    """Build the three-joint models and compare them with every record of several joints.
 
     The hybrid model has the SysID model's yaw and the OKID model's pitches [Morris1996, sec. VI.6].
 
@@ -287,7 +287,7 @@ def multivariable(own: Mapping[str, StateSpace], okid: Mapping[str, StateSpace],
     }
     models: list[ThreeJointModel] = []
     with warnings.catch_warnings():
-        # an unstable predictor shows in its fits, shared waveforms in the models that they are here to show
+        # Warnings are suppressed: fits reveal unstable predictors, and shared waveforms are intended here.
         warnings.simplefilter("ignore", SysidWarning)
         for as_printed, (first, second) in sources.items():
             fits = [_fits(blocks, data) for blocks in (first, second)]

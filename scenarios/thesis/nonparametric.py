@@ -19,7 +19,7 @@ from sysid.models.bandwidth import HALF_POWER
 from sysid.polynomial.correlation import prewhitened
 
 TOLD = 0.2
-"""A gain counts as known where its standard deviation is below this share of it."""
+"""A gain counts as reliable where its standard deviation is below this share of it."""
 
 TOGETHER = 7
 """Most periods in a block. The noise of the wires moves the joint beyond the end of a block, so that short blocks show
@@ -62,9 +62,9 @@ class PeriodSpectra:
         return float(self.disturbance.sum() / self.output.sum())
 
     def reliable_response(self) -> FrequencyResponse:
-        """Response with its covariance where the gain is known to a fifth.
+        """Response with its covariance on reliable lines: standard deviation of the gain below `TOLD` times the gain.
 
-        A line that the waveform does not excite is told too if the noise of the wires does.
+        A line that the waveform does not excite is included if the noise of the wires excites it enough.
         """
         mask = self.input > np.finfo(float).eps ** 2 * self.input.max(initial=0.0)
         response = np.zeros(len(self.input), dtype=complex)
@@ -225,7 +225,7 @@ def nonparametric(joint: str, campaign: Campaign, *, summaries: bool = True) -> 
     binary = campaign.single(PRBS, joint)
     data = {n: campaign.single(n, joint) for n in (SINES, PULSE) if single_joint_test(n, joint) in campaign.logs}
     with warnings.catch_warnings():
-        # Two tones do not excite all that is estimated from them: the page says where.
+        # Two tones do not excite every estimated frequency; the report marks where.
         warnings.simplefilter("ignore", SysidWarning)
         spectra = {n: sysid.spa(record, frequencies=GRID) for n, record in data.items()}
         positive = sysid.spa(data[SINES], window=parzen, frequencies=GRID) if SINES in data else None
@@ -311,7 +311,7 @@ def summary(data: IOData, period: int = POINTS) -> RecordSummary:
     mean_u, mean_y = (x[:whole, 0].reshape(-1, period).mean(axis=0) for x in (data.u, data.y))
     correlation = np.fft.irfft(np.fft.rfft(mean_y) * np.fft.rfft(mean_u).conj(), period)
     peaks = (correlation >= np.roll(correlation, 1)) & (correlation > np.roll(correlation, -1))
-    # A tone comes as close again every cycle: the first of those that chance alone tells apart.
+    # A tone reaches the same correlation every cycle: take the first peak among those within chance of the largest.
     nearest = int(np.argmax(peaks & (correlation > 0.99 * correlation.max())))
     return RecordSummary(
         told=len(response.frequencies),

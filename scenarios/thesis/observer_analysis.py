@@ -29,7 +29,7 @@ CHIRP = 8
 """Number of the single-joint test that the thesis cross-validates its observers on."""
 
 LIVE = 0.05
-"""Part of the largest Markov parameter below which one has died away."""
+"""A Markov parameter below this fraction of the largest counts as zero."""
 
 SEVERAL = ("mimo-7", "mimo-7-independent")
 """PRBS tests of three joints: one waveform on every axis, and one of its own on each."""
@@ -37,7 +37,7 @@ SEVERAL = ("mimo-7", "mimo-7-independent")
 
 @dataclass(frozen=True)
 class ObserverError:
-    """Standard deviation of what an observer leaves of the output, in parts of the output's own.
+    """Standard deviations of an observer's errors, relative to that of the output.
 
     Attributes:
         p: Observer Markov parameters.
@@ -52,7 +52,7 @@ class ObserverError:
 
 @dataclass(frozen=True)
 class Share:
-    """Part of the response that some states carry, in three measures.
+    """Share of the response that a number of states carries, in three measures.
 
     Attributes:
         order: Number of states.
@@ -188,7 +188,7 @@ def observers(campaign: Campaign, estimates: Mapping[str, Estimate], number: int
         MissingRecordError: The record of the estimation test.
     """
     with warnings.catch_warnings():
-        # They stand in the estimates' diagnostics.
+        # The diagnostics of the estimates hold the same warnings.
         warnings.simplefilter("ignore", SysidWarning)
         joints = {joint: _joint(campaign, joint, estimate, number, thorough) for joint, estimate in estimates.items()}
         if not thorough:
@@ -220,14 +220,14 @@ def observer_errors(data: IOData, numbers: tuple[int, ...] = NUMBERS) -> tuple[O
 
 
 def observer(data: IOData, order: int = ORDER, p: int = P) -> Estimate:
-    """An observer model; its warnings stand in its diagnostics."""
+    """An observer model; its diagnostics hold its warnings."""
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", SysidWarning)
         return sysid.okid(data, order, p=p)
 
 
 def hankel_share(estimate: Estimate, order: int, power: int = 2) -> float:
-    """Percent of the Hankel singular values, squared as the thesis takes them, that some states hold."""
+    """Share of the Hankel singular values, squared as in the thesis, in the first `order` of them, percent."""
     values = np.asarray(estimate.diagnostics["hankel_singular_values"], dtype=float) ** power
     return float(100.0 * values[:order].sum() / values.sum())
 
@@ -268,7 +268,7 @@ def _share(data: IOData, order: int) -> Share:
 
 
 def _smoothed(data: IOData, p: int) -> float:
-    """Standard deviation of what p samples of input and output on both sides leave of a sample."""
+    """Standard deviation of the error of a sample predicted from p samples of input and output on both sides."""
     around = np.lib.stride_tricks.sliding_window_view(np.hstack((data.u, data.y)), 2 * p + 1, axis=0)
     columns = np.delete(around.reshape(len(around), -1), around.shape[2] + p, axis=1)
     target = data.y[p : len(data) - p, 0]
@@ -311,7 +311,7 @@ def _three_joint_observer(name: str, data: Mapping[str, IOData], truth: Truth) -
     estimate = observer(own, states)
     fit = sysid.compare({"OKID": estimate}, own)[0]
     others = [sysid.compare({"OKID": estimate}, record)[0].simulation for key, record in data.items() if key != name]
-    # Of the frequencies that the PRBS file holds, those that the arm answers.
+    # Frequencies of the PRBS file at which the arm responds.
     f = np.geomspace(0.5, 10.0, 200)
     columns = [list(truth.model.input_names or ()).index(f"{joint} commanded") for joint in STUDIED_JOINTS]
     true = truth.model.frequency_response(f)[:, columns][:, :, columns]

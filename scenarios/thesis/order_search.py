@@ -1,4 +1,4 @@
-"""The thesis' iterations as an algorithm: orders from low to high until residuals and cross-validation are content.
+"""Order search of the thesis as an algorithm: orders rise until residual tests and cross-validation pass.
 
 The thesis varies orders by hand, tests residuals, stability and the fit to other data sets, and prefers the simplest
 structure that passes [Morris1996, sec. IV.3A]. Here a step adds a pole; within a step zeros and, while the model is
@@ -29,10 +29,10 @@ DELAYS = (1, 2, 3)
 DELAYS_UP_TO = 2
 
 FEWER_ZEROS = 2
-"""By how much the numerator may have fewer coefficients than there are poles."""
+"""Differences between the number of poles and of numerator coefficients."""
 
 IMPROVES = 0.1
-"""Gain of the median fit to other data sets that speaks for a step more, percentage points."""
+"""Least gain of the median fit to other data sets that justifies another step, percentage points."""
 
 MINUTE = 60.0
 """Length of every other data set that is simulated, s: they repeat every two seconds."""
@@ -43,7 +43,7 @@ ARX_GRID = (range(1, 7), range(1, 5), range(1, 5))
 
 @dataclass(frozen=True)
 class Iteration:
-    """One structure tried.
+    """One structure of the search, with its fits and tests.
 
     Attributes:
         orders: na, nb, nc, nk of ARMAX; nb, nf, nk of OE.
@@ -137,7 +137,7 @@ def search_orders(joint: str, data: Mapping[int, IOData], own: int, thesis: Mapp
     if not others:
         raise SysidError("a search for orders needs other data sets to judge on, got none")
     with warnings.catch_warnings():
-        # of orders that are far too large there is much to say
+        # Warnings are suppressed: orders far too large give many.
         warnings.simplefilter("ignore", SysidWarning)
         table = sysid.selstruc(data[own], *ARX_GRID, validation=others)
         armax, oe = (search(method, data[own], others, thesis[method]) for method in ("armax", "oe"))
@@ -201,7 +201,7 @@ def _iteration(method: str, poles: int, zeros: int, delay: int, data: IOData, ot
         whiteness_p=float(test.whiteness_p[0]),
         independence_p=float(test.independence_p[0, 0]),
         outside=int(test.outside_whiteness[0]),
-        # What an unstable model simulates grows beyond all numbers.
+        # The simulation of an unstable model overflows.
         held_out=median(_fit(model, other) for other in others) if radius < 1.0 else -np.inf,
         passes=radius < 1.0 and independent and (white or method == "oe"),
     )

@@ -1,4 +1,4 @@
-"""Conclusions of one seed: verdicts, the numbers they rest on, and bandwidths, without the records."""
+"""Outcome of one seed: verdicts with their numbers, and bandwidths, without the records."""
 
 from __future__ import annotations
 
@@ -58,7 +58,7 @@ class SeedOutcome:
     versions: Mapping[str, str]
 
     def record(self) -> dict[str, Any]:
-        """The same in plain mappings, for JSON; numbers that are not finite become the words nan, inf, -inf."""
+        """The outcome as plain mappings for JSON; non-finite numbers become the strings nan, inf, -inf."""
         return {
             "seed": self.seed,
             "duration": self.duration,
@@ -127,7 +127,7 @@ def numbers(finding: Finding) -> dict[str, float]:
 
 
 def outcome_from(record: Mapping[str, Any]) -> SeedOutcome:
-    """Read what `SeedOutcome.record` wrote.
+    """Rebuild an outcome from a mapping that `SeedOutcome.record` wrote.
 
     Args:
         record: The plain mappings.

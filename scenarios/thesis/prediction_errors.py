@@ -15,10 +15,10 @@ from scenarios.thesis.order_search import Searches, search_orders
 from sysid import Estimate, IOData, SysidWarning
 
 ORDERS = ((2, 2), (2, 3), (3, 3), (2, 4), (4, 4), (2, 5), (5, 5), (2, 6), (6, 6))
-"""nb, nf: the thesis' own, then more poles with its one zero, and with as many coefficients above as below."""
+"""nb, nf: the orders of the thesis, more poles with its one zero, as many numerator as denominator coefficients."""
 
 EDGE = 1.0 - 1e-4
-"""Modulus of a pole beyond which a stable model counts as barred by the edge: the estimator warns there too."""
+"""Stable models with a pole beyond this modulus are limited by the stability bound: the estimator warns there too."""
 
 ROUNDS = 20
 """Rounds of repeated least squares at most."""
@@ -53,7 +53,7 @@ class MorePoles:
 
     @property
     def unstable(self) -> bool:
-        """Whether one of the two ways leads to the edge or beyond it."""
+        """Whether one of the two estimates reaches the edge of stability."""
         return self.barred or self.free_radius >= 1.0
 
 

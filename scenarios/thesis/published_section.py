@@ -50,7 +50,7 @@ class AssumedValue:
 
 
 def assumed_values() -> tuple[AssumedValue, ...]:
-    """Return every such value, as it is in the nominal arm."""
+    """Return every value of the nominal arm that comes from the thesis."""
     servos = [SERVOS[name] for name in STUDIED_JOINTS]
     delays = sorted({BUS[name].delay for name in STUDIED_JOINTS})
     limits = [degrees(MOTIONS[name].velocity_limit) for name in STUDIED_JOINTS]
@@ -89,13 +89,13 @@ def assumed_values_of(findings: Sequence[Finding]) -> dict[str, tuple[AssumedVal
 
 
 def _span(values: Iterable[float]) -> str:
-    """The value, or the ends of their range from the smallest amount on."""
+    """The value as text, or the ends of the range, smallest magnitude first."""
     texts = [f"{value:g}".replace("-", "−") for value in sorted(set(values), key=abs)]
     return texts[0] if len(texts) == 1 else f"{texts[0]} to {texts[-1]}"
 
 
 SHOWN = (5, 4)
-"""Single-joint tests that are drawn: PRBS, two sines."""
+"""Single-joint tests in the figures: PRBS, two sines."""
 
 
 @dataclass(frozen=True)

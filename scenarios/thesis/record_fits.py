@@ -16,7 +16,7 @@ Records = tuple[Iterable[int], Iterable[str]]
 
 
 def fits_to_records(study: Comparison, kind: Kind, joint: str, records: Records, way: Way) -> dict[str, float]:
-    """Fits of a model's joint to single-joint tests and records of several joints, all of them.
+    """Fits of one joint of a model to all given single-joint tests and records of several joints.
 
     Args:
         study: The study.
@@ -44,7 +44,7 @@ def fits_to_records(study: Comparison, kind: Kind, joint: str, records: Records,
 
 
 def held_out_records(study: Comparison, joint: str) -> Records:
-    """Records of a joint that play another waveform than the one models were identified from, those that are there."""
+    """Available records of a joint that play another waveform than the estimation test."""
     there = study.joints[joint].data
     return (
         tuple(number for number in OTHER_WAVEFORMS if number in there and number != study.estimation_test),
@@ -53,7 +53,7 @@ def held_out_records(study: Comparison, joint: str) -> Records:
 
 
 def held_out_fit(study: Comparison, kind: Kind, joint: str, way: Way) -> float:
-    """Median fit of a model's joint to all records that it has not seen, of one joint and of several, percent.
+    """Median fit of one joint of a model to all held-out records, of one joint and of several, percent.
 
     Args:
         study: The study.
@@ -122,7 +122,7 @@ def shortfall(study: Comparison, joint: str, record: str, fit: float) -> str:
 
 
 def missing_fit_shares(study: Comparison, joint: str, record: str, fit: float) -> dict[str, float]:
-    """The shares that `shortfall` tells, percentage points; they add up to 100 less the fit."""
+    """Shares that `shortfall` describes, percentage points; their sum is 100 minus the fit."""
     name = f"{record}-{joint}" if record.startswith("siso") else record
     fits = {entry.name: entry.fits for entry in study.multivariable.references}
     if name not in fits[DIAGONAL]:

@@ -20,7 +20,7 @@ READS_LATE = 3
 
 @dataclass(frozen=True)
 class Reference:
-    """Fits with one kind of knowledge of the twin.
+    """Fits of one reference prediction from the true twin.
 
     Attributes:
         name: The knowledge.
@@ -32,11 +32,11 @@ class Reference:
 
 
 DIAGONAL, COUPLED, NOISELESS = "truth without coupling", "truth with coupling", "true angles"
-"""Linear truth by its own command alone; by all three; and the arm's own angles, all but the noise of reading them."""
+"""References: linear truth driven by its own command, by all three commands, and true angles without sensor noise."""
 
 
 def reference_fits(campaign: Campaign, records: Sequence[str], truth: StateSpace) -> tuple[Reference, ...]:
-    """Lay the truth beside records.
+    """Compute the fits of the truth to records.
 
     Args:
         campaign: The records.
@@ -77,7 +77,7 @@ def impulse_response(truth: StateSpace) -> np.ndarray:
 
 
 def _fits_of_record(campaign: Campaign, name: str, pulses: np.ndarray) -> dict[str, dict[str, float]]:
-    """Simulated from the start of the log, where the arm stands: no initial state is to be guessed."""
+    """Fits of one record, simulated from the start of the log: at rest, so there is no initial state to estimate."""
     log, data = campaign.log(name), campaign.several(name)
     whole = log.iodata(STUDIED_JOINTS)
     moved = whole.u - whole.u[0]
@@ -90,7 +90,7 @@ def _fits_of_record(campaign: Campaign, name: str, pulses: np.ndarray) -> dict[s
 
 
 def _noiseless(log: JointLog, y: np.ndarray) -> dict[str, float]:
-    """Fit of the true angles, each read as many samples late as fits best: the bus delays some joints."""
+    """Fit of the true angles, each delayed by the number of samples that fits best: the bus delays some joints."""
     true = log.true_angles[:, [JOINTS.index(joint) for joint in STUDIED_JOINTS]]
     late = [_fits(y, true[len(true) - len(y) - n : len(true) - n]) for n in range(READS_LATE + 1)]
     return {joint: max(fits[joint] for fits in late) for joint in STUDIED_JOINTS}

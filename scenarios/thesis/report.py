@@ -83,7 +83,7 @@ class Shortcomings:
 
 
 def shortcomings(study: Comparison, findings: Sequence[Finding], tally: Tally | None = None) -> Shortcomings:
-    """Collect what does not hold.
+    """Collect the claims and numbers that do not hold.
 
     Args:
         study: The study.
@@ -138,7 +138,7 @@ SECTIONS: tuple[tuple[str, Callable[[Comparison, Gallery], object]], ...] = (
     ("fairness", fairness_section),
     ("robustness", robustness),
 )
-"""Parts that draw."""
+"""Sections of the report with figures, by template name."""
 
 
 def context(study: Comparison, findings: Sequence[Finding], gallery: Gallery, tally: Tally | None) -> dict[str, object]:
@@ -227,7 +227,7 @@ def _extent(study: Comparison) -> dict[str, float]:
 
 
 def _reproduction_commands(study: Comparison) -> dict[str, str]:
-    """Commands that give the report, and one row of the table of bandwidths, again."""
+    """Commands that reproduce the report, and one row of the table of bandwidths."""
     structure = STRUCTURES["shoulder_yaw"][0]
     name = f"siso-{study.estimation_test}-shoulder_yaw"
     seed = "" if study.seed is None else f" --seed {study.seed}"

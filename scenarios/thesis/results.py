@@ -226,7 +226,7 @@ def friction_in_words(study: Comparison) -> str:
 
 
 def headline(study: Comparison) -> str:
-    """The two statements of the answer, short: near 1 Hz or not, and how many intervals hold the truth."""
+    """Short answer in two statements: near 1 Hz or not, and how many intervals contain the truth."""
     models = [model for entry in study.joints.values() for model in entry.models.values()]
     if study.duration is not None:
         return f"Records of {study.duration:g} s: a look, not a result"
@@ -240,12 +240,12 @@ def headline(study: Comparison) -> str:
 
 
 def answer(study: Comparison) -> str:
-    """Whether the thesis' 1 Hz finding stands, in words."""
+    """Verdict on the thesis' 1 Hz finding, in words."""
     return " ".join(answers(study))
 
 
 def answers(study: Comparison) -> tuple[str, ...]:
-    """The statements of the answer, one by one: the band, the intervals, the published models."""
+    """Statements of the answer: the band, the intervals, the published models."""
     if study.duration is not None:
         return (
             f"{look(study.duration)}, so no verdict on the 1 Hz finding is given. Run the study without a shorter "

@@ -38,10 +38,10 @@ SEED = 25
 """Second seed of all random draws here, beside the study's own."""
 
 PART = 2000
-"""Samples of the part that is spoilt, 40 s from the start: twenty periods of the waveform."""
+"""Length of the disturbed part in samples, 40 s from the start: twenty periods of the waveform."""
 
 CORE: Mapping[str, tuple[float, ...]] = {"bias": (0.0, 0.1, 0.5), "outliers": (0.5, 2.0)}
-"""Degrees that finding F25 rests on, with the record as it is; the report shows more."""
+"""Degrees that decide finding F25, with the undisturbed record; the report shows more."""
 
 
 def sysid_method(joint: str) -> str:
@@ -57,7 +57,7 @@ def other_structures(joint: str) -> tuple[Structure, ...]:
 
 
 def robustness(campaign: Campaign, estimation_test: int, *, thorough: bool = True) -> Robustness:
-    """Spoil the records that models are identified from, and identify.
+    """Disturb the estimation records and identify models from them.
 
     Args:
         campaign: The records.
@@ -96,7 +96,7 @@ def _core() -> dict[str, Disturbance]:
 
 @dataclass(frozen=True, eq=False)
 class _Trial:
-    """Records of one joint and what judges a model of it."""
+    """Estimation and validation records of one joint."""
 
     data: IOData
     judges: Sequence[IOData]
@@ -128,7 +128,7 @@ class _Trial:
         return disturbance.draws if length < whole else int(length == whole)
 
     def _chance(self, disturbance: Disturbance, degree: float, draw: int) -> np.random.Generator:
-        """The same for every structure and treatment, whatever else is tried."""
+        """Seed of a draw: the same for every structure and treatment."""
         joint, kind = STUDIED_JOINTS.index(self.truth.name), list(DISTURBANCES).index(disturbance.key)
         if disturbance.key.endswith("drop-outs"):
             # Held and marked lose the same samples.

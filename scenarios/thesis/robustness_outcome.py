@@ -18,7 +18,7 @@ from sysid import Estimate, IOData, SysidError, SysidWarning, predict
 from sysid.validation import fit_percent
 
 ORDERS: Mapping[str, tuple[int, ...]] = MappingProxyType({"SysID": (1, 2, 3), "OKID": (1, 2, 3, 4)})
-"""States that are tried, by kind of model: as many as the thesis speaks of."""
+"""Numbers of states compared, by kind of model, up to the largest in the thesis."""
 
 PART = 1000
 """Samples of the part that is used, 20 s from the start: larger orders than needed take long to fit."""
@@ -30,7 +30,7 @@ BIAS = 0.5
 """Constant in the output of the biased record, standard deviations of the output."""
 
 DETRENDED = "detrended"
-"""The record as the study takes it."""
+"""Name of the detrended record, as the study uses it."""
 
 WITH_MEANS = "with its means"
 """The same with the joint's angle about which it moves, in the command as in the measurement."""
@@ -122,12 +122,12 @@ def _simulated(model: Estimate, judge: IOData) -> float:
 
 
 Failure = Literal["", "refused", "unstable", "no bandwidth"]
-"""Failures: the estimator refused, the model is unstable, its gain never falls by 3 dB."""
+"""Failures: the estimator raised an error, the model is unstable, its gain never falls by 3 dB."""
 
 
 @dataclass(frozen=True)
 class RobustnessOutcome:
-    """One model from one spoilt record.
+    """One model from one disturbed record.
 
     Attributes:
         joint: The joint.
@@ -165,7 +165,7 @@ class RobustnessOutcome:
 
 @dataclass(frozen=True)
 class Summary:
-    """All draws of one point.
+    """Summary of all draws at one degree.
 
     Attributes:
         degree: How much.
@@ -186,7 +186,7 @@ class Summary:
 
 @dataclass(frozen=True, eq=False)
 class Robustness:
-    """The whole experiment.
+    """Results of the whole robustness experiment.
 
     Attributes:
         outcomes: Every model.
@@ -252,7 +252,7 @@ COMPARABLE = (10.0, 5.0)
 median fit in simulation to records of other waveforms falls by at most so many points."""
 
 NO_BANDWIDTH = 100.0
-"""Percent that a bandwidth counts as moved by where the spoilt record gives none."""
+"""Change of bandwidth, percent, assumed where the disturbed record gives none."""
 
 
 @dataclass(frozen=True)
@@ -270,17 +270,17 @@ class Tolerance:
 
 
 def clean(robustness: Robustness, joint: str, method: str) -> RobustnessOutcome:
-    """The model from the record as it is."""
+    """The model from the undisturbed record."""
     return robustness.of("bias", joint, method)[0.0][0]
 
 
 def shift(entry: RobustnessOutcome, reference: RobustnessOutcome) -> float:
-    """Percent by which the bandwidth moves."""
+    """Change of the bandwidth, percent."""
     return NO_BANDWIDTH if entry.failure else 100 * abs(entry.bandwidth_hz / reference.bandwidth_hz - 1)
 
 
 def comparable(entries: tuple[RobustnessOutcome, ...], reference: RobustnessOutcome) -> bool:
-    """Whether the median draw stays comparable; a record that the estimator refuses does not."""
+    """Whether the median draw stays comparable; a failed estimate is not comparable."""
     percent, points = COMPARABLE
     if any(entry.failure == "refused" for entry in entries):
         return False
@@ -293,7 +293,7 @@ def comparable(entries: tuple[RobustnessOutcome, ...], reference: RobustnessOutc
 def tolerance(
     robustness: Robustness, disturbance: str, joint: str, method: str, treatment: str = AS_IT_IS[0]
 ) -> Tolerance | None:
-    """Find how much is tolerated.
+    """Find the largest tolerated degree of a disturbance.
 
     Args:
         robustness: The experiment.

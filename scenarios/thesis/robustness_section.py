@@ -23,7 +23,7 @@ CROSSED = ("bias", "drift", "sway")
 """Disturbances that are crossed with detrending."""
 
 ALONE = ("outliers", "outlier size", "held drop-outs", "marked drop-outs", "length", "white noise", "coloured noise")
-"""Disturbances that detrending does nothing about."""
+"""Disturbances that detrending does not remove."""
 
 COMPARED = ("bias", "outliers", "white noise", "coloured noise")
 """Disturbances on which structures that the thesis did not choose are tried too."""
@@ -62,7 +62,7 @@ def errors_and_detrending(robustness: Robustness) -> Figure:
 
 
 def fits_and_detrending(robustness: Robustness) -> Figure:
-    """Draw their effect on the fit in simulation to a clean record of another test."""
+    """Draw the effect of constants and trends on the simulation fit to a clean record of another test."""
     return _grid(robustness, CROSSED, _chosen, tuple(LINES), _fit_error, REST)
 
 
@@ -72,7 +72,7 @@ def errors(robustness: Robustness) -> Figure:
 
 
 def fits(robustness: Robustness) -> Figure:
-    """Draw its effect on the fit."""
+    """Draw the effect of every other disturbance on the fit."""
     return _grid(robustness, ALONE, _chosen, AS_IT_IS, _fit_error, REST)
 
 

@@ -166,7 +166,7 @@ def _ticks(tests: Sequence[str], duration: float | None) -> int:
 def draw_conclusions(
     campaigns: Sequence[Campaign], *, thorough: bool = True, progress: Progress | None = None
 ) -> Comparison:
-    """Draw the study's conclusions from records that are there.
+    """Run the analyses of the study on existing campaigns.
 
     Args:
         campaigns: The arm that the study is about, whole, first; then the same arm without friction, and others.

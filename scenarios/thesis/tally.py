@@ -70,7 +70,7 @@ class Frequency:
         return self.depends_on_seed(self.usual)
 
     def depends_on_seed(self, verdict: Verdict) -> bool:
-        """Whether a verdict depends on the seed: fewer than nine in ten seeds share it."""
+        """Whether a verdict depends on the seed: fewer than nine in ten seeds reach it."""
         return self.counts.get(verdict, 0) < STEADY * self.seeds
 
     def against(self, verdict: Verdict) -> bool:
@@ -123,7 +123,7 @@ class Tally:
 
     @property
     def all_seeds(self) -> bool:
-        """Whether ranges are from the smallest to the largest of all: of so few seeds 95 % are all of them."""
+        """Whether ranges span all seeds: for so few seeds the 95 % range is the full range."""
         return len(self.outcomes) <= FEW
 
     @property
@@ -303,7 +303,7 @@ def root(value: complex, digits: int = 3) -> str:
 
 
 def value_text(value: object) -> str:
-    """A parameter's value as text: several numbers with crosses between them."""
+    """Value of a parameter as text; several numbers are joined by crosses."""
     if isinstance(value, tuple | list):
         return " × ".join(value_text(part) for part in value)
     return f"{value:.5g}" if isinstance(value, float | int) else str(value)

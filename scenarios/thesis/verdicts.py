@@ -10,7 +10,7 @@ from scenarios.thesis.finding import Verdict, verdict
 from scenarios.thesis.multivariable import WAYS, ThreeJointModel, Way
 
 MARGIN = 0.2
-"""Two fits that differ by less are tied, percentage points: the thesis reads fits off its plots to no more digits."""
+"""Fits that differ by less are tied, percentage points: the thesis reads fits off its plots to no more digits."""
 
 
 def ahead(difference: float) -> bool:
@@ -41,7 +41,7 @@ def comparison_word(difference: float) -> str:
 
 
 def held_out(study: Comparison, model: ModelResult) -> float:
-    """Median fit in simulation to the tests that the model has not seen, percent.
+    """Median fit of simulations to the held-out tests, percent.
 
     Raises:
         MissingRecordError: There is no such test.
@@ -50,7 +50,7 @@ def held_out(study: Comparison, model: ModelResult) -> float:
 
 
 def held_out_one_step(study: Comparison, model: ModelResult) -> float:
-    """The same of the one-step predictions.
+    """Median fit of one-step predictions to the held-out tests, percent.
 
     Raises:
         MissingRecordError: There is no such test.
@@ -72,7 +72,7 @@ WORDS: Mapping[Way, str] = {"simulation": "in simulation", "one_step": "one step
 
 
 def verdict_by_reading(passed: Mapping[str, tuple[int, int]]) -> tuple[Verdict, str]:
-    """Judge a claim by each of its readings, and name the verdict of each.
+    """Combine the verdicts of a claim's readings from the parts that hold under each.
 
     Args:
         passed: By reading, in words that follow a verdict: the number of parts that hold, and of all.
@@ -91,7 +91,7 @@ def verdict_by_reading(passed: Mapping[str, tuple[int, int]]) -> tuple[Verdict, 
 
 
 def verdict_of_readings(verdicts: Mapping[str, Verdict]) -> tuple[Verdict, str]:
-    """Return the common verdict of several readings, or `partly`, and a sentence.
+    """Combine the verdicts of several readings: the common verdict, or `partly`, and a sentence.
 
     Args:
         verdicts: By reading, in words that follow "is".

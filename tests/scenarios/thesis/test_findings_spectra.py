@@ -29,7 +29,7 @@ def test_what_the_window_leaks_does_not_count_where_the_input_has_power() -> Non
             "noise_spectrum": 0.001 * line + leaked,
         }
     )
-    kept = chapter._kept(found)
+    kept = chapter._frequency_masks(found)
     assert kept[chapter.WHOLE].all()
     np.testing.assert_array_equal(kept[chapter.POWERED], line > 0)
     assert chapter._orders(found, kept[chapter.POWERED]) == pytest.approx(5.0)

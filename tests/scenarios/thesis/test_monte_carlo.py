@@ -77,7 +77,7 @@ def quick(monkeypatch: pytest.MonkeyPatch) -> list[int]:
             raise ScenarioError("the physics diverged")
         return replace(whole(seed), duration=duration)
 
-    monkeypatch.setattr(monte_carlo, "_one", one)
+    monkeypatch.setattr(monte_carlo, "_run_seed", one)
     return run
 
 
@@ -156,10 +156,10 @@ def test_an_interrupted_run_keeps_its_seeds_and_says_so(
             raise KeyboardInterrupt
         return whole(seed)
 
-    monkeypatch.setattr(monte_carlo, "_one", one)
+    monkeypatch.setattr(monte_carlo, "_run_seed", one)
     assert main(["thesis", "--seeds", "20", "--seed", "5", "--out", str(tmp_path)]) == 130
     said = capsys.readouterr().err
-    assert "kept in" in said and "hmtb thesis --seeds 20 --seed 5" in said
+    assert "saved in" in said and "hmtb thesis --seeds 20 --seed 5" in said
     with Journal(tmp_path / "seeds" / "seeds.sqlite", {"format": "thesis seeds"}) as journal:
         assert [key.split()[-1] for key in journal.entries()] == ["5"]
     assert not (tmp_path / "report.html").exists()
