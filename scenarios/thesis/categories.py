@@ -243,8 +243,8 @@ def _robustness(study: Comparison) -> tuple[Measure, ...]:
                 if entry.chosen and (entry.method == "okid") == okid and entry.treatment == AS_IT_IS[0]
             ]
             plain = {e.joint: e.bandwidth_hz for e in mine if e.disturbance == "bias" and e.degree == 0.0}
-            spoilt = [e for e in mine if e.disturbance == disturbance and e.degree > 0.0 and e.joint in plain]
-            same = [abs(e.bandwidth_hz / plain[e.joint] - 1) <= SAME for e in spoilt]
+            disturbed = [e for e in mine if e.disturbance == disturbance and e.degree > 0.0 and e.joint in plain]
+            same = [abs(e.bandwidth_hz / plain[e.joint] - 1) <= SAME for e in disturbed]
             counts[name] = 100 * float(np.mean(same)) if same else float("nan")
         measures.append(
             Measure(

@@ -145,7 +145,7 @@ class Comparison:
         nonparametric: What the records say without a model, by joint.
         prediction_errors: Other data sets, orders and the arm without friction, by joint.
         observers: OKID's observers [Morris1996, ch. V].
-        robustness: Models from spoilt records; all of it only when thorough.
+        robustness: Models from disturbed records; all of it only when thorough.
         fairness: The same table of fits for every arm; None where the study is not thorough.
         cost: Time spent.
         estimation_test: Number of the test that models were identified from.

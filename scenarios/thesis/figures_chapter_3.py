@@ -138,7 +138,7 @@ def transfer_function(entry: JointResult, estimates: Nonparametric) -> Figure:
         _level(gain, estimates.positive, OTHER_WINDOW, "Parzen window")
     points = (
         (true, TRUE, "truth"),
-        (estimates.repeated[SINES].reliable_response(), Style(REPEATED.colour, "", 1.0, "^"), "told by repetition"),
+        (estimates.repeated[SINES].reliable_response(), Style(REPEATED.colour, "", 1.0, "^"), "from repetition"),
         (strong, Style(ANSWER.colour, "", 1.0, "."), "strong PRBS lines"),
     )
     for response, style, label in points:

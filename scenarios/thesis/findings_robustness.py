@@ -94,7 +94,7 @@ def bias_and_outliers(study: Comparison) -> Finding:
             failure = clean(study.robustness, joint, method).failure
             if failure:
                 raise MissingRecordError(
-                    f"the part of the PRBS record of {joint} that is spoilt gives {method} no bandwidth to compare "
+                    f"the part of the PRBS record of {joint} that is disturbed gives {method} no bandwidth to compare "
                     f"with even as it is ({failure})"
                 )
     value: dict[str, float] = {}
@@ -125,7 +125,7 @@ def _unit() -> str:
 def _why(study: Comparison, joints: tuple[str, ...], value: dict[str, float]) -> str:
     all_of = len(joints)
     methods = _methods(joints)
-    slow, spoilt = {}, {}
+    slow, total = {}, {}
     for name in methods:
         ends = [
             entry.slowest
@@ -133,7 +133,7 @@ def _why(study: Comparison, joints: tuple[str, ...], value: dict[str, float]) ->
             for entry in _draws(study, "bias", joint, methods[name][joint])
             if entry.degree == max(CORE["bias"]) and entry.failure != "refused"
         ]
-        slow[name], spoilt[name] = sum(pole > 1 - NEAR_ONE for pole in ends), len(ends)
+        slow[name], total[name] = sum(pole > 1 - NEAR_ONE for pole in ends), len(ends)
     share = min(CORE["outliers"])
     fits = {}
     for name in methods:
@@ -154,8 +154,8 @@ def _why(study: Comparison, joints: tuple[str, ...], value: dict[str, float]) ->
         f"({value['bias: joints with OKID moved more']:g}) and outliers "
         f"({value['outliers: joints with OKID moved more']:g}). Most likely a constant left in costs a model "
         "without one a pole near z = 1, that of a sum, and outliers, which stand in OKID's regressors, bias it: at "
-        f"{max(CORE['bias']):g} standard deviations {slow['SysID']} of {spoilt['SysID']} SysID and {slow['OKID']} of "
-        f"{spoilt['OKID']} OKID models have such a pole, and at {share:g} % of outliers the median fit in simulation "
+        f"{max(CORE['bias']):g} standard deviations {slow['SysID']} of {total['SysID']} SysID and {slow['OKID']} of "
+        f"{total['OKID']} OKID models have such a pole, and at {share:g} % of outliers the median fit in simulation "
         f"is {fits['OKID']} (OKID) and {fits['SysID']} (SysID)"
     )
 

@@ -37,7 +37,7 @@ def fits_to_records(study: Comparison, kind: Kind, joint: str, records: Records,
         if number not in single.fits:
             name = single_joint_test(number, joint)
             study.campaign.log(name)
-            raise MissingRecordError(f"the models of {joint} were not laid beside {name}")
+            raise MissingRecordError(f"the models of {joint} were not compared with {name}")
         fit = single.fits[number]
         fits[f"siso-{number}"] = fit.simulation if way == "simulation" else fit.one_step
     return fits | {name: several.fit(name).of(way)[joint] for name in records[1]}

@@ -210,7 +210,7 @@ def friction_in_words(study: Comparison) -> str:
     effect = friction_effect(study)
     if effect is None:
         return (
-            "What friction does to the frequency at which the gain is 0.707 cannot be told: no joint has a model both "
+            "The effect of friction on the frequency at which the gain is 0.707 is unknown: no joint has a model both "
             "with friction and without."
         )
     low, high = effect
@@ -263,7 +263,7 @@ def answers(study: Comparison) -> tuple[str, ...]:
         + f". The true bandwidths are {_list_text(entry.truth.bandwidth_hz for entry in entries)} Hz (yaw, shoulder "
         f"pitch, elbow pitch); the thesis' structures recover {_range(model.bandwidth_hz for model in own)} Hz and "
         f"output-error models of higher order {_range(model.bandwidth_hz for model in rich)} Hz. Of "
-        f"{len(orders)} output-error orders laid beside them {sum(near_1_hz(part.bandwidth_hz) for part in orders)} "
+        f"{len(orders)} output-error orders compared with them {sum(near_1_hz(part.bandwidth_hz) for part in orders)} "
         f"are near 1 Hz, {sum(near_1_hz(part.half_power_hz) for part in orders)} by where their gain is 0.707."
     )
     moved = max(high - low for low, high in (spread(effects) for effects in study.orders.values()))

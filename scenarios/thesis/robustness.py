@@ -1,7 +1,7 @@
 """Robustness of methods: models from records with disturbances of rising degree [Morris1996, sec. VI.6].
 
-Every model is identified from a record of the PRBS test, spoilt; its bandwidth is laid beside the truth and its
-simulation beside records of other waveforms, not spoilt. The PRBS of twice the amplitude is none of them: it plays the
+Every model is identified from a record of the PRBS test, disturbed; its bandwidth is compared with the truth and its
+simulation with clean records of other waveforms. The PRBS of twice the amplitude is none of them: it plays the
 same sequence, which every model has seen.
 """
 
@@ -109,7 +109,7 @@ class _Trial:
         for treatment in disturbance.treatments:
             for degree in disturbance.degrees:
                 for draw in range(self._draws(disturbance, degree)):
-                    spoilt = TREATMENTS[treatment](
+                    disturbed = TREATMENTS[treatment](
                         disturbance.spoil(clean, degree, self._chance(disturbance, degree, draw))
                     )
                     for structure in structures:
@@ -117,7 +117,7 @@ class _Trial:
                         if not structure.chosen and (draw or treatment != AS_IT_IS[0]):
                             continue
                         place = (disturbance.key, treatment, degree, draw)
-                        outcomes.append(self._outcome(structure, spoilt, *place))
+                        outcomes.append(self._outcome(structure, disturbed, *place))
         return outcomes
 
     def _draws(self, disturbance: Disturbance, degree: float) -> int:
@@ -137,13 +137,13 @@ class _Trial:
         return np.random.default_rng(np.random.SeedSequence((SEED, self.seed, joint, kind, step, draw)))
 
     def _outcome(
-        self, structure: Structure, spoilt: IOData, key: str, treatment: str, degree: float, draw: int
+        self, structure: Structure, disturbed: IOData, key: str, treatment: str, degree: float, draw: int
     ) -> RobustnessOutcome:
         hz = fit = level = slowest = float("nan")
         failure: Failure = ""
         covers = False
         try:
-            model, _ = estimate(spoilt, structure.estimator, structure.orders)
+            model, _ = estimate(disturbed, structure.estimator, structure.orders)
         except SysidError:
             failure = "refused"
         else:

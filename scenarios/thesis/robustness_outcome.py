@@ -74,7 +74,7 @@ def orders_needed(joint: str, campaign: Campaign, data: IOData, judges: Sequence
         joint: The joint.
         campaign: Holds the log that the record comes from, with its means.
         data: The record that models are identified from, without its means.
-        judges: Records of other waveforms, not spoilt.
+        judges: Records of other waveforms, not disturbed.
 
     Returns:
         One entry for each method and record.

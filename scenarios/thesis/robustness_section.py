@@ -271,7 +271,7 @@ def robustness(study: Comparison, gallery: Gallery) -> dict[str, object]:
         gallery.add(
             draw.fits_of_structures(results),
             "Other structures beside the thesis' own: fits in simulation of clean records of other tests. ARX, like "
-            "OKID, has the spoilt output among its regressors; OE has none of it. What the thesis did not choose "
+            "OKID, has the disturbed output among its regressors; OE has none of it. What the thesis did not choose "
             "is tried on one draw.",
             name="robustness-structures",
         ),

@@ -145,7 +145,7 @@ def _campaigns(
     ]
     campaigns: list[Campaign] = []
 
-    def told(part: int, whole: int) -> None:
+    def report_step(part: int, whole: int) -> None:
         # A campaign counts by the length of its records: they cost what they are long.
         now = len(campaigns)
         step = f"simulate, arm {now + 1} of {len(lengths)}"
@@ -153,7 +153,9 @@ def _campaigns(
 
     for (condition, tests), extra in zip(played, extras, strict=True):
         campaigns.append(
-            run_campaign(condition, tests, extra=extra, seed=seed, duration=duration, threads=threads, progress=told)
+            run_campaign(
+                condition, tests, extra=extra, seed=seed, duration=duration, threads=threads, progress=report_step
+            )
         )
     return tuple(campaigns)
 
