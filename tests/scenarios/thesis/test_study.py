@@ -204,7 +204,7 @@ def test_the_second_campaign_is_always_the_same_arm_without_friction(given: tupl
         ({"conditions": (SMOOTH,)}, "cannot be about the arm nominal, without friction"),
         ({"duration": 8.0}, "needs records of 20 s or more"),
         ({"duration": float("nan")}, "needs records of 20 s or more"),
-        ({"seed": 1.5}, "seed = 1.5 given, expected a whole number"),
+        ({"seed": 1.5}, "seed must be a whole number, given 1.5"),
     ],
 )
 def test_what_no_study_can_be_made_of_is_refused_before_anything_is_played(
