@@ -79,7 +79,7 @@ def test_where_nothing_is_known_it_is_said() -> None:
     rough = study(yaw={AS_IT_IS: (0.9, 0.8)}, elbow={})
     assert departures(rough) == pytest.approx({AS_IT_IS: 10.0})  # type: ignore[arg-type]
     assert friction_effect(rough) is None  # type: ignore[arg-type]
-    assert "cannot be told" in friction_in_words(rough)  # type: ignore[arg-type]
+    assert "is unknown: no joint has a model both with friction and without" in friction_in_words(rough)  # type: ignore[arg-type]
     assert departures(study(yaw={})) == {}  # type: ignore[arg-type]
 
 
