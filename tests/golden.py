@@ -23,6 +23,10 @@ from pathlib import Path
 for variable in ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS"):
     os.environ[variable] = "1"
 
+# The folder of a script comes first on the path, and its `sysid` would be taken for the package.
+if __name__ == "__main__":
+    sys.path[0] = str(Path(__file__).parents[1])
+
 import numpy as np  # noqa: E402
 
 import sysid  # noqa: E402
